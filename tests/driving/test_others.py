@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 
 from exported_scenes import make_agent, make_line, make_record
 from scenewright.driving.passing_order import find_passing_order
-from scenewright.driving.policies import ConstantSpeedPolicy, ReplayPolicy
+from scenewright.driving.policies import ConstantSpeedPolicy, ReplayPolicy, RuleBasedPolicy
+from scenewright.driving.reachability import find_obstacles
 from scenewright.driving.reactive import AHEAD, _find_speed
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
-from scenewright.driving.scenario import Scenario, build_scenario
+from scenewright.driving.scenario import COLOURS, Scenario, build_scenario
 from scenewright.intersections import load_map
 
 NORTH, WEST = math.pi / 2, math.pi
@@ -95,6 +97,40 @@ def test_what_can_no_longer_come_about_is_said() -> None:
     (row,) = told["resolved"]
     assert not row["came_about"]
     assert "m short of it" in row["reason"]
+
+
+def make_crossing(walk: tuple[float, float], walk_speed: float, ego_speed: float) -> Scenario:
+    walker = make_agent(2, "pedestrian-1", 0.0, make_line(walk, (-walk_speed, 0.0), 9.9), WEST)
+    asked = {"type": "collision", "from": 1, "to": 2}
+    return make_scenario(drive_north(1, -49.0, ego_speed), walker, relations=(asked,))
+
+
+def test_physics_is_judged_by_a_drive_without_the_other() -> None:
+    near = make_crossing((13.0, -6.5), 1.2, 8.0)
+    drive = run_drive(near, ConstantSpeedPolicy(), others="resolve")
+    assert find_obstacles(drive, ConstantSpeedPolicy()) == {"pedestrian-1": None}
+    # Whoever brakes to a stop 40 m before the crosswalk cannot be met there.
+    stopped = run_drive(near, Standing(), others="resolve")
+    (why,) = find_obstacles(stopped, Standing()).values()
+    assert why is not None
+    assert "short of the place" in why
+    # 32 m at 1.2 m/s^2 up to 2.4 m/s take 14.3 s; the ego is there after 5.3 s.
+    far = make_crossing((37.0, -6.5), 3.4, 8.0)
+    (why,) = find_obstacles(
+        run_drive(far, ConstantSpeedPolicy(), others="resolve"), ConstantSpeedPolicy()
+    ).values()
+    assert why is not None
+    assert "at the earliest" in why or "past the place" in why
+
+
+def test_an_ego_kept_by_a_red_light_ends_the_attempt_with_the_reason() -> None:
+    scenario = make_crossing((13.0, -6.5), 1.2, 8.0)
+    red = np.full_like(scenario.colours, COLOURS.index("red"))
+    held = replace(scenario, colours=red)
+    told = report_drive(run_drive(held, RuleBasedPolicy(), others="resolve")).to_json()
+    (row,) = told["resolved"]
+    assert "red until the scene ends" in row["reason"]
+    assert row["time"] < 9.9
 
 
 def test_the_order_holds_for_who_comes_second() -> None:

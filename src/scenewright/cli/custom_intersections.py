@@ -10,6 +10,7 @@ from typing import Any
 
 from scenewright.arrays import read_arrays
 from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
+from scenewright.cli.learned_walks import learn_walks
 from scenewright.errors import InputError
 from scenewright.intersections import (
     REFINER_WEIGHTS,
@@ -32,11 +33,12 @@ from scenewright.tools.fitting.fit_tracks import LaneOffsets
 from scenewright.tools.gmm_sampler.priors import Priors
 from scenewright.tools.map_import import ImportedMap, import_map
 from scenewright.tools.map_import.quality_report import build_report, format_report
+from scenewright.tools.map_import.survey_file import write_survey
 from scenewright.tools.track_io import Recording
 
 ProgressCallback = Callable[[str, str], None]
 REFINER_CARD = "refiner.md"
-REPORT, REPORT_PICTURE = "report.json", "report.png"
+REPORT, REPORT_PICTURE, SURVEY = "report.json", "report.png", "survey.json"
 _FORMATS = {
     "osm": "OpenStreetMap",
     "lanelet2": "Lanelet2",
@@ -68,6 +70,8 @@ def import_file(
     Raises:
         InputError: the file or an option cannot be used; nothing is written.
     """
+    from scenewright.viz.leg_labels import list_unshown_streets
+
     check_name(name)
     if (find_custom_root() / name).exists() and not force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
@@ -96,7 +100,12 @@ def import_file(
         notes=made.notes,
         licence=licence,
         force=force,
-        extra=_report_files(file, made, report),
+        extra={
+            **_report_files(file, made, report),
+            SURVEY: write_survey(
+                made.survey, map_format=made.map_format, extent=extent, title=title, signals=signals
+            ),
+        },
     )
     return {
         "name": name,
@@ -107,7 +116,7 @@ def import_file(
         "movements": len(place.movements),
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
-        "notes": list(made.notes),
+        "notes": [*made.notes, *list_unshown_streets(place)],
         "report": format_report(report),
     }
 
@@ -260,17 +269,19 @@ def fit_own(
         named=named,
     )
     elsewhere, told = _elsewhere(pool, pool_scale)
+    frame = FrameChange(
+        bundle.origin,
+        None if origin is None else parsed_center(origin),
+        None if shift is None else parsed_center(shift),
+    )
+    bundle, learned, new_report = learn_walks(bundle, files, frame)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     log("fitting", f"{sum(len(file.tracks) for file in files)} tracks")
     fitted = fit_tracks(
         bundle.intersection_map,
         bundle.route_lines,
         files,
-        FrameChange(
-            bundle.origin,
-            None if origin is None else parsed_center(origin),
-            None if shift is None else parsed_center(shift),
-        ),
+        frame,
         begin=None if start is None else _parsed_clock(start),
         hourly=None if counts is None else read_hourly_counts(counts),
         elsewhere=elsewhere,
@@ -284,7 +295,7 @@ def fit_own(
          "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
          "pool": ", ".join(told) or None,
          "lights": None if lights is None else Path(lights).name},
-        {"seen.npz": seen_bytes(fitted.positions), **adapted},
+        {"seen.npz": seen_bytes(fitted.positions), **adapted, **new_report},
     )  # fmt: skip
     return {
         "name": name,
@@ -294,7 +305,7 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off_route,
         "open": fitted.open_route,
-        "notes": [*lit, *told, *fitted.notes, *([] if note is None else [note])],
+        "notes": [*lit, *told, *learned, *fitted.notes, *([] if note is None else [note])],
         "heldout": [
             {
                 "share": row.share,
@@ -392,7 +403,7 @@ def _rewritten(
     header = bundle.header
     kept = {
         file: (bundle.folder / file).read_bytes()
-        for file in (REFINER_WEIGHTS, REFINER_CARD, REPORT, REPORT_PICTURE)
+        for file in (REFINER_WEIGHTS, REFINER_CARD, REPORT, REPORT_PICTURE, SURVEY)
         if (bundle.folder / file).is_file()
     }
     old = {k: v for k, v in header.get("provenance", {}).items() if k.startswith("map")}

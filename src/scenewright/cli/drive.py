@@ -75,13 +75,16 @@ def _drive_once(
     intersection: str, step_limit: float,
 ) -> Report:  # fmt: skip
     from scenewright.driving.api import load_scenario
+    from scenewright.driving.reachability import find_obstacles
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
 
     scenario = load_scenario(given, ego=ego, seed=seed, intersection=intersection)
-    return report_drive(run_drive(
+    drive = run_drive(
         scenario, policy, name=name, others=others, seed=seed, step_limit=step_limit
-    ))  # fmt: skip
+    )  # fmt: skip
+    judged = others == "resolve" and drive.fault is None
+    return report_drive(drive, obstacles=find_obstacles(drive, policy) if judged else None)
 
 
 def _save(reports: list[Report], target: Path) -> None:
@@ -122,4 +125,8 @@ def _describe(report: Report) -> str:
         line += f", {impact.other} hit at {impact.speed:.1f} m/s, at fault: {impact.at_fault}"
     if said["policy_fault"]:
         line += f", policy: {said['policy_fault']}"
+    for each in said.get("resolved", []):
+        if not each["came_about"]:
+            why = each.get("obstacle") or each["reason"]
+            line += f", no encounter with {each['with']}: {why}"
     return line + f", nuPlan {said['nuplan']['score']:.2f}, EPDMS {said['epdms']['score']:.2f}"

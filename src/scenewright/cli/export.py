@@ -14,7 +14,8 @@ To = Annotated[
     str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
 ]
 Form = Annotated[
-    str | None, typer.Option(help="Form, of formats with several: replay, reactive; whole, window.")
+    str | None,
+    typer.Option(help="Form, of formats with several: replay, reactive; whole, window, example."),
 ]
 Ego = Annotated[
     str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")

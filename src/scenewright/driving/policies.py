@@ -76,6 +76,7 @@ class DriverParameters:
         lateral: acceleration in curves [m/s^2].
         margin: time between leaving and entering a conflict place that it wants [s].
         horizon: how far it looks ahead [s].
+        wider: by which it takes its way to be wider on each side [m].
         respects_priority: whether it lets those go first that have the right of way.
         yields_always: whether it lets go first whoever it would meet.
     """
@@ -88,13 +89,12 @@ class DriverParameters:
     lateral: float = 2.0
     margin: float = 1.0
     horizon: float = 4.0
+    wider: float = 0.4
     respects_priority: bool = True
     yields_always: bool = False
 
 
 PREDICTION_STEP = 0.25
-WIDER = 0.4
-"""By which the way of the ego is taken to be wider on each side [m]."""
 HARDEST = 8.0
 
 
@@ -164,7 +164,7 @@ class RuleBasedPolicy:
         one = self.parameters
         times = np.arange(0.0, one.horizon + 1e-9, PREDICTION_STEP)
         there = route[route[:, 4] > 0]
-        s, on_way = _find_on_route(agents, there, ego, times)
+        s, on_way = _find_on_route(agents, there, ego, times, wider=one.wider)
         found = []
         arrive = _predict_arrivals(ego[0], s - ego[3] / 2, one.acceleration, ego[8] * one.speed)
         leave = _predict_arrivals(ego[0], s + ego[3], one.acceleration, ego[8] * one.speed)
@@ -193,7 +193,7 @@ class RuleBasedPolicy:
 
 
 def _find_on_route(
-    agents: FloatArray, route: FloatArray, ego: FloatArray, times: FloatArray
+    agents: FloatArray, route: FloatArray, ego: FloatArray, times: FloatArray, *, wider: float
 ) -> tuple[FloatArray, FloatArray]:
     """[n, m] distance along the route [m] at times ahead, and whether it is on the ego's way."""
     at = agents[:, None, :2] + times[None, :, None] * agents[:, None, 4:6]
@@ -209,7 +209,7 @@ def _find_on_route(
     apart = np.take_along_axis(rest, k[..., None], axis=-1)[..., 0]
     turn = np.abs(agents[:, 2, None] * route[k, 3] - agents[:, 3, None] * route[k, 2])
     half = (agents[:, 7, None] + turn * (agents[:, 6, None] - agents[:, 7, None])) / 2
-    return ROUTE_SPACING * (k + picked), apart < half + ego[4] / 2 + WIDER
+    return ROUTE_SPACING * (k + picked), apart < half + ego[4] / 2 + wider
 
 
 def _find_extent(agent: FloatArray, route: FloatArray, s: float) -> float:

@@ -85,6 +85,7 @@ class Reactive:
         drawn = rng.lognormal(np.log(STRENGTH_MEDIAN[scenario.kinds]), STRENGTH_SPREAD)
         self.strength = np.minimum(drawn, HARDEST[scenario.kinds])
         self._swapped = np.zeros((n, n), dtype=bool)
+        self._held = np.zeros(n, dtype=bool)
         self._retimed = np.zeros(n, dtype=bool)
         self._lengths = np.array([path.length for path in scenario.paths])
         there = scenario.present[:, k]
@@ -186,6 +187,9 @@ class Reactive:
                     found[j] = min(found[j], s)
                     held[j] |= state.speed[j] < 0.1
         self._let_others_pass(held)
+        for j in np.flatnonzero(self._held & ~held):
+            self._go_before_late_comers(int(j))
+        self._held = held
         return found
 
     def _let_others_pass(self, held: BoolArray) -> None:
@@ -197,6 +201,12 @@ class Reactive:
             free &= one.moves & ~state.gone & ~held
             self._swapped[:, j] |= free
             self._swapped[j, :] &= ~free
+
+    def _go_before_late_comers(self, j: int) -> None:
+        """Who is no longer held goes before those that are still to enter, as in the scene."""
+        state = self._state
+        late = self._swapped[:, j] & ~state.entered & np.isfinite(self._order.limits[j]).any(axis=0)
+        self._swapped[late, j] = False
 
     # ---- the ego -----------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,8 +102,12 @@ class Report:
         }  # fmt: skip
 
 
-def report_drive(drive: Drive) -> Report:
-    """Measure a drive."""
+def report_drive(drive: Drive, *, obstacles: Mapping[str, str | None] | None = None) -> Report:
+    """Measure a drive.
+
+    Args:
+        obstacles: why physics does not allow an asked encounter, as `find_obstacles` finds it.
+    """
     world, one = drive.world, drive.scenario
     tracks = _build_tracks(drive)
     ego = tracks[0]
@@ -125,7 +130,7 @@ def report_drive(drive: Drive) -> Report:
         "comfort": measure_comfort(list_ego_points(world.history), one.step).to_json(),
         "nuplan": score_nuplan(given),
         "epdms": score_epdms(given),
-        **({} if scene is None else _describe_scene(drive, scene)),
+        **({} if scene is None else _describe_scene(drive, scene, obstacles)),
         "digest": drive.digest,
     }
     return Report(drive, scene, impact, figures)
@@ -349,7 +354,9 @@ def _find_longest_off_lane(world: World) -> float:
 # ---- the scene ----------------------------------------------------------------------------------
 
 
-def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
+def _describe_scene(
+    drive: Drive, scene: DrivenScene, obstacles: Mapping[str, str | None] | None
+) -> dict[str, Any]:
     """The proof, the encounter that was asked for, and collisions that the ego had no part in."""
     one = drive.scenario
     ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
@@ -365,12 +372,16 @@ def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
              "time": round(e.time, 3)} for e in met
         ],
         "background_collisions": len(apart),
-        **_describe_meetings(drive, {ids.index(n) for e in met for n in (e.from_, e.to)}),
+        **_describe_meetings(
+            drive, {ids.index(n) for e in met for n in (e.from_, e.to)}, obstacles or {}
+        ),
         "events": [e.model_dump(mode="json", by_alias=True) for e in scene.events],
     }  # fmt: skip
 
 
-def _describe_meetings(drive: Drive, met: set[int]) -> dict[str, Any]:
+def _describe_meetings(
+    drive: Drive, met: set[int], obstacles: Mapping[str, str | None]
+) -> dict[str, Any]:
     """With re-timed others: whether each conflict came about, or when and why not."""
     traffic, names = drive.world.traffic, drive.scenario.names
     if not isinstance(traffic, Resolve):
@@ -381,5 +392,7 @@ def _describe_meetings(drive: Drive, met: set[int]) -> dict[str, Any]:
         if not row["came_about"]:
             time = drive.world.step * drive.scenario.step if each.time is None else each.time
             row |= {"time": round(time, 2), "reason": each.explain()}
+        if row["with"] in obstacles:
+            row |= {"allowed": obstacles[row["with"]] is None, "obstacle": obstacles[row["with"]]}
         rows.append(row)
     return {"resolved": rows}

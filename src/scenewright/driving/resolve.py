@@ -19,8 +19,8 @@ Status = Literal["open", "committed", "over"]
 
 EVERY = 5
 """Steps between two re-timings."""
-COMMITTED = 1.5
-"""So long before the conflict nobody is re-timed any more [s]."""
+COMMITTED = np.array([1.5, 0.7, 1.0, 1.0])
+"""So long before the conflict an agent is not re-timed any more [s], by kind."""
 GAIN, LOSS = np.array([2.5, 1.2, 1.8, 1.8]), np.array([3.0, 1.5, 2.5, 2.5])
 """Acceleration and braking with which one is re-timed [m/s^2], by kind."""
 FASTEST = np.array([16.0, 2.4, 7.0, 6.0])
@@ -30,13 +30,15 @@ LONGEST_LAG = 1.2
 """Between the two at the place of a near miss [s]."""
 YIELD_LAG = 0.3
 """By which who is to be given way to comes before the other would [s]."""
-PATIENCE = 1.5
-"""After which an agent goes first where the ego stands without a red light [s]."""
+QUICKEST = 3.0
+"""At which an ego is taken to set off at most [m/s^2]."""
+NEAR, SLOW = 14.0, 2.0
+"""An ego whose front is so near to the place [m] and so slow [m/s] gives way to who is coming."""
 FORESIGHT = 40.0
 """So far ahead one takes precedence over others [m]."""
 CLEAR = np.array([14.0, 5.0, 8.0, 8.0])
 """Way through a place where two ways meet [m], by kind."""
-HOLD = np.array([18.0, 2.5, 8.0, 8.0])
+HOLD = np.array([12.0, 2.5, 5.0, 5.0])
 """Before the place at which one waits for an ego that stands [m], by kind."""
 
 
@@ -65,7 +67,6 @@ class Meeting:
     left: float = np.inf
     time: float | None = None
     reason: str | None = None
-    waited: float = 0.0
 
     def explain(self) -> str:
         """Why a meeting that did not come about did not."""
@@ -93,7 +94,7 @@ class Resolve(Reactive):
     def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:
         """The others at the first step, and the places where conflicts are to be."""
         shown = super().start(scenario, rng)
-        self.meetings = tuple(_list_meetings(scenario))
+        self.meetings = tuple(list_meetings(scenario))
         for meeting in self.meetings:
             self._retimed[meeting.agent] = True
         return shown
@@ -115,8 +116,12 @@ class Resolve(Reactive):
         mine = min(int(state.s[k] / self._spacing[k]), self._points[k] - 1)
         for i in np.flatnonzero(one.moves & ~state.gone & ~self._swapped[k]):
             at = min(int(state.s[i] / self._spacing[i]), self._points[i] - 1)
-            begin, room = order.limits[i, at, k], order.regardless[k, mine, i] - state.s[i]
+            limits = order.regardless if self._swapped[i, k] else order.limits
+            begin, room = limits[i, at, k], order.regardless[k, mine, i] - state.s[i]
             if i == k or not state.s[k] - 0.3 <= begin < state.s[k] + FORESIGHT:
+                continue
+            if not state.entered[i]:
+                self._swapped[k, i], self._swapped[i, k] = True, False
                 continue
             if order.standing[i, at, k] or not np.isfinite(room):
                 continue
@@ -161,15 +166,28 @@ class Resolve(Reactive):
             return
         if meeting.status == "committed":
             return
+        if self._gives_way(ego, way, meeting, step):
+            meeting.target, meeting.status = None, "committed"
+            return
+        if self._is_too_late(meeting, ego, way, step):
+            return
         ego_in = self._predict_ego(ego, way, step)
         if not np.isfinite(ego_in):
-            self._wait_for_ego(meeting, left, step, ego)
+            self._wait_for_ego(meeting, left)
             return
-        meeting.waited = 0.0
         time = max(ego_in + meeting.lag, 0.1)
         meeting.target = self._find_target(j, left, time)
-        if min(time, ego_in) <= COMMITTED:
+        if min(time, ego_in) <= COMMITTED[self._one.kinds[j]]:
             meeting.status = "committed"
+
+    def _gives_way(self, ego: EgoState, way: float, meeting: Meeting, step: int) -> bool:
+        """Whether the ego, near the place, has slowed down for an agent that is coming."""
+        one, j, at = self._one, meeting.agent, meeting.agent_at
+        near = way - float(one.sizes[one.ego, 0]) / 2 < NEAR
+        slow = ego.speed < SLOW and ego.acceleration < 0.3
+        left = at - float(self._state.s[j])
+        coming = float(self._state.speed[j]) > 0.4 or left < HOLD[one.kinds[j]] + 1.5
+        return near and slow and coming and not self._ego_faces_red(ego, way, step)
 
     def _close(self, meeting: Meeting, way: float, left: float, step: int) -> None:
         """One of the two has passed the place: say how far off the other still is."""
@@ -181,6 +199,30 @@ class Resolve(Reactive):
             if left > 0
             else f"{name} passed the place when the ego was {max(way, 0.0):.0f} m short of it"
         )
+
+    def _is_too_late(self, meeting: Meeting, ego: EgoState, way: float, step: int) -> bool:
+        """Whether an ego that stands at a red light is kept there until it is too late; say so."""
+        one = self._one
+        if ego.speed > 0.5 or not self._ego_faces_red(ego, way, step):
+            return False
+        left = (one.steps - 1 - step) * one.step
+        needed = float(np.sqrt(2 * way / QUICKEST))
+        green = min(self._find_next_green(light, step) for light, _ in one.paths[one.ego].stops)
+        if green + needed < left:
+            return False
+        meeting.target, meeting.status = None, "over"
+        meeting.time = round(step * one.step, 2)
+        when = f"for {green:.1f} s more" if np.isfinite(green) else "until the scene ends"
+        meeting.reason = (
+            f"the ego stands at a light that is red {when}, {way:.0f} m before the place, "
+            f"and the scene ends in {left:.1f} s"
+        )
+        return True
+
+    def _find_next_green(self, light: int, step: int) -> float:
+        """Until a light shows green [s]; inf if it does not before the scene ends."""
+        green = np.flatnonzero(self._one.colours[light, step:] == COLOURS.index("green"))
+        return float(green[0]) * self._one.step if len(green) else float(np.inf)
 
     def _predict_ego(self, ego: EgoState, way: float, step: int) -> float:
         """Until the ego is there [s]; inf if it stands, or stops before as it brakes now."""
@@ -205,17 +247,12 @@ class Resolve(Reactive):
             for light, s in one.paths[one.ego].stops
         )
 
-    def _wait_for_ego(self, meeting: Meeting, left: float, step: int, ego: EgoState) -> None:
-        """Where the ego stands for a light the agent waits for it, else it goes first."""
-        meeting.waited += EVERY * self._one.step
-        way = meeting.ego_at - ego.progress
-        held = self._ego_faces_red(ego, way, step)
-        if meeting.waited > PATIENCE and not held and way < 40.0:
-            meeting.target, meeting.status = None, "committed"
-            return
+    def _wait_for_ego(self, meeting: Meeting, left: float) -> None:
+        """Where the ego stands the agent waits for it: before the place, or at its stop line."""
         j = meeting.agent
-        kind = int(self._one.kinds[j])
-        room = left - HOLD[kind]
+        kind, s = int(self._one.kinds[j]), float(self._state.s[j])
+        line = [at - s for _, at in self._one.paths[j].stops if at > s - 0.3]
+        room = min([left - HOLD[kind], *(each for each in line if each < left)])
         meeting.target = float(np.sqrt(2 * LOSS[kind] * 0.6 * room)) if room > 0 else 0.0
         meeting.target = min(meeting.target, float(self._cruise[j]))
 
@@ -236,7 +273,7 @@ class Resolve(Reactive):
         return float(np.clip(wanted, 0.0, top))
 
 
-def _list_meetings(scenario: Scenario) -> list[Meeting]:
+def list_meetings(scenario: Scenario) -> list[Meeting]:
     """The relations between the ego and others, as meetings at a place with a lag."""
     record = scenario.record
     if record is None:

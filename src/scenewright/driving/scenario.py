@@ -87,9 +87,10 @@ class AgentPath:
     @cached_property
     def arrival(self) -> FloatArray:
         """[P] step at which the recorded agent reaches each point, going on at its last speed."""
-        steps = np.arange(len(self.progress), dtype=np.float64)
-        moving = np.concatenate([[True], np.diff(self.progress) > 1e-9])
-        known, times = self.progress[moving], steps[moving]
+        progress = self.progress[self.first :]
+        steps = self.first + np.arange(len(progress), dtype=np.float64)
+        moving = np.concatenate([[True], np.diff(progress) > 1e-9])
+        known, times = progress[moving], steps[moving]
         last = max(float(self.progress[self.last] - self.progress[self.last - 1]), 0.1)
         beyond = times[-1] + (self.arc - known[-1]) / last
         within = np.interp(self.arc, known, times)

@@ -22,6 +22,7 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
         "ends": dict(sorted(Counter(str(row["end"]) for row in rows).items())),
         "collisions": describe_rate(len(hits), len(rows)),
         "collisions_at_fault": describe_rate(len(at_fault), len(rows)),
+        **_count_resolved(rows),
         "encounters": describe_rate(sum(bool(row.get("encounter")) for row in rows), len(rows)),
         "as_asked": describe_rate(sum(bool(row.get("as_asked")) for row in rows), len(rows)),
         "exposed": describe_rate(sum(row["exposed"] for row in rows), len(rows)),
@@ -31,6 +32,16 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
         "nuplan": round(float(np.mean([row["nuplan"]["score"] for row in rows])), 4),
         "epdms": round(float(np.mean([row["epdms"]["score"] for row in rows])), 4),
     }
+
+
+def _count_resolved(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """With re-timed others, asked encounters that came about where physics allows them."""
+    asked = [each for row in rows for each in row.get("resolved", []) if "allowed" in each]
+    allowed = [each["came_about"] for each in asked if each["allowed"]]
+    if not asked:
+        return {}
+    rate = describe_rate(sum(allowed), len(allowed)) if allowed else None
+    return {"not_allowed_by_physics": len(asked) - len(allowed), "resolved_where_allowed": rate}
 
 
 def describe_rate(count: int, total: int) -> dict[str, Any]:

@@ -12,11 +12,12 @@ from scenewright.scene.record import SceneRecord
 
 
 def digest_scene(scene: SceneRecord) -> str:
-    """The digest of the scene.json that holds a scene."""
+    """The digest of the scene.json that holds a scene: without writing and reading it."""
     try:
-        return digest_json(scene.model_dump_json(by_alias=True).encode())
+        document = scene.model_dump(mode="json", by_alias=True)
     except PydanticSerializationError:  # text that no UTF-8 can hold
-        return digest_json(json.dumps(scene.to_json()).encode())
+        document = scene.to_json()
+    return _digest_canonical(_escape_all(document))
 
 
 def digest_json(data: bytes) -> str:
@@ -29,7 +30,13 @@ def digest_json(data: bytes) -> str:
     Raises:
         ValueError: it is no JSON, has a key twice or a number that is not finite.
     """
-    document = json.loads(data, parse_constant=_refuse_constant, object_pairs_hook=_read_object)
+    return _digest_canonical(
+        json.loads(data, parse_constant=_refuse_constant, object_pairs_hook=_read_object)
+    )
+
+
+def _digest_canonical(document: Any) -> str:
+    """The digest of a document whose strings are escaped already."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False)
     for end in (",", "]", "}"):
         text = text.replace(f".0{end}", end)  # of numbers alone: strings hold no point any more
@@ -49,10 +56,19 @@ def _read_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def _escape_all(value: Any) -> Any:
+    """The document as `_read_object` would have read it."""
+    if isinstance(value, dict):
+        return {key: _escape(_escape_all(each)) for key, each in value.items()}
+    if isinstance(value, list | tuple) and value and isinstance(value[0], dict | list | tuple):
+        return [_escape_all(each) for each in value]
+    return value
+
+
 def _escape(value: Any) -> Any:
     """Strings with other signs for points, so that different ones stay different."""
     if isinstance(value, str):
         return value.replace("\\", "\\\\").replace(".", "\\d")
-    if isinstance(value, list) and value and isinstance(value[0], str):
+    if isinstance(value, list | tuple) and value and isinstance(value[0], str):
         return [_escape(each) for each in value]
     return value

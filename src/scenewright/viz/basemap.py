@@ -9,7 +9,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 from scenewright.viz.appearance import View
-from scenewright.viz.figure import INK, SOFT_INK, add_halo, make_drawable
+from scenewright.viz.figure import INK, SOFT_INK, add_halo, find_unshown, make_drawable
 from scenewright.viz.road_markings import build_crosswalk_bars, find_midpoint, find_painted_bounds
 
 if TYPE_CHECKING:
@@ -151,7 +151,8 @@ def draw_road_names(axes: Axes, intersection: IntersectionMap, *, avoid: FloatAr
                 at = _find_edge_point(axes, np.array(lane.centreline, dtype=float), ahead)
                 near = at - 3.0 * ahead
                 free = float(np.min(np.linalg.norm(avoid - near, axis=1), initial=12.0))
-                places.setdefault(leg.road, []).append((free, at, leg.bearing))
+                name = leg.name if find_unshown(leg.road) else leg.road
+                places.setdefault(name, []).append((free, at, leg.bearing))
     for road, spots in places.items():
         _, at, bearing = max(spots, key=lambda spot: spot[0])
         _write_road_name(axes, road, at, bearing)

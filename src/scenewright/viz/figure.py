@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -46,8 +47,15 @@ def use_plain_style() -> Iterator[None]:
     import matplotlib as mpl
 
     style: Any = {**_STYLE, "font.family": list(list_fonts())}
-    with mpl.rc_context(style):
-        yield
+    # That a font of another script has no bold face is nothing that a user can mend.
+    log = logging.getLogger("matplotlib.font_manager")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        with mpl.rc_context(style):
+            yield
+    finally:
+        log.setLevel(level)
 
 
 def create_figure(width: float, height: float, *, dpi: int) -> Figure:
@@ -87,11 +95,52 @@ def make_drawable(text: str, *, limit: int = 400) -> str:
 
 @cache
 def list_fonts() -> tuple[str, ...]:
-    """The font of all pictures, and those installed here that show other scripts."""
-    from matplotlib.font_manager import fontManager
+    """The font of all pictures, and those installed here that show other scripts.
 
-    installed = {entry.name for entry in fontManager.ttflist}
-    return (FONT, *(name for name in _OTHER_SCRIPTS if name in installed))
+    Well-known ones come first; of the others, those that add a script's worth of characters.
+    """
+    files = _find_font_files()
+    fonts = [FONT, *(name for name in _OTHER_SCRIPTS if name in files)]
+    known = frozenset[int]().union(*map(_list_characters, fonts))
+    for name in sorted(files.keys() - set(fonts))[:_MOST_FONTS]:
+        own = _list_characters(name)
+        if len(own - known) >= _NEW_SCRIPT:
+            fonts.append(name)
+            known |= own
+    return tuple(fonts)
+
+
+_MOST_FONTS = 400
+"""Of the installed ones, that are looked through."""
+_NEW_SCRIPT = 40
+"""A font that adds so many characters shows another script."""
+_BOXES = "Last Resort"
+"""Fonts of that name have a box for every character."""
+
+
+@cache
+def _find_font_files() -> dict[str, str]:
+    """By name of each installed font: the file of its upright face that is nearest to regular."""
+    from matplotlib.font_manager import fontManager, weight_dict
+
+    found: dict[str, tuple[int, str]] = {}
+    for entry in fontManager.ttflist:
+        if entry.style == "normal" and not entry.name.startswith(_BOXES):
+            weight = entry.weight if isinstance(entry.weight, int) else weight_dict[entry.weight]
+            best = min((abs(int(weight) - 400), entry.fname), found.get(entry.name, (9999, "")))
+            found[entry.name] = best
+    return {name: file for name, (_, file) in found.items()}
+
+
+@cache
+def _list_characters(font: str) -> frozenset[int]:
+    """The code points of an installed font; none of one that cannot be read."""
+    from matplotlib.font_manager import get_font
+
+    try:
+        return frozenset(get_font(_find_font_files()[font]).get_charmap())
+    except (KeyError, OSError, RuntimeError, ValueError):
+        return frozenset()
 
 
 def find_unshown(text: str) -> str:
@@ -107,8 +156,7 @@ def _list_known_characters() -> frozenset[int]:
 
     faces = [FontProperties(family=[FONT], weight=weight) for weight in ("normal", "bold")]
     both = frozenset.intersection(*(frozenset(get_font(findfont(f)).get_charmap()) for f in faces))
-    others = [findfont(FontProperties(family=[name])) for name in list_fonts()[1:]]
-    return both.union(*(get_font(each).get_charmap() for each in others))
+    return both.union(*(_list_characters(name) for name in list_fonts()[1:]))
 
 
 def add_halo(text: Text, *, width: float = 2.2, colour: str = "white") -> Text:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,12 @@ from scenewright.viz.figure import (
     encode_png,
     make_drawable,
     use_plain_style,
+)
+from scenewright.viz.leg_labels import (
+    list_unshown_streets,
+    name_leg,
+    name_place,
+    place_leg_label,
 )
 
 if TYPE_CHECKING:
@@ -63,7 +70,9 @@ def draw_import(
 def _draw_figure(
     intersection: IntersectionMap, layers: Layers, lines: Sequence[str], dpi: int
 ) -> Figure:
-    side, below = 0.94 * _SIZE, 0.45 + 0.17 * len(lines)
+    unshown = list_unshown_streets(intersection)
+    lines = [row for line in (*lines, *unshown) for row in textwrap.wrap(line, 150) or [""]]
+    side, below = 0.94 * _SIZE, 0.65 + 0.17 * len(lines)
     tall = 0.5 + side + below
     figure = create_figure(_SIZE, tall, dpi=dpi)
     axes = add_map_axes(figure, (0.03, below / tall, 0.94, side / tall))
@@ -73,12 +82,12 @@ def _draw_figure(
     _draw_ours(axes, intersection)
     draw_scale(axes)
     draw_north(axes)
-    title = make_drawable(f"{intersection.name}: {intersection.title}", limit=90)
+    title = make_drawable(f"{intersection.name}: {name_place(intersection)}", limit=90)
     figure.text(0.03, 1 - 0.12 / tall, title, fontsize=12, color=INK, va="top")
     for n, line in enumerate(lines):
         figure.text(0.03, (0.12 + 0.17 * (len(lines) - 1 - n)) / tall,
-                    make_drawable(line, limit=130), fontsize=7.5, color=SOFT_INK)  # fmt: skip
-    _draw_legend(figure, layers, (below - 0.35) / tall)
+                    make_drawable(line, limit=160), fontsize=7, color=SOFT_INK)  # fmt: skip
+    _draw_legend(figure, layers, (below - 0.5) / tall)
     return figure
 
 
@@ -106,9 +115,10 @@ def _draw_ours(axes: Axes, intersection: IntersectionMap) -> None:
     for stop in intersection.stop_lines:
         axes.plot(*np.array(stop.line).T, color="#CC3311", lw=2.0, zorder=10)
     for leg in intersection.legs:
-        at = 0.86 * intersection.extent * np.array([np.cos(leg.bearing), np.sin(leg.bearing)])
-        words = make_drawable(f"{leg.name} · {leg.road}", limit=60)
-        add_halo(axes.text(float(at[0]), float(at[1]), words, fontsize=8, ha="center", zorder=20))
+        at, turn = place_leg_label(intersection, leg)
+        words = make_drawable(name_leg(leg), limit=60)
+        add_halo(axes.text(float(at[0]), float(at[1]), words, fontsize=8, ha="center", va="center",
+                           rotation=turn, zorder=20))  # fmt: skip
 
 
 def _draw_legend(figure: Figure, layers: Layers, height: float) -> None:

@@ -26,6 +26,7 @@ from scenewright.viz.figure import (
     make_drawable,
     use_plain_style,
 )
+from scenewright.viz.leg_labels import name_leg, name_place
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -175,7 +176,7 @@ def _write_leg_names(axes: Axes, intersection: IntersectionMap) -> None:
         across = _choose_alignment(aside[0] - ahead[0], "left", "right")
         if abs(at[0]) > 0.5 * half:
             across = "right" if at[0] > 0 else "left"
-        words = make_drawable(f"{leg.name}  ·  {leg.road}", limit=70)
+        words = make_drawable(name_leg(leg), limit=70)
         text = axes.text(float(at[0]), float(at[1]), words, fontsize=8.5, ha=across,
                          va=_choose_alignment(aside[1] - ahead[1], "bottom", "top"), color=INK,
                          fontweight="bold", zorder=20)  # fmt: skip
@@ -212,8 +213,8 @@ def _draw_header(figure: Figure, intersection: IntersectionMap) -> None:
     signals = intersection.signals
     counts += f", signals with a cycle of {signals.cycle:.0f} s" if signals else ", no signals"
     tall = figure.get_figheight()
-    figure.text(0.03, 1 - 0.1 / tall, make_drawable(intersection.title, limit=90), fontsize=12,
-                color=INK, va="top")  # fmt: skip
+    title = make_drawable(name_place(intersection), limit=90)
+    figure.text(0.03, 1 - 0.1 / tall, title, fontsize=12, color=INK, va="top")
     figure.text(0.03, 1 - 0.34 / tall, make_drawable(counts, limit=140), fontsize=8.5,
                 color=SOFT_INK, va="top")  # fmt: skip
 

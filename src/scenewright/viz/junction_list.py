@@ -14,6 +14,7 @@ from scenewright.viz.figure import (
     add_halo,
     create_figure,
     encode_png,
+    find_unshown,
     make_drawable,
     use_plain_style,
 )
@@ -72,7 +73,7 @@ def _draw_mark(axes: Axes, mark: JunctionMark, *, with_streets: bool) -> None:
         axes.plot(
             [x, x + _ARM * ahead[0]], [y, y + _ARM * ahead[1]], color="#8A8F98", lw=2, zorder=1
         )
-        if street and with_streets:
+        if street and with_streets and not find_unshown(street):
             spot = x + 1.15 * _ARM * ahead[0], y + 1.15 * _ARM * ahead[1]
             add_halo(
                 axes.text(*spot, make_drawable(street, limit=40), fontsize=5.5, color=INK,

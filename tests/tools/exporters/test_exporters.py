@@ -30,7 +30,8 @@ from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
 from scenewright.tools.track_io.external_tracks import read_external_recordings
 from scenewright.tools.track_io.scenarionet import load_arrays
 from scenewright.tools.track_io.tfrecord import compute_masked_crc, read_records, write_records
-from scenewright.tools.track_io.womd import scenario_class
+from scenewright.tools.track_io.womd import read_womd, scenario_class
+from scenewright.tools.track_io.womd_example import example_class, read_example
 
 
 def test_headings_lie_within_pi_and_velocities_are_of_the_positions() -> None:
@@ -225,6 +226,40 @@ def test_scenarionet_begins_at_the_ego_which_goes_on_after_a_collision() -> None
     assert scenario["tracks"]["3"]["state"]["position"][0, 0] == pytest.approx(49.0)
 
 
+def test_a_tf_example_holds_the_window_in_tensors_of_the_datasets_shapes(tmp_path: Path) -> None:
+    paths = [tmp_path / form for form in ("window", "example")]
+    for path in paths:
+        scenewright.export(make_record(), "womd", path, form=path.name)
+    whole, flat = (load_tracks(next(path.glob("*.tfrecord"))).users for path in paths)
+    for one, two in zip(whole, flat, strict=True):
+        assert two.shape == one.shape
+        assert two.track.times == pytest.approx(one.track.times)
+        assert two.track.xy == pytest.approx(one.track.xy, abs=1e-4)
+        assert wrap_angles(two.track.heading - one.track.heading) == pytest.approx(0.0, abs=1e-5)
+    (file,) = paths[1].glob("*.tfexample.tfrecord")
+    (record,) = read_records(file.read_bytes(), name="it")
+    tensors = read_example(record)
+    assert tensors is not None
+    sizes = {"past": 10, "current": 1, "future": 80}
+    for part, steps in sizes.items():
+        assert len(tensors[f"state/{part}/x"]) == 128 * steps
+        assert len(tensors[f"traffic_light_state/{part}/state"]) == 16 * steps
+    assert tensors["state/is_sdc"].tolist() == [1] + [0] * 127
+    points = tensors["roadgraph_samples/xyz"].reshape(30_000, 3)[:, :2]
+    valid = tensors["roadgraph_samples/valid"] > 0
+    assert set(tensors["roadgraph_samples/type"][valid]) == {2, 15, 18}
+    same = np.diff(tensors["roadgraph_samples/id"][valid]) == 0
+    assert np.hypot(*np.diff(points[valid], axis=0)[same].T).max() < 1.0
+    with pytest.raises(InputError, match="state/past/x"):
+        read_womd(write_records([example_without(record, "state/past/x")]), name="it")
+
+
+def example_without(record: bytes, name: str) -> bytes:
+    example = example_class().FromString(record)
+    kept = [each for each in example.features.feature if each.key != name]
+    return bytes(example_class()(features={"feature": kept}).SerializeToString())
+
+
 @pytest.mark.parametrize("name", ["womd", "argoverse2"])
 def test_a_window_is_as_long_as_the_dataset_has_it(name: str, tmp_path: Path) -> None:
     scenewright.export(make_record(), name, tmp_path, form="window")
@@ -285,7 +320,7 @@ BAD = {
     "bomb.xml": (b"<!DOCTYPE x [<!ENTITY a 'b'>]><fcd-export/>", "document type"),
     "short.pkl": (b"\x80\x04", "no pickle of plain arrays"),
     "short.tfrecord": (b"123", "record 0: no TFRecord"),
-    "example.tfrecord": (write_records([b"\x0a\x00"]), "tf.Example records are not read"),
+    "example.tfrecord": (write_records([b"\x0a\x00"]), "no tf.Example of one"),
     "short.parquet": (b"PAR1", "no Parquet file"),
 }
 

@@ -52,7 +52,7 @@ FORMATS: dict[str, Format] = {
     ),
     "commonroad": Format("CommonRoad XML 2020a", "commonroad", "write_commonroad"),
     "womd": Format(
-        "Waymo Motion Scenario records", "womd", "write_womd", forms=("whole", "window")
+        "Waymo Motion records", "womd", "write_womd", forms=("whole", "window", "example")
     ),
     "argoverse2": Format(
         "Argoverse 2 Parquet and map JSON",

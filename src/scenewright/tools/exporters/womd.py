@@ -1,4 +1,4 @@
-"""Scenario records of the Waymo Open Motion Dataset in a TFRecord, without TensorFlow."""
+"""Records of the Waymo Open Motion Dataset in a TFRecord, without TensorFlow."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.womd_example import write_example
 from scenewright.tools.track_io.tfrecord import write_records
 from scenewright.tools.track_io.womd import scenario_class
 
@@ -20,9 +21,17 @@ _SURFACE_STREET, _BOUNDARY = 2, 1
 
 
 def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]:
-    """One record: the whole scene, or the 9.1 s of the dataset around the first event."""
-    if form == "window":
+    """One record: the whole scene, or the 9.1 s of the dataset around the first event.
+
+    Args:
+        form: `whole` or `window`, a Scenario; `example`, the window as tf.Example.
+    """
+    if form != "whole":
         scene = scene.cut(scene.find_event_step() - EVENT, WINDOW)
+    if form == "example":
+        features, lights = _describe_map(scene.intersection_map), _describe_lights(scene)
+        record = write_example(scene, features, lights)
+        return {f"{scene.name}.tfexample.tfrecord": write_records([record])}
     scenario = scenario_class()(
         scenario_id=scene.name,
         timestamps_seconds=scene.times.tolist(),

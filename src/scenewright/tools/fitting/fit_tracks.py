@@ -181,6 +181,16 @@ def fit_tracks(
     )
 
 
+def find_shifts(
+    intersection_map: IntersectionMap,
+    route_lines: RouteLines,
+    files: Sequence[FileTracks],
+    frame: FrameChange,
+) -> dict[str, FloatArray]:
+    """By file, [2] what takes its positions to the map's frame [m]."""
+    return _register_files(files, Matcher(intersection_map, route_lines), frame, [])
+
+
 def _register_files(
     files: Sequence[FileTracks], matcher: Matcher, frame: FrameChange, notes: list[str]
 ) -> dict[str, FloatArray]:

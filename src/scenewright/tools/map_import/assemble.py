@@ -35,6 +35,7 @@ from scenewright.scene.map import (
 from scenewright.tools.map_import import ground_areas as ground
 from scenewright.tools.map_import.check_file import MapFormat
 from scenewright.tools.map_import.compass import find_sides, name_turn
+from scenewright.tools.map_import.curves import LEAST_RADIUS, measure_least_radius, round_curves
 from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.legs import (
     CLEARLY_STRAIGHT,
@@ -97,6 +98,7 @@ class ImportedMap:
         file_origin: where those are zero; None where the file has no degrees.
         crosswalks: where the crosswalk of each leg comes from.
         items: what was read, derived and assumed, one for each kind of thing.
+        survey: what the file said.
     """
 
     intersection_map: IntersectionMap
@@ -108,6 +110,7 @@ class ImportedMap:
     file_origin: LatLon | None
     crosswalks: tuple[CrosswalkFact, ...]
     items: tuple[ReportItem, ...]
+    survey: Survey
 
 
 def assemble_map(
@@ -142,6 +145,7 @@ def assemble_map(
         survey.file_origin,
         assembly.crosswalk_facts,
         assembly.rate_items(map_format),
+        survey,
     )
 
 
@@ -151,6 +155,7 @@ class _Assembly:
     def __init__(self, survey: Survey, extent: float | None) -> None:
         self.survey = survey
         self.notes = [survey.side.describe(), *survey.notes]
+        self.rounded = 0
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
         self.crossings = choose_crossings(survey, self.legs)
@@ -248,8 +253,10 @@ class _Assembly:
     ) -> FloatArray:
         """An approach to a mapped crosswalk, on along its straightest way if that lies inside."""
         ways = [each for each in self.connections if each.approach == lane.id]
-        onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
-        longer = resample_by_spacing(np.concatenate([line, onwards]), 0.5)
+        if ways:
+            onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
+            line = np.concatenate([line, onwards])
+        longer = resample_by_spacing(line, 0.5)
         met = np.flatnonzero(geos.contains_xy(placed.stop_area, *longer.T))
         kept = longer[: met[0]] if len(met) else line
         return _take_last_run(kept, self._is_inside(kept))
@@ -267,10 +274,16 @@ class _Assembly:
         found = []
         for each in self.connections:
             before, after = self.extended[each.approach], self.extended[each.exit]
-            line = _smooth(np.concatenate([before, each.line, after]))
+            line = self._round(_smooth(np.concatenate([before, each.line, after])))
             inside = np.flatnonzero(self._is_inside(line))
             found.append(line[inside[0] : inside[-1] + 1] if len(inside) > 1 else line[-2:])
         return found
+
+    def _round(self, line: FloatArray) -> FloatArray:
+        """A way without places sharper than cars can drive, counted where there were some."""
+        rounded = round_curves(line)
+        self.rounded += rounded is not line
+        return rounded
 
     @cached_property
     def by_movement(self) -> _Movements:
@@ -319,9 +332,14 @@ class _Assembly:
         return self.road.intersection(ground.build_square(self.extent))
 
     def _derive_sidewalks(self) -> Any:
-        self._add_note("sidewalks were derived: 3 m along every outer kerb")
+        self._add_note(f"sidewalks were derived: {self._describe_sidewalks()}")
         refuges = [placed.refuge_area for placed in self.placements.values() if placed.refuges]
-        return geos.union_all([ground.build_sidewalks(self.road, self.extent), *refuges])
+        return geos.union_all([self.sidewalks, *refuges])
+
+    def _describe_sidewalks(self) -> str:
+        walked = sum(geos.Polygon(outline).area for outline in self.survey.walks)
+        more = f", and {walked:.0f} m² on which people were seen to walk" if walked else ""
+        return f"3 m along every outer kerb{more}"
 
     def _build_signals(self, crosswalks: Sequence[Crosswalk], mode: str) -> SignalProgram | None:
         program, self.signal_item = build_signal_program(
@@ -500,14 +518,27 @@ class _Assembly:
                 "ways through", "read", round(kept, 3),
                 f"{len(self.connections)} of {len(self.survey.connections)} kept",
             ),
+            self._rate_curves(),
             rate_crosswalks(self.crosswalk_facts),
             self.signal_item,
             ReportItem(
                 "side of the road", "read" if side.is_known else "assumed",
                 1.0 if side.is_known else 0.5, side.describe(),
             ),
-            ReportItem("sidewalks", "derived", None, "3 m along every outer kerb"),
+            ReportItem("sidewalks", "derived", None, self._describe_sidewalks()),
         )  # fmt: skip
+
+    def _rate_curves(self) -> ReportItem:
+        """How sharp the ways through bend, and how many were sharper in the file."""
+        least = min(measure_least_radius(line) for line in self.whole)
+        radius = f"the sharpest has a radius of {least:.1f} m" if least < 100 else "all straight"
+        if not self.rounded:
+            return ReportItem("curves", "read", 1.0, radius)
+        detail = f"{self.rounded} of {len(self.whole)} sharper than {LEAST_RADIUS:.0f} m rounded"
+        if still := sum(measure_least_radius(line) < LEAST_RADIUS for line in self.whole):
+            detail += f", {still} of them only in part, as the file's lines leave no room"
+        share = 1 - self.rounded / len(self.whole)
+        return ReportItem("curves", "partly read", round(share, 3), f"{detail}; {radius}")
 
     def _build_crosswalks(self) -> Iterator[Crosswalk]:
         for k, placed in self.placements.items():
@@ -558,8 +589,11 @@ class _Assembly:
 
     @cached_property
     def sidewalks(self) -> Any:
-        """The derived sidewalks, without the note that says so."""
-        return ground.build_sidewalks(self.road, self.extent)
+        """The derived sidewalks and where people were seen to walk, off the road."""
+        walks = [geos.Polygon(outline).buffer(0) for outline in self.survey.walks]
+        seen = geos.union_all(walks).difference(self.road)
+        derived = ground.build_sidewalks(self.road, self.extent)
+        return derived.union(seen).intersection(ground.build_square(self.extent))
 
     def _build_vehicle_goals(self) -> Iterator[GoalRegion]:
         for name, leg in zip(self.names, self.legs, strict=True):

@@ -32,6 +32,8 @@ _LANE_ROOM = 1.2
 """From the middle of a lane that a crosswalk crosses to its end, at least [m]."""
 _BROADEST = 6.0
 """So far out of our kerb a drawn end may lie [m]: the road has lanes there that we drop."""
+_FARTHEST_KERB = 15.0
+"""Ground so far beyond a drawn end is another road's [m]."""
 _SEARCH = 22.0
 """How far out of the junction a place for a crosswalk is looked for [m]."""
 
@@ -188,7 +190,7 @@ def _choose_end(
         return kerb
     between = geos.LineString([drawn, kerb])
     lanes = (geos.LineString(line) for line in _extend_into_junction(leg))
-    if beyond < 0 and any(lane.distance(between) < _LANE_ROOM for lane in lanes):
+    if -_FARTHEST_KERB < beyond < 0 and any(lane.distance(between) < _LANE_ROOM for lane in lanes):
         return kerb
     return drawn
 

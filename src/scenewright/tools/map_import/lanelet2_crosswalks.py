@@ -17,7 +17,8 @@ from scenewright.tools.map_import.survey import SurveyCrossing
 if TYPE_CHECKING:
     from scenewright.tools.map_import.read_lanelet2 import FileElements, FileLanelet
 
-_MARKS = ("zebra_marking", "pedestrian_marking")
+_MARKS = ("zebra_marking", "pedestrian_marking", "zebra")
+"""Types of ways; the last is SinD's, the others are those of Lanelet2."""
 _WIDTHS = (1.5, 10.0)
 """Between the two lines of one crosswalk [m]."""
 _PARALLEL = math.radians(20.0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.geometry.polyline import find_point
+from scenewright.geometry.polyline import find_point, rotate_left
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.tools.map_import.compass import COMPASS_RING, compute_bearing, name_turn
 from scenewright.tools.map_import.survey import Survey, SurveyLane
@@ -22,6 +22,10 @@ _SAME_LEG = math.radians(24.0)
 """Lanes whose outward directions differ by less belong to one leg."""
 _BEARING_RANGE = (4.0, 30.0)
 """Distances from the junction between which a lane's direction is measured [m]."""
+_NEAR_OUT, _FAR_OUT = 20.0, 40.0
+"""Where lanes of one direction are compared, and where legs are put in order [m]."""
+_WIDEST_MEDIAN, _OTHER_STREET = 45.0, 22.0
+"""Lanes of one street lie closer side by side; those of different names closer still [m]."""
 CLEARLY_STRAIGHT, CLEARLY_TURNED = math.radians(20.0), math.radians(50.0)
 
 
@@ -72,7 +76,7 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     lanes = [(lane, True) for lane in survey.approaches.values()]
     lanes += [(lane, False) for lane in survey.exits.values()]
     groups = _cluster_angles([_measure_bearing(orient_outwards(*lane)) for lane in lanes])
-    legs = [_build_leg([lanes[i] for i in group]) for group in groups]
+    legs = [_build_leg(own) for group in groups for own in _part_streets([lanes[i] for i in group])]
     if (widest := max((len(leg.approaches) for leg in legs), default=0)) > _MOST_LANES:
         raise InputError(
             f"{survey.title} has a leg of {widest} lanes in one direction; a street has at most "
@@ -82,7 +86,40 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
         raise InputError(
             f"{survey.title} has {len(legs)} legs; an intersection has 3 to {_MAX_LEGS}"
         )
-    return tuple(sorted(legs, key=lambda leg: leg.bearing))
+    legs.sort(key=_measure_place_angle)
+    first = min(range(len(legs)), key=lambda k: legs[k].bearing)
+    return (*legs[first:], *legs[:first])
+
+
+def _measure_place_angle(leg: SurveyLeg) -> float:
+    """The direction in which a leg lies, seen from the middle of the junction [rad].
+
+    Of two streets that run side by side it tells which is the next, as their bearings do not.
+    """
+    x, y = leg.throat + _FAR_OUT * np.array([math.cos(leg.bearing), math.sin(leg.bearing)])
+    return math.atan2(y, x)
+
+
+def _part_streets(
+    lanes: Sequence[tuple[SurveyLane, bool]],
+) -> Iterator[list[tuple[SurveyLane, bool]]]:
+    """Lanes of one direction, those apart that lie too far aside to be of the same street."""
+    ahead = np.array([_direct(_measure_bearing(orient_outwards(*lane))) for lane in lanes])
+    left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
+    aside = [float(find_point(orient_outwards(*lane), _NEAR_OUT) @ left) for lane in lanes]
+    order = sorted(range(len(lanes)), key=lambda i: aside[i])
+    own = [lanes[order[0]]]
+    for before, after in pairwise(order):
+        same = lanes[before][0].road == lanes[after][0].road != ""
+        if aside[after] - aside[before] > (_WIDEST_MEDIAN if same else _OTHER_STREET):
+            yield own
+            own = []
+        own.append(lanes[after])
+    yield own
+
+
+def _direct(angle: float) -> tuple[float, float]:
+    return math.cos(angle), math.sin(angle)
 
 
 def _measure_bearing(line: FloatArray) -> float:

@@ -29,6 +29,8 @@ _STEEPEST = math.radians(40.0)
 """How far the line through two stages may turn from their own direction."""
 _SAME_PLACE = 4.5
 """Crossings of the same lanes that lie closer are drawn twice [m]."""
+_NEXT_STAGE = 20.0
+"""The middles of two stages of one crosswalk lie closer [m]."""
 _LEAST_SHARE = 0.5
 """Of a leg's lanes that a crosswalk crosses."""
 _LEAST_VOTES = 0.6
@@ -41,12 +43,14 @@ class LegCrossing:
     Attributes:
         lanes: of the leg, that it crosses; distance: outwards from where they leave the junction
             [m], negative inside.
+        equals: other legs that it may as well lie on, and the distance out of them.
     """
 
     crossing: SurveyCrossing
     leg: int
     lanes: frozenset[str]
     distance: float
+    equals: tuple[tuple[int, float], ...] = ()
 
     @property
     def middle(self) -> FloatArray:
@@ -134,12 +138,15 @@ def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoic
     ways = [_Way.join(survey, each, leg_of_lane) for each in survey.connections]
     found: dict[int, list[LegCrossing]] = {}
     left_out: list[tuple[SurveyCrossing, int | None, str]] = []
+    known: list[LegCrossing] = []
     for crossing in survey.crossings:
         placed = _find_leg(crossing, ways)
         if isinstance(placed, str):
             left_out.append((crossing, None, placed))
         else:
-            found.setdefault(placed.leg, []).append(placed)
+            known.append(placed)
+    for placed in _join_stages(known):
+        found.setdefault(placed.leg, []).append(placed)
     by_leg = {}
     for k, own in sorted(found.items()):
         stages = _choose_stages(own, legs[k])
@@ -160,7 +167,8 @@ class _Way:
 
     @classmethod
     def join(cls, survey: Survey, each: SurveyConnection, legs: Mapping[str, int]) -> _Way:
-        before, after = survey.approaches[each.approach].line, survey.exits[each.exit].line
+        before = _prolong(survey.approaches[each.approach].line[::-1])[::-1]
+        after = _prolong(survey.exits[each.exit].line)
         points = np.concatenate([before, each.line, after])
         begin = measure_length(before)
         inner = measure_length(np.concatenate([before[-1:], each.line, after[:1]]))
@@ -169,25 +177,36 @@ class _Way:
             geos.LineString(points), begin, begin + inner, lanes, (legs[lanes[0]], legs[lanes[1]])
         )
 
-    def find_meeting(self, line: FloatArray) -> tuple[int, str, float] | None:
-        """Leg, lane and distance out of the junction [m] where a line across meets the way."""
+    def list_meetings(self, line: FloatArray) -> Iterator[tuple[int, str, float]]:
+        """Leg, lane and distance out of the junction [m] where a line across meets the way.
+
+        Inside the junction it meets both the leg that the way comes from and that it leads to.
+        """
         for point in _list_points(geos.intersection(self.line, geos.LineString(line))):
             s = float(geos.line_locate_point(self.line, point))
             if self._measure_angle(s, line) < _LEAST_ANGLE:
                 continue
-            is_entry = s - self.begin < self.end - s
-            away = self.begin - s if is_entry else s - self.end
-            if -_DEEPEST < away < _FARTHEST:
-                side = 0 if is_entry else 1
-                return self.legs[side], self.lanes[side], away
-        return None
+            for side, away in enumerate((self.begin - s, s - self.end)):
+                other_side = s - self.end if side == 0 else self.begin - s
+                if -_DEEPEST < away < _FARTHEST and other_side <= 0.0:
+                    yield self.legs[side], self.lanes[side], away
 
     def _measure_angle(self, s: float, line: FloatArray) -> float:
         a, b = (
-            np.array(geos.line_interpolate_point(self.line, s + d).coords[0]) for d in (-1.0, 1.0)
+            np.array(geos.line_interpolate_point(self.line, max(s + d, 0.0)).coords[0])
+            for d in (-1.0, 1.0)
         )
         turn = math.atan2(*(b - a)[::-1]) - math.atan2(*(line[1] - line[0])[::-1])
         return abs(math.asin(min(abs(math.sin(turn)), 1.0)))
+
+
+def _prolong(line: FloatArray) -> FloatArray:
+    """A lane that ends near the junction, straight on beyond what counts as the junction's."""
+    missing = _FARTHEST + 2.0 - measure_length(line)
+    step = line[-1] - line[-2]
+    if missing <= 0.0 or not step.any():
+        return line
+    return np.concatenate([line, [line[-1] + missing * step / np.hypot(*step)]])
 
 
 def _list_points(meeting: object) -> Iterator[object]:
@@ -200,23 +219,47 @@ def _find_leg(crossing: SurveyCrossing, ways: Sequence[_Way]) -> LegCrossing | s
     """The leg whose lanes a crossing crosses, or why there is none."""
     turned = _turn_crossing(crossing)
     for each in (crossing, *([turned] if turned is not None else [])):
-        met = [m for way in ways if (m := way.find_meeting(_stretch(each.line))) is not None]
+        met = [own for way in ways if (own := list(way.list_meetings(_stretch(each.line))))]
         if met:
             return _count_votes(each, met)
     return "crosses no lane of this junction within 35 m"
 
 
 def _count_votes(
-    crossing: SurveyCrossing, met: Sequence[tuple[int, str, float]]
+    crossing: SurveyCrossing, met: Sequence[Sequence[tuple[int, str, float]]]
 ) -> LegCrossing | str:
-    lanes = {(leg, lane) for leg, lane, _ in met}
-    counts = {leg: sum(other == leg for other, _ in lanes) for leg, _ in lanes}
-    leg = max(sorted(counts), key=lambda k: counts[k])
-    if counts[leg] < _LEAST_VOTES * len(lanes):
+    """The leg that most of the ways over a crossing come from or lead to; the nearest of equals.
+
+    Who crosses the eastern leg is met by all who come from the east or go there, and by nobody
+    else, however far inside the junction they walk.
+    """
+    flat = [meeting for own in met for meeting in own]
+    votes = {leg: sum(any(leg == x for x, _, _ in own) for own in met) for leg, _, _ in flat}
+    away = {k: float(np.median([d for leg, _, d in flat if leg == k])) for k in votes}
+    order = sorted(votes, key=lambda k: (-votes[k], abs(away[k]), k))
+    leg = order[0]
+    if votes[leg] < _LEAST_VOTES * len(met):
         return "lies across the middle of the junction"
-    own = frozenset(lane for other, lane in lanes if other == leg)
-    away = float(np.median([away for other, _, away in met if other == leg]))
-    return LegCrossing(crossing, leg, own, away)
+    own = frozenset(lane for k, lane, _ in flat if k == leg)
+    equals = tuple(k for k in order[1:] if votes[k] == votes[leg])
+    return LegCrossing(crossing, leg, own, away[leg], tuple((k, away[k]) for k in equals))
+
+
+def _join_stages(placed: Sequence[LegCrossing]) -> Iterator[LegCrossing]:
+    """The crossings; one that two legs may have goes to that of the stage that it goes on from."""
+    for each in placed:
+        near = [
+            (math.dist(each.middle, other.middle), leg, away)
+            for leg, away in each.equals
+            for other in placed
+            if other is not each and other.leg == leg and _goes_on(each, other)
+        ]
+        beside = any(x is not each and x.leg == each.leg and _goes_on(each, x) for x in placed)
+        if near and not beside and min(near)[0] < _NEXT_STAGE:
+            _, leg, away = min(near)
+            yield replace(each, leg=leg, distance=away, lanes=each.lanes)
+        else:
+            yield each
 
 
 def _stretch(line: FloatArray) -> FloatArray:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
-from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice
+from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice, MappedCrosswalk
 from scenewright.tools.map_import.report_items import ReportItem
-from scenewright.tools.map_import.survey import SurveyCrossing
+from scenewright.tools.map_import.survey import LEARNED, SurveyCrossing
 
 _NEAR = 60.0
 """Crossings of the file within that distance of a leg's are worth a word [m]."""
@@ -22,8 +22,11 @@ class CrosswalkFact:
     """Where the crosswalk of one leg comes from.
 
     Attributes:
-        leg: its name; origin: `file`, `derived` or `none`.
-        offset: from the middle of what the file holds to ours [m]; None if the file holds none.
+        leg: its name; origin: `file`, `learned` of people's tracks, `derived` or `none`.
+        offset: from the file's to ours [m]: of areas from middle to middle; of nodes of a road,
+            which say where it is crossed and not where its kerbs are, to our crosswalk's middle
+            line. None if the file holds none.
+        centre_offset: from the middle of what the file holds to ours, however drawn [m].
         sources: what the file calls it, one for each stage; middle: ours [m].
         drawn: [stages, 2] middles of the file's [m].
         nearest: for a derived one, the file's nearest crossing [m]; None if there is none.
@@ -33,6 +36,7 @@ class CrosswalkFact:
     leg: str
     origin: str
     offset: float | None
+    centre_offset: float | None
     sources: tuple[str, ...]
     middle: tuple[float, float] | None
     drawn: tuple[tuple[float, float], ...]
@@ -57,19 +61,41 @@ def describe_crosswalk(
     middle = (
         None if placed is None else (round_metre(placed.middle[0]), round_metre(placed.middle[1]))
     )
-    offset = None
+    offset = centre_offset = None
     if placed is not None and mapped is not None and used:
-        offset = round_metre(float(np.hypot(*(placed.middle - mapped.middle))))
+        centre_offset = round_metre(float(np.hypot(*(placed.middle - mapped.middle))))
+        offset = centre_offset if mapped.is_bounded else _measure_offset(placed, mapped)
     return CrosswalkFact(
         leg=leg,
-        origin="none" if placed is None else "file" if used else "derived",
+        origin=_find_origin(placed),
         offset=offset,
+        centre_offset=centre_offset,
         sources=mapped.sources if mapped is not None and used else (),
         middle=middle,
         drawn=tuple((round_metre(x.middle[0]), round_metre(x.middle[1])) for x in drawn),
         nearest=None if placed is None or used else _find_nearest(placed, crossings),
         left_out=tuple(left_out),
     )
+
+
+def _find_origin(placed: CrosswalkPlacement | None) -> str:
+    if placed is None:
+        return "none"
+    if placed.mapped is None:
+        return "derived"
+    learned = all(source.startswith(LEARNED) for source in placed.mapped.sources)
+    return "learned" if learned else "file"
+
+
+def _measure_offset(placed: CrosswalkPlacement, mapped: MappedCrosswalk) -> float:
+    """From the farthest of the file's stages to the middle line of our crosswalk [m]."""
+    start, end = placed.ends
+    along = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
+    away = []
+    for stage in mapped.stages:
+        reach = float(np.clip((stage.middle - start) @ along, 0.0, np.hypot(*(end - start))))
+        away.append(float(np.hypot(*(stage.middle - start - reach * along))))
+    return round_metre(max(away))
 
 
 def round_metre(value: float) -> float:
@@ -90,6 +116,9 @@ def list_crosswalk_notes(facts: Sequence[CrosswalkFact]) -> Iterator[str]:
             f"crosswalks of the file: {', '.join(fact.leg for fact in read)}; their middles are at "
             f"most {off:.1f} m from the file's"
         )
+    for fact in facts:
+        if fact.origin == "learned":
+            yield f"crosswalk on {fact.leg} {fact.sources[0]}"
     reasons: dict[str, list[str]] = {}
     for fact in facts:
         if fact.origin == "derived":
@@ -117,7 +146,7 @@ def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
     scores = [_rate_crosswalk(fact) for fact in facts]
     known = [score for score in scores if score is not None]
     read = [fact for fact in facts if fact.origin == "file"]
-    lost = [fact for fact in facts if fact.origin != "file" and fact.left_out]
+    lost = [f for f in facts if f.origin in ("derived", "none") and f.left_out]
     if not known:
         return ReportItem("crosswalks", "derived", None, "the file draws none on these legs")
     exact = sum(fact.offset is not None and fact.offset <= _CLOSE for fact in read)
@@ -131,7 +160,7 @@ def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
 
 def _rate_crosswalk(fact: CrosswalkFact) -> float | None:
     if fact.origin != "file":
-        return 0.0 if fact.left_out else None
+        return 0.0 if fact.left_out and fact.origin != "learned" else None
     whole = not any("twice" not in line for line in fact.left_out)
     return 1.0 if whole and (fact.offset or 0.0) <= _CLOSE else 0.5
 

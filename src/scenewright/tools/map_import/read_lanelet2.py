@@ -7,6 +7,7 @@ the Lanelet2 library insists on (types, subtypes, consistent bounds).
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -195,7 +196,7 @@ def load_lanelet2(file: Path, center: LatLon | None = None) -> LaneletFile:
     notes: list[str] = []
     lanelets, foot = build_lanelets(elements, origin, file, notes)
     crossings = tuple(read_lanelet2_crossings(elements, foot, origin))
-    lights = tuple(_list_lights(elements, lanelets))
+    lights = tuple(_list_lights(elements, lanelets, origin))
     return LaneletFile(file, lanelets, tuple(foot), origin, crossings, lights, tuple(notes))
 
 
@@ -292,13 +293,20 @@ def _find_places(held: LaneletFile) -> list[tuple[Junction, Any]]:
     return found
 
 
-def _list_lights(elements: FileElements, lanelets: _Lanelets) -> Iterator[FloatArray]:
-    """Where the lanelets end that obey the traffic lights of the file [m]."""
+def _list_lights(
+    elements: FileElements, lanelets: _Lanelets, origin: LatLon
+) -> Iterator[FloatArray]:
+    """Where the lanelets end that obey the traffic lights of the file, and their stop lines [m]."""
     lit = {name for name, (tags, _) in elements.rules.items() if tags.get("subtype") in _LIGHTS}
     for tags, members in elements.relations:
         rules = [ref for role, ref in members if role == "regulatory_element" and ref in lit]
         if rules and tags["id"] in lanelets:
             yield lanelets[tags["id"]].middle[-1]
+    for name in sorted(lit):
+        for role, ref in elements.rules[name][1]:
+            points = [elements.nodes[n] for n in elements.ways.get(ref, ()) if n in elements.nodes]
+            if role == "ref_line" and points:
+                yield np.mean([project_mercator(origin, point) for point in points], axis=0)
 
 
 @dataclass(frozen=True)
@@ -465,7 +473,7 @@ def _survey_junction(
         )
     if unused := len(lanelets) - len(used):
         notes.append(f"{unused} lanelets that lead nowhere were dropped")
-    names = sorted({each.tags["name"] for each in lanelets.values() if each.tags.get("name")})
+    names = sorted({_find_street(each.tags) for each in lanelets.values()} - {""})
     return Survey(
         title=(", ".join(names) if 0 < len(names) <= 6 else f"junction of {file.name}")[:80],
         approaches={
@@ -653,5 +661,11 @@ def _build_lane(name: str, lanelets: _Lanelets, line: FloatArray) -> SurveyLane:
         line=resample_by_spacing(line, 1.0),
         width=float(np.clip(own.width, 2.4, 6.0)),
         speed=speed / 3.6,
-        road=own.tags.get("name", ""),
+        road=_find_street(own.tags),
     )
+
+
+def _find_street(tags: Mapping[str, str]) -> str:
+    """The street's name; "" for what only names the lanelet, such as N_en_1 or R2In1_to_R1Out1."""
+    name = tags.get("road_name") or tags.get("name", "")
+    return name if re.search(r"[^\W\d_]{3}", name) and not re.search(r"_|\w\d\b", name) else ""

@@ -122,16 +122,18 @@ def read_sumo(
         _convert(source, network, origin=origin, left_hand=side is not None and side.left_hand)
     side = side or find_sumo_side(_is_left_hand(network))
     net = _read_network(network, file)
-    groups = group_network(net)
-    chosen = choose_junction(
-        [describe_group(group, None) for group in groups],
-        file=file,
-        center=center,
-        junction=junction,
-        origin=origin,
-        streets=streets,
-    )
-    group = next(each for each in groups if each.nodes == chosen.nodes)
+    group = None if listed_one is None else _find_listed(net, listed_one)
+    if group is None:
+        groups = group_network(net)
+        chosen = choose_junction(
+            [describe_group(group, None) for group in groups],
+            file=file,
+            center=center,
+            junction=junction,
+            origin=origin,
+            streets=streets,
+        )
+        group = next(each for each in groups if each.nodes == chosen.nodes)
     if listed_one is not None:
         _check_is_there(net, group, listed_one, origin, file)
     survey = _survey_junction(net, group, origin, side)
@@ -149,6 +151,31 @@ def read_sumo(
             "netconvert's guesses"
         )
     return survey
+
+
+def _find_listed(net: Any, listed: Junction) -> JunctionGroup | None:
+    """The junction of the list in the converted network, whose nodes keep the file's ids."""
+    nodes = {name for name in listed.nodes if net.hasNode(name)}
+    if not nodes:
+        return None
+    nodes |= _list_between(net, nodes)
+    places = [net.getNode(name).getCoord()[:2] for name in sorted(nodes)]
+    x, y = np.mean(places, axis=0).tolist()
+    return JunctionGroup(frozenset(nodes), (x, y), (), listed.is_roundabout)
+
+
+def _list_between(net: Any, nodes: set[str]) -> set[str]:
+    """Nodes from which one can only come from and go to those: where a piece inside is cut."""
+    around = {
+        node.getID(): {
+            *(edge.getFromNode().getID() for edge in node.getIncoming()),
+            *(edge.getToNode().getID() for edge in node.getOutgoing()),
+        }
+        for name in nodes
+        for edge in (*net.getNode(name).getIncoming(), *net.getNode(name).getOutgoing())
+        for node in (edge.getFromNode(), edge.getToNode())
+    }
+    return {name for name, ends in around.items() if len(ends) > 1 and ends <= nodes}
 
 
 _NEAR = 35.0
@@ -229,9 +256,10 @@ def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: boo
     if origin is not None:
         where = f"+proj=tmerc +lat_0={origin[0]:.8f} +lon_0={origin[1]:.8f} +k=1 +ellps=WGS84"
         command += ["--osm-files", str(file), "--proj", f"{where} +units=m +no_defs"]
-        command += ["--keep-edges.by-vclass", "passenger", "--junctions.join", "true"]
+        command += ["--keep-edges.by-vclass", "passenger", "--junctions.join", "false"]
         command += ["--geometry.remove", "true", "--tls.join", "true", "--tls.discard-simple"]
         command += ["true", "--osm.turn-lanes", "true", "--roundabouts.guess", "true"]
+        command += ["--remove-edges.by-type", "highway.service,highway.track,highway.unsurfaced"]
     else:
         command += ["--opendrive-files", str(file), "--opendrive.curve-resolution", "1"]
     if left_hand:

@@ -12,6 +12,9 @@ from dataclasses import dataclass, field, replace
 from scenewright.geometry.geographic import LatLon
 from scenewright.scene.base import Colour, FloatArray
 
+LEARNED = "where"
+"""With this begins the source of a crossing that is no file's but known by who walks there."""
+
 
 @dataclass(frozen=True, eq=False)
 class SurveyLane:
@@ -119,6 +122,7 @@ class Survey:
 
     Attributes:
         areas: [P, 2] outlines of mapped drivable area inside the junction.
+        walks: [P, 2] outlines of ground that people were seen to walk on.
         lights: places of lights, where the file has no programme for them.
         phases: (duration [s], colour by light) of the programme; empty where there is none.
         is_signalised: None where the file does not say.
@@ -135,6 +139,7 @@ class Survey:
     connections: tuple[SurveyConnection, ...]
     crossings: tuple[SurveyCrossing, ...] = ()
     areas: tuple[FloatArray, ...] = ()
+    walks: tuple[FloatArray, ...] = ()
     lights: tuple[SurveyLight, ...] = ()
     phases: tuple[tuple[float, Mapping[str, Colour]], ...] = ()
     side: DrivingSide = ASSUMED_SIDE

@@ -35,12 +35,18 @@ _HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
 """From the rear ahead to one's own front [s]: median and spread of the logarithm. At 9 m/s that is
 about 2 s from front to front with the gap at standstill, as queues discharge."""
 _GAP = (0.9, 1.8)
-"""At standstill, on top of the clearance of 0.8 m [m]."""
+_FURTHER = 0.4
+"""At standstill, on top of the clearance of 0.8 m [m]; behind others, than before a line [m]."""
 _LINE = (0.4, 1.6)
 """From the front of who stops first to the line [m]."""
 _ROUNDS = 12
-_HARDEST = 3.6
-"""Who would brake harder [m/s^2] than this for others comes at another time."""
+_HARDEST = 3.2
+"""Who would brake harder [m/s^2] than this for others comes at another time: from 3.4 on, close
+behind another, it would count as a near miss."""
+_HARDEST_AT_LINE = 3.6
+"""The same before a line [m/s^2]."""
+_HARDEST_DRIVEN = 3.35
+"""What the pace of one who drives like that may come to [m/s^2]: a pace says it a little harder."""
 _FORESEES = 1.5
 """How far ahead drivers see how others will go on, by brake lights and those further ahead [s]."""
 _AFTER = 4.0
@@ -83,7 +89,25 @@ def follow_traffic(
     if moved is None:
         return None
     driven = _as_scheduled(actor, moved, moment.duration - enters)
-    return driven if _passes_on_green(driven, enters, moment) else None
+    if _brakes_hard(driven, actor.candidate.time_law.braking) or not _passes_on_green(
+        driven, enters, moment
+    ):
+        return None
+    return driven
+
+
+def _brakes_hard(driven: ScheduledAgent, usual: float) -> bool:
+    """Whether, by its pace, it brakes harder than others may make it, and than it brakes itself.
+
+    Args:
+        usual: its own comfortable braking [m/s^2]; measured over 0.3 s, as the checker does.
+    """
+    s = driven.motion.s
+    if len(s) < 6:
+        return False
+    change = (s[5:] - s[3:-2]) - (s[2:-3] - s[:-5])
+    most = max(_HARDEST_DRIVEN, 1.06 * usual)
+    return bool(change.min() < -most * 2 * STEP * 3 * STEP)
 
 
 def _drive(
@@ -235,7 +259,7 @@ def _follow(
     gap: float,
     steps: int,
 ) -> tuple[FloatArray, float]:
-    """[T] arc length every 0.1 s behind walls, and the hardest braking [m/s^2].
+    """[T] arc length every 0.1 s behind walls, and the hardest braking [m/s^2], less for a line.
 
     It ends where a vehicle would brake too hard.
 
@@ -258,24 +282,26 @@ def _follow(
         at = _find_wall(nodes, walls, near, t)
         later = _find_wall(nodes, walls, far, t + _FORESEES)
         speed = v if later == np.inf else (later - at) / _FORESEES
+        weight, apart = 1.0, gap + _FURTHER
         if t < release and line < at and s < line + gap:
-            at, speed = line + gap, 0.0
+            at, speed, weight = line + gap, 0.0, _HARDEST / _HARDEST_AT_LINE
+            apart = gap
         while cell < len(places) - 2 and places[cell + 1] <= s:
             cell += 1
         share = (s - places[cell]) / (places[cell + 1] - places[cell])
         limit = max(free[cell] + (free[cell + 1] - free[cell]) * share, 0.5)
         if at < s - 0.3:
             return moved[: k + 1], np.inf
-        rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, gap)
+        rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, apart)
         while k == 0 and rate < -0.8 * braking and v > speed + 0.3:
             v *= 0.95  # it has seen the one ahead before it came
-            rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, gap)
+            rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, apart)
         rate = max(rate, -9.0)
         after = min(max(v + rate * STEP, 0.0), max(limit, v - braking * STEP))
         if after < 0.02 and rate < 0.0:
             after = 0.0
         if at < np.inf:
-            hardest = max(hardest, (v - after) / STEP)
+            hardest = max(hardest, weight * (v - after) / STEP)
             if hardest > _HARDEST:
                 return moved[: k + 1], hardest
         s += 0.5 * (v + after) * STEP

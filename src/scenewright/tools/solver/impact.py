@@ -7,10 +7,11 @@ from typing import Literal
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.social import CollisionKind, ImpactPoint
 from scenewright.scene.track import Shape
-from scenewright.tools.solver.path_conflict import compute_clearance
+from scenewright.tools.solver.path_conflict import Half, compute_axis_gap, compute_clearance
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
 _LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
@@ -60,12 +61,12 @@ def find_first_contact(
     times = get_shared_times(a, b)
     if times is None:
         return None
-    shapes = (a.candidate.shape, b.candidate.shape)
-    touching = np.nonzero(compute_clearance(a.at(times), b.at(times), shapes=shapes) <= 0)[0]
-    if not len(touching) or touching[0] == 0:
+    sides = (_get_half_sides(a.candidate.shape), _get_half_sides(b.candidate.shape))
+    first = _find_touch(a.at(times), b.at(times), *sides)
+    if first <= 0:
         return None
-    fine = np.linspace(times[touching[0] - 1], times[touching[0]], 11)
-    hit = np.nonzero(compute_clearance(a.at(fine), b.at(fine), shapes=shapes) <= 0)[0][0]
+    fine = np.linspace(times[first - 1], times[first], 11)
+    hit = _find_touch(a.at(fine), b.at(fine), *sides)
     return _describe(a, b, float(fine[hit]), left_hand)
 
 
@@ -169,38 +170,95 @@ def _touching_point(
     a: FloatArray, b: FloatArray, first: ScheduledAgent, second: ScheduledAgent
 ) -> FloatArray:
     """Middle of the contact: mean of the outline points of either that lie in the other."""
-    points_a, points_b = _outline(a, first), _outline(b, second)
-    inside_a = points_a[_contains(points_a, b, second)]
-    inside_b = points_b[_contains(points_b, a, first)]
-    touching = np.concatenate([inside_a, inside_b])
-    result: FloatArray = touching.mean(axis=0) if len(touching) else (a[:2] + b[:2]) / 2
-    return result
+    shapes = (first.candidate.shape, second.candidate.shape)
+    place, count = _add_up_touching(a, b, *(_get_half_sides(each) for each in shapes))
+    return place / count if count else (a[:2] + b[:2]) / 2
 
 
-def _outline(pose: FloatArray, actor: ScheduledAgent) -> FloatArray:
-    shape = actor.candidate.shape
+def _get_half_sides(shape: Shape) -> tuple[float, float]:
+    """Half length and half width [m]; a disc has the length 0 and its radius."""
     if shape.type == "pedestrian":
-        angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-        return pose[:2] + shape.width / 2 * np.column_stack([np.cos(angle), np.sin(angle)])
-    edge = np.linspace(-1, 1, 41)
-    one = np.ones_like(edge)
-    local = np.concatenate(
-        [np.column_stack(pair) for pair in ((edge, one), (edge, -one), (one, edge), (-one, edge))]
-    ) * [shape.length / 2, shape.width / 2]
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    turned: FloatArray = pose[:2] + local @ np.array([[cos, sin], [-sin, cos]])
-    return turned
+        return 0.0, shape.width / 2
+    return shape.length / 2, shape.width / 2
 
 
-def _contains(points: FloatArray, pose: FloatArray, actor: ScheduledAgent) -> FloatArray:
-    shape = actor.candidate.shape
-    offset = points - pose[:2]
-    if shape.type == "pedestrian":
-        inside: FloatArray = np.hypot(*offset.T) <= shape.width / 2 + 0.02
-        return inside
+# ---- as machine code: poses [N, 3] or [3] (x, y, heading), half sides as above -------------------
+
+_ON_EDGE = 0.02
+"""How far outside a point still lies in a footprint [m]."""
+_PER_SIDE, _PER_DISC = 41, 32
+"""Points of an outline: of each side of a rectangle, and of a disc."""
+
+
+@compiled
+def _find_touch(a: FloatArray, b: FloatArray, a_half: Half, b_half: Half) -> int:
+    """The first index at which two footprints touch; -1 if they never do."""
+    reach = np.hypot(a_half[0], a_half[1]) + np.hypot(b_half[0], b_half[1])
+    for k in range(len(a)):
+        dx, dy = a[k, 0] - b[k, 0], a[k, 1] - b[k, 1]
+        if dx * dx + dy * dy <= reach * reach and _touches(a[k], b[k], a_half, b_half):
+            return k
+    return -1
+
+
+@compiled
+def _touches(a: FloatArray, b: FloatArray, a_half: Half, b_half: Half) -> bool:
+    """Whether two footprints touch at these poses."""
+    if a_half[0] == 0.0 and b_half[0] == 0.0:
+        return bool(np.hypot(a[0] - b[0], a[1] - b[1]) <= a_half[1] + b_half[1])
+    if a_half[0] == 0.0:
+        return _compute_distance(a, b, b_half) <= a_half[1]
+    if b_half[0] == 0.0:
+        return _compute_distance(b, a, a_half) <= b_half[1]
+    return (
+        compute_axis_gap(
+            a[0], a[1], np.cos(a[2]), np.sin(a[2]), a_half,
+            b[0], b[1], np.cos(b[2]), np.sin(b[2]), b_half,
+        ) <= 0.0
+    )  # fmt: skip
+
+
+@compiled
+def _compute_distance(point: FloatArray, box: FloatArray, half: Half) -> float:
+    """How far a point lies outside a rectangle [m]; negative inside."""
+    cos, sin = np.cos(box[2]), np.sin(box[2])
+    dx, dy = point[0] - box[0], point[1] - box[1]
+    along, across = abs(dx * cos + dy * sin) - half[0], abs(dy * cos - dx * sin) - half[1]
+    outside = np.hypot(max(along, 0.0), max(across, 0.0))
+    return float(outside + min(max(along, across), 0.0))
+
+
+@compiled
+def _add_up_touching(
+    a: FloatArray, b: FloatArray, a_half: Half, b_half: Half
+) -> tuple[FloatArray, int]:
+    """[2] sum of the outline points of either footprint that lie in the other, and how many."""
+    total, count = np.zeros(2), 0
+    for pose, half, other, within in ((a, a_half, b, b_half), (b, b_half, a, a_half)):
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        for k in range(_PER_DISC if half[0] == 0.0 else 4 * _PER_SIDE):
+            if half[0] == 0.0:
+                angle = 2.0 * np.pi * k / _PER_DISC
+                x, y = half[1] * np.cos(angle), half[1] * np.sin(angle)
+            else:
+                side, edge = k // _PER_SIDE, -1.0 + 0.05 * (k % _PER_SIDE)
+                sign = 1.0 if side % 2 == 0 else -1.0
+                along = half[0] * (edge if side < 2 else sign)
+                across = half[1] * (sign if side < 2 else edge)
+                x, y = along * cos - across * sin, along * sin + across * cos
+            if _holds(pose[0] + x, pose[1] + y, other, within):
+                total[0] += pose[0] + x
+                total[1] += pose[1] + y
+                count += 1
+    return total, count
+
+
+@compiled
+def _holds(x: float, y: float, pose: FloatArray, half: Half) -> bool:
+    """Whether a footprint holds a point, its edge included."""
+    dx, dy = x - pose[0], y - pose[1]
+    if half[0] == 0.0:
+        return bool(np.hypot(dx, dy) <= half[1] + _ON_EDGE)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    along, across = offset @ [cos, sin], offset @ [-sin, cos]
-    result: FloatArray = (np.abs(along) <= shape.length / 2 + 0.02) & (
-        np.abs(across) <= shape.width / 2 + 0.02
-    )
-    return result
+    along, across = abs(dx * cos + dy * sin), abs(dy * cos - dx * sin)
+    return bool(along <= half[0] + _ON_EDGE and across <= half[1] + _ON_EDGE)

@@ -36,7 +36,7 @@ _LEAST_TIME = 0.4
 _BEHIND = np.deg2rad(105.0)
 """Who comes from further round than this is not seen from a seat or saddle [rad]."""
 
-_RUNS, _WALKS_ON = 2.5, 40.0
+_RUNS, _FASTEST, _WALKS_ON = 2.5, 2.85, 40.0
 """How fast a pedestrian runs out of the way [m/s], and how far it walks before and after [m]."""
 
 
@@ -126,7 +126,8 @@ def run_on(
     if before < 0.6 or before > _RUNS - 0.4 or until - s < 0.5:
         return None
     law = of.candidate.time_law
-    hurried = replace(law, speed=_RUNS, acceleration=acceleration, braking=law.braking)
+    pace = tuple(min(each, _FASTEST / _RUNS) for each in law.pace)
+    hurried = replace(law, speed=_RUNS, acceleration=acceleration, pace=pace)
     walked = (
         Slowing(0.0, law.speed, law.braking, s),
         Slowing(until, law.speed, law.braking, of.candidate.path.length),

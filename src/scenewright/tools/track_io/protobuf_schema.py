@@ -1,8 +1,9 @@
 """Protocol buffer messages from a table of fields, without generated code.
 
 A schema is text: one message per line, `Name: field number type, …`, where a type is a scalar of
-protobuf or another message, and `*` before it says that the field is repeated. Enumerations are
-int32, which have the same bytes. Fields that a schema leaves out are skipped when reading.
+protobuf or another message, and `*` before it says that the field is repeated, `+` that it is
+repeated and packed. Enumerations are int32, which have the same bytes. Fields that a schema leaves
+out are skipped when reading.
 """
 
 from __future__ import annotations
@@ -52,12 +53,14 @@ def describe_file(package: str, schema: str) -> Any:
 def _add_field(message: Any, text: str, package: str) -> None:
     kinds = _load("descriptor_pb2").FieldDescriptorProto
     name, number, kind = text.split()
-    repeated, kind = kind.startswith("*"), kind.lstrip("*")
+    repeated, packed, kind = kind[0] in "*+", kind[0] == "+", kind.lstrip("*+")
     field = message.field.add(
         name=name,
         number=int(number),
         label=kinds.LABEL_REPEATED if repeated else kinds.LABEL_OPTIONAL,
     )
+    if packed:
+        field.options.packed = True
     if kind in _SCALARS:
         field.type = getattr(kinds, f"TYPE_{kind.upper()}")
     else:

@@ -1,4 +1,4 @@
-"""Tracks in Scenario records of the Waymo Open Motion Dataset, without TensorFlow.
+"""Tracks in records of the Waymo Open Motion Dataset, without TensorFlow.
 
 The schema holds the fields of the dataset's scenario.proto and map.proto that tracks, lights and
 lanes need, by their numbers.
@@ -15,6 +15,7 @@ from scenewright.errors import InputError
 from scenewright.tools.track_io.protobuf_schema import build_messages
 from scenewright.tools.track_io.sampled_recording import AgentSamples, SampledRecording, sort_out
 from scenewright.tools.track_io.tfrecord import read_records
+from scenewright.tools.track_io.womd_example import read_example, read_example_tracks
 
 PACKAGE = "waymo.open_dataset"
 SCHEMA = """
@@ -40,15 +41,22 @@ def scenario_class() -> Any:
 
 
 def read_womd(data: bytes, *, name: str) -> list[SampledRecording]:
-    """The scenarios of a file of Scenario records.
+    """The scenarios of a file of Scenario or tf.Example records.
 
     Raises:
-        InputError: damaged, or records of another kind, such as tf.Example.
+        InputError: damaged, or records of another kind.
     """
     return [
-        _read_scenario(record, f"{name}, record {number}")
+        _read_record(record, f"{name}, record {number}")
         for number, record in enumerate(read_records(data, name=name))
     ]
+
+
+def _read_record(record: bytes, name: str) -> SampledRecording:
+    tensors = read_example(record)
+    if tensors is not None:
+        return read_example_tracks(tensors, name, _TYPES)
+    return _read_scenario(record, name)
 
 
 def _read_scenario(record: bytes, name: str) -> SampledRecording:
@@ -57,9 +65,9 @@ def _read_scenario(record: bytes, name: str) -> SampledRecording:
     try:
         scenario = scenario_class().FromString(record)
     except DecodeError as error:
-        raise InputError(f"{name} is no Scenario; tf.Example records are not read") from error
+        raise InputError(f"{name} is no Scenario and no tf.Example of a scene") from error
     if not scenario.tracks:
-        raise InputError(f"{name} is no Scenario with tracks; tf.Example records are not read")
+        raise InputError(f"{name} is no Scenario with tracks, and no tf.Example of one")
     times = np.array(scenario.timestamps_seconds).round(4)
     found = []
     for track in scenario.tracks:

@@ -79,7 +79,7 @@ def train_reader(
     minilm: Path | None,
     steps: int,
     seed: int,
-    tell: Callable[[str], None],
+    log: Callable[[str], None],
 ) -> int:
     """Train on files of annotated instructions and write int8 weights; go on with a stopped run.
 
@@ -104,7 +104,7 @@ def train_reader(
     else:
         load_minilm(network, minilm)
     checkpoint = out.with_suffix(".checkpoint.pt")
-    fit(network, weighted, checkpoint, steps=steps, seed=seed, tell=tell)
+    fit(network, weighted, checkpoint, steps=steps, seed=seed, log=log)
     export_weights(network.state_dict(), out)
     checkpoint.unlink()
     return len(rows)
@@ -117,7 +117,7 @@ def fit(
     *,
     steps: int,
     seed: int,
-    tell: Callable[[str], None],
+    log: Callable[[str], None],
 ) -> None:
     """Train for so many steps, saving every 200, and go on from the checkpoint if there is one."""
     torch.manual_seed(seed)
@@ -135,7 +135,7 @@ def fit(
         schedule.step()
         average = loss.item() if average is None else 0.97 * average + 0.03 * loss.item()
         if step % 50 == 0:
-            tell(f"step {step} of {steps}: loss {average:.3f}, {time.time() - began:.0f} s")
+            log(f"step {step} of {steps}: loss {average:.3f}, {time.time() - began:.0f} s")
         if step % 200 == 0 or step == steps:
             _save(checkpoint, network, optimizer, schedule, step)
 

@@ -1,0 +1,98 @@
+"""Others that react, and others that are re-timed: do the asked encounters come about?
+
+python benchmarks/driving_others.py --scenes DIR --others resolve [--n 100] [--egos idm cautious]
+
+DIR holds folders of scenes, such as `scenewright batch` writes. Each scene is driven by each ego,
+with `resolve` each in which the ego is bound to another by a relation. Printed are the encounters
+that came about, of all and of those that physics allowed (docs/driving.md), and collisions without
+the ego; one line for each run with `--list`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from scenewright.driving.api import load_policy, load_scenario
+from scenewright.driving.reachability import find_obstacles
+from scenewright.driving.report import report_drive
+from scenewright.driving.run_drive import run_drive
+from scenewright.driving.summary import describe_rate
+from scenewright.errors import InputError
+
+EGOS = ("constant", "idm", "cautious", "aggressive")
+
+
+def find_scenarios(folder: Path, count: int, *, bound: bool):
+    """Scenes of a folder, with `bound` those in which the ego is bound to another."""
+    found = []
+    for file in sorted(folder.glob("*/scene.json")):
+        if len(found) == count:
+            break
+        try:
+            scenario = load_scenario(file)
+        except InputError:
+            continue
+        if scenario.partner or not bound:
+            found.append(scenario)
+    return found
+
+
+def run(scenario, ego: str, others: str, seed: int) -> dict:
+    """One drive: its report, without the events."""
+    policy = load_policy(ego)
+    drive = run_drive(scenario, policy, name=ego, others=others, seed=seed)
+    obstacles = find_obstacles(drive, policy) if others == "resolve" else None
+    told = report_drive(drive, obstacles=obstacles).to_json()
+    return {
+        "scene": scenario.name, "ego": ego, "end": told["end"], "time": told["time"],
+        "resolved": told.get("resolved", []), "background": told["background_collisions"],
+        "hit": told["collision"], "red": told["red_lights"],
+        "collisions": [
+            [e["from"], e["to"], e["time"]] for e in told["events"] if e["type"] == "collision"
+        ],
+    }  # fmt: skip
+
+
+def summarize(rows: list[dict]) -> dict:
+    """The encounters of runs, and the collisions that nobody asked for."""
+    meetings = [each for row in rows for each in row["resolved"]]
+    allowed = [each for each in meetings if each.get("allowed", True)]
+    came = [each["came_about"] for each in meetings]
+    return {
+        "runs": len(rows),
+        "came_about": describe_rate(sum(came), len(came)),
+        "where_allowed": describe_rate(sum(e["came_about"] for e in allowed), len(allowed)),
+        "background_collisions": describe_rate(sum(r["background"] > 0 for r in rows), len(rows)),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=Path, required=True)
+    parser.add_argument("--others", default="resolve")
+    parser.add_argument("--n", type=int, default=100)
+    parser.add_argument("--egos", nargs="+", default=list(EGOS))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--list", action="store_true")
+    given = parser.parse_args()
+    began = time.process_time()
+    rows = []
+    scenarios = find_scenarios(given.scenes, given.n, bound=given.others == "resolve")
+    for scenario in scenarios:
+        for ego in given.egos:
+            rows.append(run(scenario, ego, given.others, given.seed))
+            if given.list:
+                print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
+    by_ego = {ego: summarize([r for r in rows if r["ego"] == ego]) for ego in given.egos}
+    print(json.dumps({
+        "others": given.others, "all": summarize(rows), "egos": by_ego,
+        "processor_seconds": round(time.process_time() - began),
+    }, indent=1))  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""What `scenewright intersections fit` learns of crosswalks and sidewalks from people on foot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.fitting.custom_bundle import CustomBundle
+from scenewright.tools.fitting.fit_tracks import FrameChange, find_shifts
+from scenewright.tools.fitting.learn_walks import (
+    LegWalks,
+    learn_crossings,
+    learn_sidewalks,
+    say_what_was_learned,
+)
+from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
+from scenewright.tools.map_import.quality_report import build_report
+from scenewright.tools.map_import.survey import Survey
+from scenewright.tools.map_import.survey_file import read_survey
+from scenewright.tools.track_io.track_files import FileTracks
+
+_FILE = "survey.json"
+_STAYS = 0.5
+"""A crosswalk that lies so close to where people walk is left there [m]."""
+
+
+def learn_walks(
+    bundle: CustomBundle, files: Sequence[FileTracks], frame: FrameChange
+) -> tuple[CustomBundle, list[str], dict[str, bytes]]:
+    """The bundle with its map derived anew from where people walk.
+
+    Crosswalks that the file draws stay. Where nothing is learned, all is as it was.
+
+    Returns:
+        The bundle, a line for each thing learned, the new report as files of the bundle.
+    """
+    walkers = _list_walkers(bundle, files, frame)
+    if not walkers:
+        return bundle, [], {}
+    place = bundle.intersection_map
+    found, walks = learn_crossings(place, walkers), learn_sidewalks(place, walkers)
+    report = _read_report(bundle)
+    kept = [each["leg"] for each in report.get("crosswalks", ()) if each["origin"] == "file"]
+    told = say_what_was_learned(found, kept)
+    moved = [each for each in found if each.leg not in kept and abs(each.moved) > _STAYS]
+    if not moved and not walks:
+        none = f"{len(walkers)} people on foot: too few cross any leg at one place to move it"
+        return bundle, told or [none], {}
+    if not (bundle.folder / _FILE).is_file():
+        return bundle, [*told, "import the map again to have that on it"], {}
+    survey, options = read_survey((bundle.folder / _FILE).read_bytes())
+    made = _derive_anew(bundle, _add_walks(survey, moved, walks, bundle), options)
+    if [leg.name for leg in made.intersection_map.legs] != [leg.name for leg in place.legs]:
+        raise InputError("the map's legs have changed; import it again before it is fitted")
+    facts = build_report(made.items, made.crosswalks, made.notes)
+    content = json.dumps(facts, indent=1, ensure_ascii=False) + "\n"
+    changed = replace(bundle, intersection_map=made.intersection_map, route_lines=made.route_lines)
+    area = sum(abs(_measure_area(outline)) for outline in walks)
+    more = [f"sidewalks: {area:.0f} m² beside the derived ones, where people walk"] if walks else []
+    return changed, [*told, *more], {"report.json": content.encode()}
+
+
+def _list_walkers(
+    bundle: CustomBundle, files: Sequence[FileTracks], frame: FrameChange
+) -> list[FloatArray]:
+    """[T, 2] of everybody on foot, in the map's frame [m]."""
+    if all(kind != "pedestrian" for file in files for kind, _ in file.tracks):
+        return []
+    shifts = find_shifts(bundle.intersection_map, bundle.route_lines, files, frame)
+    return [
+        track.xy + shifts[file.name]
+        for file in files
+        for kind, track in file.tracks
+        if kind == "pedestrian"
+    ]
+
+
+def _read_report(bundle: CustomBundle) -> dict[str, list[dict[str, str]]]:
+    try:
+        return dict(json.loads((bundle.folder / "report.json").read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return {}
+
+
+def _add_walks(
+    survey: Survey, moved: Sequence[LegWalks], walks: Sequence[FloatArray], bundle: CustomBundle
+) -> Survey:
+    lengths = {
+        walk.leg: float(
+            ((walk.centreline[1][0] - walk.centreline[0][0]) ** 2
+             + (walk.centreline[1][1] - walk.centreline[0][1]) ** 2) ** 0.5
+        )
+        for walk in bundle.intersection_map.crosswalks
+    }  # fmt: skip
+    crossings = tuple(each.build_crossing(lengths[each.leg]) for each in moved)
+    return replace(survey, crossings=(*survey.crossings, *crossings), walks=(*survey.walks, *walks))
+
+
+def _derive_anew(bundle: CustomBundle, survey: Survey, options: dict[str, object]) -> ImportedMap:
+    place = bundle.intersection_map
+    return assemble_map(
+        survey,
+        options["map_format"],  # type: ignore[arg-type]
+        name=place.name,
+        extent=place.extent,
+        title=place.title,
+        signals=str(options["signals"]),
+    )
+
+
+def _keep_lights(made: IntersectionMap, old: IntersectionMap) -> IntersectionMap:
+    """The new map with the old one's programme, which may have been recorded."""
+    groups = {movement.id: movement.signal_group for movement in old.movements}
+    movements = tuple(
+        each.model_copy(update={"signal_group": groups.get(each.id)}) for each in made.movements
+    )
+    return made.model_copy(update={"signals": old.signals, "movements": movements})
+
+
+def _measure_area(outline: FloatArray) -> float:
+    x, y = outline.T
+    return float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum()) / 2

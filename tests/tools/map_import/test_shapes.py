@@ -1,0 +1,135 @@
+"""Curves that cars can drive, legs that are one street each, and whose crosswalk a crossing is."""
+
+import numpy as np
+import pytest
+
+from scenewright.geometry.polyline import resample_by_spacing
+from scenewright.tools.map_import.curves import (
+    LEAST_RADIUS,
+    measure_least_radius,
+    round_curves,
+)
+from scenewright.tools.map_import.legs import find_legs
+from scenewright.tools.map_import.mapped_crosswalks import choose_crossings
+from scenewright.tools.map_import.read_lanelet2 import FileElements, _find_street
+from scenewright.tools.map_import.survey import (
+    Survey,
+    SurveyConnection,
+    SurveyCrossing,
+    SurveyLane,
+)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(0, 0), (20, 0), (20, 20)],
+        [(0, 0), (20, 0), (19, 1), (40, 1)],
+        [(0, 0), (20, 0), (20.5, 2), (40, 2)],
+    ],
+    ids=["corner", "cusp", "step"],
+)
+def test_sharp_places_become_curves_that_cars_can_drive(corners):
+    line = resample_by_spacing(np.array(corners, float), 0.5)
+    assert measure_least_radius(line) < 1.0
+    rounded = round_curves(line)
+    assert measure_least_radius(rounded) >= LEAST_RADIUS
+    assert rounded[[0, -1]] == pytest.approx(line[[0, -1]])
+    away = np.hypot(*(rounded[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
+    assert away.max() < 3.5
+
+
+def test_a_circle_has_its_own_radius_and_stays_as_it_is():
+    t = np.linspace(0, np.pi / 2, 60)
+    line = resample_by_spacing(12.0 * np.column_stack([np.cos(t), np.sin(t)]), 0.5)
+    assert measure_least_radius(line) == pytest.approx(12.0, rel=0.02)
+    assert round_curves(line) is line
+
+
+def build_survey(approaches, exits, ways, crossings=()):
+    """A junction of straight lanes: name -> (points, street)."""
+
+    def lane(name, points, road):
+        return SurveyLane(name, np.array(points, float), 3.0, 13.9, road)
+
+    return Survey(
+        title="test",
+        approaches={n: lane(n, *each) for n, each in approaches.items()},
+        exits={n: lane(n, *each) for n, each in exits.items()},
+        connections=tuple(SurveyConnection(a, b, np.array(line, float)) for a, b, line in ways),
+        crossings=tuple(crossings),
+    )
+
+
+def test_streets_side_by_side_are_two_legs_and_carriageways_of_one_street_are_one():
+    far = {
+        "n1": ([(-20, 80), (-20, 10)], "High Street"),
+        "n2": ([(15, 80), (15, 10)], "Mill Lane"),
+        "e": ([(80, 2), (20, 2)], "Church Road"),
+        "w": ([(-80, -2), (-25, -2)], "Church Road"),
+    }
+    out = {
+        "n3": ([(-15, 10), (-15, 80)], "High Street"),
+        "n4": ([(20, 10), (20, 80)], "High Street"),
+    }
+    legs = find_legs(build_survey(far, out, []))
+    # Mill Lane lies between two carriageways of the High Street, nearer to one than streets lie.
+    assert sorted(leg.road for leg in legs) == [
+        "Church Road",
+        "Church Road",
+        "High Street",
+        "High Street",
+    ]
+    far["n2"] = [(40, 80), (40, 10)], "Mill Lane"
+    out.pop("n4")
+    legs = find_legs(build_survey(far, out, []))
+    assert [leg.road for leg in legs].count("Mill Lane") == 1
+    assert len(legs) == 4
+
+
+def test_a_crossing_deep_inside_belongs_to_the_leg_all_of_whose_traffic_passes_it():
+    approaches = {"south": ([(2, -90), (2, -38)], ""), "east": ([(90, 2), (20, 2)], "")}
+    exits = {
+        "north": ([(2, 20), (2, 90)], ""),
+        "east out": ([(20, -2), (90, -2)], ""),
+        "west": ([(-20, 2), (-90, 2)], ""),
+    }
+    ways = [
+        ("south", "north", [(2, -38), (2, 20)]),
+        ("south", "east out", [(2, -38), (2, -8), (8, -2), (20, -2)]),
+        ("south", "west", [(2, -38), (2, -6), (-6, 2), (-20, 2)]),
+        ("east", "west", [(20, 2), (-20, 2)]),
+    ]
+    # 26 m inside the mouth of the southern leg; the exits are nearer.
+    crossing = SurveyCrossing(np.array([(-4.0, -12.0), (8.0, -12.0)]), 3.0, source="ours")
+    survey = build_survey(approaches, exits, ways, [crossing])
+    legs = find_legs(survey)
+    (k,) = choose_crossings(survey, legs).by_leg
+    assert legs[k].outwards == pytest.approx((0.0, -1.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "street"),
+    [
+        ("N_en_1", ""),
+        ("R2In1_to_R1Out1", ""),
+        ("12", ""),
+        ("Kaiserstraße", "Kaiserstraße"),
+        ("Avenue 7", "Avenue 7"),
+        ("Rua XV de Novembro", "Rua XV de Novembro"),
+    ],
+)
+def test_names_of_lanelets_are_no_streets(name, street):
+    assert _find_street({"name": name}) == street
+
+
+def test_a_light_of_a_stop_line_counts_without_a_lanelet_that_names_it():
+    from scenewright.tools.map_import.read_lanelet2 import _list_lights
+
+    elements = FileElements(
+        nodes={"1": (0.0, 0.0), "2": (0.0, 0.00002)},
+        ways={"9": ["1", "2"]},
+        rules={"5": ({"subtype": "traffic_light"}, [("ref_line", "9"), ("refers", "8")])},
+    )
+    (place,) = _list_lights(elements, {}, (0.0, 0.0))
+    assert place == pytest.approx((1.11, 0.0), abs=0.01)
