@@ -35,6 +35,7 @@ from robustness import REQUESTS
 import scenewright
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import Scene, encode_scene
+from scenewright.nodes.wording import LONGEST_REQUEST
 
 Json = Any
 ROOT = Path(__file__).parent.parent
@@ -46,6 +47,10 @@ ABSURD = (
     None, True, False, 0, -1, 1, 2**31, 2**63, -(2**70), 0.0, -1e-300, 1e308, 1e-308, "", "x", "0",
     "nan", [], {}, [[]], [None], {"a": 1}, "🚗" * 50, float("inf"), float("nan"),
 )  # fmt: skip
+
+
+SLOW = 2.0
+"""A text that takes the planner longer is a fault [s of processor time]; others may be at work."""
 
 
 def damage_text(text: str, rng: random.Random) -> str:
@@ -176,8 +181,13 @@ def list_programs() -> tuple[str, ...]:
 
 
 def plan_text(rng: random.Random, _folder: Path) -> None:
-    """The offline planner on a damaged instruction."""
-    scenewright.plan(damage_text(rng.choice(list_texts()), rng))
+    """The offline planner on a damaged instruction, some as long as they may be."""
+    texts = rng.choices(list_texts(), k=rng.choice((1, 1, 1, 1, 3, 25)))
+    text = rng.choice((" ", " Then ", " and ", "\n")).join(texts)[:LONGEST_REQUEST]
+    before = time.process_time()
+    scenewright.plan(damage_text(text, rng))
+    if (took := time.process_time() - before) > SLOW:
+        raise TimeoutError(f"{took:.2f} s for {len(text)} characters: {text!r}")
 
 
 def parse_program(rng: random.Random, _folder: Path) -> None:

@@ -43,8 +43,10 @@ def osm(file: Path, bearings, *, lanes=2, signals=True, names=None, second=False
     return file
 
 
-def sumo_net(file: Path, bearings, *, lanes=1, left_hand=False, kind="priority") -> Path:
-    """A SUMO network of straight streets, by netconvert."""
+def sumo_net(
+    file: Path, bearings, *, lanes=1, left_hand=False, kind="priority", crossings=False
+) -> Path:
+    """A SUMO network of straight streets, by netconvert; with sidewalks and crossings if wanted."""
     import sumo
 
     nodes = [f'<node id="J" x="0" y="0" type="{kind}"/>']
@@ -64,6 +66,9 @@ def sumo_net(file: Path, bearings, *, lanes=1, left_hand=False, kind="priority")
     command += ["-n", str(file.with_suffix(".nod.xml")), "-e", str(file.with_suffix(".edg.xml"))]
     command += ["--no-turnarounds", "true", "--no-warnings", "true"]
     command += ["--lefthand", str(left_hand).lower()]
+    if crossings:
+        command += ["--sidewalks.guess", "true", "--sidewalks.guess.max-speed", "20"]
+        command += ["--crossings.guess", "true", "--crossings.guess.speed-threshold", "20"]
     subprocess.run(command, check=True, capture_output=True)
     return file
 

@@ -34,7 +34,8 @@ def talk_of(*agents: dict[str, Any], touched: tuple[str, ...] = (), background: 
     first, second = agents[0]["id"], agents[1]["id"]
     edge = {"type": "near_miss", "from": first, "to": second}
     graph = SocialGraph.model_validate({"agents": agents, "relations": [edge]})
-    views = [{**each, "entry": "north", "role": "foreground"} for each in agents]
+    shown = [{key: each[key] for key in each if key != "reaction"} for each in agents]
+    views = [{**each, "entry": "north", "role": "foreground"} for each in shown]
     others = [{"id": f"vehicle-{n}", "type": "vehicle", "entry": "west", "role": "background"}
               for n in range(10, 10 + background)]  # fmt: skip
     present = [
@@ -80,6 +81,29 @@ def test_a_change_keeps_the_way_that_is_taken() -> None:
     edit = read_one("make vehicle-1 a truck", talk_of(CAR, WALKER))
     assert isinstance(edit, ChangeAgent)
     assert (edit.node.entry, edit.node.exit, edit.node.movement) == ("north", "south", "straight")
+
+
+@pytest.mark.parametrize(
+    ("words", "agent"),
+    [
+        ("make him not brake", "vehicle-1"),
+        ("the car should not react", "vehicle-1"),
+        ("she doesn't react", "pedestrian-1"),
+        ("make the car never brake", "vehicle-1"),
+    ],
+)
+def test_who_is_not_to_react(words: str, agent: str) -> None:
+    edit = read_one(words, talk_of(CAR, WALKER))
+    assert (edit.node.id, edit.node.reaction) == (agent, "none")
+    asleep = {**CAR, "reaction": "none"}
+    again = read_one("let the car react after all", talk_of(asleep, WALKER))
+    assert again.node.reaction is None
+
+
+def test_who_has_nothing_to_react_to_is_told_so() -> None:
+    reading = read_everyday("the bus should not react", talk_of(CAR, WALKER, BUS))
+    assert isinstance(reading, DeclinedTurn)
+    assert "nothing to react to" in reading.reason
 
 
 def test_closer_is_a_smaller_gap_of_the_same_event() -> None:

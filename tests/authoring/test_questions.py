@@ -77,3 +77,18 @@ def test_steps_back_an_ordinary_morning_and_her(session: Session) -> None:
     assert unknown["kind"] == "nothing"
     assert unknown["reason"].startswith("there is no scene yet")
     assert session.say("the second version")["version"] == 2
+
+
+def test_a_doubtful_first_line_is_taken_at_its_likeliest_and_says_so() -> None:
+    setting = {"intersection": "amsterdam_120", "seed": 4, "refiner": "none"}
+    session = Session(Threads(":memory:"), "t", backend=load_backend("builtin"), setting=setting)
+    words = (
+        "so basically I'd like to see what happens when someone on a bike doesn't look and a taxi "
+        "coming from the right nearly runs into them"
+    )
+    reply = session.say(words)
+    assert reply["kind"] == "made"
+    assert "2:" in reply["taken"]
+    assert session.state["pending"] is not None
+    assert session.say("who is in it?")["kind"] == "answer"
+    assert session.state["pending"] is None

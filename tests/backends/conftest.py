@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from backends.misbehaving import KEY, Server, serving
-from scenewright.backends.chat import patience
+from scenewright.backends.chat import retry
 
 _CONNECT, _LOOK_UP = socket.socket.connect, socket.getaddrinfo
 
@@ -47,5 +47,5 @@ def server() -> Iterator[Server]:
 def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The pauses between attempts, which are not waited for."""
     found: list[float] = []
-    monkeypatch.setattr(patience.time, "sleep", found.append)
+    monkeypatch.setattr(retry.time, "sleep", found.append)
     return found

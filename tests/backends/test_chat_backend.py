@@ -26,8 +26,8 @@ from backends.misbehaving import (
 from leaving import YIELD
 from scenewright import synthesize, verify
 from scenewright.backends import Question, Wording, load_backend
-from scenewright.backends.chat import ChatModel, Limits, chat_model, naming, patience, transport
-from scenewright.backends.chat.patience import RetryPolicy
+from scenewright.backends.chat import ChatModel, Limits, load_chat_model, naming, retry, transport
+from scenewright.backends.chat.retry import RetryPolicy
 from scenewright.backends.spoken import Spoken
 from scenewright.cli.main import main
 from scenewright.errors import BackendFault, InputError, Rejected
@@ -40,8 +40,8 @@ SLOW = ("timeout", "drips")
 
 
 def model(server: Server, *, at_once: int = 8, timeout: float = 30.0) -> ChatModel:
-    limits = Limits(timeout=timeout, at_once=at_once, patience=RetryPolicy(attempts=ATTEMPTS))
-    endpoint = chat_model(
+    limits = Limits(timeout=timeout, at_once=at_once, retries=RetryPolicy(attempts=ATTEMPTS))
+    endpoint = load_chat_model(
         "openai:m", base_url=server.url, timeout=timeout, max_tokens=3000, most_bytes=6_000_000
     )
     return ChatModel(endpoint, limits=limits)
@@ -275,10 +275,10 @@ def test_keys_are_taken_from_the_environment_alone(monkeypatch: pytest.MonkeyPat
         load_backend("anthropic:m")
     monkeypatch.setenv("OPENAI_API_KEY", "sk-for-openai")
     monkeypatch.delenv("SCENEWRIGHT_API_KEY")
-    endpoint = chat_model("openai:m", timeout=1, max_tokens=9)
+    endpoint = load_chat_model("openai:m", timeout=1, max_tokens=9)
     assert str(endpoint.model.openai_api_base) == "https://api.openai.com/v1"
     assert "sk-for-openai" not in repr(endpoint) + repr(endpoint.model)
-    own = chat_model("openai:m", base_url="http://127.0.0.1:9/v1", timeout=1, max_tokens=9)
+    own = load_chat_model("openai:m", base_url="http://127.0.0.1:9/v1", timeout=1, max_tokens=9)
     assert own.model.openai_api_key.get_secret_value() == "none"
 
 
@@ -287,9 +287,9 @@ def test_the_endpoint_is_the_one_the_user_named(monkeypatch: pytest.MonkeyPatch)
         monkeypatch.setenv(name, "http://127.0.0.1:9/elsewhere")
     monkeypatch.setenv("OPENAI_API_KEY", "sk-for-openai")
     monkeypatch.setenv("ANTHROPIC_API_KEY", "sk-for-anthropic")
-    made = chat_model("openai:m", timeout=1, max_tokens=9).model
+    made = load_chat_model("openai:m", timeout=1, max_tokens=9).model
     assert str(made.root_client.base_url) == "https://api.openai.com/v1/"
-    other = chat_model("anthropic:m", timeout=1, max_tokens=9).model
+    other = load_chat_model("anthropic:m", timeout=1, max_tokens=9).model
     assert str(other._client.base_url) == "https://api.anthropic.com"
     assert "sk-for-anthropic" not in repr(other)
 
@@ -344,7 +344,7 @@ def anthropic(server: Server) -> ChatModel:
         "m", key=KEY, base_url=server.url.removesuffix("/v1"), timeout=30.0, max_tokens=3000,
         most_bytes=0,
     )  # fmt: skip
-    limits = Limits(patience=RetryPolicy(attempts=ATTEMPTS))
+    limits = Limits(retries=RetryPolicy(attempts=ATTEMPTS))
     return ChatModel(naming.Endpoint(made, "anthropic:m", KEY), limits=limits)
 
 
@@ -354,7 +354,7 @@ def test_a_model_of_anthropic_is_asked_under_the_same_schema(server: Server) -> 
     told: list[Any] = []
     asked = Question("plan", {}, wording=lambda: PLAIN, account=told.append)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(patience.time, "sleep", lambda _: None)
+        patched.setattr(retry.time, "sleep", lambda _: None)
         assert Spoken(anthropic(server)).answer(asked) == {"a": 1}
     body = server.requests[1]
     assert body["output_config"]["format"]["type"] == "json_schema"

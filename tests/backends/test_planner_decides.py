@@ -11,7 +11,12 @@ from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import agree, plan, read_twice
 from scenewright.backends.builtin.reader.annotation import parse_annotation
-from scenewright.backends.builtin.reader.learned_plan import LearnedPlan, plan_reading
+from scenewright.backends.builtin.reader.learned_plan import (
+    OPENERS,
+    LearnedPlan,
+    plan_reading,
+    read_again,
+)
 from scenewright.backends.builtin.reader.reading import reading_of
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.social import Plan, Refusal, SocialGraph
@@ -62,6 +67,58 @@ def test_every_sentence_offered_is_understood_as_it_is_meant() -> None:
         again = plan(sentence)
         assert isinstance(again, SocialGraph)
         assert describe_graph(again) == sentence
+
+
+def test_a_reading_after_an_opener_that_the_grammar_shares_is_the_plan() -> None:
+    readings = planner.Readings(learned(MISSES, 0.3), graph_of(HITS))
+    found = planner.decide(readings, Site(), [learned(HITS, 0.8)])
+    assert isinstance(found, SocialGraph)
+    assert [edge.type for edge in found.relations] == ["collide_at"]
+
+
+def test_a_reading_that_an_opener_changes_is_asked_about() -> None:
+    readings = planner.Readings(learned(HITS, 0.8), Refusal(code="out_of_scope", reason="no"))
+    found = planner.decide(readings, Site(), [learned(MISSES, 0.8)])
+    assert isinstance(found, Refusal)
+    assert found.did_you_mean[:2] == tuple(describe_graph(graph_of(e)) for e in (HITS, MISSES))
+    assert isinstance(planner.decide(readings, Site(), [learned(HITS, 0.8)]), SocialGraph)
+
+
+def test_spans_after_an_opener_lie_where_the_text_has_them() -> None:
+    text = "A van from the north turning left waits for an oncoming bus."
+    for opener in OPENERS:
+        spans = read_again(text, opener).reading.spans
+        assert {span.tag for span in spans} >= {"veh", "from", "left", "yield"}
+        assert all(text[span.start : span.end] == span.words for span in spans)
+
+
+@pytest.mark.parametrize(
+    ("previous", "change", "relation"),
+    [
+        ("A car from the north hits a truck from the west.", "flip it: let the truck give way to "
+         "the car", ("yield_to", "vehicle-2", "vehicle-1")),
+        ("A car from the west yields to a pedestrian.", "no, he should hit him",
+         ("collide_at", "vehicle-1", "pedestrian-1")),
+    ],
+)  # fmt: skip
+def test_a_change_of_those_who_are_there_keeps_where_they_come_from(
+    previous: str, change: str, relation: tuple[str, str, str]
+) -> None:
+    found = plan(change, previous=previous)
+    assert isinstance(found, SocialGraph)
+    assert [(e.type, e.from_, e.to) for e in found.relations] == [relation]
+    assert found.agent("vehicle-1").entry is not None
+
+
+def test_all_but_one_are_not_all() -> None:
+    found = plan("All but one of four cars stop for a woman on the east crosswalk")
+    assert isinstance(found, Refusal)
+
+
+def test_a_change_in_which_nothing_is_read_is_not_planned_as_it_was() -> None:
+    before = "A pedestrian waits for a bus from the west."
+    found = plan("zip zap the zoop", previous=before)
+    assert isinstance(found, Refusal)
 
 
 def test_agents_to_whom_nothing_happens_are_not_a_scene_by_confidence() -> None:

@@ -65,7 +65,7 @@ def test_a_script_gets_one_object_for_every_line(tmp_path: Path, talk: Talk) -> 
     kinds = [each["kind"] for each in made]
     assert kinds == [
         "made", "made", "moved_to", "moved_to", "compared", "moved_to", "branches", "history",
-        "shown", "why", "refused", "refused", "refused", "refused", "why", "saved", "refused",
+        "shown", "answer", "refused", "refused", "refused", "refused", "why", "saved", "refused",
         "refused", "help",
     ]  # fmt: skip
     assert all(each["ok"] is (each["kind"] != "refused") for each in made)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import signal
@@ -14,17 +15,20 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from starlette.requests import Request
 from starlette.testclient import TestClient
 
 from inline_jobs import run_jobs_inline
 from scenewright import verify
 from scenewright.backends import load_backend
 from scenewright.cli.main import main
+from scenewright.cli.page.answers import read_bytes
 from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversations
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.server import Page, build_app
+from scenewright.errors import InputError
 from scenewright.scene.record import SceneRecord
 
 HOST = "127.0.0.1:8765"
@@ -192,6 +196,27 @@ def test_the_page_may_load_nothing_from_elsewhere(client: TestClient) -> None:
     assert not re.search(r"https?://(?!www\.w3\.org)", answer.text + client.get("/app.js").text)
 
 
+def test_the_schema_is_of_the_routes_and_says_what_they_are_asked_with(client: TestClient) -> None:
+    document = client.get("/api/openapi.json").json()
+    routes = {
+        (each.path.replace(":int}", "}"), method.lower())
+        for each in client.app.routes
+        for method in each.methods - {"HEAD"}
+        if each.path.startswith("/api/")
+    }
+    told = {(path, method) for path, each in document["paths"].items() for method in each}
+    assert told == routes
+    assert all(each["summary"] for path in document["paths"].values() for each in path.values())
+    turn = document["paths"]["/api/threads/{thread}/turn"]["post"]
+    schema = turn["requestBody"]["content"]["application/json"]["schema"]
+    assert schema["required"] == ["action"]
+    named = client.post("/api/threads", json={}).json()["thread"]
+    for action in schema["properties"]["action"]["enum"]:
+        reply = take_turn(client, named, action, "x")[-1]["reply"]
+        assert "there is no action" not in reply["lines"][0]
+    assert "there is no action" in take_turn(client, named, "other")[-1]["reply"]["lines"][0]
+
+
 BODIES = st.one_of(
     st.binary(max_size=60),
     st.recursive(
@@ -223,6 +248,15 @@ def test_no_request_brings_the_server_down(
 ) -> None:
     answer = client.request(method, place, content=body)
     assert answer.status_code < 500, answer.text
+
+
+def test_a_body_that_is_cut_short_is_no_fault() -> None:
+    async def hang_up() -> dict[str, str]:
+        return {"type": "http.disconnect"}
+
+    request = Request({"type": "http", "method": "POST", "headers": []}, hang_up)
+    with pytest.raises(InputError, match="ended before its body"):
+        asyncio.run(read_bytes(request, 10))
 
 
 def test_the_command_prints_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from scenewright.backends import Question
 from scenewright.cli.main import main
@@ -60,6 +61,18 @@ def one_by_one(
 ) -> Iterator[tuple[Any, Any]]:
     for job in jobs:
         yield job, task(job)
+
+
+def test_the_limit_of_the_environment_stands_in_the_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SCENEWRIGHT_MAX_AGENTS", "9")
+    source = tmp_path / "rows.jsonl"
+    source.write_text('{"id": "one", "text": "A car follows a bus at 5 am"}\n')
+    run_batch(Request(source, tmp_path / "out", Options("amsterdam_120"), workers=1))
+    header = json.loads((tmp_path / "out" / "journal.jsonl").read_text().splitlines()[0])
+    (file,) = (tmp_path / "out").rglob("provenance.json")
+    assert header["max_agents"] == 9 == json.loads(file.read_text())["max_agents"]
 
 
 def rows(folder: Path) -> Path:
@@ -426,7 +439,7 @@ def test_check_finds_scenes_that_changed_places_and_files_from_elsewhere(
 
 def test_the_card_names_licence_tables_and_counts(whole: Path) -> None:
     card = (whole / "README.md").read_text("utf-8")
-    assert card.startswith("---\nlicense: apache-2.0\n")
+    assert yaml.safe_load(card.split("---\n")[1])["license"] == "apache-2.0"
     assert "path: tables/tracks.parquet" in card
     assert "| rows made | 3 |" in card
     assert "path: tables/account.parquet" in card

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from scenewright.evals.realism import Sample, distance, judge, wasserstein
+from scenewright.evals.realism import Sample, compute_distance, compute_wasserstein, judge
 from scenewright.evals.realism.__main__ import main
 from scenewright.evals.realism.distances import compute_chance, compute_gain, resample_distances
 from scenewright.evals.realism.fit_yielding import find_yield_cases, fit_acceleration_profiles
@@ -60,22 +60,22 @@ def yielding():
 
 @given(values, values)
 def test_the_distance_is_the_first_wasserstein_distance(first, second):
-    found = wasserstein(first, second)
+    found = compute_wasserstein(first, second)
     assert found == pytest.approx(stats.wasserstein_distance(first, second), abs=1e-9)
-    assert found == pytest.approx(wasserstein(second, first))
+    assert found == pytest.approx(compute_wasserstein(second, first))
 
 
 @given(values, st.floats(-20, 20))
 def test_a_shift_is_as_far_as_it_shifts(first, by):
-    assert wasserstein(first, first + by) == pytest.approx(abs(by), abs=1e-9)
-    assert wasserstein(first, first) == 0.0
+    assert compute_wasserstein(first, first + by) == pytest.approx(abs(by), abs=1e-9)
+    assert compute_wasserstein(first, first) == 0.0
 
 
 def test_without_values_there_is_no_distance():
     empty, one = Sample.join_parts([[], []]), Sample.join_parts([[1.0, 2.0]])
     rng = np.random.default_rng(0)
-    assert wasserstein(empty.values, one.values) is None
-    assert distance(empty, one, draws=5, rng=rng) is None
+    assert compute_wasserstein(empty.values, one.values) is None
+    assert compute_distance(empty, one, draws=5, rng=rng) is None
     assert compute_gain(one, empty, one, draws=5, rng=rng) is None
     assert compute_chance(one, one, draws=5, rng=rng) is None
 
@@ -98,7 +98,7 @@ def test_intervals_hold_the_distance_and_widen_with_clusters():
     rng = np.random.default_rng(1)
     reference = clustered(rng, 300)
     loose, tied = clustered(rng, 60, mean=1.0), clustered(rng, 60, mean=1.0, between=1.0)
-    found = [distance(s, reference, draws=300, rng=rng) for s in (loose, tied)]
+    found = [compute_distance(s, reference, draws=300, rng=rng) for s in (loose, tied)]
     for each in found:
         assert each.low <= each.value <= each.high
     assert found[0].value == pytest.approx(1.0, abs=0.1)
@@ -113,7 +113,7 @@ def test_resampling_one_cluster_each_gives_the_distance_itself():
         Sample.join_parts([rng.normal(1, 1, 500)]),
     )
     again = resample_distances(one, two, draws=3, rng=rng)
-    assert again == pytest.approx(wasserstein(one.values, two.values), abs=0.01)
+    assert again == pytest.approx(compute_wasserstein(one.values, two.values), abs=0.01)
 
 
 def test_chance_falls_with_size_and_knows_clusters():

@@ -13,11 +13,11 @@ import pytest
 from scenewright import export, synthesize
 from scenewright.cli.main import main
 from scenewright.errors import InputError
+from scenewright.evals.leaderboard import enter_leaderboard
 from scenewright.evals.satisfaction import (
     Submission,
     Verdict,
     count_verdicts,
-    enter_leaderboard,
     judge,
     read_submission,
     to_json,

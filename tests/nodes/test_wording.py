@@ -254,10 +254,10 @@ def test_the_plans_that_the_prompt_shows_are_answers() -> None:
             r'\{"agents":\[\],"relations":\[\],"ref.*?\}|^\{"agents".*', text, re.M
         )
     ]
-    assert len(shown) == 3
+    assert len(shown) == 2
     assert all(fits(schema, each) for each in shown)
     no, *plans = [PlanReply.model_validate(each).root for each in shown]
-    assert no == Refusal(code="out_of_scope", reason="It is a poem.")
+    assert no == Refusal(code="out_of_scope", reason="A poem.")
     left = complete_plan(plans[0], FOUR_LEGS)
     assert isinstance(left, SocialGraph)
     assert left.agents[0].exit == "west"

@@ -44,9 +44,9 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process():
     text = STORIES["yielding"]
     program = (
         "import sys; from scenewright import synthesize; "
-        "from scenewright.graph.run import scene_bytes; "
+        "from scenewright.graph.run import encode_scene; "
         f"made = synthesize({text!r}, seed=4, refiner='trajnet'); "
-        "sys.stdout.buffer.write(scene_bytes(made.record))"
+        "sys.stdout.buffer.write(encode_scene(made.record))"
     )
     there = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     here = encode_scene(synthesize(text, seed=4, refiner="trajnet").record)

@@ -63,12 +63,23 @@ _Answer = Callable[[_Scene, list[AgentRecord]], list[str]]
 
 
 def answer_question(
-    words: str, record: SceneRecord, proof: Proof, intersection_map: IntersectionMap
+    words: str,
+    record: SceneRecord,
+    proof: Proof,
+    intersection_map: IntersectionMap,
+    *,
+    topic: str | None = None,
 ) -> list[str]:
-    """Lines that answer the question; where its topic is none of ours, what can be answered."""
+    """Lines that answer the question; where its topic is none of ours, what can be answered.
+
+    Args:
+        topic: as the model of turns names it, such as `q_speed`; None: found by the words alone.
+    """
     scene = _Scene(record, proof, intersection_map)
-    plain = " ".join(words.lower().split())
+    plain = " ".join(words.lower().rstrip(" ?.!").split())
     about = _find_agents(plain, scene)
+    if topic in _BY_TOPIC:
+        return _BY_TOPIC[topic](scene, about)
     for pattern, answer in _TOPICS:
         if re.search(rf"\b(?:{pattern})", plain):
             return answer(scene, about)
@@ -288,12 +299,54 @@ def _tell_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [*kinds, *_tell_ways(scene, about)]
 
 
-def _define_figures(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def define_terms() -> list[str]:
+    """What the figures mean."""
     return [
         "PET is the time from one leaving a place to the other coming to it [s]: less is closer.",
         "TTC is the time until they would touch if both went on as they do [s].",
         "DRAC is the braking that just avoids the collision [m/s²].",
+        "Headway is the time by which one follows another [s].",
     ]
+
+
+def _define_figures(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    return define_terms()
+
+
+def _tell_causes(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """Why: what the event is, who broke a rule, how each moved."""
+    lines = _tell_fault(scene, about)
+    return [*lines, *_tell_braking(scene, about)]
+
+
+def _tell_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    seen = [
+        f"{_name(scene.get_agent(each['observer']))} first sees "
+        f"{_name(scene.get_agent(each['subject']))} at {each['first_visible']:.1f} s."
+        for each in scene.proof.figures.get("first_visible", [])
+    ]
+    hidden = [each for each in scene.record.objects if each.height == "high"]
+    free = "Nothing stands between them: they can see one another all the time."
+    return [*_tell_events(scene, about), *(seen or ([] if hidden else [free]))]
+
+
+def _tell_proof(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    return [
+        "A checker that shares no code with the generator found this on the finished tracks:",
+        *_tell_closeness(scene, []),
+        "Motion keeps to limits of acceleration and braking fitted to recorded traffic.",
+    ]
+
+
+def _tell_counts_and_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [
+        *_tell_counts(scene, about),
+        *(f"{each.name} is a {each.subtype or each.type}." for each in about),
+    ]
+
+
+def _tell_places(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [*_tell_ways(scene, about), *_tell_events(scene, about)]
 
 
 def _tell_help(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
@@ -330,3 +383,12 @@ _TOPICS: tuple[tuple[str, _Answer], ...] = (
     (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's", _tell_all),
 )  # fmt: skip
 """Words of a question -> what answers it, the more special topic first."""
+_BY_TOPIC: dict[str, _Answer] = {
+    "q_what": _tell_events, "q_speed": _tell_speeds, "q_brake": _tell_braking,
+    "q_close": _tell_closeness, "q_define": _define_figures, "q_who": _tell_counts_and_kinds,
+    "q_where": _tell_places, "q_when": _tell_time, "q_light": _tell_lights,
+    "q_danger": _tell_danger, "q_fault": _tell_fault, "q_why": _tell_causes,
+    "q_sight": _tell_sight, "q_limit": _tell_speed_limit, "q_weather": _tell_no_weather,
+    "q_proof": _tell_proof,
+}  # fmt: skip
+"""Intents of the model of turns -> what answers them."""

@@ -19,6 +19,7 @@ from scenewright.scene.edits import (
     Redraw,
     Relate,
     RemoveAgent,
+    RemoveObject,
     SetBackground,
     SetMeasure,
     SetPace,
@@ -145,6 +146,8 @@ def _touched(
             case AddObject(node=node) if node.hides is not None:
                 touched.add(node.hides)
                 other.add(str(node.hidden_from))
+            case RemoveObject(object=name):
+                touched |= {str(o.met_by) for o in before.objects if o.id == name and o.met_by}
             case Unrelate() | RemoveAgent():
                 pass
     new = {each.id for each in graph.agents} - {each.id for each in before.agents}

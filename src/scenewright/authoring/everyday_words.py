@@ -48,7 +48,7 @@ LENGTH = (
     "How long a scene lasts follows from what happens in it, 30 s at the most. To have it happen "
     'at another time, say "let it happen 12 s into the scene".'
 )
-_CLASSES: dict[str, tuple[str, str | None]] = {
+CLASSES: dict[str, tuple[str, str | None]] = {
     "car": ("vehicle", "car"), "taxi": ("vehicle", "car"), "cab": ("vehicle", "car"),
     "van": ("vehicle", "truck"), "truck": ("vehicle", "truck"), "lorry": ("vehicle", "truck"),
     "bus": ("vehicle", "bus"), "coach": ("vehicle", "bus"), "motorcycle": ("vehicle", "motorcycle"),
@@ -59,10 +59,11 @@ _CLASSES: dict[str, tuple[str, str | None]] = {
     "walker": ("pedestrian", None), "man": ("pedestrian", None), "woman": ("pedestrian", None),
     "child": ("pedestrian", None), "kid": ("pedestrian", None), "guy": ("pedestrian", None),
     "boy": ("pedestrian", None), "girl": ("pedestrian", None), "person": ("pedestrian", None),
-    "lady": ("pedestrian", None),
+    "lady": ("pedestrian", None), "ped": ("pedestrian", None), "minibus": ("vehicle", "bus"),
+    "police car": ("vehicle", "police_car"), "ambulance": ("vehicle", "ambulance"),
 }  # fmt: skip
 """Noun -> class and subtype."""
-_NOUN = "|".join(sorted(_CLASSES, key=len, reverse=True))
+_NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
 _WHO = (
     rf"(?P<who>it|him|her|them|he|she|they|that(?: one)?|(?:the |that |this )?other one|"
     rf"(?:the|that|this|my) (?:other )?(?:old |young |little |delivery |e-)*(?:{_NOUN})(?: rider)?|"
@@ -75,7 +76,7 @@ _SIDE = r"(?P<{}>north|east|south|west)"
 _GOES = (
     r"(?:go|goes|going|walk|walks|drive|drives|ride|rides|move|moves|be|is|come in|comes in|cross)"
 )
-_OPPOSITE: dict[str, Compass] = {
+OPPOSITE: dict[str, Compass] = {
     "north": "south", "south": "north", "east": "west", "west": "east",
 }  # fmt: skip
 _SLOW, _FAST = 0.8, 1.25
@@ -121,13 +122,16 @@ class Talk:
             return self._find_other() if words == "other one" else (named[0] if named else None)
         other = words.startswith("other ")
         if words in ("him", "her", "he", "she"):
-            found = [each for each in named if each.type != "vehicle"]
+            found = [each for each in named if each.type != "vehicle"] or named
         elif words in ("it", "that", "them", "they"):
+            moving = [each for each in named if each.type != "pedestrian"]
+            last = next((each for each in moving if each.id in self.touched), None)
             found = [each for each in named if each.type == "vehicle"] or named
-        elif (noun := re.sub(r" rider$", "", words).split()[-1]) not in _CLASSES:
+            found = [last] if last is not None and words in ("it", "that") else found
+        elif (noun := re.sub(r" rider$", "", words).split()[-1]) not in CLASSES:
             return None  # the name of one of the others
         else:
-            kind, subtype = _CLASSES[noun]
+            kind, subtype = CLASSES[noun]
             found = [each for each in named if each.type == kind]
             exact = [each for each in found if subtype is None or each.subtype in (subtype, None)]
             found = exact or ([] if subtype not in (None, "car") else found)
@@ -158,7 +162,7 @@ def read_everyday(words: str, talk: Talk) -> Reading | None:
 
     Words of several parts are read only where every part is known.
     """
-    plain = _simplify(words)
+    plain = simplify(words)
     whole = _read_part(plain, talk)
     if whole is not None:
         return whole
@@ -174,14 +178,15 @@ def read_everyday(words: str, talk: Talk) -> Reading | None:
 
 _FILLER = re.compile(
     r"^(?:(?:and|now|then|so|ok|okay|oh|no|nah|nope|ye(?:s|ah|p)|hmm?|well|but|actually|please|"
-    r"pls|wait|maybe|"
+    r"pls|wait(?=[,.!]| no\b|$)|maybe|"
     r"just|also|fine|alright|great|good|cool|nice|w(?:oah|hoa|ow)|uh|um|sorry|hey|"
     r"i mean|can you|could you|would you|let's)\b[ ,.!]*)+|[ ,]*\b(?:please|pls|instead|then|now|"
     r"though|i mean|again)\b[.! ]*$"
 )
 
 
-def _simplify(words: str) -> str:
+def simplify(words: str) -> str:
+    """The words in lower case, without fillers before and after them."""
     plain = " ".join(words.lower().replace("’", "'").split()).rstrip(" .!?")
     while (bare := _FILLER.sub("", plain).strip(" ,.!")) != plain and bare:
         plain = bare
@@ -225,6 +230,25 @@ def _run(found: re.Match[str], talk: Talk) -> Reading | None:
     return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"motion": "runs"})))
 
 
+def _change_reaction(found: re.Match[str], talk: Talk) -> Reading | None:
+    """Who of a collision or a near miss does not react to it, or reacts after all."""
+    node, groups = talk.find(found["who"]), found.groupdict()
+    if "brake" in found[0] and (node is None or node.type == "pedestrian"):
+        drivers = [each for each in talk.list_named() if each.type != "pedestrian"]
+        node = drivers[0] if len(drivers) == 1 else None
+    if node is None:
+        return None
+    if not any(node.id in (e.from_, e.to) for e in _list_edges(talk, ("collide_at", "near_miss"))):
+        return _decline(
+            f"{node.id} is in no collision and no near miss, so there is nothing to react to. "
+            'Say what shall happen first, such as "have it be a near miss".'
+        )
+    wanted = "none" if groups.get("not") else None
+    if node.reaction == wanted:
+        return _decline(f"{node.id} {'does not react' if wanted else 'may react'} already.")
+    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"reaction": wanted})))
+
+
 def _remove(found: re.Match[str], talk: Talk) -> Reading | None:
     node = talk.find(found["who"])
     return None if node is None else _edit(RemoveAgent(agent=node.id))
@@ -234,7 +258,7 @@ def _become(found: re.Match[str], talk: Talk) -> Reading | None:
     node, noun = talk.find(found["who"]), found["what"]
     if node is None:
         return None
-    kind, subtype = _CLASSES[noun]
+    kind, subtype = CLASSES[noun]
     if kind != node.type:
         return _decline(
             f"{node.id} stays a {node.type}: those of another class move in other ways. Say what "
@@ -262,7 +286,7 @@ def _come_from(found: re.Match[str], talk: Talk) -> Reading | None:
     groups = found.groupdict()
     way: dict[str, Compass | Movement | None] = {"exit": None}
     if groups.get("entry"):
-        way["entry"] = _OPPOSITE[_OPPOSITE[groups["entry"]]]
+        way["entry"] = OPPOSITE[OPPOSITE[groups["entry"]]]
     if groups.get("turn"):
         turn: Movement = "straight" if groups["turn"].startswith("straight") else "left"
         way["movement"] = "right" if groups["turn"] == "right" else turn
@@ -326,7 +350,7 @@ def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
     seconds = float(found["seconds"]) if found["seconds"] else _EARLIER
     time = talk.events[0].time + (seconds if found["when"] == "later" else -seconds)
     low, high = UNITS["time"].least, UNITS["time"].most
-    return _set_measure("time", min(max(time, low), high), edge[0].from_, edge[0].to)
+    return set_measure("time", min(max(time, low), high), edge[0].from_, edge[0].to)
 
 
 def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -338,10 +362,11 @@ def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
     unit = UNITS["speed"]
     if not unit.least <= value <= unit.most:
         return None
-    return _set_measure("speed", value, node.id)
+    return set_measure("speed", value, node.id)
 
 
-def _set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
+def set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
+    """The edit that asks for a figure, with the tolerance of its kind."""
     tolerance = UNITS[kind].tolerance
     bounds = {"low": round(max(value - tolerance, 0.0), 2), "high": round(value + tolerance, 2)}
     measure = Measure.model_validate({"kind": kind, "agent": agent, "other": other, **bounds})
@@ -353,13 +378,17 @@ def _ask_who(_found: re.Match[str], _talk: Talk) -> Reading | None:
 
 
 def _find_edge(talk: Talk, kinds: tuple[str, ...]) -> RelationEdge | None:
-    found = [each for each in talk.situation.graph.relations if each.type in kinds]
+    found = _list_edges(talk, kinds)
     return found[0] if len(found) == 1 else None
+
+
+def _list_edges(talk: Talk, kinds: tuple[str, ...]) -> list[RelationEdge]:
+    return [each for each in talk.situation.graph.relations if each.type in kinds]
 
 
 def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
     groups = found.groupdict()
-    kind = _CLASSES[groups["what"]][0]
+    kind = CLASSES[groups["what"]][0]
     taken = {each.id for each in talk.situation.present} | {
         each.id for each in talk.situation.graph.agents
     }
@@ -402,6 +431,11 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
          r"(?P<pace>fast|slow)$", _change_pace),
         (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must)? (?:runs?|be running|is running)"
          r"(?: across| over)?(?: the (?:street|road|crosswalk))?$", _run),
+        (rf"^(?:{_MAKE} )?{_WHO} (?:(?:do|does|should|shall|must|did) ?)?(?P<not>not|n't|never) "
+         r"(?:even )?(?:brake|react|respond|slow down)s?(?: at all| for (?:him|her|it|them))?$",
+         _change_reaction),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must| does| do)? "
+         r"(?:reacts?|responds?|tr(?:y|ies) to brake)(?: after all)?$", _change_reaction),
         (rf"^(?:remove|delete|drop|get rid of|take out|kick out|lose) {_WHO}(?: altogether)"
          rf"?$", _remove),
         (rf"^{_MAKE} {_WHO} (?:into |to |be )?an? (?:delivery )?(?P<what>{_NOUN})$", _become),
@@ -456,7 +490,7 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     Refused are a scene of its own made of words that change this one, an addition that takes away
     what happens now, and a change that leaves out the rider whom the words name.
     """
-    plain = _simplify(words)
+    plain = simplify(words)
     graph = talk.situation.graph
     if isinstance(reading, NewScene) and graph.agents and _SPEAKS_OF_THIS.match(plain):
         return _decline(
@@ -476,7 +510,7 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     if passed := _find_passed_over(plain, reading.edits):
         return _decline(
             f"I cannot tell what shall become of the {passed}. Say it by its id, such as "
-            f'"{_CLASSES[passed][0]}-1 goes slower", or "add a {passed} from the south".'
+            f'"{CLASSES[passed][0]}-1 goes slower", or "add a {passed} from the south".'
         )
     return Edits(edits=tuple(_keep_entry(each, talk) for each in reading.edits))
 
@@ -507,4 +541,4 @@ def _find_passed_over(plain: str, edits: Sequence[Edit]) -> str | None:
     """A rider's noun for which no edit speaks of a rider."""
     nouns = re.findall(r"\b(?:cyclist|bike|bicycle|e-scooter|scooter)\b", plain)
     named = " ".join(edit.model_dump_json(by_alias=True) for edit in edits)
-    return next((each for each in nouns if f'"{_CLASSES[each][0]}-' not in named), None)
+    return next((each for each in nouns if f'"{CLASSES[each][0]}-' not in named), None)

@@ -21,8 +21,9 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 from pydantic import TypeAdapter
 
-from scenewright.authoring.answer_question import answer_question
+from scenewright.authoring.answer_question import answer_question, define_terms
 from scenewright.authoring.apply_edits import list_concerned
+from scenewright.authoring.compare import compared
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
 from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday
 from scenewright.authoring.read_turn import (
@@ -31,8 +32,14 @@ from scenewright.authoring.read_turn import (
     read_words,
     situation_of,
 )
+from scenewright.authoring.second_opinion import (
+    check_first_words,
+    choose_reading,
+    correct,
+    weigh_kind,
+)
 from scenewright.authoring.thread_state import Heading, Pending, Refused, ThreadState, Version
-from scenewright.authoring.turn_kind import TurnKind, classify_turn
+from scenewright.authoring.turn_kind import TurnKind
 from scenewright.authoring.versions import Made, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import answered, begins_anew
@@ -331,28 +338,84 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     if state["act"] != "say":
         return {"reading": None}
     words, chosen = _answered(state)
-    turn = classify_turn(words)
+    words, other = (words, False) if chosen else correct(words, state.get("before", ""))
+    if other:
+        state = _taken_back(state)
+    turn = weigh_kind(words, scene=state.get("current") is not None)
+    if turn.kind == "why" and not state.get("refused"):
+        turn = TurnKind(kind="question", words=words, topic="q_why")
+    if turn.kind == "words" and (number := _find_version_with(words, state)) is not None:
+        turn = TurnKind(kind="version", words=words, number=number)
     if not chosen and turn.kind != "words":
-        return {"reading": {"reading": "turn", **turn.model_dump(mode="json")}, "pending": None}
-    words = turn.words
+        steered = {"reading": "turn", **turn.model_dump(mode="json")}
+        return {"reading": steered, "pending": None, "before": words}
     calls: list[Call] = []
-    reading = _read(words, chosen, state, runtime.context, account=calls.append)
+    reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
+    taken: Clarification | None = None
     if (
         isinstance(reading, NewScene)
         and get_backend_of_task(runtime.context.backend, "plan").deterministic
     ):
         intersection_map = load_map(state["heading"]["intersection"])
-        reading = ask_what_is_meant(words, intersection_map) or reading
+        doubtful = ask_what_is_meant(turn.words, intersection_map)
+        likeliest = None if doubtful is None else _take_likeliest(doubtful, state)
+        if likeliest is not None:  # nothing is lost where nothing is there yet, and it is said
+            taken, turn = doubtful, turn.model_copy(update={"words": likeliest})
+        else:
+            reading = doubtful or reading
     lost = isinstance(reading, DeclinedTurn) and reading.code in ("no_change", "out_of_scope")
     if pending is not None and lost:
         first = pending["ask"]["choices"][0]["answer"]
         reason = f"I still cannot tell which is meant; say it anew with an id, such as {first}."
         reading = DeclinedTurn(code="no_change", reason=reason)
     plain = reading.model_dump(mode="json", by_alias=True)
-    asked: Pending = {"words": words, "ask": plain, "chosen": chosen}
-    open_ = asked if isinstance(reading, Clarification) else None
-    return {"words": words, "reading": plain, "pending": open_, "models": sum_costs_by_task(calls)}
+    question = taken or (reading if isinstance(reading, Clarification) else None)
+    open_: Pending | None = None
+    if question is not None:
+        asked = question.model_dump(mode="json", by_alias=True)
+        open_ = {"words": turn.words, "ask": asked, "chosen": chosen}
+    out: ThreadState = {
+        "words": turn.words, "reading": plain, "pending": open_, "before": words,
+        "models": sum_costs_by_task(calls),
+    }  # fmt: skip
+    return {**out, "current": state.get("current")} if other else out
+
+
+def _take_likeliest(doubtful: Clarification, state: ThreadState) -> str | None:
+    """The first sentence offered, where there is no scene yet and something happens in it."""
+    _, _, sentence = doubtful.choices[0].means.partition("=")
+    plain = state.get("current") is None and "Nothing happens" not in sentence
+    return sentence if plain else None
+
+
+def _taken_back(state: ThreadState) -> ThreadState:
+    """The thread before the last words, if these made the current version: they meant another."""
+    version = _found(state, None)
+    if version is None or version["parent"] is None or version["words"] != state.get("before"):
+        return state
+    return cast(ThreadState, {**state, "current": version["parent"]})
+
+
+_WITH = re.compile(
+    r"\b(?:back|return|switch) to (?:the )?(?:version|one|scene|time) (?:with|where|when|that had) "
+    r"(?:there (?:was|were) )?(?:the |an? )?(?P<what>[a-z -]+)"
+)
+
+
+def _find_version_with(words: str, state: ThreadState) -> int | None:
+    """ "Back to the version with the bus": the last other version that has it, or was so said."""
+    found = _WITH.search(words.lower())
+    if found is None:
+        return None
+    noun = found["what"].split()[-1] if found["what"].split() else ""
+    for version in reversed(state.get("versions", [])):
+        kinds = [each.get("subtype") or each["type"] for each in version["graph"]["agents"]]
+        if version["number"] != state.get("current") and (
+            noun in kinds or noun in version["words"]
+        ):
+            return int(version["number"])
+    return None
 
 
 def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
@@ -377,11 +440,13 @@ def _read(
     state: ThreadState,
     context: SessionContext,
     *,
+    said: str,
     account: Account,
 ) -> Reading:
     version = _found(state, None)
     if version is None:
-        return _read_with(words, None, chosen, state, context, account=account)
+        missing = check_first_words(said)
+        return missing or _read_with(words, None, chosen, state, context, account=account)
     situation = situation_of(
         SocialGraph.model_validate(version["graph"]),
         SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
@@ -395,11 +460,15 @@ def _read(
         return _read_with(words, situation, chosen, state, context, account=account)
     proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
     talk = Talk(situation, _list_touched(state), proof.events)
-    reading = read_everyday(words, talk)
-    if reading is None:
-        found = _read_with(words, situation, chosen, state, context, account=account)
-        reading = check_reading(words, found, talk)
-    return reading
+
+    def read_plain(plain: str, about: Talk) -> Reading:
+        found = read_everyday(plain, about)
+        if found is not None:
+            return found
+        found = _read_with(plain, about.situation, {}, state, context, account=account)
+        return check_reading(plain, found, about)
+
+    return choose_reading(said, read_plain(words, talk), talk, read_plain)
 
 
 def _list_touched(state: ThreadState) -> list[str]:
@@ -550,8 +619,14 @@ def _entered(
         "current": version["number"],
         "ahead": [],
         "refused": None,
-        "reply": {"kind": "made", "version": version["number"], "from": parent},
+        "reply": {"kind": "made", "version": version["number"], "from": parent, **_doubt(state)},
     }
+
+
+def _doubt(state: ThreadState) -> dict[str, Any]:
+    """What doubtful words were taken to mean, and what else they may."""
+    pending = state.get("pending")
+    return {} if pending is None else {"taken": pending["ask"]["question"]}
 
 
 def _provenance(scene: Scene, edits: tuple[Edit, ...], models: Mapping[str, Any]) -> dict[str, Any]:
@@ -630,26 +705,57 @@ def _steered(state: ThreadState, turn: TurnKind, context: SessionContext) -> Thr
         case "restart":
             return _restarted(state)
         case "question":
-            return {"reply": _answered_question(state, turn.words, context)}
+            return {"reply": _answered_question(state, turn, context)}
         case "talk":
             return {"reply": {"kind": "nothing", "reason": _SAY_MORE}}
     return {"reply": {"kind": "wish", "wish": turn.kind}}
 
 
-def _answered_question(state: ThreadState, words: str, context: SessionContext) -> dict[str, Any]:
-    version = _found(state, None)
+def _answered_question(
+    state: ThreadState, turn: TurnKind, context: SessionContext
+) -> dict[str, Any]:
+    version, words = _found(state, None), turn.words
+    if turn.topic in ("q_define", "q_limit") and version is None:
+        return {"kind": "answer", "lines": define_terms()}
     if version is None:
         return {"kind": "nothing", "reason": _NOTHING_YET}
-    if _ABOUT_VERSION.search(words.lower()):
-        came = "" if version["parent"] is None else f", made from version {version['parent']}"
-        return {
-            "kind": "answer",
-            "lines": [f"Version {version['number']}{came}: {version['words']}"],
-        }
+    if turn.topic in ("q_changed", "q_version") or _ABOUT_VERSION.search(words.lower()):
+        return {"kind": "answer", "lines": _tell_version(state, version, words, context)}
     record = SceneRecord.model_validate_json(context.threads.kept(version["scene"]))
     proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
-    lines = answer_question(words, record, proof, load_map(record.meta.intersection))
+    place = load_map(record.meta.intersection)
+    lines = answer_question(words, record, proof, place, topic=turn.topic)
     return {"kind": "answer", "lines": lines}
+
+
+def _tell_version(
+    state: ThreadState, version: Version, words: str, context: SessionContext
+) -> list[str]:
+    """Which version this is, and how it differs from the one that it is compared with."""
+    versions = {each["number"]: each for each in state.get("versions", [])}
+    named = [int(each) for each in re.findall(r"\b\d{1,3}\b", words) if int(each) in versions]
+    first = [1] if re.search(r"\b(?:first|original)\b", words.lower()) else []
+    other = versions.get((named or first or [version["parent"] or 0])[0])
+    came = "" if version["parent"] is None else f", made from version {version['parent']}"
+    lines = [
+        f"Version {version['number']} of {len(versions)}{came}: {version['words']}",
+    ]
+    if other is None or other["number"] == version["number"]:
+        return lines
+    pair = [
+        (
+            SceneRecord.model_validate_json(context.threads.kept(each["scene"])),
+            Proof.model_validate_json(context.threads.kept(each["proof"])),
+        )
+        for each in (other, version)
+    ]
+    found = compared(*pair[0], *pair[1])
+    lines += [
+        f"{what}: {before} in version {other['number']}, now {now}"
+        for what, before, now in found["differences"]
+    ]
+    names = found["changed"] + found["only_first"] + found["only_second"]
+    return [*lines, f"Other than in version {other['number']}: {', '.join(names[:12]) or 'nobody'}"]
 
 
 def _moved_to(state: ThreadState, number: int | None) -> ThreadState:

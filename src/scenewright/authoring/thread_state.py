@@ -72,6 +72,7 @@ class ThreadState(TypedDict, total=False):
         current: number of the version that is shown; ahead: those that were undone, last first.
         branches: name -> number of its version; branch: the one that is worked on.
         pending: a question that waits for its answer; refused: the last refusal.
+        before: the words of the turn before, which a correction is about.
         reply: what became of this turn: `made`, `asked`, `refused`, `moved_to`, `nothing`.
     """
 
@@ -87,5 +88,6 @@ class ThreadState(TypedDict, total=False):
     branches: dict[str, int]
     branch: str
     pending: Pending | None
+    before: str
     refused: Refused | None
     reply: dict[str, Any]

@@ -48,7 +48,7 @@ _ASKS_TO_ACT = re.compile(
     r"let|"
     r"give|get|show|create|generate|do|try|redo|undo|go)\b|^(?:how|what) about\b|^what if\b|"
     r"^why (?:not|don't|do not)\b|"
-    r"^(?:can|could|would|will) (?:the(?: [a-z-]+){1,3}|it|he|she|they|a|an) (?!have\b)"
+    r"^(?:can|could|would|will) (?:the(?: (?!have\b)[a-z-]+){1,3}|it|he|she|they|a|an) (?!have\b)"
 )
 _ASKING = (
     r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|do|did|doesn't|"
@@ -129,12 +129,14 @@ class TurnKind(Model):
     Attributes:
         count: how many steps back; number: of the version that is asked for.
         words: what is left to be read, without the polite frame of a request.
+        topic: what a question is about, as the model of turns names it; None where that is open.
     """
 
     kind: Kind
     words: str
     count: int = 1
     number: int | None = None
+    topic: str | None = None
 
 
 def classify_turn(words: str) -> TurnKind:

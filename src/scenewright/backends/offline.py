@@ -10,5 +10,8 @@ from scenewright.backends.builtin.draft import site_of
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.references import answered, which
 from scenewright.backends.builtin.revising import begins_anew, read
+from scenewright.backends.builtin.turn_intent import rank_intents
 
-__all__ = ["answered", "begins_anew", "plan", "read", "read_account", "site_of", "which"]
+__all__ = [
+    "answered", "begins_anew", "plan", "rank_intents", "read", "read_account", "site_of", "which",
+]  # fmt: skip

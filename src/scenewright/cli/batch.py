@@ -188,7 +188,7 @@ def options_of(
     """What all rows share, as the command line says it."""
     from scenewright.dataset.batch.answering import BUILTIN
     from scenewright.dataset.batch.worker import Options
-    from scenewright.graph.run import choose_max_agents, choose_refiner, find_refiner_gap
+    from scenewright.graph.run import choose_refiner, find_refiner_gap
 
     refiner = choose_refiner(refiner)
     gap = find_refiner_gap(intersection, refiner)
@@ -202,7 +202,7 @@ def options_of(
         seed=seed,
         base_url=base_url,
         lenient=lenient,
-        max_agents=choose_max_agents(max_agents),
+        max_agents=max_agents,
         time_limit=time_limit,
     )
 

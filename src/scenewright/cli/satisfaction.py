@@ -42,6 +42,7 @@ def satisfaction(
     agents that come from, go to and cross what the label says, and nothing else.
     """
     from scenewright.evals import satisfaction as judging
+    from scenewright.evals.leaderboard import enter_leaderboard
     from scenewright.evals.planning import load
 
     labelled = [row for row in load("voices") if "disputed" not in row]
@@ -64,7 +65,7 @@ def satisfaction(
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
     shares = judging.count_verdicts(verdicts, labelled)
     figures = judging.to_json(shares)
-    page = judging.enter_leaderboard(Path(board), str(name), figures) if board else None
+    page = enter_leaderboard(Path(board), str(name), figures) if board else None
     if as_json:
         told = [vars(each) for each in verdicts]
         put_json({"ok": True, "folder": folder, **figures, "verdicts": told})

@@ -28,7 +28,7 @@ KERB = 1.0
 def summary(scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap) -> list[str]:
     """What happens, whether it is proven and who else is there: a few lines."""
     lines = [happening(event, scene, intersection_map) for event in proof.events]
-    if not lines:
+    if not lines and not scene.encounters:
         lines = ["nothing happens: no collision, near miss or yielding"]
     lines += _describe_unasked_runs(scene, proof)
     lines += [_describe_object(each, scene, proof) for each in scene.objects]
@@ -144,7 +144,12 @@ def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> st
         f"{figure['before_event']:.1f} s before"
         for figure in seen
     )
-    return f"{each.id} ({what}) stands at ({each.x:.1f}, {each.y:.1f}){hides}"
+    met = "".join(
+        f"; {names[figure['agent']]} {figure['how'].replace('_', ' ')} it at {figure['time']:.1f} s"
+        for figure in proof.figures.get("encounters", ())
+        if figure["object"] == each.id
+    )
+    return f"{each.id} ({what}) stands at ({each.x:.1f}, {each.y:.1f}){hides}{met}"
 
 
 def _crowd(scene: SceneRecord) -> str:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from scenewright.evals.understanding.cases import SceneCase, Split
     from scenewright.evals.understanding.evaluate import MethodScores, ProgressLog
 
+ENTERED = 4.0
+"""The window that the leaderboard shows [s]."""
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="A folder with a folder per scene.")]
 
 
@@ -43,10 +45,18 @@ def understanding(
         str | None,
         typer.Option(help="Folder for report.md, report.json and every method's predictions."),
     ] = None,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="Whole scenes instead of clips cut from them.")
+    ] = False,
     backend: BackendNames = None,
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    board: Annotated[
+        str | None,
+        typer.Option(metavar="F.json", help="Leaderboard to enter; a page is beside it."),
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Of the submission, on the board.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on stdout.")
@@ -54,13 +64,17 @@ def understanding(
 ) -> None:
     """Score how early exits and relations are told: accuracy and agent-level F1 by window.
 
-    A method sees motion, sizes and lights up to the window's end and nothing else. Anybody's
-    predictions can be scored; docs/understanding.md describes the files.
+    Scenes are cut to clips of 10 s that begin 2 to 6 s before a conflict can be seen coming, and to
+    others like them in which nothing happens. A method sees motion, sizes and lights up to the
+    window's end and nothing else. Anybody's predictions can be scored; docs/understanding.md
+    describes the files.
     """
     from scenewright.evals.understanding.evaluate import evaluate, load_cases
 
     if not method and write_observations is None:
         raise InputError("nothing to do: name a --method, or a file to --write-observations to")
+    if (board is None) != (name is None) or (board and len(method or ()) != 1):
+        raise InputError("--board and --name go together, with one --method: what is entered")
     lengths, half = read_windows(windows), None if split == "all" else split
     named = backend_of(backend, base_url=base_url, record=record, timeout=timeout) if (
         backend
@@ -68,14 +82,30 @@ def understanding(
     _check_places(out, write_observations)
     with progress(quiet=quiet) as told:
         log: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
-        cases = load_cases(Path(folder), split=_split(half), log=log)
+        cases = load_cases(Path(folder), split=_split(half), whole=whole, log=log)
         if write_observations is not None:
             _write_observations(Path(write_observations), cases, lengths)
         found = [
             evaluate(cases, each, windows=lengths, backend=named, log=log) for each in method or ()
         ]
+    if board is not None:
+        say(f"written: {board}, {_enter(found[0], Path(board), str(name))}")
     _hand_out(found, cases, split=split, folder=folder, out=out, as_json=as_json,
               observations=write_observations)  # fmt: skip
+
+
+def _enter(scores: MethodScores, board: Path, name: str) -> Path:
+    """Enter the strict figures after 4 s; the page."""
+    from scenewright.evals.leaderboard import enter_leaderboard
+
+    rows = [row for row in scores.rows if row.window == ENTERED and row.strict]
+    if not rows:
+        raise InputError(f"--board takes relations after {ENTERED:g} s; there are none")
+    figures = {**rows[0].strict, "exits": rows[0].intent.get("overall")}
+    told = {key: None if each is None else each.to_share() for key, each in figures.items()}
+    nothing = {"rate": None, "interval": None, "n": 0}
+    entry = {key: each or nothing for key, each in told.items()}
+    return enter_leaderboard(board, name, entry, section="predictions")
 
 
 def _hand_out(

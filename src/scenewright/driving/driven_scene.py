@@ -62,6 +62,7 @@ def build_driven_scene(drive: Drive) -> DrivenScene:
             m for m in one.record.measures if {m.agent, m.other or m.agent} <= there
         ),
         "sights": tuple(s for s in one.record.sights if {s.observer, s.subject} <= there),
+        "encounters": tuple(e for e in one.record.encounters if e.agent in there),
         "said": (),
         "signals": _cut_signals(drive),
     })  # fmt: skip

@@ -531,6 +531,8 @@ def _describe_provenance(
         "seed": context.seed,
         "backend": context.backend.name,
         "selection": context.selection,
+        **({} if context.max_agents is None else {"max_agents": context.max_agents}),
+        **({"lenient": True} if context.lenient else {}),
         **_describe_optimality(state["selection"], context.selection),
         "refiner": context.refiner,
         "refinement": state["refinement"].model_dump(mode="json"),

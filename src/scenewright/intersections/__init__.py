@@ -15,7 +15,6 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import sys
 import tomllib
 from functools import lru_cache
 from pathlib import Path
@@ -91,15 +90,9 @@ def find_data_folder() -> Path:
     named = os.environ.get("SCENEWRIGHT_DATA")
     if named:
         return Path(named)
-    try:
-        home = Path.home()
-    except RuntimeError:
-        home = Path.cwd()
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "scenewright"
-    if sys.platform == "darwin":
-        return home / "Library" / "Application Support" / "scenewright"
-    return Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share") / "scenewright"
+    from platformdirs import user_data_path  # only here, so that the command line starts faster
+
+    return user_data_path("scenewright", appauthor=False)
 
 
 def load_map(name: str) -> IntersectionMap:

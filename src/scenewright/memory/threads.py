@@ -14,8 +14,9 @@ import weakref
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
+from filelock import BaseFileLock, FileLock, Timeout
 from langgraph.checkpoint.sqlite import SqliteSaver
 
 from scenewright.errors import InputError
@@ -88,7 +89,7 @@ class Threads:
         except (sqlite3.Error, OSError) as error:
             raise InputError(f"cannot use {self.path} for threads: {error}") from error
         self._lock = self.saver.lock
-        self._held: BinaryIO | None = None
+        self._held: BaseFileLock | None = None
 
     def keep(self, body: bytes) -> str:
         """The fingerprint under which the bytes are kept from now on."""
@@ -125,15 +126,11 @@ class Threads:
         """
         if self.path == ":memory:":
             return
-        try:
-            import fcntl
-        except ImportError:  # no such locks here: the last to write has the thread
-            return
         name = hashlib.sha256(thread.encode("utf-8", "surrogatepass")).hexdigest()[:16]
-        self._held = open(f"{self.path}.{name}.lock", "wb")  # noqa: SIM115 - held to the end
+        self._held = FileLock(f"{self.path}.{name}.lock")
         try:
-            fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
+            self._held.acquire(blocking=False)
+        except Timeout as error:
             raise InputError(
                 f"thread {thread} is open in another process; use another one"
             ) from error
@@ -141,6 +138,6 @@ class Threads:
     def close(self) -> None:
         """Lets go of the file."""
         if self._held is not None:
-            self._held.close()
+            self._held.release()
         with suppress(sqlite3.Error):
             self._close()

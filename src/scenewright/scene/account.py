@@ -14,14 +14,14 @@ Became = Literal[
     "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
     "time_of_day", "density", "background", "normal", "denied", "measure", "impact_point", "order",
     "signals", "road", "retracted", "manoeuvre", "motion", "object", "sight", "constraint",
-    "behavior", "manner", "nothing", "reaction",
+    "behavior", "manner", "nothing", "reaction", "encounter",
 ]  # fmt: skip
 """What words can become.
 
 `constraint` and `behavior` are no field of the plan: the waypoint filter turns the former into
 clauses, the event reasoner the latter into standstills. `object` is what stands, `sight` whom it
-hides; their value begins with its id. `manner` has no effect on tracks, `nothing`
-cannot be realised.
+hides, `encounter` what an agent does about it; their value begins with its id. `manner` has no
+effect on tracks, `nothing` cannot be realised.
 """
 
 BECAME: tuple[str, ...] = get_args(Became)

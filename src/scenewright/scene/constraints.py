@@ -235,10 +235,31 @@ class RunsYellow(Model):
     agent: AgentId
 
 
+class StopsAtYellow(Model):
+    """The vehicle brakes hard for a light that turns yellow as it comes, and stands at its line."""
+
+    clause: Literal["stops_at_yellow"] = "stops_at_yellow"
+    agent: VehicleId
+
+
+class BlocksJunction(Model):
+    """The vehicle passes its line on green and stands in the junction while its light is red."""
+
+    clause: Literal["blocks_junction"] = "blocks_junction"
+    agent: VehicleId
+
+
 class Pauses(Model):
     """The pedestrian stands still for a while on its way over the road."""
 
     clause: Literal["pauses"] = "pauses"
+    agent: PedestrianId
+
+
+class TurnsBack(Model):
+    """The pedestrian turns round on its way over the road and returns."""
+
+    clause: Literal["turns_back"] = "turns_back"
     agent: PedestrianId
 
 
@@ -271,6 +292,9 @@ UnaryClause = (
     | RunsYellow
     | AgentFigure
     | Pauses
+    | TurnsBack
+    | StopsAtYellow
+    | BlocksJunction
     | NoReaction
 )
 PairClause = (

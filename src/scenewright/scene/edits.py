@@ -340,7 +340,9 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
 
 
 def _drop_idle_hiding(graph: SocialGraph) -> SocialGraph:
-    """The graph in which nothing hides an agent from another that it has no relation with."""
+    """The graph in which nothing hides an agent from another that it has no relation with, and
+    no agent meets an object that is not there."""
+    there = {agent.id for agent in graph.agents}
     bound = {frozenset((edge.from_, edge.to)) for edge in graph.relations}
     free = {"hides": None, "hidden_from": None, "lead": None}
     objects = tuple(
@@ -348,6 +350,7 @@ def _drop_idle_hiding(graph: SocialGraph) -> SocialGraph:
         if each.hides is None or frozenset((each.hides, each.hidden_from)) in bound
         else each.model_copy(update=free)
         for each in graph.objects
+        if each.met_by in (None, *there)
     )
     return graph.model_copy(update={"objects": objects})
 

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from scenewright.scene.base import Model, is_left_out
-from scenewright.scene.social import ObjectKind, ObjectNode
+from scenewright.scene.social import Encounter, ObjectKind, ObjectNode
 from scenewright.scene.track import VEHICLE_SIZES
 
 OBJECT_SIZES: dict[str, tuple[float, float]] = {
@@ -55,6 +55,14 @@ class SightRecord(Model):
     object: str
     lead: tuple[float, float]
     between: str | None = Field(default=None, exclude_if=is_left_out)
+
+
+class EncounterRecord(Model):
+    """What an agent was to do about an object in its way: go round it, wait behind it, hit it."""
+
+    agent: int
+    object: str
+    how: Encounter
 
 
 def get_subtype(node: ObjectNode) -> str | None:

@@ -37,7 +37,9 @@ _NOUNS: dict[AgentClass, str] = {
 }  # fmt: skip
 _MOTIONS = {
     "runs": "runs across", "darts_out": "darts out",
-    "stops_midway": "stops in the middle of the crosswalk", "passes_yellow": "runs a yellow light",
+    "stops_midway": "stops in the middle of the crosswalk",
+    "turns_back": "turns back halfway across", "passes_yellow": "runs a yellow light",
+    "stops_at_yellow": "brakes hard for a yellow light", "blocks_junction": "blocks the box",
 }  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 

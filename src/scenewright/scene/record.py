@@ -18,7 +18,7 @@ from scenewright.scene.base import (
 )
 from scenewright.scene.events import EventZone
 from scenewright.scene.measures import MeasureKind
-from scenewright.scene.objects import ObjectRecord, SightRecord
+from scenewright.scene.objects import EncounterRecord, ObjectRecord, SightRecord
 from scenewright.scene.social import (
     AskedReaction,
     Cause,
@@ -171,7 +171,8 @@ class SceneRecord(Model):
     """A whole scene.json.
 
     Attributes:
-        objects: what stands; sights: whom it was to hide from whom.
+        objects: what stands; sights: whom it was to hide from whom; encounters: who was to do
+            what about an object in its way.
     """
 
     meta: SceneMeta
@@ -184,6 +185,7 @@ class SceneRecord(Model):
     said: tuple[SaidRecord, ...] = ()
     objects: tuple[ObjectRecord, ...] = Field(default=(), exclude_if=is_left_out)
     sights: tuple[SightRecord, ...] = Field(default=(), exclude_if=is_left_out)
+    encounters: tuple[EncounterRecord, ...] = Field(default=(), exclude_if=is_left_out)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""

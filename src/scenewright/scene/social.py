@@ -28,13 +28,15 @@ Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
 """How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
 `from` changes into the lane of `to`, ahead of it; or into its side."""
 
-PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
-"""How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
+PedestrianMotion = Literal["runs", "darts_out", "stops_midway", "turns_back"]
+"""How a pedestrian crosses: it runs, runs onto the road at once, stands still on the way, or turns
+round there and returns."""
 
 AskedReaction = Literal["none"]
 """How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""
-VehicleMotion = Literal["passes_yellow"]
-"""How a vehicle drives: over its stop line while the light is yellow."""
+VehicleMotion = Literal["passes_yellow", "stops_at_yellow", "blocks_junction"]
+"""How a vehicle drives: over its stop line while the light is yellow; it brakes hard for that; or
+it stands in the junction while its light is red."""
 
 Density = Literal["low", "medium", "high"]
 Subtype = Literal[
@@ -157,6 +159,9 @@ ObjectKind = Literal[
 """What stands: vehicles at the kerb, beside those parked there, in a lane, a bus at its stop; a
 cabinet or kiosk, a litter bin, a shipping container."""
 
+Encounter = Literal["goes_round", "waits_behind", "hits"]
+"""What a vehicle or rider does about an object in its way."""
+
 ObjectId = Annotated[str, Field(pattern=r"^object-[1-9][0-9]*$", max_length=32)]
 STANDING_VEHICLES = ("parked", "double_parked", "stalled", "bus_stop")
 
@@ -171,6 +176,7 @@ class ObjectNode(Model):
             what the two do.
         lead: least and most seconds between the first free line of sight and the event.
         beyond: the object that hides a pedestrian who comes out between it and this one.
+        met_by: whose way it is in, and `encounter` what that one does about it.
     """
 
     id: ObjectId
@@ -182,6 +188,8 @@ class ObjectNode(Model):
     hidden_from: AgentId | None = None
     lead: tuple[float, float] | None = None
     beyond: ObjectId | None = Field(default=None, exclude_if=is_left_out)
+    met_by: _VehicleId | None = Field(default=None, exclude_if=is_left_out)
+    encounter: Encounter | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -191,6 +199,10 @@ class ObjectNode(Model):
             raise ValueError(f"{self.id}: hides and hidden_from go together")
         if self.lead is not None and not 0 <= self.lead[0] < self.lead[1] <= 10:
             raise ValueError(f"{self.id}: lead must be two rising numbers of seconds up to 10")
+        if (self.met_by is None) != (self.encounter is None):
+            raise ValueError(f"{self.id}: met_by and encounter go together")
+        if self.encounter is not None and self.kind not in STANDING_VEHICLES:
+            raise ValueError(f"{self.id}: a {self.kind} stands in nobody's way")
         return self
 
 
@@ -269,6 +281,21 @@ class SocialGraph(Model):
                 )
             if each.hides is not None and not each.hides.startswith("pedestrian"):
                 raise ValueError(f"{each.id} can hide a pedestrian only, not {each.hides}")
+        self._check_encounters()
+
+    def _check_encounters(self) -> None:
+        """Who meets an object is there, meets no other, and only goes round one on the way to
+        something else."""
+        met = [each for each in self.objects if each.met_by is not None]
+        busy = {name for edge in self.relations for name in (edge.from_, edge.to)}
+        ids = {agent.id for agent in self.agents}
+        for each in met:
+            if each.met_by not in ids:
+                raise ValueError(f"{each.id} is met by {each.met_by}, who is not in the scene")
+            if sum(other.met_by == each.met_by for other in met) > 1:
+                raise ValueError(f"{each.met_by} can meet one object only")
+            if each.encounter != "goes_round" and each.met_by in busy:
+                raise ValueError(f"{each.met_by} ends at {each.id}, so no relation can bind it")
 
     def agent(self, agent_id: str) -> AgentNode:
         """The vertex with this id; KeyError if there is none."""

@@ -10,7 +10,7 @@ import pytest
 
 from scenewright.cli.main import main
 
-WORDS = ["evals", "understanding"]
+WORDS = ["evals", "understanding", "--whole"]
 
 
 def run(*words: str | Path) -> int:

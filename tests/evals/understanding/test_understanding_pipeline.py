@@ -67,7 +67,7 @@ def test_the_prompt_holds_entrances_and_findings_and_no_coordinates(row: Observa
     settings, backend = asking(all_north)
     understand(row, settings)
     _, wording = backend.speaker.asked[0]
-    assert "came from the" in wording.user
+    assert "first seen" in wording.user
     assert "Rule checker on the tracks that constant velocity predicts" in wording.user
     assert "north crosswalk" in wording.user
     assert "statistical model: leaves" in wording.user

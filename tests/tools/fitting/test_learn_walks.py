@@ -72,7 +72,7 @@ def test_a_survey_comes_back_as_it_was_written(file):
 def test_fit_moves_a_derived_crosswalk_and_says_so(file, place, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     options = dict.fromkeys(("center", "junction", "left_hand", "extent", "title", "licence"))
-    import_file(str(file), name="four", signals="keep", force=False, tell=print, **options)
+    import_file(str(file), name="four", signals="keep", force=False, log=print, **options)
     rows = ["t,id,class,x,y"]
     for n, xy in enumerate(walk_across(place, "east", 5.0, 8, beyond=4.0)):
         rows += [
@@ -81,7 +81,7 @@ def test_fit_moves_a_derived_crosswalk_and_says_so(file, place, tmp_path, monkey
     tracks = tmp_path / "walkers.csv"
     tracks.write_text("\n".join(rows) + "\n")
     names = ("columns", "origin", "shift", "start", "counts", "licence")
-    facts = fit_own("four", [str(tracks)], tell=lambda *_: None, **dict.fromkeys(names))
+    facts = fit_own("four", [str(tracks)], log=lambda *_: None, **dict.fromkeys(names))
     assert any("east: 8 people cross" in note for note in facts["notes"]), facts["notes"]
     moved = {each.leg: np.mean(each.centreline, axis=0) for each in load_map("four").crosswalks}
     old = {each.leg: np.mean(each.centreline, axis=0) for each in place.crosswalks}

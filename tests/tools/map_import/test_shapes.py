@@ -133,3 +133,58 @@ def test_a_light_of_a_stop_line_counts_without_a_lanelet_that_names_it():
     )
     (place,) = _list_lights(elements, {}, (0.0, 0.0))
     assert place == pytest.approx((1.11, 0.0), abs=0.01)
+
+
+def survey_divided_street(*crossings):
+    """A street with a 12 m wide median, met by another from the south."""
+    approaches = {
+        "east in": ([(90, 8), (15, 8)], "Main Street"),
+        "west in": ([(-90, -8), (-15, -8)], "Main Street"),
+        "south in": ([(2, -90), (2, -20)], "Mill Lane"),
+    }
+    exits = {
+        "east out": ([(15, -8), (90, -8)], "Main Street"),
+        "west out": ([(-15, 8), (-90, 8)], "Main Street"),
+    }
+    ways = [
+        ("east in", "west out", [(15, 8), (-15, 8)]),
+        ("west in", "east out", [(-15, -8), (15, -8)]),
+        ("south in", "east out", [(2, -20), (5, -11), (15, -8)]),
+        ("south in", "west out", [(2, -20), (0, 0), (-8, 8), (-15, 8)]),
+    ]
+    stages = [
+        SurveyCrossing(np.array([(x, y - 2.5), (x, y + 2.5)]), 3.0, source=f"stage at {x}, {y}")
+        for x, y in crossings
+    ]
+    return build_survey(approaches, exits, ways, stages)
+
+
+def test_the_two_stages_over_a_divided_street_are_one_crosswalk():
+    survey = survey_divided_street((25.0, 8.0), (25.0, -8.0))
+    legs = find_legs(survey)
+    found = choose_crossings(survey, legs)
+    ((k, mapped),) = found.by_leg.items()
+    assert legs[k].bearing == pytest.approx(0.0, abs=0.1)
+    assert len(mapped.stages) == 2
+    assert mapped.middle == pytest.approx((25.0, 0.0))
+    assert not found.left_out
+
+
+def test_of_staggered_stages_one_is_taken_and_the_other_is_named():
+    survey = survey_divided_street((25.0, 8.0), (45.0, -8.0))
+    found = choose_crossings(survey, find_legs(survey))
+    ((_, mapped),) = found.by_leg.items()
+    assert [stage.crossing.source for stage in mapped.stages] == ["stage at 25.0, 8.0"]
+    ((left, _, why),) = found.left_out
+    assert left.source == "stage at 45.0, -8.0"
+    assert "one crosswalk" in why
+
+
+def test_of_two_legs_equally_likely_a_stage_goes_to_that_of_its_other_stage():
+    # Between the mouths of Mill Lane's ways: the traffic over the southern carriageway is all
+    # through traffic, so that stage alone could be the west's or the east's.
+    survey = survey_divided_street((-12.0, 8.0), (-12.0, -8.0))
+    legs = find_legs(survey)
+    ((k, mapped),) = choose_crossings(survey, legs).by_leg.items()
+    assert abs(legs[k].bearing) == pytest.approx(np.pi, abs=0.1)
+    assert len(mapped.stages) == 2

@@ -122,3 +122,29 @@ def test_the_programme_of_a_network_is_kept(tmp_path):
     [signals] = [item for item in made.items if item.item == "signals"]
     assert signals.state == "read"
     check_no_clash(made.intersection_map)
+
+
+@needs_sumo
+def test_crossings_of_a_network_are_where_it_has_them_and_obey_its_programme(tmp_path):
+    net = map_files.sumo_net(
+        tmp_path / "walk.net.xml", (0, 90, 180, 270), kind="traffic_light", crossings=True
+    )
+    made = import_map(net, name="walk")
+    root = ElementTree.parse(net).getroot()
+    shapes = [
+        [tuple(map(float, point.split(","))) for point in edge.find("lane").attrib["shape"].split()]
+        for edge in root.iter("edge")
+        if edge.get("function") == "crossing"
+    ]
+    middles = [np.mean([shape[0], shape[-1]], axis=0) for shape in shapes]
+    place = made.intersection_map
+    assert [fact.origin for fact in made.crosswalks] == ["file"] * 4
+    for walk in place.crosswalks:
+        own = np.mean(walk.centreline, axis=0) + made.offset
+        assert min(np.hypot(*(own - middle)) for middle in middles) < 1.5
+    assert place.signals.cycle == pytest.approx(
+        sum(float(each.attrib["duration"]) for each in root.iter("phase"))
+    )
+    assert {walk for group in place.signals.groups for walk in group.crosswalks} == {
+        walk.id for walk in place.crosswalks
+    }

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from checker_tracks import CAR, EAST, NORTH, distance, line, plus_map
+from checker_tracks import CAR, EAST, NORTH, along, distance, line, plus_map
 from scenewright.scene.events import Event
 from scenewright.scene.record import AgentRecord, RelationRecord
 from scenewright.scene.track import PEDESTRIAN, Track
@@ -97,6 +97,24 @@ def test_how_a_pedestrian_crosses(motion: str, phases: tuple[Any, ...], seen: bo
     user = line(1, (14.0, -13.0), NORTH, s, shape=PEDESTRIAN)
     (track,) = observe([user]).tracks
     assert (describe_pedestrian_motion(motion, track, plus_map()) is not None) == seen
+
+
+@pytest.mark.parametrize(
+    ("out", "back", "struck", "seen"),
+    [(5.0, 9.0, False, True), (5.0, 1.0, False, False), (5.0, 1.0, True, True),
+     (5.0, 0.2, True, False), (1.5, 5.0, False, False), (14.0, 0.0, False, False)],
+)  # fmt: skip
+def test_who_turns_back_comes_well_onto_the_road_and_returns(
+    out: float, back: float, struck: bool, seen: bool
+) -> None:
+    """From 3.5 m south of the kerb, `out` metres over the road and `back` metres back."""
+    there = np.array([(14.0, -13.0), (14.0, -3.5 + out), (14.6, -3.5 + out)])
+    points = np.vstack((there, (14.6, -3.5 + out - back)))
+    long = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    user = along(1, points, distance(1.4, (0.0, long / 1.4)), shape=PEDESTRIAN)
+    (track,) = observe([user]).tracks
+    found = describe_pedestrian_motion("turns_back", track, plus_map(), struck=struck)
+    assert (found is not None) == seen
 
 
 def record(number: int, group: int | None) -> AgentRecord:

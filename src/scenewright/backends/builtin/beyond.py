@@ -14,19 +14,6 @@ _BEYOND = (
         "nobody drives against the direction of a lane; ask for a head-on collision",
     ),
     (
-        r"\bblock(?:s|ed|ing)? (?:the )?(?:box|junction|intersection|cross(?:ing)? traffic)\b",
-        "nobody stops in the middle of the junction; ask for a vehicle that gives way",
-    ),
-    (
-        r"\b(?:light|signal)s? (?:turns?|goes|changes? to|is turning) (?:yellow|amber)\b",
-        "of a yellow light, only that a vehicle runs it can be asked for",
-    ),
-    (
-        r"\b(?:turn(?:s|ed|ing)?|go(?:es|ing)?|walk(?:s|ing)?|runs?|running) back(?: \w+way)?\b|"
-        r"\bchanges? (?:her|his|its|their) mind\b",
-        "nobody turns back on the way; ask for one who stops midway",
-    ),
-    (
         r"\b(?:push(?:es|ed|ing)?|shov(?:es|ed|ing)|shunt(?:s|ed|ing)?) (?:it |her |him )?into\b|"
         r"\bpile-?up\b|\bchain reaction\b",
         "who is in a collision stays there; ask for one collision of each",

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 
 from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.draft import Refused, Site
+from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
 from scenewright.backends.builtin.phrases import is_of_phrase, says_a_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
-from scenewright.backends.builtin.reader.coverage import find_passed_over, passes_over_order
+from scenewright.backends.builtin.reader.coverage import (
+    find_passed_over,
+    passes_over_exception,
+    passes_over_order,
+)
 from scenewright.backends.builtin.reader.learned_plan import (
+    OPENERS,
     LearnedPlan,
     plan_reading,
+    read_again,
     read_plan,
 )
 from scenewright.backends.builtin.reader.negations import compile_negations
@@ -50,6 +57,11 @@ _TAKEN_BACK = re.compile(
 )
 _DENIED = compile_negations("nor", "instead", "all but", "either")
 MOST_OFFERS = 3
+LONGEST_READ_AGAIN = 600
+"""Characters of a text that is read again where there is doubt."""
+
+MOST_TRIED = 12
+"""Readings that are put into sentences for the offers, which have to be read again each."""
 
 _KNOWN: RecentCache[tuple[str, str | None, Site], Plan] = RecentCache(most=256)
 """One text is asked for with many seeds."""
@@ -99,6 +111,9 @@ def _plan_once(text: str, previous: str | None, site: Site) -> Plan:
     return _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
 
 
+_NO_MORE = ". Nothing else happens."
+
+
 @dataclass(frozen=True)
 class Readings:
     """Both readings of a text.
@@ -127,31 +142,64 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
-        rest, standing = take_out(text)
-        earlier = None if previous is None else take_out(previous)[0]
-        found = decide(read_twice(rest, earlier, site), site)
+        plain, met = take_out_encounters(text)
+        rest, standing = take_out(plain)
+        earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]
+        again = () if earlier else _read_after_openers(rest, site)
+        found = decide(read_twice(rest, earlier, site), site, again)
+        if isinstance(found, Refusal) and met:
+            # "A car drives" is no scene by itself, but with what it meets it is one.
+            found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
         if isinstance(found, Refusal):
             return found
+        found = add_encounters(found, met, text) if met else found
         return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
 
-def decide(readings: Readings, site: Site) -> Plan:
-    """The plan that both readings agree on, or a confident one; else what might be meant."""
+def _read_after_openers(text: str, site: Site) -> Iterator[LearnedPlan]:
+    """The learned reading after each opener; none of a text so long that it would take seconds."""
+    for opener in OPENERS if len(text) <= LONGEST_READ_AGAIN else ():
+        try:
+            yield read_again(text, opener, site=site)
+        except Refused:
+            return
+
+
+def decide(readings: Readings, site: Site, again: Iterable[LearnedPlan] = ()) -> Plan:
+    """The plan that both readings agree on, or a confident one; else what might be meant.
+
+    Args:
+        again: the learned reading of the same text after some openers, made only if need be.
+    """
     learned, other = readings.learned, readings.by_grammar
     if (readings.says_a_phrase or _names_pattern(other)) and not _loses_numbers(other, learned):
         return _with_account(_soften(other, learned.plan), learned)
-    doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
-    text = learned.reading.text
-    taken_back = _TAKEN_BACK.search(text) is not None
-    doubt = taken_back or _is_refused(learned.plan) or passes_over_order(learned.reading)
-    if agree(learned.plan, other) and not (doubtful and doubt):
+    if _are_one(learned, other):
         return _filled(learned.plan, other)
-    enough = SURE_OF_HARD if taken_back or _DENIED.search(text) else SURE
-    if learned.confidence >= enough and not _is_bare(learned.plan):
+    text = learned.reading.text
+    hard = _TAKEN_BACK.search(text) or _DENIED.search(text)
+    sure = learned.confidence >= (SURE_OF_HARD if hard else SURE) and not _is_bare(learned.plan)
+    if sure and learned.confidence >= SURE_OF_HARD:
         return learned.plan
-    return _offer(readings, site)
+    seconds = tuple(again)
+    for each in seconds:
+        if not isinstance(other, Refusal) and _are_one(each, other):
+            return _filled(each.plan, other)
+    if sure and all(agree(each.plan, learned.plan) for each in seconds):
+        return learned.plan
+    return _offer(readings, seconds, site)
+
+
+def _are_one(learned: LearnedPlan, other: Plan) -> bool:
+    """Whether a learned reading is that of the grammar, and no doubt is left beside it."""
+    reading = learned.reading
+    doubtful = learned.confidence < SURE and reading.kind == "scene"
+    taken_back = _TAKEN_BACK.search(reading.text) is not None
+    doubt = taken_back or _is_refused(learned.plan) or passes_over_order(reading)
+    doubt = doubt or passes_over_exception(reading)
+    return agree(learned.plan, other) and not (doubtful and doubt)
 
 
 def _soften(plan: Plan, learned: Plan) -> Plan:
@@ -231,7 +279,10 @@ def _is_bare(plan: Plan) -> bool:
     """
     if isinstance(plan, Refusal) or plan.relations or not plan.agents:
         return False
-    ways = any(a.entry or a.exit or a.movement or a.crosswalk or a.runs_red for a in plan.agents)
+    ways = any(
+        a.entry or a.exit or a.movement or a.crosswalk or a.runs_red or a.motion
+        for a in plan.agents
+    )
     said = {each.became for each in plan.said}
     return said.isdisjoint(("normal", "denied")) and not (ways and len(plan.agents) == 1)
 
@@ -289,10 +340,10 @@ def _essence(graph: SocialGraph) -> object:
 _SYMMETRIC = ("collide_at", "near_miss")
 
 
-def _offer(readings: Readings, site: Site) -> Refusal:
+def _offer(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> Refusal:
     """A refusal that quotes the doubtful words, with plain sentences that would be understood."""
     reading = readings.learned.reading
-    offers = tuple(islice(_sentences(readings, site), MOST_OFFERS))
+    offers = tuple(islice(_sentences(readings, again, site), MOST_OFFERS))
     doubtful = find_doubtful(reading)
     passed = find_passed_over(reading)
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
@@ -308,12 +359,14 @@ def _offer(readings: Readings, site: Site) -> Refusal:
     )
 
 
-def _sentences(readings: Readings, site: Site) -> Iterator[str]:
+def _sentences(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> Iterator[str]:
     """What the text may mean, likeliest first, each once and only if it would be understood."""
     known: set[str] = set()
     learned = readings.learned
     others = (plan_reading(each, site, "").plan for each in read_otherwise(learned.reading))
-    for plan in (learned.plan, readings.by_grammar, *others):
+    seconds = (each.plan for each in again)
+    candidates = chain((learned.plan, *seconds, readings.by_grammar), others)
+    for plan in islice(candidates, MOST_TRIED):
         if isinstance(plan, SocialGraph) and (plan.agents or plan.context != SceneContext()):
             sentence = describe_graph(plan)
             if sentence not in known and _understood(sentence, plan, site):
@@ -324,4 +377,9 @@ def _sentences(readings: Readings, site: Site) -> Iterator[str]:
 def _understood(sentence: str, meant: SocialGraph, site: Site) -> bool:
     """Whether a sentence would be read as it is meant."""
     learned, other = read_plan(sentence, site=site), read_by_grammar(sentence, None, site)
-    return agree(learned.plan, meant) and (learned.confidence >= SURE or agree(other, meant))
+    if not agree(learned.plan, meant):
+        return False
+    if agree(other, meant) or learned.confidence >= SURE_OF_HARD:
+        return True
+    seconds = _read_after_openers(sentence, site)
+    return learned.confidence >= SURE and all(agree(each.plan, meant) for each in seconds)

@@ -304,11 +304,24 @@ def _removed(
         return (SetBackground(vehicles=0, pedestrians=0),)
     if not groups:
         return None
+    rare = {_kind_of(each) for each in groups} & (_SUBTYPES - {"car"})
+    if rare and len(groups) == 1 and not groups[0].counted:
+        return _removed_kind(groups[0], situation)
     counts = _background(situation)
     for group in groups:
         kind = str(group.type)
         counts[kind] = max(counts[kind] - group.count, 0) if group.counted else 0
     return (_counted(counts, [str(each.type) for each in groups]),)
+
+
+def _removed_kind(group: Mention, situation: Situation) -> tuple[Edit, ...]:
+    """ "remove the buses": all of that kind in the background, and nobody else."""
+    kind = _kind_of(group)
+    others = [each for each in situation.present if each.role == "background"]
+    gone = [each.id for each in others if each.subtype == kind]
+    if not gone:
+        raise Refused("impossible", f"There is no {kind} among the others in this scene.")
+    return tuple(RemoveAgent(agent=each) for each in gone[:32])
 
 
 def _more_or_fewer(

@@ -17,110 +17,112 @@ from scenewright.scene.account import SaidSpan
 from scenewright.scene.social import MOST_OBJECTS, ObjectKind, ObjectNode, SocialGraph
 
 
-def _any(*words: str, then: str = "") -> str:
+def any_of(*words: str, then: str = "") -> str:
     """One of some words, each with the same to follow."""
     return f"(?:{'|'.join(words)}){then}"
 
 
-def _maybe(pattern: str) -> str:
+def maybe(pattern: str) -> str:
+    """The pattern, or nothing."""
     return f"(?:{pattern})?"
 
 
-_STATE = _maybe(_any("illegally", "legally", "badly", then=" ")) + _any(
+STATE = maybe(any_of("illegally", "legally", "badly", then=" ")) + any_of(
     r"double[- ]?parked", r"parked(?:[- ]up)?", "stalled", "stranded", "broken[- ]down",
     "disabled", "abandoned", "unloading",
 )  # fmt: skip
-_AT_REST = _any(_STATE, "stationary", "standing", "stopped", "waiting", "halted")
-_KIND_OF_VEHICLE = _any(
+AT_REST = any_of(STATE, "stationary", "standing", "stopped", "waiting", "halted")
+_KIND_OF_VEHICLE = any_of(
     "delivery", "moving", "removal", "panel", "box", "dump", "tow", "garbage", "bin", "fire",
     "police", "school", "city", "tour", "courier", "white", "red", "blue", "big", "large", "tall",
     "small", "long", "heavy", "cargo", then=" ",
 )  # fmt: skip
-_VEHICLE = f"(?:{_KIND_OF_VEHICLE})*" + _any(
+VEHICLE = f"(?:{_KIND_OF_VEHICLE})*" + any_of(
     "cars?", "vans?", "trucks?", "lorr(?:y|ies)", "bus(?:es)?", "coach(?:es)?", "taxis?", "cabs?",
     "suvs?", "pick-?ups?", "vehicles?", "minivans?", "minibus(?:es)?", "motorcycles?",
     "motorbikes?", "mopeds?", "ambulances?", "hgvs?", "tankers?", "campers?", "jeeps?", "sedans?",
 )  # fmt: skip
-_KIND_OF_THING = _any(
+_KIND_OF_THING = any_of(
     "large", "big", "tall", "metal", "litter", "rubbish", "trash", "garbage", "wheelie",
     "recycling", "shipping", "construction", "waste", "electrical", "utility", "switch", "control",
     "telephone", "phone", "news", "market", "wooden", "storage", then=" ",
 )  # fmt: skip
-_THING = f"(?:{_KIND_OF_THING})*" + _any(
+_THING = f"(?:{_KIND_OF_THING})*" + any_of(
     "bins?", "trash cans?", "dustbins?", "dumpsters?", "skips?", "containers?", "kiosks?",
     "cabinets?", "box(?:es)?", "booths?", "stalls?", "newsstands?",
 )  # fmt: skip
-_THE = _maybe(_any("an?", "the", "one", "another", "some", then=" "))
+THE = maybe(any_of("an?", "the", "one", "another", "some", then=" "))
 _ADJECTIVES = r"(?:(?!and\b|of\b|by\b|is\b|hits?\b)[\w-]+,? ){0,2}?"
-_THAT_IS = _maybe(r" (?:that|which) (?:is|was|has)")
+_THAT_IS = maybe(r" (?:that|which) (?:is|was|has)")
 _BUS_AT_STOP = (
-    f"{_THE}{_ADJECTIVES}(?:bus|coach){_THAT_IS}{_maybe(' (?:standing|stopped|waiting|stopping)')}"
+    f"{THE}{_ADJECTIVES}(?:bus|coach){_THAT_IS}{maybe(' (?:standing|stopped|waiting|stopping)')}"
     " (?:at|in) (?:a|the|its) (?:bus )?(?:stop|bay)"
 )
-_PARKED = _any(
-    f"{_THE}{_ADJECTIVES}{_STATE} {_ADJECTIVES}{_VEHICLE}", f"{_THE}{_VEHICLE}{_THAT_IS} {_STATE}"
+STANDING_VEHICLE = any_of(
+    f"{THE}{_ADJECTIVES}{STATE} {_ADJECTIVES}{VEHICLE}", f"{THE}{VEHICLE}{_THAT_IS} {STATE}"
 )
-_STANDS = _any(_BUS_AT_STOP, _PARKED, f"{_THE}{_THING}")
-_RESTS = _any(
-    _STANDS, f"{_THE}{_ADJECTIVES}{_AT_REST} {_VEHICLE}", f"{_THE}{_VEHICLE} {_AT_REST}",
-    f"{_THE}{_VEHICLE}",
+_STANDS = any_of(_BUS_AT_STOP, STANDING_VEHICLE, f"{THE}{_THING}")
+_RESTS = any_of(
+    _STANDS, f"{THE}{_ADJECTIVES}{AT_REST} {VEHICLE}", f"{THE}{VEHICLE} {AT_REST}",
+    f"{THE}{VEHICLE}",
 )  # fmt: skip
 """What hides a road user stands, whether the text says so or not: "from behind a bus"."""
 
 _COMPASS = r"(?:north|south|east|west)(?:ern)?(?:bound)?"
-_ON = _any(
+_ON = any_of(
     f"(?:on|at|in|along) the {_COMPASS}"
-    + _maybe(" (?:leg|arm|approach|exit|side|street|road|entry|kerb|curb|sidewalk|pavement)")
+    + maybe(" (?:leg|arm|approach|exit|side|street|road|entry|kerb|curb|sidewalk|pavement)")
     + "(?! ?(?:cross|zebra))",
-    f"{_any('before', 'by', 'at', 'near', 'beside', 'in front of', 'next to', 'ahead of')} the "
-    f"{_maybe(_COMPASS + ' ')}"
-    + _any("crosswalk", "zebra crossing", "crossing", "corner", "kerb", "curb", "kerbside",
+    f"{any_of('before', 'by', 'at', 'near', 'beside', 'in front of', 'next to', 'ahead of')} the "
+    f"{maybe(_COMPASS + ' ')}"
+    + any_of("crosswalk", "zebra crossing", "crossing", "corner", "kerb", "curb", "kerbside",
            "curbside", "bus stop", "stop line", "intersection", "junction"),
     "(?:on|by|at|along) the (?:sidewalk|pavement|roadside|kerb|curb|side|street|road)"
-    + _maybe(" of the (?:road|street)"),
-    "in (?:the|a|its) " + _maybe("(?:right|left|outer|inner|parking) ") + "(?:lane|bay)",
+    + maybe(" of the (?:road|street)"),
+    "in (?:the|a|its) " + maybe("(?:right|left|outer|inner|parking) ") + "(?:lane|bay)",
     "there",
 )  # fmt: skip
-_PLACE = _maybe(
-    f",? {_maybe(_any('standing', 'parked', 'waiting', then=' '))}"
-    f"{_maybe(_any('right', 'just', 'directly', 'close', 'shortly', then=' '))}{_ON}"
+PLACE = maybe(
+    f",? {maybe(any_of('standing', 'parked', 'waiting', then=' '))}"
+    f"{maybe(any_of('right', 'just', 'directly', 'close', 'shortly', then=' '))}{_ON}"
 )
 _SECONDS = rf"(?P<seconds>\d+(?:[.,]\d+)?|{'|'.join(TO_TWENTY)}|half a)"
-_EVENT = _any(
+_EVENT = any_of(
     "impact", "collision", "crash", "contact", "conflict", "near[- ]miss", "event", "incident",
     "encounter", "meet", "hit",
 )  # fmt: skip
-_LEAD = _maybe(
+_LEAD = maybe(
     ",? "
-    + f"(?:{_any('and', 'but', 'is', 'was', 'only', 'just', 'first', 'becomes', then=' ')})*"
-    + _maybe(_any("until", "till", "up to", "visible", "seen", "in(?:to)? (?:view|sight)"))
-    + f"(?: {_any('only', 'just', 'about', 'for', 'from', 'at', 'some')})*"
+    + f"(?:{any_of('and', 'but', 'is', 'was', 'only', 'just', 'first', 'becomes', then=' ')})*"
+    + maybe(any_of("until", "till", "up to", "visible", "seen", "in(?:to)? (?:view|sight)"))
+    + f"(?: {any_of('only', 'just', 'about', 'for', 'from', 'at', 'some')})*"
     + rf" ?{_SECONDS}[ -]?(?:s|secs?|seconds?)\b"
-    + _maybe(f" (?:before|prior to|ahead of) {_maybe('(?:the|they|it|an?) ')}{_EVENT}")
+    + maybe(f" (?:before|prior to|ahead of) {maybe('(?:the|they|it|an?) ')}{_EVENT}")
 )
 _DRIVER = r"(?:driver|car|van|truck|bus|vehicle|taxi|motorcycle|motorcyclist)"
 _WALKER = r"(?:pedestrian|woman|man|child|boy|girl|walker|person|kid)"
 _VIEW = r"(?:view|sight|line of sight|sightline|vision)"
 _HIDDEN = (
-    _any("hidden", "obscured", "occluded", "concealed", "masked", "screened", "blocked", "covered",
-         "obstructed", "shielded", "invisible", "unseen", "not visible", "out of (?:sight|view)")
-    + _maybe(f" (?:from|to|for) (?:{_VIEW}|the {_DRIVER}{_maybe(chr(39) + 's ' + _VIEW)})")
-    + _maybe(" (?:at first|initially)")
+    any_of("hidden", "obscured", "occluded", "concealed", "masked", "screened", "blocked",
+           "covered", "obstructed", "shielded", "invisible", "unseen", "not visible",
+           "out of (?:sight|view)")
+    + maybe(f" (?:from|to|for) (?:{_VIEW}|the {_DRIVER}{maybe(chr(39) + 's ' + _VIEW)})")
+    + maybe(" (?:at first|initially)")
     + " (?:by|behind|because of)"
 )  # fmt: skip
 _BLOCKED_VIEW = (
-    _maybe(_any("because", "as", "since", "while", "with", "and", then=" "))
-    + rf"(?:the {_DRIVER}(?:'s)?|its|his|her|their|the) {_maybe('driver.s ')}{_VIEW}"
-    + _maybe(r" of (?:the \w+|her|him|them|it)")
-    + _maybe(" (?:is|was|being|gets|got)")
+    maybe(any_of("because", "as", "since", "while", "with", "and", then=" "))
+    + rf"(?:the {_DRIVER}(?:'s)?|its|his|her|their|the) {maybe('driver.s ')}{_VIEW}"
+    + maybe(r" of (?:the \w+|her|him|them|it)")
+    + maybe(" (?:is|was|being|gets|got)")
     + " (?:blocked|obstructed|obscured|hidden|restricted|occluded) by"
 )
 _CANNOT_SEE = (
-    _maybe(_any("and", "but", "who", "whose driver", "the driver", then=" "))
-    + _any("cannot", "can't", "could not", "couldn't", "does not", "doesn't", "did not", "didn't")
+    maybe(any_of("and", "but", "who", "whose driver", "the driver", then=" "))
+    + any_of("cannot", "can't", "could not", "couldn't", "does not", "doesn't", "did not", "didn't")
     + r" see (?:the \w+|her|him|them|it) (?:because of|due to|past|behind|for)"
 )
-_WHO = _any(
+_WHO = any_of(
     ",? ?(?:who|that|which) (?:(?:is|was|had been|has been|were) )?", ",? ?(?:is|was|being) ", ""
 )
 _OUT = r"(?P<out>(?:emerg(?:es?|ed|ing)|appear(?:s|ed|ing)?|(?:com(?:es?|ing)|came|pops?) out) )?"
@@ -128,25 +130,25 @@ _OUT = r"(?P<out>(?:emerg(?:es?|ed|ing)|appear(?:s|ed|ing)?|(?:com(?:es?|ing)|ca
 _HIDING = re.compile(
     rf"(?:,? ?(?:{_BLOCKED_VIEW}|{_CANNOT_SEE})|"
     rf"{_WHO}(?:{_HIDDEN}|{_OUT}(?P<behind>(?:from )?behind))) "
-    rf"(?P<object>{_RESTS}){_PLACE}{_LEAD}",
+    rf"(?P<object>{_RESTS}){PLACE}{_LEAD}",
     re.IGNORECASE,
 )
 """A road user comes from behind an object, is hidden by it, or a view is blocked by it."""
 _BETWEEN = re.compile(
     rf"{_WHO}{_OUT}(?:from )?(?:in )?between (?P<object>"
-    rf"(?:(?:two|some|the|several|a row of|rows of) )?{_ADJECTIVES}parked {_VEHICLE})"
-    rf"{_PLACE}{_LEAD}",
+    rf"(?:(?:two|some|the|several|a row of|rows of) )?{_ADJECTIVES}parked {VEHICLE})"
+    rf"{PLACE}{_LEAD}",
     re.IGNORECASE,
 )
 """A pedestrian comes out between two vehicles at the kerb."""
 _STANDS_FOR_SURE = re.compile(_STANDS, re.IGNORECASE)
 
 _HIDES = re.compile(
-    rf"(?P<object>{_STANDS}){_PLACE},? (?:that |which )?"
-    + _any("hides?", "conceals?", "obscures?", "occludes?", "screens?", "masks?", "blocks?",
+    rf"(?P<object>{_STANDS}){PLACE},? (?:that |which )?"
+    + any_of("hides?", "conceals?", "obscures?", "occludes?", "screens?", "masks?", "blocks?",
            "covers?", "obstructs?")
     + rf" (?:(?:the|a) {_WALKER}|her|him|them"
-    + rf"|(?:the |his |her |its )?{_maybe(_DRIVER + '.s ')}{_VIEW})"
+    + rf"|(?:the |his |her |its )?{maybe(_DRIVER + '.s ')}{_VIEW})"
     + rf"(?: (?:of|to|from) (?:the (?:{_WALKER}|{_DRIVER})|her|him|{_VIEW})(?:'s {_VIEW})?)*"
     + _LEAD,
     re.IGNORECASE,
@@ -165,20 +167,20 @@ _SEEN = re.compile(
 
 _THERE = re.compile(
     ",? ?"
-    + _maybe(_any("and", "while", "where", then=" "))
-    + _any("there(?:'s| is| are| stands?)", "with", "past", "next to", "beside", "near")
-    + f" (?P<object>{_STANDS}){_maybe(' (?:standing|waiting|parked|stands)')}{_PLACE}"
+    + maybe(any_of("and", "while", "where", then=" "))
+    + any_of("there(?:'s| is| are| stands?)", "with", "past", "next to", "beside", "near")
+    + f" (?P<object>{_STANDS}){maybe(' (?:standing|waiting|parked|stands)')}{PLACE}"
     + f"|(?P<subject>{_STANDS}) (?:is|stands|sits|waits|has (?:stalled|broken down))"
-    + f"{_maybe(' (?:standing|parked|waiting|there)')}{_PLACE}"
-    + f"|(?P<parked>{_THE}{_VEHICLE} (?:is|was|has|stands|has been) {_STATE}){_PLACE}"
-    + rf"|(?P<alone>^{_THE}{_VEHICLE} {_STATE}){_PLACE}(?=\s*[;:.])",
+    + f"{maybe(' (?:standing|parked|waiting|there)')}{PLACE}"
+    + f"|(?P<parked>{THE}{VEHICLE} (?:is|was|has|stands|has been) {STATE}){PLACE}"
+    + rf"|(?P<alone>^{THE}{VEHICLE} {STATE}){PLACE}(?=\s*[;:.])",
     re.IGNORECASE,
 )
 """An object is there."""
 
 _ADDED = re.compile(
     r"(?:please |now |then |also )*(?:add|put|place|park|include|insert|have|let) "
-    rf"(?P<object>{_STANDS})(?: (?:stand|be|there))?{_PLACE}"
+    rf"(?P<object>{_STANDS})(?: (?:stand|be|there))?{PLACE}"
     r"(?P<hides>,? (?:so )?(?:that |which |to )?(?:it )?"
     rf"(?:hid(?:es?|ing)|block(?:s|ing)?|conceals?|obscures?) [\w' ]+?{_LEAD})?[.!]?$",
     re.IGNORECASE,
@@ -288,7 +290,7 @@ def _find_kind(words: str) -> ObjectKind:
         return "stalled"
     if re.search(r"\b(?:bus|buses|coach|minibus)\b", low) and "parked" not in low:
         return "bus_stop"
-    if re.search(rf"\b{_VEHICLE}\b", low):
+    if re.search(rf"\b{VEHICLE}\b", low):
         return "parked"
     if re.search(r"container|skip|dumpster", low):
         return "container"

@@ -1,7 +1,7 @@
 """Any chat model that LangChain reaches, by name: `anthropic:MODEL`, `openai:MODEL`.
 
 With a base URL, an OpenAI-compatible endpoint such as a vLLM server. `naming` makes the model,
-`faults` says what an exception amounts to, `patience` waits between attempts, `transport` bounds
+`faults` says what an exception amounts to, `retry` asks again after pauses, `transport` bounds
 what an endpoint may send, `model` puts the question.
 """
 

@@ -16,7 +16,7 @@ from scenewright.backends.chat.faults import (
     is_filtered,
 )
 from scenewright.backends.chat.naming import Endpoint
-from scenewright.backends.chat.patience import RetryPolicy, retry_transient
+from scenewright.backends.chat.retry import RetryPolicy, retry_transient
 from scenewright.backends.spoken import Said
 
 _CUT_OFF = ("length", "max_tokens", "model_length")
@@ -40,7 +40,7 @@ class Limits:
     timeout: float = 60.0
     tokens: int = 3000
     at_once: int = 8
-    patience: RetryPolicy = field(default_factory=RetryPolicy)
+    retries: RetryPolicy = field(default_factory=RetryPolicy)
 
 
 class ChatModel:
@@ -62,7 +62,7 @@ class ChatModel:
     def say(self, question: Question, wording: Wording) -> Said:
         """The reply (see `Speaker`)."""
         said, asked = retry_transient(
-            lambda: self._ask_once(question, wording), patience=self._limits.patience
+            lambda: self._once(question, wording), policy=self._limits.retries
         )
         return Said(
             text=hide_key(said.text, self._key),
@@ -72,34 +72,34 @@ class ChatModel:
             output_tokens=said.output_tokens,
         )
 
-    def _ask_once(self, question: Question, wording: Wording) -> Said:
+    def _once(self, question: Question, wording: Wording) -> Said:
         try:
             with self._turn:
-                return self._call_model(question, wording)
+                return self._invoke(question, wording)
         except Exception as error:
             if is_cut_off(error):
                 return self._cut_off(error)
             if is_filtered(error):
-                return Said("", fault=_describe_declined("content filter"))
+                return Said("", fault=_declined("content filter"))
             fault = convert_fault(error, model=self.name, key=self._key)
             if fault is None:
                 raise
             raise fault from None
 
-    def _call_model(self, question: Question, wording: Wording) -> Said:
+    def _invoke(self, question: Question, wording: Wording) -> Said:
         messages = [("system", wording.system), ("human", wording.user)]
         for _ in range(len(_OPTIONAL) + len(self._forms) - 1):
-            options = self._build_options(question, wording)
+            options = self._options(question, wording)
             try:
-                return _read_completion(self._model.invoke(messages, **options))
+                return _said(self._model.invoke(messages, **options))
             except Exception as error:
                 refused = find_refused_option(error)
                 if refused not in options:
                     raise
                 self._leave_out(str(refused), options)
-        return _read_completion(self._model.invoke(messages))
+        return _said(self._model.invoke(messages))
 
-    def _build_options(self, question: Question, wording: Wording) -> dict[str, Any]:
+    def _options(self, question: Question, wording: Wording) -> dict[str, Any]:
         """The reply's schema and, where models take them, a temperature and a seed."""
         options: dict[str, Any] = {}
         forms = self._forms
@@ -123,7 +123,7 @@ class ChatModel:
         usage = getattr(getattr(error, "completion", None), "usage", None)
         return Said(
             "",
-            fault=_describe_too_long(),
+            fault=_too_long(),
             input_tokens=_count(getattr(usage, "prompt_tokens", None)),
             output_tokens=_count(getattr(usage, "completion_tokens", None)),
         )
@@ -135,40 +135,40 @@ def _form(kind: str, task: str, schema: dict[str, Any]) -> dict[str, Any]:
     return {"type": kind, **({kind: told} if kind == "json_schema" else {"schema": schema})}
 
 
-def _read_completion(message: Any) -> Said:
+def _said(message: Any) -> Said:
     usage = message.usage_metadata or {}
     return Said(
-        text=_extract_text(message.content),
-        fault=_find_fault(message),
+        text=_text(message.content),
+        fault=_fault(message),
         input_tokens=_count(usage.get("input_tokens")),
         output_tokens=_count(usage.get("output_tokens")),
     )
 
 
-def _find_fault(message: Any) -> str | None:
+def _fault(message: Any) -> str | None:
     """Why a reply is none, whatever it says."""
     told: Mapping[str, Any] = message.response_metadata or {}
     ended = told.get("finish_reason") or told.get("stop_reason")
     refused = (message.additional_kwargs or {}).get("refusal")
     if ended in _CUT_OFF:
-        return _describe_too_long()
+        return _too_long()
     if refused or ended in _REFUSED:
-        return _describe_declined(refused if isinstance(refused, str) else str(ended))
+        return _declined(refused if isinstance(refused, str) else str(ended))
     if message.tool_calls or message.invalid_tool_calls:
         return "the reply calls a tool; there are none, answer with one JSON object"
     return None
 
 
-def _describe_too_long() -> str:
+def _too_long() -> str:
     return "the reply was cut off before its end; answer with less, as one JSON object"
 
 
-def _describe_declined(why: str) -> str:
+def _declined(why: str) -> str:
     words = " ".join("".join(c if c.isprintable() else " " for c in why[:400]).split())
     return f"the model declined to answer ({words[:160]}); this is a simulated traffic scene"
 
 
-def _extract_text(content: str | Sequence[Any]) -> str:
+def _text(content: str | Sequence[Any]) -> str:
     """The text of a reply; parts of other kinds, such as thoughts, are passed over."""
     if isinstance(content, str):
         return content

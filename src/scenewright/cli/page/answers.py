@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Awaitable, Callable
+from functools import wraps
 from typing import Any
 
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
@@ -25,6 +26,7 @@ class BusyError(Exception):
 def answer_safely(answer: Answer) -> Answer:
     """The route, with what goes wrong as one line of JSON."""
 
+    @wraps(answer)
     async def run(request: Request) -> Response:
         try:
             return await answer(request)
@@ -53,13 +55,20 @@ def refuse(status: int, reason: str) -> JSONResponse:
 
 
 async def read_bytes(request: Request, limit: int) -> bytes:
-    """The body of a request; InputError if it is longer than `limit` bytes."""
+    """The body of a request.
+
+    Raises:
+        InputError: it is longer than `limit` bytes, or ends before its length.
+    """
     parts, size = [], 0
-    async for part in request.stream():
-        size += len(part)
-        if size > limit:
-            raise InputError(f"this may have at most {limit:,} bytes")
-        parts.append(part)
+    try:
+        async for part in request.stream():
+            size += len(part)
+            if size > limit:
+                raise InputError(f"this may have at most {limit:,} bytes")
+            parts.append(part)
+    except ClientDisconnect as error:
+        raise InputError("the request ended before its body") from error
     return b"".join(parts)
 
 

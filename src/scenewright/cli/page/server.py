@@ -31,6 +31,7 @@ from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversation, Conversations
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
+from scenewright.cli.page.schema import describe_routes
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.intersections import list_intersections, load_map
 
@@ -96,7 +97,7 @@ class Page:
     def list_routes(self) -> list[Route]:
         """Every address that the page asks for."""
         post = ["POST"]
-        return [
+        routes = [
             Route("/", self.send_index),
             *(Route(f"/{name}", _send_asset) for name in _ASSETS),
             Route("/api/start", answer_safely(self.describe_start)),
@@ -112,6 +113,7 @@ class Page:
             *self._batches.list_routes(),
             *self._own_maps.list_routes(),
         ]
+        return [*routes, describe_routes(routes)]
 
     async def send_index(self, _request: Request) -> Response:
         """The page itself."""

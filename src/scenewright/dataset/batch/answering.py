@@ -9,7 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
+
+from filelock import BaseFileLock, FileLock, Timeout
 
 from scenewright.backends import Backend, Question, Task, load_backend
 from scenewright.backends.staged import Staged
@@ -110,33 +112,22 @@ class _Turns:
     @contextmanager
     def turn(self) -> Iterator[None]:
         """Waits for one and holds it."""
-        stream = self._taken()
+        lock = self._take()
         try:
             yield
         finally:
-            stream.close()
+            lock.release()
 
-    def _taken(self) -> BinaryIO:
+    def _take(self) -> BaseFileLock:
         # Each begins elsewhere, so that not all of them try for the first one.
         first = os.getpid() % len(self._files)
         while True:
             for file in (*self._files[first:], *self._files[:first]):
-                stream = file.open("ab")
-                if _locked(stream):
-                    return stream
-                stream.close()
+                lock = FileLock(file)
+                with suppress(Timeout):
+                    lock.acquire(blocking=False)
+                    return lock
             time.sleep(_PAUSE)
-
-
-def _locked(stream: BinaryIO) -> bool:
-    with suppress(ImportError):  # where there is no such lock, each worker puts its own question
-        import fcntl
-
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return False
-    return True
 
 
 def _taking_turns(backend: Backend, turns: _Turns) -> Backend:

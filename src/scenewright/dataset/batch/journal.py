@@ -9,11 +9,13 @@ import json
 import os
 from array import array
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self
+
+from filelock import FileLock, Timeout
 
 from scenewright.dataset.batch.worker import json_bytes
 from scenewright.errors import InputError
@@ -179,16 +181,12 @@ def sole_writer(folder: Path, name: str, *, patient: bool = False) -> Iterator[N
     Raises:
         InputError: there is one.
     """
-    with (folder / f".{name}.lock").open("ab") as stream:
-        try:
-            _lock(stream, patient=patient)
-        except OSError as error:
-            raise InputError(f"another run is writing into {folder}; wait for it") from error
+    lock = FileLock(folder / f".{name}.lock")
+    try:
+        lock.acquire(blocking=patient)
+    except Timeout as error:
+        raise InputError(f"another run is writing into {folder}; wait for it") from error
+    try:
         yield
-
-
-def _lock(stream: BinaryIO, *, patient: bool) -> None:
-    with suppress(ImportError):  # where there is no such lock, runs must not be doubled by hand
-        import fcntl
-
-        fcntl.flock(stream, fcntl.LOCK_EX | (0 if patient else fcntl.LOCK_NB))
+    finally:
+        lock.release()

@@ -32,7 +32,8 @@ class Options:
         backend: who answers, as the command line names it.
         base_url: of the endpoint that serves the backend's model, where it has one.
         lenient: words that cannot be realised are left out and listed, not refused.
-        max_agents: most agents of a scene; None for as many as its time of day has.
+        max_agents: most agents of a scene; what the environment says where none is named, so that
+            the dataset's own files tell; None for as many as the time of day has.
         time_limit: longest that a scene may be computed [s]; it may change from run to run, as it
             never changes a scene.
     """
@@ -46,6 +47,11 @@ class Options:
     lenient: bool = False
     max_agents: int | None = None
     time_limit: float = DEFAULT_LIMIT
+
+    def __post_init__(self) -> None:
+        from scenewright.graph.run import choose_max_agents
+
+        object.__setattr__(self, "max_agents", choose_max_agents(self.max_agents))
 
     def settings(self) -> dict[str, Any]:
         """As plain JSON."""

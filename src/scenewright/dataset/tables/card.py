@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -91,22 +90,25 @@ the bundle's `bundle.toml`."""
 
 
 def _front_matter(contents: Contents) -> str:
+    from huggingface_hub import DatasetCardData
+
     rows = contents.tables.get("scenes", 0)
     size = next((name for most, name in _SIZES if rows < most), "n>1M")
-    lines = [
-        "---",
-        f"license: {LICENCE}",
-        f"pretty_name: {json.dumps(escape_markdown(contents.title), ensure_ascii=False)}",
-        "language: [en]",
-        f"size_categories: [{json.dumps(size)}]",
-        "tags: [traffic, trajectories, synthetic, safety-critical events]",
-        "configs:",
-    ]
-    for name in TABLES:
-        lines.append(f"- config_name: {name}")
-        lines += ["  default: true"] if name == "scenes" else []
-        lines += ["  data_files:", "  - split: train", f"    path: tables/{name}.parquet"]
-    return "\n".join([*lines, "---"])
+    data = DatasetCardData(
+        license=LICENCE,
+        pretty_name=escape_markdown(contents.title),
+        language=["en"],
+        size_categories=[size],
+        tags=["traffic", "trajectories", "synthetic", "safety-critical events"],
+        configs=[_describe_config(name) for name in TABLES],
+    )
+    return f"---\n{data.to_yaml()}\n---"
+
+
+def _describe_config(name: str) -> dict[str, Any]:
+    files = [{"split": "train", "path": f"tables/{name}.parquet"}]
+    default = {"default": True} if name == "scenes" else {}
+    return {"config_name": name, **default, "data_files": files}
 
 
 def _counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str:

@@ -113,7 +113,7 @@ def _list_renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
     More agents of a class than `_MOST_PERMUTED` are taken in order of mention.
     """
     result: list[dict[str, str]] = [{}]
-    for kind in ("vehicle", "pedestrian"):
+    for kind in sorted({agent["type"] for row in (expected, predicted) for agent in row["agents"]}):
         ours = [agent["id"] for agent in predicted["agents"] if agent["type"] == kind]
         theirs = [agent["id"] for agent in expected["agents"] if agent["type"] == kind]
         if len(ours) != len(theirs):

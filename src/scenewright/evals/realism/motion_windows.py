@@ -1,11 +1,12 @@
 """Windows of 3.2 s of one agent's motion, as features for a classifier.
 
-Positions are smoothed over 1 s first, on both sides: real ones jitter, and no classifier shall win
-by that. Nothing in a window says where on a map it was.
+Positions are smoothed over 1 s in all first, on both sides: real ones jitter, and no classifier
+shall win by that. Nothing in a window says where on a map it was.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,8 +20,10 @@ from scenewright.scene.track import STEP, Track
 
 SPAN = 32
 """Steps of 0.1 s in a window."""
-SMOOTHING = 1.0
-"""Standard deviation of the Gaussian that goes over positions first [s]."""
+SMOOTHING = 1.0 / math.sqrt(12.0)
+"""Standard deviation of the Gaussian that goes over positions first [s]: that of a mean over 1 s. A
+Gaussian with a standard deviation of 1 s would reach over 6 s, twice the length of a window, and
+hide how speeds change within one."""
 TRIMMED = 5
 """Samples left out at either end of a track, where the smoothing has but one side."""
 EVERY = 4

@@ -9,7 +9,6 @@ from scenewright.evals.satisfaction.collect import read_submission
 from scenewright.evals.satisfaction.judge import Submission, Verdict, judge
 from scenewright.evals.satisfaction.report import (
     count_verdicts,
-    enter_leaderboard,
     to_json,
     to_markdown,
 )
@@ -18,7 +17,6 @@ __all__ = [
     "Submission",
     "Verdict",
     "count_verdicts",
-    "enter_leaderboard",
     "judge",
     "read_submission",
     "to_json",

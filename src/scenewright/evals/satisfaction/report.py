@@ -1,19 +1,14 @@
-"""Instruction satisfaction as figures, and a leaderboard of submissions."""
+"""Instruction satisfaction as figures."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.tables.card import escape_markdown
-from scenewright.errors import InputError
 from scenewright.evals.markdown import format_table
 from scenewright.evals.planning import Share
 from scenewright.evals.satisfaction.judge import Verdict
-from scenewright.files import write_atomically
 
 RATES: Mapping[str, str] = {
     "satisfied": "instruction satisfaction rate: scenes that show what was said and nothing else",
@@ -50,7 +45,7 @@ def _to_figure(share: Share) -> dict[str, Any]:
 
 def to_markdown(shares: Mapping[str, Share], verdicts: Sequence[Verdict]) -> str:
     """The figures, and why scenes are wrong."""
-    rows = [[RATES[name], f"{s.right} / {s.n}", _format_percent(_to_figure(s))]
+    rows = [[RATES[name], f"{s.right} / {s.n}", format_share(_to_figure(s))]
             for name, s in shares.items()]  # fmt: skip
     reasons = Counter(_sort_of(each.reason) for each in verdicts if each.outcome == "wrong")
     parts = [format_table(["figure", "count", "share [95 %]"], rows)]
@@ -66,46 +61,9 @@ def _sort_of(reason: str | None) -> str:
     return " ".join(words[:2] if words[:1] == ["unasked"] else words[:4])
 
 
-def _format_percent(figure: Mapping[str, Any]) -> str:
+def format_share(figure: Mapping[str, Any]) -> str:
+    """Format `rate` and `interval` in percent."""
     if figure["rate"] is None:
         return "–"
     low, high = figure["interval"]
     return f"{100 * figure['rate']:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
-
-
-def enter_leaderboard(board: Path, name: str, figures: Mapping[str, Any]) -> Path:
-    """Puts a submission on a board (a JSON file) and redraws the page beside it; the page.
-
-    Raises:
-        InputError: the file is no board.
-    """
-    entries = _read_board(board)
-    entries[name] = dict(figures)
-    data = json.dumps({"schema_version": 1, "entries": entries}, ensure_ascii=False, indent=1)
-    write_atomically(board, (data + "\n").encode("utf-8"))
-    page = board.with_suffix(".md")
-    write_atomically(page, _draw_page(entries).encode("utf-8"))
-    return page
-
-
-def _read_board(board: Path) -> dict[str, Any]:
-    if not board.exists():
-        return {}
-    try:
-        entries = json.loads(board.read_bytes())["entries"]
-        for each in entries.values():
-            _ = [each[key]["rate"] for key in RATES]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{board} is no leaderboard; name another file for --board") from error
-    return dict(entries)
-
-
-def _draw_page(entries: Mapping[str, Any]) -> str:
-    ordered = sorted(entries.items(), key=lambda each: -(each[1]["satisfied"]["rate"] or 0.0))
-    rows = [
-        [escape_markdown(name, longest=80), *(_format_percent(each[key]) for key in RATES)]
-        for name, each in ordered
-    ]
-    told = "\n".join(f"- *{key}*: {meaning}" for key, meaning in RATES.items())
-    table = format_table(["submission", *RATES], rows)
-    return f"# Leaderboard: instructions satisfied\n\n{table}\n\n{told}\n"

@@ -106,14 +106,25 @@ def make_tables(
     )
 
 
+def _load_clips_or_scenes(folder: Path, log: Callable[[str], None]) -> list[Any]:
+    """Load the clips of the test half; where none can be cut, whole scenes, and say so."""
+    from scenewright.evals.understanding.evaluate import load_cases
+
+    try:
+        return list(load_cases(folder, split="test", log=log))
+    except InputError as error:
+        log(f"Table 3 is of whole scenes: {error}")
+        return list(load_cases(folder, split="test", whole=True, log=log))
+
+
 def produce_table_3(
     folder: Path, *, log: Callable[[str], None] = lambda _: None
 ) -> dict[str, tuple[str, ...]]:
     """Table 3 on the test half: a row for each method that runs without a language model."""
-    from scenewright.evals.understanding.evaluate import evaluate, load_cases
+    from scenewright.evals.understanding.evaluate import evaluate
 
     try:
-        cases = load_cases(folder, split="test", log=log)
+        cases = _load_clips_or_scenes(folder, log)
     except InputError as error:
         log(f"no Table 3: {error}")
         return {}
@@ -129,7 +140,7 @@ def produce_table_3(
 
 
 def _format_row_of_3(rows: Mapping[float, Any]) -> tuple[str, ...]:
-    intent, relations = rows[INTENT_AT].intent, rows[RELATION_AT].relations
+    intent, relations = rows[INTENT_AT].intent, rows[RELATION_AT].strict
     cells = [
         *(intent.get(name) for name in ("pedestrian", "vehicle", "overall")),
         *(relations.get(name) for name in ("normal", "collision", "yielding", "macro")),

@@ -20,12 +20,14 @@ EVENTS_AT = (6.0, 20.0)
 
 @dataclass(frozen=True, eq=False)
 class SceneCase:
-    """One scene to be understood.
+    """One scene or clip to be understood.
 
     Attributes:
-        id: name of its folder; named: the gravest event it was made for; None if for none.
+        scene: name of the scene's folder; id: the same, or of the clip cut from it.
+        named: the gravest event it was made for; None if for none.
     """
 
+    scene: str
     id: str
     record: SceneRecord
     labels: Labels
@@ -74,7 +76,7 @@ def read_case(folder: Path) -> SceneCase:
     types = {event.type for event in proof.events}
     named = next((kind for kind in RELATIONS if kind in types), None)
     return SceneCase(
-        folder.name, record, extract_labels(record, proof, scene=folder.name), named
+        folder.name, folder.name, record, extract_labels(record, proof, scene=folder.name), named
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from scenewright.evals.understanding.cases import (
     list_scenes,
     read_case,
 )
+from scenewright.evals.understanding.clips import cut_clips, read_source
 from scenewright.evals.understanding.methods import find_method
 from scenewright.evals.understanding.observation import WINDOWS, ObservationRow, observe
 from scenewright.evals.understanding.predictions import (
@@ -54,21 +55,27 @@ class MethodScores:
 
 
 def load_cases(
-    folder: Path, *, split: Split | None, log: ProgressLog = lambda _: None
+    folder: Path, *, split: Split | None, whole: bool = False, log: ProgressLog = lambda _: None
 ) -> list[SceneCase]:
-    """Load the scenes to be understood, all at one intersection, in the order of their codes.
+    """Load the clips to be understood, all at one intersection, in the order of their codes.
 
-    Scenes in which a requested event happens too early or too late are left out.
+    Args:
+        whole: load whole scenes instead, without those in which a requested event happens too
+            early or too late.
 
     Raises:
-        InputError: no scenes, or scenes of two intersections.
+        InputError: no scenes, none that a clip can be cut from, or scenes of two intersections.
     """
-    read = []
     names = list_scenes(folder, split=split)
-    for n, name in enumerate(names, start=1):
-        read.append(read_case(folder / name))
-        if n % 25 == 0:
-            log(f"scene {n} of {len(names)} read")
+    cases = _load_whole(folder, names, log) if whole else _load_clips(folder, names, log)
+    places = sorted({case.record.meta.intersection for case in cases})
+    if len(places) > 1:
+        raise InputError(f"{folder} holds scenes of {' and '.join(places)}; score one at a time")
+    return cases
+
+
+def _load_whole(folder: Path, names: Sequence[str], log: ProgressLog) -> list[SceneCase]:
+    read = [read_case(folder / name) for name in names]
     cases = sorted(filter(is_foreseeable, read), key=lambda each: each.code)
     if len(cases) < len(read):
         first, last = EVENTS_AT
@@ -76,9 +83,22 @@ def load_cases(
         log(f"{early}: something happens before {first:g} or after {last:g} s")
     if not cases:
         raise InputError(f"{folder} holds no scene in which all happens in time")
-    places = sorted({case.record.meta.intersection for case in cases})
-    if len(places) > 1:
-        raise InputError(f"{folder} holds scenes of {' and '.join(places)}; score one at a time")
+    return cases
+
+
+def _load_clips(folder: Path, names: Sequence[str], log: ProgressLog) -> list[SceneCase]:
+    sources = []
+    for n, name in enumerate(names, start=1):
+        sources.append(read_source(folder / name))
+        if n % 25 == 0:
+            log(f"scene {n} of {len(names)} read")
+    cases = cut_clips(sources)
+    log(f"{len(cases)} clips of {len(names)} scenes, half of them with an event")
+    if not cases:
+        raise InputError(
+            f"{folder}: no clip can be cut from {len(names)} scenes; there must be scenes with an "
+            "event and others like them without, or --whole to take scenes as they are"
+        )
     return cases
 
 

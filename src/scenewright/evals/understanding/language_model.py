@@ -16,7 +16,7 @@ from scenewright.scene.base import Model
 TASK: Task = "plan"
 """Where stages have backends of their own, the planner's answers."""
 SYSTEM = """You watch a traffic intersection and say early what will happen.
-You are told the map, the lights, who has been seen so far with where they came from and how they
+You are told the map, the lights, who has been seen so far, where first and where now, and how they
 move, what a statistical model thinks about where they leave, and what a rule checker finds in
 predicted tracks.
 

@@ -88,8 +88,8 @@ class ObservedAgent:
 
     @property
     def is_vehicle(self) -> bool:
-        """Whether it is a vehicle."""
-        return self.type == "vehicle"
+        """Whether it is on wheels, so that its footprint is a rectangle."""
+        return self.type != "pedestrian"
 
 
 @dataclass(frozen=True, eq=False)

@@ -175,6 +175,11 @@ def report(state: UnderstandingState) -> UnderstandingState:
     return {"prediction": ScenePrediction(exits, state.get("relations"))}
 
 
+def _may_pass(error: Exception) -> bool:
+    """Whether a question is worth asking again."""
+    return isinstance(error, BackendFault) and not error.final
+
+
 @cache
 def _compile_graph() -> Any:
     graph: StateGraph[UnderstandingState, MethodSettings, Any, Any] = StateGraph(
@@ -184,7 +189,7 @@ def _compile_graph() -> Any:
         ("observe", observe_scene), ("intend", predict_exits), ("predict", predict_tracks),
         ("describe", describe), ("judge", judge), ("report", report),
     )  # fmt: skip
-    retry = RetryPolicy(max_attempts=3, retry_on=BackendFault)
+    retry = RetryPolicy(max_attempts=3, retry_on=_may_pass)
     for name, node in nodes:
         graph.add_node(name, node, retry_policy=retry if name == "judge" else None)
     graph.add_edge(START, "observe")

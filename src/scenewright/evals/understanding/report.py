@@ -29,7 +29,8 @@ def format_report(found: Sequence[MethodScores], *, scenes: int, split: str, whe
     """Format the whole report."""
     parts = [
         f"# Understanding, {where}",
-        f"{scenes} scenes of the {split} half. Intervals are 95 %, from a bootstrap over scenes.",
+        f"{scenes} clips of the {split} half (or whole scenes). Intervals are 95 %, from a "
+        "bootstrap over them.",
     ]
     exits = [(each, row) for each in found for row in each.rows if row.intent]
     if exits:
@@ -39,12 +40,12 @@ def format_report(found: Sequence[MethodScores], *, scenes: int, split: str, whe
         )]  # fmt: skip
     related = [(each, row) for each in found for row in each.rows if row.relations]
     if related:
-        parts += ["## Relations: agent-level F1 [%]", DEFINITION, _format_scores(
+        parts += ["## Relations: strict agent-level F1 [%]", DEFINITION, _format_scores(
             related, (*_RELATIONS, "later", "s a scene"),
-            lambda r: [*_format_figures(r.relations, _RELATIONS), r.later, _format_time(r)],
+            lambda r: [*_format_figures(r.strict, _RELATIONS), r.later, _format_time(r)],
         )]  # fmt: skip
-        parts += ["### Strict: events count before both agents have been seen", _format_scores(
-            related, _RELATIONS, lambda r: _format_figures(r.strict, _RELATIONS)
+        parts += ["### Events count once both agents have been seen", _format_scores(
+            related, _RELATIONS, lambda r: _format_figures(r.relations, _RELATIONS)
         )]  # fmt: skip
         parts += ["### Found by how long before the event", _format_leads(related)]
     return "\n\n".join([*parts, _PAPER]) + "\n"

@@ -6,7 +6,7 @@ waypoints (Eq. 3), so that a stretch of observed track conditions their Gaussian
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path, compute_spline_matrix
-from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.base import RIDERS, AgentClass, FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
 from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior
+from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 
 _SPREAD = (-1.2, 0.0, 1.2)
 """Driving profiles tried lie so many standard deviations off the median."""
+_ON_CROSSWALK = 0.05
+"""Riders use a crosswalk so often for every time that somebody walks over it."""
 _THIN = 4
 """Every fourth point of a base curve is kept: they lie one or two metres apart."""
 
@@ -82,10 +85,29 @@ def load_components(intersection: str, kind: AgentClass) -> RouteComponents:
     from scenewright.graph.run import ground_of
 
     ground, priors = ground_of(intersection), load_priors(intersection)
-    routes = [
-        r for r in ground.intersection_map.routes if r.type == kind and r.id in priors.waypoints
-    ]
-    return _build_components(routes, priors, ground)
+    known = [each for each in ground.intersection_map.routes if each.id in priors.waypoints]
+    if kind not in RIDERS:
+        return _build_components([each for each in known if each.type == kind], priors, ground)
+    routes = [r for r in known if r.type == "vehicle" or r.movement == "crossing"]
+    return _build_components(routes, _gather_rider_priors(priors, kind, routes, ground), ground)
+
+
+def _gather_rider_priors(
+    priors: Priors, kind: AgentClass, routes: list[Route], ground: MapAreas
+) -> Priors:
+    """The priors that riders of a class have on all these routes; few ride on crosswalks."""
+    place = ground.intersection_map
+    each = [build_rider_priors(priors, kind, route, intersection_map=place) for route in routes]
+    return replace(
+        priors,
+        waypoints={name: prior for own in each for name, prior in own.waypoints.items()},
+        driving_profiles={name: law for own in each for name, law in own.driving_profiles.items()},
+        frequency={
+            route.id: (1.0 if route.type == "vehicle" else _ON_CROSSWALK)
+            * np.asarray(priors.frequency.get(route.id, np.zeros(HOURS)))
+            for route in routes
+        },
+    )
 
 
 def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> RouteComponents:

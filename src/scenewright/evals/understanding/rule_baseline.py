@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 HORIZON = 8.0
 """How far ahead tracks are predicted [s]."""
-LEAST_MOTION = {"vehicle": 0.5, "pedestrian": 0.2}
+LEAST_MOTION = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.3, "scooter": 0.3}
 """Motion from which a heading is computed [m]."""
 
 TrackPredictor = Callable[[SceneObservation], list[FloatArray]]
@@ -77,7 +77,8 @@ def predict_with_refiner(net: Refiner, observation: SceneObservation) -> list[Fl
     known = np.full((len(fallback), past + steps, 2), np.nan)
     for n, agent in enumerate(observation.agents):
         known[n, :past] = _resample_past(agent, observation.now, past, step)
-    classes = torch.tensor([[CLASSES.index(agent.type) for agent in observation.agents]])
+    kinds = ["vehicle" if agent.is_vehicle else "pedestrian" for agent in observation.agents]
+    classes = torch.tensor([[CLASSES.index(kind) for kind in kinds]])
     with torch.no_grad():
         filled = run_rollout(net, torch.tensor(known[None], dtype=torch.float32), classes=classes)
     rolled = filled[0, :, past - 1 :].double().numpy()

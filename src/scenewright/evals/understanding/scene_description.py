@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event
@@ -66,7 +67,7 @@ def describe_scene(
 
 def name_agents(observation: SceneObservation) -> dict[str, str]:
     """Name the agents by class, numbered in the order of their ids."""
-    counts = {"vehicle": 0, "pedestrian": 0}
+    counts = dict.fromkeys(AGENT_CLASSES, 0)
     names = {}
     for agent in observation.agents:
         counts[agent.type] += 1
@@ -108,12 +109,15 @@ def _describe_lights(observation: SceneObservation) -> list[str]:
 
 
 def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
-    side = _find_side(agent.xy[0])
-    kind = next(n for m, n in _SUBTYPES if agent.length < m) if agent.is_vehicle else agent.type
+    middle = float(np.abs(agent.xy[0]).max()) < _JUNCTION
+    first = "in the junction" if middle else f"on the {_find_side(agent.xy[0])} side"
+    kind: str = agent.type
+    if kind == "vehicle":
+        kind = next(n for m, n in _SUBTYPES if agent.length < m)
     if agent.left:
-        return f"{kind}, came from the {side}, has left"
+        return f"{kind}, first seen {first}, has left"
     position, motion = _describe_position(agent, intersection_map), _describe_motion(agent)
-    return f"{kind}, came from the {side}, {position}, {motion}"
+    return f"{kind}, first seen {first}, now {position}, {motion}"
 
 
 def _find_side(xy: FloatArray) -> str:
@@ -142,7 +146,7 @@ def _describe_position(agent: ObservedAgent, intersection_map: IntersectionMap) 
 
 def _find_lane(agent: ObservedAgent, intersection_map: IntersectionMap) -> str | None:
     """The inner or outer lane, where an approach has two."""
-    if not agent.is_vehicle:
+    if agent.type != "vehicle":
         return None
     for lanelet in intersection_map.lanelets:
         if lanelet.kind == "approach" and lanelet.id.endswith((":inner", ":outer")):

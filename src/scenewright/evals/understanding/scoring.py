@@ -10,29 +10,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from scenewright.evals.bootstrap import compute_interval, draw_resamples
 from scenewright.evals.understanding.labels import RELATIONS, Labels
 from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import AgentClass, FloatArray
 
 KINDS = ("normal", *RELATIONS)
 PAPER = ("normal", "collision", "yielding")
 """The kinds of the paper, of which `macro` is the mean."""
-AGENT_CLASSES = ("vehicle", "pedestrian")
+AGENT_CLASSES: tuple[AgentClass, ...] = get_args(AgentClass)
 LEADS = ((0.0, 2.0), (2.0, 4.0), (4.0, 6.0), (6.0, 10.0), (10.0, np.inf))
 """How long before an event the window ends [s]."""
 DRAWS = 1000
 DEFINITION = (
     "Agent-level F1 = 2 TP / (2 TP + FP + FN) over items (agent, relation, partner), two per "
     "event; an item is right if the relation and both agents are, and of a yielding who gives "
-    "way. normal: agents in no collision, near miss or yielding. Events count once both agents "
-    "have been seen; `strict` counts all. macro: mean of normal, collision and yielding; "
-    "macro 4: with near miss; micro: all items of the four pooled. Intervals: 95 %, bootstrap "
-    "over scenes."
+    "way. normal: agents in no collision, near miss or yielding. Strict: every event counts; one "
+    "whose parties have not both been seen is missed. macro: mean of normal, collision and "
+    "yielding; macro 4: with near miss; micro: all items of the four pooled. Intervals: 95 %, "
+    "bootstrap over clips."
 )
 
 Key = tuple[str, str, str]
@@ -43,7 +43,7 @@ class SceneCounts:
     """Counts of one scene after one window.
 
     Attributes:
-        exits: [2, 2] per class: right, all; None without exits.
+        exits: [C, 2] per class: right, all; None without exits.
         items: [4, 3] per kind: true and false positives, false negatives; strict: the same with
             events that cannot be seen yet; None without relations.
         leads: [3, L, 2] per relation and lead: found, all.
@@ -67,6 +67,13 @@ class Figure:
     low: float | None
     high: float | None
     n: int
+
+    def to_share(self) -> dict[str, Any]:
+        """Convert to a share of 1 with its interval, as leaderboards have it."""
+        if self.value is None or self.low is None or self.high is None:
+            return {"rate": None, "interval": None, "n": self.n}
+        interval = [round(each / 100, 6) for each in (self.low, self.high)]
+        return {"rate": round(self.value / 100, 6), "interval": interval, "n": self.n}
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,8 @@ from scenewright.evals.understanding.calibration import (
     save_calibration,
     select_relations,
 )
-from scenewright.evals.understanding.cases import is_foreseeable, list_scenes, read_case
+from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.evaluate import load_cases
 from scenewright.evals.understanding.forecast import forecast_scene
 from scenewright.evals.understanding.labels import Labels
 from scenewright.evals.understanding.observation import hash_scene, observe, to_arrays
@@ -58,9 +59,6 @@ CHECKED = 4.0
 """Window at which scores on unseen folds are printed [s]."""
 COMPOSITION = {"collision": 40.0, "yielding": 50.0, None: 100.0}
 """Scenes by requested event in the paper; others keep their number."""
-QUIET = 0.4
-"""Share of the scenes without a relation among observed agents that are used. There are plenty of
-them; each then counts for as many as it stands for."""
 FOLDS = 3
 _TREES = {
     "max_iter": 140,
@@ -88,10 +86,11 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class TrainingView:
-    """One scene after one window.
+    """One clip after one window.
 
     Attributes:
-        scene: its hash; named: its requested event; weight: of how many scenes it is one.
+        scene: hash of the scene, which is in one fold with all its clips.
+        named: its requested event; weight: of how many clips it is one.
         pairs: [N] agents; values: [N, F] features.
     """
 
@@ -130,49 +129,37 @@ class TrainingTable:
 
 
 def view_scene(
-    folder: Path, *, with_routes: bool = False, windows: Sequence[float] = WINDOWS
+    case: SceneCase, *, with_routes: bool = False, windows: Sequence[float] = WINDOWS
 ) -> list[TrainingView]:
-    """View a scene after every window; no views of a scene that is not scored either.
+    """View a clip after every window.
 
     Args:
         with_routes: know all routes, as the oracle does.
     """
-    case = read_case(folder)
-    if not is_foreseeable(case):
-        return []
-    is_used = int(case.code[8:15], 16) / 16**7 < QUIET
     found = []
     for window in windows:
-        eventful = _has_event(case.labels, window)
-        if window > case.record.meta.duration or not (eventful or is_used):
-            continue
         observed = to_arrays(observe(case.record, scene=case.id, window=window))
         forecast = forecast_with_routes(observed, case) if with_routes else forecast_scene(observed)
         rows = compute_pair_features(forecast, window)
         values = np.array([row.values for row in rows]).reshape(-1, len(NAMES))
         found.append(TrainingView(
-            case.code, case.named, case.labels, window, 1.0 if eventful else 1.0 / QUIET,
+            hash_scene(case.scene), case.named, case.labels, window, 1.0,
             tuple((row.a, row.b) for row in rows), values.astype(np.float32),
         ))  # fmt: skip
     return found
 
 
-def _has_event(labels: Labels, window: float) -> bool:
-    starts = labels.starts
-    return any(max(starts[r.from_], starts[r.to]) <= window for r in labels.relations)
-
-
 def view_scenes(
-    folders: Sequence[Path], *, workers: int = 1, with_routes: bool = False
+    cases: Sequence[SceneCase], *, workers: int = 1, with_routes: bool = False
 ) -> Iterator[TrainingView]:
     """View many scenes, in their order."""
     job = partial(view_scene, with_routes=with_routes)
     if workers == 1:
-        for folder in folders:
-            yield from job(folder)
+        for case in cases:
+            yield from job(case)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for found in pool.map(job, folders, chunksize=16):
+        for found in pool.map(job, cases, chunksize=16):
             yield from found
 
 
@@ -367,7 +354,7 @@ class _WindowViews:
             view = self.views[n]
             said = tuple(to_relation(*view.pairs[k], PAIR_CLASSES[c]) for k, c in selected)
             counts = count_scene(view.labels, ScenePrediction(None, said), window=view.window)
-            self._known[n, selected] = view.weight * np.asarray(counts.items)
+            self._known[n, selected] = view.weight * np.asarray(counts.strict)
         return self._known[n, selected]
 
 
@@ -426,19 +413,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--oracle", action="store_true", help="for known routes")
     parser.add_argument("--split", choices=("dev", "all"), default="dev")
-    parser.add_argument("--limit", type=int, help="so many scenes at most")
+    parser.add_argument("--limit", type=int, help="so many clips at most")
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args(argv)
     split = None if given.split == "all" else given.split
-    scenes = [
-        folder / name for folder in given.folders for name in list_scenes(folder, split=split)
-    ]
-    scenes = sorted(scenes, key=lambda each: hash_scene(each.name))[: given.limit]
+    cases = [case for folder in given.folders for case in load_cases(folder, split=split)]
+    scenes = sorted(cases, key=lambda case: case.code)[: given.limit]
     table = build_table(view_scenes(scenes, workers=given.workers, with_routes=given.oracle))
     unseen = predict_unseen(table)
     found = fit_calibration(table, unseen)
     save_calibration(given.out, found)
-    print(f"{len(scenes)} scenes, {len(table.views)} views, {len(table.values)} pairs")
+    print(f"{len(scenes)} clips, {len(table.views)} views, {len(table.values)} pairs")
     for window, limits in zip(found.windows.tolist(), found.threshold.tolist(), strict=True):
         print(f"{window:g} s: {dict(zip(PAIR_CLASSES[1:], limits[1:], strict=True))}")
     for kind, (f1, low, high) in score_unseen(table, unseen, CHECKED).items():

@@ -160,7 +160,7 @@ def _format_patterns(told: Sequence[Pattern]) -> str:
     return "".join([head, *lines]) if lines else ""
 
 
-_MOTIONS = "motion of a pedestrian: runs, darts_out (runs out at once), stops_midway.\n"
+_MOTIONS = "motion of a pedestrian: runs, darts_out (runs out at once), stops_midway, turns_back.\n"
 _MEMBERS = "members: how many pedestrians walk together as one agent (a couple: 2; a class: 6).\n"
 _MANOEUVRES = (
     "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
@@ -173,11 +173,16 @@ _OBJECTS = (
     "objects stand and take no part: kind, subtype, leg if told; hides: a pedestrian, hidden_from: "
     "the vehicle; lead, if told: seconds in sight before the event, 0.8 is [0.65,0.95].\n"
 )
+_ENCOUNTERS = (
+    "of one in the way of a vehicle or rider: met_by, encounter: goes_round, waits_behind, hits.\n"
+)
+_IN_THE_WAY = re.compile(r"stalled|double|broken|abandoned|disabled|round|past|pass|hit|into", re.I)
 
 
 def describe_objects(words: str) -> str:
     """What may stand, where a request may speak of it."""
-    return _OBJECTS if build_object_schema(words, {}) else ""
+    met = _ENCOUNTERS if _IN_THE_WAY.search(words) else ""
+    return _OBJECTS + met if build_object_schema(words, {}) else ""
 
 
 def describe_manoeuvres(words: str) -> str:

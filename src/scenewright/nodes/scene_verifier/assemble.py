@@ -13,7 +13,7 @@ from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.objects import SightRecord
+from scenewright.scene.objects import EncounterRecord, SightRecord
 from scenewright.scene.record import (
     AgentRecord,
     MeasureRecord,
@@ -88,6 +88,11 @@ def assemble(
         said=number_agents(graph.said, numbers),
         objects=selection.objects,
         sights=_list_sights(graph, numbers),
+        encounters=tuple(
+            EncounterRecord(agent=numbers[each.met_by], object=each.id, how=each.encounter)
+            for each in graph.objects
+            if each.met_by is not None and each.encounter is not None
+        ),
     )
 
 

@@ -9,6 +9,7 @@ from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
     AgentFigure,
+    BlocksJunction,
     MinLength,
     NoReaction,
     OnRoad,
@@ -18,6 +19,8 @@ from scenewright.scene.constraints import (
     RunsRed,
     RunsYellow,
     SpeedBetween,
+    StopsAtYellow,
+    TurnsBack,
     UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
@@ -75,11 +78,11 @@ def _find_problem(
             return None if _is_satisfied(candidate, clause, landmarks) else "does not pass there"
         case AgentFigure():
             return None  # of the motion in the scene, which the solver measures
-        case RunsRed() | RunsYellow():
+        case RunsRed() | RunsYellow() | StopsAtYellow() | BlocksJunction():
             return None if landmarks.group else "there is no red light on its way to run"
         case NoReaction():
             return None  # of the motion in the scene, which the checker looks at
-        case Pauses():
+        case Pauses() | TurnsBack():
             return None if landmarks.line is not None else "does not cross the road"
 
 

@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.constraints import (
     Before,
+    BlocksJunction,
     BrakesFor,
     Clause,
     ConstraintProgram,
@@ -22,8 +23,10 @@ from scenewright.scene.constraints import (
     RunsRed,
     RunsYellow,
     SpeedBetween,
+    StopsAtYellow,
     StopsBehind,
     TimeGap,
+    TurnsBack,
 )
 from scenewright.scene.measures import Measure, get_aim
 from scenewright.scene.rejection import Rejection
@@ -95,6 +98,12 @@ def _build_motion(agent: str, motion: str) -> Clause:
     match motion:
         case "stops_midway":
             return Pauses(agent=agent)
+        case "stops_at_yellow":
+            return StopsAtYellow(agent=agent)
+        case "blocks_junction":
+            return BlocksJunction(agent=agent)
+        case "turns_back":
+            return TurnsBack(agent=agent)
         case "passes_yellow":
             return RunsYellow(agent=agent)
     low, high = _RUNNING

@@ -89,7 +89,7 @@ def build_candidates_with_frozen(
         intersection_map=intersection_map, hour=pins.hour, rng=rng,
     )  # fmt: skip
     patterns = tuple(pins.patterns.get(each.edge, each) for each in assignment.patterns)
-    counts = Background(
+    counts = Background.model_construct(  # more may have been drawn than can be asked for
         vehicles=pins.background["vehicle"], pedestrians=pins.background["pedestrian"]
     )
     context = graph.context.model_copy(update={"background": counts})

@@ -49,6 +49,8 @@ _SECOND_OF_TWO = 0.11
 _HEADWAY = (1.0, 4.0)
 """Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0
+QUIET = 0.5
+"""Hours with less than this share of the busiest hour's trips are had only by being asked for."""
 _ASSIGNMENTS, _RIDER_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 24, 40
 """Assignments drawn, of which the best is taken: without and with riders; where a speed asked for
 or lawful routes want more."""
@@ -63,9 +65,15 @@ _Role = Literal["foreground", "background"]
 
 
 def choose_hour(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
-    """Time of day [h]: as asked, within the range asked, or drawn by how busy the hours are."""
+    """Time of day [h]: as asked, within the range asked, or drawn by how busy the hours are.
+
+    An hour that is not asked for is none of the quiet ones.
+    """
     if context.time_of_day is None:
-        return float(rng.choice(HOURS, p=priors.busyness))
+        hour = float(rng.choice(HOURS, p=priors.busyness))
+        busy = np.where(priors.busyness >= QUIET * priors.busyness.max(), priors.busyness, 0.0)
+        # who names no hour does not mean an empty street at five
+        return hour if busy[int(hour)] else float(rng.choice(HOURS, p=busy / busy.sum()))
     start, _, end = context.time_of_day.partition("-")
     if not end:
         return _parse_clock(start)

@@ -49,8 +49,9 @@ class _Shifted:
         self._leader, self._aside, self._behind = leader, aside, behind
 
     def __call__(self, m: int) -> Candidate:
-        candidate = self._leader.build(m)
-        path = _shift(candidate.path, self._aside, self._behind)
+        """The m-th; for `~m` the same on the leader's other side."""
+        candidate = self._leader.build(max(m, ~m))
+        path = _shift(candidate.path, self._aside if m >= 0 else -self._aside, self._behind)
         waypoints = resample_to_count(path.xy, len(candidate.waypoints))
         return replace(candidate, path=path, waypoints=waypoints)
 

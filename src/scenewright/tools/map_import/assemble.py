@@ -207,9 +207,8 @@ class _Assembly:
     @cached_property
     def road(self) -> Any:
         strips = [(self.extended[x.id], max(x.width, 2.8)) for leg in self.legs for x in leg.lanes]
-        for each in self.connections:
-            before, after = self.extended[each.approach], self.extended[each.exit]
-            line = _smooth(_join(before, each.line, after, 6.0))
+        # As they are driven: a curve drawn anew may leave the ground of the file's line.
+        for each, line in zip(self.connections, self.whole, strict=True):
             strips.append((line, max(self.survey.approaches[each.approach].width, 3.0)))
         island = {"smallest_island": 12.0} if self.survey.is_roundabout else {}
         return ground.build_road(strips, self.survey.areas, **island)

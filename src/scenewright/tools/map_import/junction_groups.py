@@ -34,6 +34,7 @@ class StreetPiece:
 
     Attributes:
         line: [P, 2] from the first node to the last [m].
+        name: of the street at the first node; last_name: at the last one, where it is another.
         is_ring: of a roundabout; is_slip: of a lane for turning that leaves the junction out.
     """
 
@@ -44,6 +45,11 @@ class StreetPiece:
     is_one_way: bool = False
     is_ring: bool = False
     is_slip: bool = False
+    last_name: str = ""
+
+    def name_at(self, node: str) -> str:
+        """What the street is called at one of its ends."""
+        return self.name if node == self.start else self.last_name or self.name
 
 
 @dataclass(frozen=True)
@@ -196,7 +202,7 @@ def _build_group(
                 continue
             line = piece.line if piece.start == node else piece.line[::-1]
             ahead = find_point(line, _AHEAD) - line[0]
-            arms.append(JunctionLeg(piece.name, math.atan2(ahead[1], ahead[0])))
+            arms.append(JunctionLeg(piece.name_at(node), math.atan2(ahead[1], ahead[0])))
     middle = np.mean([places[node] for node in nodes], axis=0)
     return JunctionGroup(
         nodes=frozenset(nodes),

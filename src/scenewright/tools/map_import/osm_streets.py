@@ -188,14 +188,15 @@ def _join_pieces(a: StreetPiece, b: StreetPiece, node: str) -> StreetPiece | Non
     second = b if b.start == node else _turn_round(b)
     return StreetPiece(
         first.start, second.end, np.concatenate([first.line, second.line[1:]]),
-        a.name or b.name, a.is_one_way, a.is_ring, a.is_slip,
+        first.name or second.name, a.is_one_way, a.is_ring, a.is_slip,
+        second.name_at(second.end) or first.name,
     )  # fmt: skip
 
 
 def _turn_round(piece: StreetPiece) -> StreetPiece:
     return StreetPiece(
-        piece.end, piece.start, piece.line[::-1], piece.name, piece.is_one_way, piece.is_ring,
-        piece.is_slip,
+        piece.end, piece.start, piece.line[::-1], piece.name_at(piece.end), piece.is_one_way,
+        piece.is_ring, piece.is_slip, piece.name,
     )  # fmt: skip
 
 

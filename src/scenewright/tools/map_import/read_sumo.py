@@ -134,8 +134,8 @@ def read_sumo(
             streets=streets,
         )
         group = next(each for each in groups if each.nodes == chosen.nodes)
-    if listed_one is not None:
-        _check_is_there(net, group, listed_one, origin, file)
+        if listed_one is not None:
+            _check_is_there(net, group, listed_one, origin, file)
     survey = _survey_junction(net, group, origin, side)
     middle = np.array(survey.offset)
     if drive is not None:

@@ -20,6 +20,7 @@ from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_le
 from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
+from scenewright.tools.relation_checker.obstacles import describe_encounter
 from scenewright.tools.relation_checker.passing_order import find_passing_order
 from scenewright.tools.relation_checker.pedestrian_motions import (
     describe_motion,
@@ -47,16 +48,20 @@ def check_account(
     *,
     sights: Sequence[Mapping[str, Any]] = (),
     reactions: Sequence[Mapping[str, Any]] = (),
+    encounters: Sequence[dict[str, Any]] = (),
 ) -> tuple[tuple[SaidRecord, ...], tuple[Finding, ...]]:
     """The account with evidence, and a finding for every entry that the scene does not bear out.
 
     Args:
         events: all that the tracks show, incidental ones included.
-        sights: what was measured of blocked lines of sight; reactions: of reactions to threats.
+        sights: what was measured of blocked lines of sight; reactions: of reactions to threats;
+            encounters: of objects in agents' way.
     """
     account: list[SaidRecord] = []
     findings: list[Finding] = []
-    finder = _EvidenceFinder(scene, events, observed, intersection_map, sights, reactions)
+    finder = _EvidenceFinder(
+        scene, events, observed, intersection_map, sights, reactions, encounters
+    )
     for entry in scene.said:
         if entry.became in ("manner", "nothing"):
             status = "manner" if entry.became == "manner" else "unrealised"
@@ -92,8 +97,9 @@ class _EvidenceFinder:
         intersection_map: IntersectionMap | None,
         sights: Sequence[Mapping[str, Any]],
         reactions: Sequence[Mapping[str, Any]],
+        encounters: Sequence[dict[str, Any]],
     ) -> None:
-        self._sights, self._reactions = sights, reactions
+        self._sights, self._reactions, self._encounters = sights, reactions, encounters
         self._scene, self._events, self._seen = scene, events, observed
         self._map = intersection_map
         self._agents = {agent.id: agent for agent in scene.agents}
@@ -114,6 +120,7 @@ class _EvidenceFinder:
             "reaction": self._find_reaction,
             "object": self._find_object,
             "sight": self._find_sight,
+            "encounter": self._find_encounter,
         }
 
     def find(self, entry: SaidRecord) -> str | None:
@@ -172,6 +179,9 @@ class _EvidenceFinder:
                 )
         return None
 
+    def _find_encounter(self, entry: SaidRecord) -> str | None:
+        return describe_encounter(entry.value or "", self._encounters, entry.agents)
+
     def _find_group(self, entry: SaidRecord) -> str | None:
         """That so many walk in the group of the agent; how, `check_groups` sees."""
         members = list_groups(self._scene.agents).get(entry.agents[0], ()) if entry.agents else ()
@@ -198,7 +208,8 @@ class _EvidenceFinder:
         hits = (each for each in self._events if each.type == "collision")
         struck = {n for each in hits for n in (each.from_, each.to)}
         held = {n for each in self._scene.said if each.became in _HOLDING for n in each.agents}
-        return frozenset(bound | struck | held)
+        met = {each.agent for each in self._scene.encounters if each.how != "goes_round"}
+        return frozenset(bound | struck | held | met)
 
     def _goes_its_way(self, agent: AgentRecord) -> bool:
         """Whether one to whom nothing else happens is seen to go where it is said to go.

@@ -44,6 +44,7 @@ def find_false_behavior(
 ) -> tuple[Finding, ...]:
     """Agents whose waypoints, crosswalk or segments their track does not bear out."""
     collided = {n for e in events if e.type == "collision" for n in (e.from_, e.to)}
+    collided |= {each.agent for each in scene.encounters if each.how == "hits"}
     return tuple(
         Finding(rule=rule, agents=(agent.id,), detail=f"{agent.type} {agent.id}: {reason}")
         for agent, track in zip(scene.agents, tracks, strict=True)

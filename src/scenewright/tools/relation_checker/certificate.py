@@ -165,9 +165,7 @@ def check_wrecks(observed: SceneObservation, *, until: float) -> tuple[Finding, 
         for n in (event.from_, event.to):
             if tracks[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
                 found.append(_report_driving_on(tracks[n], event))
-            found += _check_wreck_clearance(
-                tracks[n], observed.grid, {event.from_, event.to}, until
-            )
+            found += check_wreck_clearance(tracks[n], observed.grid, {event.from_, event.to}, until)
     return tuple(found)
 
 
@@ -180,9 +178,10 @@ def _report_driving_on(track: Trajectory, event: Event) -> Finding:
     )  # fmt: skip
 
 
-def _check_wreck_clearance(
+def check_wreck_clearance(
     wreck: Trajectory, grid: PairGrid, involved: set[int], until: float
 ) -> Iterator[Finding]:
+    """Who comes within 0.5 m of a wreck after its track has ended."""
     after = (grid.times > wreck.end + 1e-6) & (grid.times <= until + 1e-6)
     away = grid.xy[:, after] - wreck.xy[-1]
     near = np.hypot(away[..., 0], away[..., 1]) < (

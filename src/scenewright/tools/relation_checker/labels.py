@@ -139,7 +139,7 @@ def _find_misstatements(
         ):
             if seen is not None and seen != label:
                 yield f"it {word} the {seen}, its label says {label}"
-    elif _walks_back(agent, track):
+    elif agent.motion != "turns_back" and _walks_back(agent, track):
         yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
 
 

@@ -51,17 +51,27 @@ def read_objects(scene: SceneRecord) -> tuple[ObjectRecord, ...]:
             raise InputError(f"sights name {sight.object} or an agent, which the scene lacks")
         if sight.observer == sight.subject:
             raise InputError(f"sights name agent {sight.observer} twice")
+    met = [each.agent for each in scene.encounters]
+    if not {each.object for each in scene.encounters} <= set(names) or not set(met) <= known:
+        raise InputError("encounters name an object or an agent that the scene lacks")
+    if len(set(met)) < len(met):
+        raise InputError("encounters name an agent twice")
     return scene.objects
 
 
 def check_contacts(
-    objects: Sequence[ObjectRecord], tracks: Sequence[Trajectory]
+    objects: Sequence[ObjectRecord],
+    tracks: Sequence[Trajectory],
+    *,
+    asked: frozenset[tuple[int, str]] = frozenset(),
 ) -> tuple[Finding, ...]:
-    """Every track that touches an object; none may."""
+    """Every track that touches an object; none may but where that is asked for."""
     found = []
     for each in objects:
         for track in tracks:
-            time = _find_contact(each, track)
+            if (track.id, each.id) in asked:
+                continue
+            time = find_contact(each, track)
             if time is not None:
                 found.append(
                     Finding(
@@ -74,7 +84,7 @@ def check_contacts(
     return tuple(found)
 
 
-def _find_contact(each: ObjectRecord, track: Trajectory) -> float | None:
+def find_contact(each: ObjectRecord, track: Trajectory) -> float | None:
     """When a track first touches an object [s]."""
     reach = math.hypot(each.length, each.width) / 2 + track.reach
     # Between two samples nobody comes nearer than half a step.

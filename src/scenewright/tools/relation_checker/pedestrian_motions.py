@@ -24,6 +24,13 @@ AT_ONCE = 1.0
 FROM_KERBS = 1.0
 """Who stops midway stands this far from either end of its way over the road [m]."""
 
+FAR_OUT = 2.0
+"""Who turns back has come this far over the road [m]."""
+RETURNS = 0.6
+"""Share of that way by which it has come nearer to its kerb again, as far as it is seen."""
+HIT_AFTER = 0.5
+"""By how much it has come nearer if it is hit on its way back [m]."""
+
 
 def check_pedestrian_motions(
     agents: Sequence[AgentRecord],
@@ -54,20 +61,32 @@ def describe_motion(
 ) -> str | None:
     """What a track shows of an agent's motion; None if it does not."""
     if track.type == "pedestrian":
-        return describe_pedestrian_motion(motion, track, intersection_map)
+        hits = (e for e in observed.events if e.type == "collision")
+        struck = any(track.id in (e.from_, e.to) for e in hits)
+        return describe_pedestrian_motion(motion, track, intersection_map, struck=struck)
     return describe_vehicle_motion(motion, track, observed.lights)
 
 
 def describe_pedestrian_motion(
-    motion: str | None, track: Trajectory, intersection_map: IntersectionMap
+    motion: str | None,
+    track: Trajectory,
+    intersection_map: IntersectionMap,
+    *,
+    struck: bool = False,
 ) -> str | None:
-    """What a track shows of a pedestrian's motion; None if it does not."""
+    """What a track shows of a pedestrian's motion; None if it does not.
+
+    Args:
+        struck: its track ends in a collision.
+    """
     on_road = np.flatnonzero(get_ground_raster(intersection_map).road.contains(track.xy))
     if track.is_vehicle or len(on_road) == 0:
         return None
     first, last = int(on_road[0]), int(on_road[-1])
     if motion == "stops_midway":
         return _describe_stop(track, first, last)
+    if motion == "turns_back":
+        return _describe_return(track, first, last, struck)
     if motion not in RUNNING:
         return None
     kept = _find_kept_speed(track.speed[first : last + 1])
@@ -93,3 +112,15 @@ def _describe_stop(track: Trajectory, first: int, last: int) -> str | None:
         if s - track.s[first] >= FROM_KERBS and track.s[last] - s >= FROM_KERBS:
             return f"agent {track.id} stands on the road {begins:.1f}-{ends:.1f} s"
     return None
+
+
+def _describe_return(track: Trajectory, first: int, last: int, struck: bool) -> str | None:
+    """It comes well onto the road, and leaves it where it came, or has begun to."""
+    away = np.hypot(*(track.xy[first : last + 1] - track.xy[first]).T)
+    turn = int(away.argmax())
+    returns = float(away[turn] - away[-1])
+    enough = HIT_AFTER if struck else min(RETURNS * away[turn], float(away[turn]) - 1.0)
+    if away[turn] < FAR_OUT or returns < enough:
+        return None
+    time = float(track.times[first + turn])
+    return f"agent {track.id} turns back at {time:.1f} s, {away[turn]:.1f} m from the kerb"

@@ -113,6 +113,18 @@ class SignalPlan:
             and self.get_colour(c.light, time=c.time - RED_TOLERANCE) in ("red", None)
         )
 
+    def find_light_ahead(self, track: Trajectory, *, within: float) -> str | None:
+        """The light of the line up to so far ahead of where a mover ends [m]; None without one."""
+        if self._map is None or not self._spans:
+            return None
+        crossings = self.find_crossings(extend_straight(track, distance=within, speed=1.0))
+        return next((c.light for c in crossings if c.time > track.end), None)
+
+    def is_any_line_green(self, *, time: float) -> bool:
+        """Whether the light of any stop line is green at a time [s]."""
+        named = {each.stop_line for spans in self._spans.values() for each in spans} - {None}
+        return any(self.get_colour(str(name), time=time) == "green" for name in named)
+
     def is_held(self, track: Trajectory, *, since: float, until: float) -> bool:
         """Whether, at some time in a span [s], the light ahead of the mover is not green.
 

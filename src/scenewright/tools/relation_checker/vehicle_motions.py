@@ -2,21 +2,87 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.yielding import STANDING
 
 SINCE = 0.3
 """A light that has been yellow for less [s] turns as the vehicle passes: no choice was left."""
+COMES = 2.0
+"""How long before it brakes the light is still green [s]."""
+LEAVES = 5.0
+"""Who blocks the junction drives on by so much afterwards [m]."""
+BRAKES = 3.0
+"""Least braking of who brakes hard for a yellow light [m/s^2]."""
+STANDS = 2.0
+"""How long who blocks the junction stands there at red at least [s]."""
+BEFORE_LINE = 3.0
+"""How far before its line who stops for its light stands at most [m]."""
 
 
 def describe_vehicle_motion(
     motion: str | None, track: Trajectory, lights: SignalPlan
 ) -> str | None:
     """What a track shows of a vehicle's motion; None if it does not."""
-    if motion != "passes_yellow" or track.type == "pedestrian":
+    if track.type == "pedestrian":
         return None
+    match motion:
+        case "passes_yellow":
+            return _describe_passing(track, lights)
+        case "stops_at_yellow":
+            return _describe_stop(track, lights)
+        case "blocks_junction":
+            return _describe_blocking(track, lights)
+    return None
+
+
+def _describe_passing(track: Trajectory, lights: SignalPlan) -> str | None:
     for met in lights.find_crossings(track):
         before = lights.get_colour(met.light, time=met.time - SINCE)
         if met.colour == before == "yellow":
             return f"agent {track.id} passes on yellow at {met.time:.1f} s"
+    return None
+
+
+def _describe_stop(track: Trajectory, lights: SignalPlan) -> str | None:
+    """It comes on green, begins to brake hard while its light is yellow, and stands at its line."""
+    moving = np.flatnonzero(track.speed > STANDING)
+    stands = int(moving[-1]) + 1 if len(moving) else 0
+    if not 0 < stands < len(track):
+        return None
+    light = lights.find_light_ahead(track, within=BEFORE_LINE)
+    change = np.diff(track.speed[: stands + 1]) / np.diff(track.times[: stands + 1])
+    hard = np.flatnonzero(change <= -BRAKES)
+    if light is None or not len(hard):
+        return None
+    time = float(track.times[int(hard[0])])
+    came = lights.get_colour(light, time=max(time - COMES, track.start))
+    if came != "green" or lights.get_colour(light, time=time) != "yellow":
+        return None
+    return (
+        f"agent {track.id} brakes by {-change.min():.1f} m/s2 from {time:.1f} s on, at yellow, and "
+        f"stands at its line at {track.times[stands]:.1f} s"
+    )
+
+
+def _describe_blocking(track: Trajectory, lights: SignalPlan) -> str | None:
+    """Beyond its line, passed on green, it stands while its light is red and another is green."""
+    for met in lights.find_crossings(track):
+        if met.colour != "green":
+            continue
+        beyond = (track.times > met.time) & (track.speed <= STANDING)
+        beyond &= np.hypot(*(track.xy - track.xy[-1]).T) > LEAVES
+        times = [
+            float(t)
+            for t in track.times[beyond]
+            if lights.get_colour(met.light, time=float(t)) == "red"
+            and lights.is_any_line_green(time=float(t))
+        ]
+        if 0.1 * len(times) >= STANDS:
+            return (
+                f"agent {track.id} passes on green at {met.time:.1f} s and stands in the junction "
+                f"at red for {0.1 * len(times):.1f} s"
+            )
     return None

@@ -48,6 +48,7 @@ from scenewright.tools.relation_checker.objects import (
     check_sights,
     read_objects,
 )
+from scenewright.tools.relation_checker.obstacles import check_encounters, list_asked_hits
 from scenewright.tools.relation_checker.pedestrian_motions import (
     RUNNING,
     check_pedestrian_motions,
@@ -137,14 +138,17 @@ def _build_proof(
     matching = [observed.events[k] for k in sorted(matched)]
     left_hand = intersection_map is not None and intersection_map.left_hand_traffic
     sights, unhidden = check_sights(scene, matching, observed, left_hand=left_hand)
+    encounters, unmet = check_encounters(scene, observed)
     reactions = _find_reactions(scene, matching, observed, left_hand=left_hand)
     said, unsaid = check_account(
-        scene, observed.events, observed, intersection_map, sights=sights, reactions=reactions
-    )
+        scene, observed.events, observed, intersection_map, sights=sights, reactions=reactions,
+        encounters=encounters,
+    )  # fmt: skip
     lit = bool(intersection_map and scene.signals)
     missing = (
         *missing,
         *unhidden,
+        *unmet,
         *unsaid,
         *_check_asked_figures(scene, observed, intersection_map),
         *(find_false_labels(scene, events, lit=lit) if scene.events or labelled else ()),
@@ -164,7 +168,7 @@ def _build_proof(
     unasked = (
         *check_interference(observed, roles, expected=matched),
         *check_wrecks(observed, until=scene.meta.duration),
-        *check_contacts(scene.objects, observed.tracks),
+        *check_contacts(scene.objects, observed.tracks, asked=list_asked_hits(scene)),
     )
     motion = (
         *check_form(scene),
@@ -180,6 +184,7 @@ def _build_proof(
         said=said,
         figures=_collect_figures(scene, observed, intersection_map)
         | ({"first_visible": sights} if sights else {})
+        | ({"encounters": encounters} if encounters else {})
         | ({"reactions": reactions} if reactions else {}),
     )  # fmt: skip
 
@@ -397,6 +402,7 @@ def _check_motion(
     if intersection_map is not None:
         hits = (e for e in observed.events if e.type == "collision")
         collided = frozenset(n for e in hits for n in (e.from_, e.to))
+        collided |= {agent for agent, _ in list_asked_hits(scene)}
         until = scene.meta.duration
         found += check_vanishing(observed.tracks, intersection_map, until=until, collided=collided)
         jaywalkers = frozenset(a.id for a in scene.agents if _jaywalks(a, roles))

@@ -6,24 +6,27 @@ hide a pedestrian, so that the driver first sees it as long before the event as 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from scenewright.scene.base import Compass
+from scenewright.geometry.along import sample_poses
+from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord, get_subtype
 from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
+from scenewright.scene.track import Shape
 from scenewright.tools.map_grounding.object_places import Side, find_places, make_footprint
 from scenewright.tools.solver.line_of_sight import find_lead
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 
 geos: Any = import_module("shapely")
 
-CLEARANCE = {"vehicle": 0.15, "pedestrian": 0.1}
+CLEARANCE = {"vehicle": 0.15, "cyclist": 0.15, "scooter": 0.15, "pedestrian": 0.1}
 """How far paths keep from standing objects [m]."""
 
 _APART = 0.5
@@ -59,7 +62,9 @@ class ObjectPlacer:
         rng: np.random.Generator,
     ) -> None:
         self._map, self._rng = intersection_map, rng
-        self._nodes = sorted(nodes, key=lambda each: (each.hides is None, each.beyond is None))
+        own = (each for each in nodes if each.met_by is None)
+        self._nodes = sorted(own, key=lambda each: (each.hides is None, each.beyond is None))
+        self._met: dict[str, ObjectRecord] = {}
         self._kept: dict[str, ObjectRecord] = {}
         self._places: dict[tuple[str, Compass, Side], tuple[ObjectRecord, ...]] = {}
 
@@ -67,9 +72,23 @@ class ObjectPlacer:
         """Have objects of an earlier version stand where they stood, if that is still right."""
         self._kept = {each.id: each for each in earlier}
 
+    def get_kept(self, name: str) -> ObjectRecord | None:
+        """Where an object of an earlier version stood."""
+        return self._kept.get(name)
+
+    def stand_in_way(self, met: Mapping[str, ObjectRecord]) -> None:
+        """Have these objects stand where agents, by name, meet them."""
+        self._met = dict(met)
+
     def place(self, schedule: PartialSchedule) -> tuple[ObjectRecord, ...] | str:
         """The objects, in the plan's order; or which of them finds no place, in words."""
-        placed: list[ObjectRecord] = []
+        placed = list(self._met.values())
+        for name, actor in schedule.actors.items():
+            others = [each for met_by, each in self._met.items() if met_by != name]
+            if is_in_way(actor.candidate, others):
+                return f"{others[0].id} stands in the way of {name}"
+        if any(not _keeps_apart(a, [b]) for a, b in combinations(placed, 2)):
+            return "two objects stand in one place"
         for node in self._nodes:
             if node.id in {each.id for each in placed}:
                 continue
@@ -184,14 +203,27 @@ class ObjectPlacer:
         )
 
 
-def is_in_way(candidate: Candidate, objects: Sequence[ObjectRecord]) -> bool:
-    """Whether somebody on a candidate's path would touch an object, or come too near to it."""
-    return any(_comes_near(candidate, each) for each in objects)
+def is_in_way(
+    candidate: Candidate, objects: Sequence[ObjectRecord], *, margin: float | None = None
+) -> bool:
+    """Whether somebody on a candidate's path would touch an object, or come too near to it.
+
+    Args:
+        margin: how near is too near [m]; None: as usual for its class.
+    """
+    return any(_comes_near(candidate, each, margin) for each in objects)
 
 
-def _comes_near(candidate: Candidate, each: ObjectRecord) -> bool:
+def make_sweep(candidate: Candidate, each: ObjectRecord, s: FloatArray) -> FloatArray:
+    """[N] how far the candidate is from an object with its centre at arc lengths [m]."""
+    x, y, heading = sample_poses(candidate.path, s).T
+    corners = _make_corners(np.stack((x, y), axis=1), heading, candidate.shape)
+    return np.asarray(geos.distance(geos.polygons(corners), make_footprint(each)))
+
+
+def _comes_near(candidate: Candidate, each: ObjectRecord, margin: float | None) -> bool:
     shape, path = candidate.shape, candidate.path
-    margin = CLEARANCE[shape.type]
+    margin = CLEARANCE[shape.type] if margin is None else margin
     reach = (np.hypot(each.length, each.width) + np.hypot(shape.length, shape.width)) / 2 + margin
     spacing = float(path.s[1] - path.s[0])
     every = max(int(_NODE / spacing), 1)
@@ -203,12 +235,17 @@ def _comes_near(candidate: Candidate, each: ObjectRecord) -> bool:
     if shape.type == "pedestrian":
         rims = geos.distance(geos.points(xy[near]), outline) - shape.length / 2
         return bool(rims.min() < margin)
-    along = np.stack((np.cos(heading[near]), np.sin(heading[near])), axis=1) * shape.length / 2
-    ends = np.stack((xy[near] - along, xy[near] + along), axis=1)
+    corners = _make_corners(xy[near], heading[near], shape)
+    return bool(geos.distance(geos.polygons(corners), outline).min() < margin)
+
+
+def _make_corners(xy: FloatArray, heading: FloatArray, shape: Shape) -> FloatArray:
+    """[N, 4, 2] corners of a vehicle's footprint at poses."""
+    along = np.stack((np.cos(heading), np.sin(heading)), axis=1) * shape.length / 2
+    ends = np.stack((xy - along, xy + along), axis=1)
     # A box of the full width around the vehicle's middle line.
     across = along[:, ::-1] * (-1, 1) * (shape.width / shape.length)
-    corners = np.concatenate((ends + across[:, None], ends[:, ::-1] - across[:, None]), axis=1)
-    return bool(geos.distance(geos.polygons(corners), outline).min() < margin)
+    return np.concatenate((ends + across[:, None], ends[:, ::-1] - across[:, None]), axis=1)
 
 
 def _keeps_apart(place: ObjectRecord, others: Sequence[ObjectRecord]) -> bool:

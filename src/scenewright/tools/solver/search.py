@@ -24,11 +24,13 @@ from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSe
 from scenewright.scene.constraints import (
     AgentFigure,
     Before,
+    BlocksJunction,
     BrakesFor,
     ConstraintProgram,
     Contact,
     GivesWay,
     Headway,
+    MinLength,
     Near,
     NoReaction,
     PairClause,
@@ -39,8 +41,10 @@ from scenewright.scene.constraints import (
     RunsYellow,
     SameLane,
     SpeedBetween,
+    StopsAtYellow,
     StopsBehind,
     TimeGap,
+    TurnsBack,
     UnaryClause,
 )
 from scenewright.scene.objects import ObjectRecord
@@ -51,7 +55,11 @@ from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.map_grounding.signal_plan import SignalClock, find_feasible_offsets
+from scenewright.tools.map_grounding.signal_plan import (
+    SignalClock,
+    SignalDemand,
+    find_feasible_offsets,
+)
 from scenewright.tools.solver.background_assignment import (
     Assignment,
     BackgroundAgent,
@@ -62,6 +70,12 @@ from scenewright.tools.solver.background_assignment import (
 )
 from scenewright.tools.solver.car_following import follow_traffic
 from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.encounters import (
+    Meeting,
+    find_meeting,
+    list_meetings,
+    place_encounter,
+)
 from scenewright.tools.solver.entry_times import (
     FOLLOW_LAG,
     KERB_GAP,
@@ -86,6 +100,13 @@ from scenewright.tools.solver.entry_times import (
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
+from scenewright.tools.solver.lone_motions import (
+    block_junction,
+    draw_reaction,
+    list_blocking_demands,
+    list_yellow_demands,
+    stop_at_yellow,
+)
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
@@ -100,6 +121,7 @@ from scenewright.tools.solver.reservation import (
 )
 from scenewright.tools.solver.schedule import PartialSchedule
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.turning_back import has_turned, turn_back
 
 MAX_SECONDS = 30.0
 """How long a scene lasts [s]: as long as the windows in which p_tod counts people."""
@@ -182,6 +204,7 @@ class Search:
         objects: Sequence[ObjectNode] = (),
     ) -> None:
         self._lenient = lenient
+        self._to_meet, self._meetings = list_meetings(objects), dict[tuple[str, int], Meeting]()
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
@@ -201,11 +224,18 @@ class Search:
         self._at_yellow = {c.agent for c in program.clauses if isinstance(c, RunsYellow)}
         self._at_lights = self._violators | self._at_yellow
         self._pausing = {c.agent for c in program.clauses if isinstance(c, Pauses)}
+        self._stopping = {c.agent for c in program.clauses if isinstance(c, StopsAtYellow)}
+        self._blocking = {c.agent for c in program.clauses if isinstance(c, BlocksJunction)}
+        self._reaction = draw_reaction(rng) if self._stopping else 0.0
+        self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
-        self._bound = list(dict.fromkeys((*bound, *runners)))
+        alone = sorted(self._stopping | self._blocking)
+        if {*bound} & {*alone}:
+            raise Rejected(_busy(sorted({*bound} & {*alone})))
+        self._bound = list(dict.fromkeys((*bound, *runners, *alone, *self._to_meet)))
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
             {
@@ -219,6 +249,8 @@ class Search:
             raise Rejected(_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
         if not self._pausing <= {*bound}:
             raise Rejected(_alone(sorted(self._pausing - {*bound}), "stops on its way"))
+        if not self._returning <= {*bound}:
+            raise Rejected(_alone(sorted(self._returning - {*bound}), "turns back"))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._shortfalls = NearestMisses()
@@ -314,9 +346,12 @@ class Search:
             **draw_pauses(self._pausing, candidates, landmarks, self._rng),
         }
         stage = ForegroundSolver(context)
+        self._placer.stand_in_way(
+            {name: self._meetings[(name, choice[name])].place for name in self._to_meet}
+        )
         count = 0
         staged = filter(self._run_first, stage.play(self._events, self._opening()))
-        staged = filter(self._in_order, staged)
+        staged = filter(self._in_order, filter(self._turned_first, staged))
         for schedule in filter(self._is_as_measured, staged):
             selection = self._finish(schedule, choice)
             if selection is not None:
@@ -341,11 +376,27 @@ class Search:
             path = self._ground.trim(candidate.path)
             if path is not candidate.path:
                 candidate = replace(candidate, path=path)
+            if name in self._to_meet:
+                met = self._find_meeting(name, candidate)
+                if met is None:
+                    self._failures[f"{name} meets no {self._to_meet[name].id} on its way"] += 1
+                    self._built[(name, m)] = None
+                    return None
+                self._meetings[(name, m)], candidate = met, met.candidate
             landmarks = find_landmarks(candidate, map_areas=self._ground)
+            if name in self._returning and name not in self._opening().actors:
+                returns = turn_back(candidate, landmarks, self._rng)
+                if returns is None:
+                    self._failures[f"turns_back({name})"] += 1
+                    self._built[(name, m)] = None
+                    return None
+                candidate, landmarks = returns, find_landmarks(returns, map_areas=self._ground)
             refused = [
                 rejection
                 for clause in self._unary
                 if clause.agent == name
+                # Who turns back walks half of a way that is long enough.
+                and not (name in self._returning and isinstance(clause, MinLength))
                 for rejection in check(
                     candidate, clause, landmarks=landmarks, map_areas=self._ground
                 )
@@ -353,6 +404,14 @@ class Search:
             self._failures.update(rejection.detail for rejection in refused)
             self._built[(name, m)] = None if refused else (candidate, landmarks)
         return self._built[(name, m)]
+
+    def _find_meeting(self, name: str, candidate: Candidate) -> Meeting | None:
+        """How it meets its object; who stays as it was meets it where it did."""
+        node = self._to_meet[name]
+        kept = self._placer.get_kept(node.id) if name in self._opening().actors else None
+        if kept is not None:
+            return Meeting(node, kept, candidate, 0.0)
+        return find_meeting(node, candidate, self._ground, self._rng)
 
     def _paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
         for clause in self._near:
@@ -382,6 +441,8 @@ class Search:
     def _framed(self, schedule: PartialSchedule, choice: Mapping[str, int]) -> TimedSchedule | None:
         """In scene time and with lights; None if one of these does not fit."""
         timed = self._timed(schedule)
+        timed = None if timed is None else self._with_encounters(timed, choice)
+        timed = None if timed is None else self._with_lone(timed, choice)
         timed = None if timed is None else self._with_runners(timed, choice)
         timed = None if timed is None else self._with_members(timed, choice)
         if timed is None or not self._strangers_apart(timed):
@@ -453,6 +514,43 @@ class Search:
         known = {name: pair for name, pair in built.items() if pair is not None}
         return add_red_light_runners(schedule, known, known, self._rng)
 
+    def _with_encounters(
+        self, schedule: PartialSchedule, choice: Mapping[str, int]
+    ) -> PartialSchedule | None:
+        """Also those who meet an object and nobody else; None if one cannot."""
+        actors = dict(schedule.actors)
+        for name in sorted(self._to_meet.keys() - actors.keys()):
+            built = self._candidate(name, choice[name])
+            met = self._meetings.get((name, choice[name]))
+            actor = place_encounter(met, built[1], self._rng) if met and built else None
+            if actor is None:
+                self._failures[f"{name} cannot stop before {self._to_meet[name].id}"] += 1
+                return None
+            actors[name] = actor
+        return replace(schedule, actors=actors)
+
+    def _with_lone(
+        self, schedule: PartialSchedule, choice: Mapping[str, int]
+    ) -> PartialSchedule | None:
+        """Also those who stop at yellow or block the junction; None if one cannot."""
+        actors = dict(schedule.actors)
+        for name in sorted((self._stopping | self._blocking) - actors.keys()):
+            built = self._candidate(name, choice[name])
+            move = stop_at_yellow if name in self._stopping else block_junction
+            actor = None if built is None else move(*built, self._rng)
+            if actor is None:
+                self._failures[f"{name} has no light on its way, or is too slow"] += 1
+                return None
+            actors[name] = actor
+        return replace(schedule, actors=actors)
+
+    def _list_lone_demands(self, schedule: PartialSchedule) -> Iterator[SignalDemand]:
+        for name, actor in schedule.actors.items():
+            if name in self._stopping:
+                yield from list_yellow_demands(actor, self._reaction)
+            if name in self._blocking:
+                yield from list_blocking_demands(actor)
+
     def _with_members(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
     ) -> PartialSchedule | None:
@@ -474,6 +572,15 @@ class Search:
             f"{self._tell_run(name)} before what it does to others" for name in late
         )
         return not late
+
+    def _turned_first(self, schedule: PartialSchedule) -> bool:
+        """Whether those who turn back do so before they are hit."""
+        for name in sorted(self._returning & schedule.actors.keys()):
+            actor = schedule.actors[name]
+            if actor.contact is not None and not has_turned(actor):
+                self._failures[f"turns_back({name}) before it is hit"] += 1
+                return False
+        return True
 
     def _run_red(self, schedule: PartialSchedule, duration: float) -> bool:
         """Whether everybody who is to run a light gets there in time."""
@@ -532,6 +639,7 @@ class Search:
                 yellow=name in self._at_yellow,
             )
         ]
+        wanted += self._list_lone_demands(schedule)
         offsets = find_feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
@@ -664,18 +772,33 @@ class Search:
     def _beside(
         self, draws: AgentCandidates, moment: SceneTiming, seated: Seated
     ) -> Iterator[Option]:
-        """Walking with another who has a place, if both keep off the crosswalk at red."""
+        """Walking with another who has a place, on either side, both off the crosswalk at red."""
         if draws.beside not in seated.chosen:
             return
         option, start = seated.chosen[draws.beside]
-        built = self._candidate(draws.name, option.index)
-        if built is None:
-            return
+        for place in (option.index, ~option.index):
+            built = self._candidate(draws.name, place)
+            if built is not None:
+                yield from self._led(draws, option, start, built, moment)
+
+    def _led(
+        self,
+        draws: AgentCandidates,
+        option: Option,
+        start: int,
+        built: tuple[Candidate, Landmarks],
+        moment: SceneTiming,
+    ) -> Iterator[Option]:
+        """Walking as another does, whose option and entry time [steps] these are, if it may."""
         actor, line = option.actor.led(*built), built[1].line or np.inf
         kerb = option.actor.landmarks.line or np.inf
         beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
         lawful = passes_on_green(actor, moment, start * STEP)
-        if lawful and not beyond and not starts_on_red(actor, moment, start * STEP):
+        # Who waits at the kerb when the scene begins stands within the margin of the crosswalk.
+        apart = starts_on_red(actor, moment, start * STEP) and not starts_on_red(
+            option.actor, moment, start * STEP
+        )
+        if lawful and not beyond and not apart:
             steps = np.array([start], dtype=np.int64)
             cost = self._cost(draws.name, option.index)
             yield Option(partial(_get, actor), option.index, steps, cost)
@@ -761,7 +884,7 @@ class Search:
                 contact=actor.contact,
                 violates=name in self._violators,
                 group=self._leads.get(name),
-                exact=name in self._measured,
+                exact=name in self._measured or name in self._to_meet,
             )
         events = tuple(
             PlannedEvent(
@@ -880,6 +1003,16 @@ def _alone(names: list[str], what: str) -> Rejection:
         code="malformed_program",
         agents=tuple(names),
         detail=f"{names[0]} {what}, so it must also do something with another agent",
+    )
+
+
+def _busy(names: list[str]) -> Rejection:
+    return Rejection(
+        stage="waypoint_filter",
+        code="malformed_program",
+        agents=tuple(names),
+        detail=f"{names[0]} stops at its light or in the junction, so it can do nothing with "
+        "another agent",
     )
 
 

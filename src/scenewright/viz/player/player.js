@@ -8,7 +8,7 @@ const LIGHT = { green: "#19A974", yellow: "#F2B705", red: "#DB2B39" };
 const EVENT = { collision: "collides with", near_miss: "has a near miss with", yielding: "yields to", follow: "follows" };
 const SHADES = ["#D55E00", "#0072B2", "#009E73", "#AA3377", "#9A6A00", "#3C7FB0", "#5B3A9E", "#8C564B"];
 const LABEL_FONT = "600 12px system-ui, sans-serif";
-const LABEL_HEIGHT = 17, LEG_SIDES = [0, 8, -8, 10, -10, 12, -12, 14, -14, 17, -17, 20, -20, 24, -24, 30, -30];
+const LABEL_STEPS = [0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5], LABEL_HEIGHT = 17, LEG_SIDES = [0, 8, -8, 10, -10, 12, -12, 14, -14, 17, -17, 20, -20, 24, -24, 30, -30];
 const MARK_SECONDS = 2.5, LEAD_SECONDS = 2, BRAKING = 1.0, FURTHEST_TTC = 8;
 const agents = new Map(data.agents.map((each) => [each.id, each]));
 const state = { time: 0, playing: false, rate: 1, event: null, view: null, last: null, pointed: null, handles: [], drag: null, boxes: [] };
@@ -219,8 +219,15 @@ function writeLabel(text, point, colour) {
   pen.font = LABEL_FONT;
   const [x, y] = toPixels(point), half = pen.measureText(text).width / 2 + 3;
   if (x < -half || x > canvas.clientWidth + half || y < -20 || y > canvas.clientHeight + 20) return;
-  const boxes = [0, 1, -1, 2, -2, 3, -3].map((k) => placeBox(x, y + k * LABEL_HEIGHT, half));
+  const boxes = LABEL_STEPS.map((k) => placeBox(x, y + k * LABEL_HEIGHT, half));
   putLabel(text, boxes.find(isFree) ?? boxes[0], colour);
+}
+/** Where an agent of the instruction is drawn, so that no label covers it. */
+function keepFree(agent) {
+  const sample = sampleAgent(agent, state.time);
+  if (agent.role !== "foreground" || sample === null) return;
+  const spots = outline(agent, sample).map(toPixels), xs = spots.map(([x]) => x), ys = spots.map(([, y]) => y);
+  state.boxes.push([Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]);
 }
 /** A box for a label, held inside the picture: [left, top, right, bottom] in pixels. */
 function placeBox(x, y, half) {
@@ -294,8 +301,9 @@ function drawEvidence(event) {
 function drawGap(pair, event) {
   const { pet, other_cleared: cleared, entered } = event.evidence ?? {};
   if (typeof pet !== "number") return;
-  const order = typeof cleared === "number" && typeof entered === "number" ? `: ${pair[1].name} clears it at ${formatSeconds(cleared)}, ${pair[0].name} enters at ${formatSeconds(entered)}` : " between the two";
-  writeLabel(`PET ${pet.toFixed(1)} s${order}`, [event.location[0], event.location[1] + 30 / pixelsPerMetre()], readVariable("--bad"));
+  const lines = [`PET ${pet.toFixed(1)} s between the two`];
+  if (typeof cleared === "number" && typeof entered === "number") lines.push(`${pair[1].name} clears it at ${formatSeconds(cleared)}`, `${pair[0].name} enters at ${formatSeconds(entered)}`);
+  lines.forEach((text, n) => writeLabel(text, [event.location[0], event.location[1] + (30 + LABEL_HEIGHT * (lines.length - 1 - n)) / pixelsPerMetre()], readVariable("--bad")));
 }
 /** Where an agent brakes before the event, over its way, and how hard at the most. */
 function drawBraking(agent, event) {
@@ -356,6 +364,7 @@ function draw() {
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   state.boxes = [[0, canvas.clientHeight - 34, 130, canvas.clientHeight], [canvas.clientWidth - 44, 0, canvas.clientWidth, 26], [canvas.clientWidth - 50, canvas.clientHeight - 130, canvas.clientWidth, canvas.clientHeight]];
+  data.agents.forEach(keepFree);
   drawMap();
   drawLights();
   data.agents.forEach(drawTrail);
@@ -768,9 +777,11 @@ function askForEdit(edit) {
 }
 function listenToPage() {
   if (!inPage) return;
+  find("theme").hidden = true; // the page around has one for both
   window.addEventListener("message", (event) => {
     if (event.source !== window.parent || event.origin !== location.origin || event.data?.scenewright !== "handles") return;
     state.handles = event.data.handles;
+    chooseTheme(event.data.dark);
     document.body.classList.toggle("by-hand", state.handles.length > 0);
     draw();
   });

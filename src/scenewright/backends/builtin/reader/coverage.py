@@ -23,6 +23,7 @@ _ORDERS = re.compile(
     re.IGNORECASE,
 )
 _NEGATIONS = compile_negations("no one", "none", "cannot")
+_EXCEPTED = re.compile(r"\b(?:all|every\w*|each) (?:but|except)\b", re.IGNORECASE)
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
 _NEAR = 30
 """Characters between a negation and the span that takes account of it."""
@@ -36,10 +37,17 @@ def passes_over_order(reading: Reading) -> bool:
     )
 
 
+def passes_over_exception(reading: Reading) -> bool:
+    """Whether words take one out of several, and nothing is read as denied: "all but one"."""
+    said = _EXCEPTED.search(reading.text) is not None
+    return said and not any(span.negated for span in reading.spans)
+
+
 def find_passed_over(reading: Reading) -> list[str]:
     """Sides, turns, measures and negations that no span takes account of."""
     covered = [(span.start, span.end) for span in reading.spans]
-    found = []
+    excepted = _EXCEPTED.search(reading.text) if passes_over_exception(reading) else None
+    found = [excepted[0]] if excepted else []
     for pattern in (_SIDES, _MEASURES, _NEGATIONS):
         for match in pattern.finditer(reading.text):
             inside = any(a < match.end() and match.start() < b for a, b in covered)

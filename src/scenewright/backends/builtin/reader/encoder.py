@@ -44,6 +44,16 @@ class Encoder:
             x = self._layer(x, f"layers.{index}.")
         return x
 
+    def summarise(self, ids: Ints) -> Floats:
+        """One text as [2, width]: the mean token after half of the layers, the mean word vector."""
+        words = self._rows("word.weight", ids)
+        parts = np.zeros(len(ids), dtype=np.int64)
+        x = words + self._rows("position.weight", np.arange(len(ids)))
+        x = self._norm(x + self._weights["part.weight"][parts], "norm")
+        for index in range(self._layers // 2):
+            x = self._layer(x, f"layers.{index}.")
+        return np.stack([x.mean(0), words[1:-1].mean(0)])
+
     def head(self, name: str, x: Floats) -> Floats:
         """Log-probabilities of a two-layer head, such as `tags`, for rows of representations."""
         return _log_softmax(self.linear(_gelu(self.linear(x, f"{name}.0")), f"{name}.3"))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import Draft, Refused, Site
 from scenewright.backends.builtin.graph_making import (
@@ -20,7 +21,7 @@ from scenewright.backends.builtin.reader.manoeuvres import sharpen_manoeuvres
 from scenewright.backends.builtin.reader.merging import merge_mentions
 from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions
-from scenewright.backends.builtin.reader.reading import Reading, read_text
+from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, read_text
 from scenewright.backends.builtin.reader.unmarked import read_unmarked
 from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.scene.account import SaidSpan
@@ -49,13 +50,35 @@ def read_plan(text: str, *, previous: str | None = None, site: Site | None = Non
     return plan_reading(reading, site or Site(), text)
 
 
+OPENERS = ("Show me this: ", "ok so ")
+"""Words before a text that change nothing in what it asks for."""
+
+
+def read_again(text: str, opener: str, *, site: Site | None = None) -> LearnedPlan:
+    """The plan that the encoder reads in a text after an opener, with places as in the text.
+
+    A reading that the encoder is sure of comes out the same; one that hangs by a thread does not.
+    """
+    reading = read_text(opener + text)
+    kept = [at for at, span in enumerate(reading.spans) if span.start >= len(opener)]
+    spans = tuple(_shift(reading.spans[at], -len(opener)) for at in kept)
+    users = {user: kept.index(at) for user, at in reading.users.items() if at in kept}
+    return plan_reading(replace(reading, text=text, spans=spans, users=users), site or Site(), text)
+
+
+def _shift(span: ReadSpan, characters: int) -> ReadSpan:
+    return replace(span, start=span.start + characters, end=span.end + characters)
+
+
 def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
     reading = read_reactions(sharpen_manoeuvres(join_groups(merge_mentions(reading))))
     reading = orient_orders(read_unmarked(reading))
     spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
     confidence = min([reading.kind_confidence, *spans])
-    if reading.kind in ("scene", "edit") and find_passed_over(reading):
+    if reading.kind in ("scene", "edit") and (
+        find_passed_over(reading) or _says_no_change(reading)
+    ):
         confidence = 0.0
     try:
         interpretation = interpret(reading, site)
@@ -69,6 +92,12 @@ def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
         return LearnedPlan(refusal, reading, None, confidence)
     return LearnedPlan(plan, reading, interpretation, confidence)
+
+
+def _says_no_change(reading: Reading) -> bool:
+    """Whether nothing is read in the words that are to change an earlier instruction."""
+    cut = reading.text.find(SEPARATOR)
+    return reading.kind == "edit" and not any(span.start > cut for span in reading.spans)
 
 
 def _as_planned(entry: SaidSpan, graph: SocialGraph) -> SaidSpan:
@@ -89,7 +118,7 @@ def _as_planned(entry: SaidSpan, graph: SocialGraph) -> SaidSpan:
 def _read(text: str, previous: str | None) -> Reading:
     """The reading of a text alone, or of the change that it makes to a previous one."""
     alone = read_text(text)
-    if previous is None or not previous.strip() or _stands_alone(alone):
+    if previous is None or not previous.strip() or _stands_alone(alone, previous):
         return alone
     joint = read_text(text, previous=previous)
     changes = any(span.start > len(previous) for span in joint.spans)
@@ -97,14 +126,28 @@ def _read(text: str, previous: str | None) -> Reading:
     return Reading(joint.text, kind, joint.kind_confidence, joint.spans, joint.users)
 
 
-def _stands_alone(reading: Reading) -> bool:
+def _stands_alone(reading: Reading, previous: str) -> bool:
     """Whether a text introduces two road users to one another, or is in another language."""
     if reading.kind == "foreign":
         return True
     events = ("hit", "near", "yield", "follow")
-    return len(reading.users) >= 2 and any(
-        span.tag in events and span.subjects and span.objects for span in reading.spans
+    mentions = [reading.spans[at].words for at in reading.users.values()]
+    return (
+        len(reading.users) >= 2
+        and any(span.tag in events and span.subjects and span.objects for span in reading.spans)
+        and not any(_is_known(words, previous) for words in mentions)
     )
+
+
+def _is_known(words: str, previous: str) -> bool:
+    """Whether a mention is of somebody in an earlier instruction: "he", "the van" after "a van"."""
+    if _PRONOUN.fullmatch(words):
+        return True
+    noun = re.fullmatch(r"(?:the|that|this) (?:\w+ )*?(\w+)", words, re.IGNORECASE)
+    return noun is not None and re.search(rf"\b{noun[1]}\b", previous, re.IGNORECASE) is not None
+
+
+_PRONOUN = re.compile(r"(?:he|she|it|him|her|them|they|that one|the other(?: one)?)", re.IGNORECASE)
 
 
 def _settle(interpretation: Interpretation, text: str) -> Draft:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
@@ -78,7 +78,47 @@ _YELLOW = re.compile(
     r"\b(?:caught )?in (?:the|a) (?:yellow[- ]light )?dilemma(?: zone)?",
     re.IGNORECASE,
 )
+_OVER = r"(?: (?:of|on|across|over|through)(?: the (?:crosswalk|street|road|crossing|zebra)| it)?)?"
+_GOES = (
+    r"(?:go(?:es|ing)|went|walk(?:s|ed|ing)|head(?:s|ed|ing)|hurr\w+|runs?|running|ran|doubl\w+)"
+)
+_BACK = re.compile(
+    r"\b(?:(?:starts?|starting|begins?|beginning) (?:to cross|crossing|to walk|walking)"
+    r"(?: the (?:crosswalk|street|road))?,? )?"
+    r"(?:(?:but|and|suddenly|then|hesitat\w+ and|chang\w+ (?:her|his|its|their) minds?,? and) )*"
+    rf"(?:turn(?:s|ed|ing)? (?:back|a?round)|{_GOES} back|retreats|retreating|returns|"
+    r"chang(?:es|ed|ing) (?:her|his|its|their) minds?)"
+    rf"(?:,? (?:half-?way|half way|midway|part-?way|mid-?\w+|in the middle){_OVER})?"
+    rf"(?:,? (?:and |then )*(?:{_GOES} back|returns|retreats))?"
+    r"(?: (?:to|towards|onto) (?:the |her |his |its )?(?:kerb|curb|sidewalk|pavement|"
+    r"(?:same )?side(?: (?:she|he|it|they) c[ao]me from)?))?",
+    re.IGNORECASE,
+)
+_ITS_LIGHT = r"(?:the|its|a|his|her) (?:traffic )?(?:light|signal)s?"
+_OTHERS = r"(?:the )?(?:cross(?:ing)?[- ](?:traffic|street)|others|other (?:side|street|road))"
+_AT_YELLOW = re.compile(
+    r"\b(?:brak(?:es?|ing)|stop(?:s|ping)?|slams? on the brakes|halts?|comes to a (?:\w+ )?stop)\b"
+    r"(?: (?:hard|sharply|abruptly|suddenly|heavily|short|firmly|to a stop|in time))*,? "
+    r"(?:(?:for|at|on) (?:a |the |an |its )?(?:yellow|amber)(?: (?:traffic )?(?:light|signal))?|"
+    rf"(?:(?:when|as|because|after|once|just as) )?{_ITS_LIGHT} "
+    r"(?:(?:is )?turn(?:s|ed|ing)|goes|changes?(?: to)?|is|becomes) (?:yellow|amber))",
+    re.IGNORECASE,
+)
+_BLOCKS = re.compile(
+    r"\b(?:block(?:s|ing|ed)? (?:the )?(?:box|junction|intersection)|"
+    r"(?:gets?|is|getting) (?:stuck|caught|stranded) in(?: the middle of)? the "
+    r"(?:box|junction|intersection)|"
+    r"(?:stops?|stands?|waits?|stopping|standing) (?:in|inside)(?: the middle of)? the "
+    r"(?:box|junction|intersection))"
+    rf"(?: for {_OTHERS})?"
+    rf"(?:,? (?:when|while|as|after|until) {_ITS_LIGHT}(?: (?:of|for) {_OTHERS})? "
+    rf"(?:turns?|has turned|is|goes|(?:has )?change[sd]? to) (?:red|green)(?: for {_OTHERS})?)?",
+    re.IGNORECASE,
+)
 _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] = (
+    (_AT_YELLOW, "stops_at_yellow"),
+    (_BLOCKS, "blocks_junction"),
+    (_BACK, "turns_back"),
     (_MIDWAY, "stops_midway"),
     (_DARTS, "darts_out"),
     (_RUNS, "runs"),
@@ -98,6 +138,7 @@ _PASSIVE_REAR = re.compile(
     r"rear-?ended)\b(?! by)",
     re.IGNORECASE,
 )
+_HOOK = re.compile(r"\bhook|\bcross", re.IGNORECASE)
 _TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)
 _ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
 """Words for a near miss that stand on their own: the word before them is no part of them."""
@@ -116,11 +157,21 @@ def sharpen_manoeuvres(reading: Reading) -> Reading:
             continue
         if span.tag in ("right", "place") and _SHORT_OF.search(span.words):
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
+    _soften_hooks(spans)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
     _tell_yellow_from_red(spans)
     _read_right_on_red(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
+
+
+def _soften_hooks(spans: list[ReadSpan]) -> None:
+    """ "Right-hooks a cyclist and nearly hits him": the hook is no more than the near miss."""
+    near = [{*span.subjects, *span.objects} for span in spans if span.tag == "near"]
+    for n, span in enumerate(spans):
+        pair = {*span.subjects, *span.objects}
+        if span.tag == "hit" and _HOOK.search(span.words) and pair in near:
+            spans[n] = replace(span, tag="near", value=None)
 
 
 def _tell_yellow_from_red(spans: list[ReadSpan]) -> None:
@@ -164,11 +215,12 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     """How a pedestrian crosses, as spans of their own; what lies within says no more."""
     for pattern, motion in _MOTIONS:
         for match in pattern.finditer(reading.text):
-            owner = _find_owner(spans, match, drives=motion == "passes_yellow")
+            owner = _find_owner(spans, match, drives=motion in get_args(VehicleMotion))
             if owner is None or any(s.tag == "motion" and _overlaps(s, match) for s in spans):
                 continue
             for n, span in enumerate(spans):
-                if _overlaps(span, match) and span.tag in _OF_THE_WAY:
+                inside = motion == "blocks_junction" and span.start > match.start()
+                if _overlaps(span, match) and (inside or span.tag in _OF_THE_WAY):
                     spans[n] = _settle_way(span, match, motion)
             start, end = match.span()
             told = ReadSpan(
@@ -192,6 +244,9 @@ _OF_THE_WAY = (
     "light",
     "broken",
     "thing",
+    "place",
+    "uturn",
+    "brake",
 )
 
 

@@ -143,10 +143,10 @@ def _driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int
     """A vehicle and who drives it: "the rider of a motorbike", "a woman on a moped"."""
     for user, span in single.items():
         for other, later in single.items():
-            between = reading.text[span.end : later.start].strip()
+            if not 0 <= later.start - span.end <= _MOST_BETWEEN or span.tag == "obj":
+                continue
             match = _RIDES.search(reading.text[span.start : later.start].strip())
-            beside = span.end <= later.start and len(between.split()) <= _MOST_BETWEEN
-            if not (beside and match) or span.tag == "obj" or later.tag in ("ped", "obj", "other"):
+            if match is None:
                 continue
             who = reading.text[span.start : span.start + match.start()].strip()
             named = _DRIVER.search(who) if match[0].lower().startswith("of") else _is_one(who)
@@ -154,8 +154,8 @@ def _driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int
                 yield other, user
 
 
-_MOST_BETWEEN = 6
-"""Words between a person and the vehicle that the person drives."""
+_MOST_BETWEEN = 40
+"""Characters between a person and the vehicle that the person drives."""
 
 
 def _is_one(words: str) -> bool:

@@ -258,6 +258,7 @@ function showExamples() {
 function chooseTheme(dark) {
   document.documentElement.classList.toggle("dark", dark);
   find("theme").setAttribute("aria-pressed", String(dark));
+  tellPlayer();
 }
 
 function listen() {

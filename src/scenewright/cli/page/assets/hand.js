@@ -17,7 +17,9 @@ async function offerHandles() {
   tellPlayer();
 }
 function tellPlayer() {
-  for (const frame of find("players").querySelectorAll("iframe")) frame.contentWindow?.postMessage({ scenewright: "handles", handles: app.handles ?? [] }, location.origin);
+  const dark = document.documentElement.classList.contains("dark");
+  for (const frame of document.querySelectorAll("#players iframe, #batch-player iframe"))
+    frame.contentWindow?.postMessage({ scenewright: "handles", dark, handles: frame.closest("#players") ? app.handles ?? [] : [] }, location.origin);
 }
 function showHandles(handles) {
   const head = make("tr", {}, ...["Agent", "Comes later [s]", "Stops further on [m]", "Waits longer [s]", "Way"].map((textContent) => make("th", { scope: "col", textContent })));
@@ -52,7 +54,7 @@ function changeByHand(edit) {
 /** Messages of our own players alone; what they ask for is read and checked by the server. */
 function listenToPlayers() {
   window.addEventListener("message", (event) => {
-    const ours = [...find("players").querySelectorAll("iframe")].some((frame) => frame.contentWindow === event.source);
+    const ours = [...document.querySelectorAll("#players iframe, #batch-player iframe")].some((frame) => frame.contentWindow === event.source);
     if (!ours || event.origin !== location.origin) return;
     if (event.data?.scenewright === "ready") tellPlayer();
     if (event.data?.scenewright === "edit") changeByHand(event.data.edit);

@@ -1,0 +1,744 @@
+"""Words that no rule of form reads, by what they are likely to want.
+
+The planner's model of turns ranks intents. An intent and what the words name (agents, sides,
+numbers) become a plain sentence, such as "make vehicle-1 slower", which is read as if it had been
+typed, or an edit. So a wish in unusual words is done by the same code as one in usual words. Of
+two opposite intents, such as slower and faster, the words themselves decide.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+from scenewright.authoring.everyday_words import (
+    CLASSES,
+    LENGTH,
+    OPPOSITE,
+    WEATHER,
+    Talk,
+    set_measure,
+    simplify,
+)
+from scenewright.backends.offline import rank_intents
+from scenewright.scene.edits import (
+    AddAgent,
+    AgentView,
+    ChangeAgent,
+    DeclinedTurn,
+    Edits,
+    Reading,
+    Redraw,
+    Relate,
+    RemoveAgent,
+    RemoveObject,
+    SetBackground,
+)
+from scenewright.scene.measures import UNITS
+from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
+
+SURE, LIKELY = 0.75, 0.45
+"""Probabilities from which an intent overrides what was read otherwise, or stands for nothing."""
+_MORE, _FEWER = 1.4, 0.6
+
+
+class Guess(NamedTuple):
+    """The likeliest intent and its probability, that of its opposite included."""
+
+    intent: str
+    chance: float
+
+
+_LESS = r"\bless\b|\bfewer\b|\breduc|\blower|\bdecreas|\bnot (?:that|so)\b|\bnot as\b"
+_OPPOSITES: tuple[tuple[str, str, str], ...] = (
+    ("faster", "slower", rf"(?<!too )(?<!so )\bslow|{_LESS}|too (?:fast|quick)|\bcalm|"
+     r"\beas[ey]|\bcrawl|\bcreep|\bchill|\bcareful|\bcut\b|\bhalf\b|"
+     r"take (?:his|her|their|its) time"),
+    ("closer", "less_close", r"\b(?:further|farther|apart|bigger|larger|wider|safer|widen|increase|"
+     r"comfortable|room|relax)|\bmore (?:distance|space|time|headway)|\btoo (?:close|tight|scary)|"
+     r"\b(?:less|not (?:so|that)) (?:close|scary|danger|critical|drama|risk|tight)|\btone\b"),
+    ("harder", "softer", rf"{_LESS}|\bsoft|\blight|\bgentl|\bmild|\btap\b|\bbump\b|"
+     r"too (?:hard|bad)"),
+    ("event_later", "event_earlier", r"\bearl(?!.*too early)|\bsoon|\bforward|\bquick|"
+     r"too late|too long"),
+    ("come_later", "come_earlier", r"\bearl(?!.*too early)|\bsoon|too late"),
+    ("wait_longer", "wait_less", r"\bless\b|\bshort|\bsoon|too long|\b(?:so|that) long|"
+     r"\bdon't wait"),
+    ("stop_later", "stop_earlier", r"\bearl|\bbefore\b|\bback\b|\baway\b|\bsoon|too late|"
+     r"\bshort of"),
+    ("more_traffic", "less_traffic", rf"{_LESS}|\bquiet|\bhalf\b|\bthin|"
+     r"too (?:many|crowd|busy|much)|"
+     r"\bcalm|\blight(?:er)?\b|\bremove|\bdrop|\bdelete|\btake\b|\bcut\b"),
+    ("run_red", "obey", r"\bobey|\brespect|\blegal|\bgreen|\bnobody|\bno\b|\bviolation|\bwait|"
+     r"\bstop|\brules?\b"),
+    ("undo", "redo", r"\bredo|\bforward|\bagain|undo the undo|back in\b|\bre-?apply"),
+)  # fmt: skip
+"""One intent, its opposite, and the words that mean the opposite."""
+
+
+@lru_cache(maxsize=256)
+def guess_intent(words: str) -> Guess:
+    """What the words most likely want, with what stands around the wish or without it."""
+    whole, bare = _guess(words), _guess(simplify(words) or words)
+    return whole if whole.chance >= min(bare.chance, SURE) else bare
+
+
+def _guess(words: str) -> Guess:
+    denied = re.sub(r",? ?\bnot (?:an? )?(?:near miss|collision|crash|accident)\b", "", words)
+    ranked = rank_intents(denied.strip() or words)
+    chances, (first, _) = dict(ranked), ranked[0]
+    for one, other, pattern in _OPPOSITES:
+        if first in (one, other):
+            meant = other if re.search(pattern, words.lower()) else one
+            return Guess(meant, chances[one] + chances[other])
+    return Guess(first, ranked[0].chance)
+
+
+def is_question(intent: str) -> bool:
+    """Whether the intent is to know something of the scene."""
+    return intent.startswith("q_")
+
+
+STEPS = {
+    "undo": "undo", "redo": "redo", "restart": "restart", "show": "show", "play": "play",
+    "gif": "gif", "mp4": "mp4", "html": "html", "save": "save", "quit": "quit", "help": "help",
+    "why_refused": "why", "talk": "talk",
+}  # fmt: skip
+"""Intents that are about the conversation -> the kind of turn."""
+
+_MAKES: dict[str, str] = {
+    "slower": "set_pace set_measure", "faster": "set_pace set_measure change_agent",
+    "set_speed": "set_pace set_measure", "remove": "remove_agent unrelate set_background",
+    "add_agent": "add_agent relate set_background", "become": "change_agent",
+    "come_from": "change_agent tie", "turn": "change_agent tie", "go_to": "change_agent tie",
+    "cross_at": "change_agent", "reverse": "change_agent tie", "clock": "change_context",
+    "collide": "relate", "near_miss": "relate", "yields": "relate wait_longer", "follow": "relate",
+    "nothing_happens": "unrelate", "swap": "relate", "closer": "relate set_measure",
+    "less_close": "relate set_measure", "set_gap": "relate set_measure", "harder": "relate",
+    "softer": "relate", "set_impact": "relate set_measure", "event_earlier": "set_measure",
+    "event_later": "set_measure", "come_earlier": "come_later", "come_later": "come_later",
+    "wait_longer": "wait_longer", "wait_less": "wait_longer", "stop_earlier": "move_stop",
+    "stop_later": "move_stop", "make_stop": "wait_longer relate set_measure",
+    "brake_hard": "relate set_measure", "runs": "change_agent",
+    "more_traffic": "set_background change_context",
+    "less_traffic": "set_background change_context", "no_traffic": "set_background remove_agent",
+    "set_count": "set_background", "redraw": "redraw", "park": "add_object",
+    "unpark": "remove_object", "hide": "add_object", "run_red": "change_agent",
+    "obey": "change_agent", "jaywalk": "change_agent", "not_react": "change_agent relate",
+}  # fmt: skip
+"""Intents that change the scene -> the edits that do so."""
+
+
+def is_change(intent: str) -> bool:
+    """Whether the intent is to change the scene."""
+    return intent in _MAKES
+
+
+def agrees(reading: Reading, intent: str, words: str) -> bool:
+    """Whether a reading does what the intent is: its edits are of its kinds, its way as said."""
+    kinds = _MAKES.get(intent, "").split()
+    if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
+        return False
+    nodes = [each.node for each in reading.edits if isinstance(each, ChangeAgent)]
+    plain = words.lower()
+    if intent in ("slower", "faster") and re.search(r"\b(?:both|them|each|everyone)\b", plain):
+        return len(reading.edits) > 1
+    if intent == "redraw":
+        return all(each == Redraw() for each in reading.edits) or " for " in plain
+    if intent == "turn" and (said := _find_turn(plain)) is not None:
+        return any(node.movement == said for node in nodes)
+    if intent == "cross_at" and (side := _find_side(plain)) is not None:
+        return any(node.crosswalk == side for node in nodes)
+    if intent == "add_agent" and re.search(r"\b(?:behind|follow)", plain):
+        return any(isinstance(each, Relate) for each in reading.edits)
+    if intent == "come_from" and (side := _find_side(plain)) is not None:
+        return any(node.entry == side for node in nodes)
+    return True
+
+
+def _find_turn(plain: str) -> str | None:
+    found = re.findall(r"(?<!not )\b(left|right|straight|u-?turn)", plain)
+    return {"u-turn": "uturn"}.get(found[-1], found[-1]) if found else None
+
+
+_NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
+_MENTION = re.compile(
+    r"\b(?P<id>(?:vehicle|pedestrian|cyclist|scooter)-\d+)\b|"
+    r"\b(?P<new>an?|another|one|two|some|more)? ?(?P<det>the |that |this |my )?"
+    r"(?P<other>other )?(?:(?!the\b|an?\b|and\b|or\b|of\b|to\b)[a-z-]+ ){0,2}?"
+    rf"(?P<noun>{_NOUN})s?\b|"
+    r"\b(?P<word>it|him|her|he|she|the other(?: one)?|the first one)\b"
+)
+_KINDS = re.compile(rf"\b(?:an?|another|one)\s+(?:[a-z-]+ ){{0,2}}?(?P<noun>{_NOUN})\b")
+_BARE_KIND = re.compile(
+    rf"\b(?:to|into|with|by|for) (?:an? )?(?:[a-z-]+ )?(?P<noun>{_NOUN})\b|^(?P<only>{_NOUN})$"
+)
+_SIDE = re.compile(r"\b(north|south|east|west)(?:ern|erly)?\b")
+_BOUND = re.compile(r"\b(north|south|east|west)bound\b")
+_WORDS = {
+    "half a": 0.5, "half": 0.5, "a": 1, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5,
+    "six": 6, "seven": 7, "eight": 8, "nine": 9, "ten": 10, "twelve": 12, "twenty": 20,
+    "a couple": 2, "a few": 3,
+}  # fmt: skip
+_NUMBER = re.compile(
+    r"(?P<number>\d+(?:[.,]\d+)?|\b(?:half a|a couple|a few|half|one|two|three|four|five|six|"
+    r"seven|eight|nine|ten|twelve|twenty)\b|\ba(?= (?:second|met|sec)))"
+    r"(?: of)? ?(?P<unit>km/?h|kmh|kph|mph|m/s(?:²|2)?|s\b|secs?\b|seconds?|m\b|met(?:re|er)s?)?"
+)
+
+
+def names_somebody(plain: str) -> bool:
+    """Whether there is a noun of a road user in the words."""
+    return re.search(rf"\b(?:{_NOUN}|people|somebody|someone)(?:e?s)?\b", plain) is not None
+
+
+@dataclass(frozen=True)
+class Wish:
+    """Words with an intent, and the scene that they are about.
+
+    Attributes:
+        plain: the words in lower case without fillers; named: agents that take part, by the words.
+    """
+
+    intent: str
+    plain: str
+    talk: Talk
+    named: tuple[AgentNode, ...]
+
+    def choose(self, *, vehicle_first: bool = True) -> AgentNode | None:
+        """Whom the wish is about: whom it names, else who was spoken of last, else the vehicle."""
+        if self.named:
+            return self.named[0]
+        every = self.talk.list_named()
+        spoken = [each for each in every if each.id in self.talk.touched]
+        if spoken:
+            return spoken[0]
+        driving = [each for each in every if each.type == "vehicle"] if vehicle_first else []
+        return driving[0] if len(driving) == 1 else every[0] if len(every) == 1 else None
+
+    def view(self, node: AgentNode) -> AgentView | None:
+        """The agent as it is in the scene."""
+        return next((each for each in self.talk.situation.present if each.id == node.id), None)
+
+    def number(self, *units: str) -> float | None:
+        """The first number in the words, with one of these units if any are named."""
+        for found in _NUMBER.finditer(self.plain):
+            if not units or (found["unit"] or "").startswith(units):
+                text = found["number"].replace(",", ".")
+                return float(_WORDS[text]) if text in _WORDS else float(text)
+        return None
+
+    def edge(self, *kinds: str) -> RelationEdge | None:
+        """The only relation of these kinds; None where there is none, or several."""
+        edges = self.talk.situation.graph.relations
+        found = [each for each in edges if not kinds or each.type in kinds]
+        return found[0] if len(found) == 1 else None
+
+    def pair(self) -> tuple[str, str] | None:
+        """Who does something to whom: the two that are named, else those of the only relation."""
+        every = [each.id for each in self.talk.situation.graph.agents]
+        edge = self.edge()
+        if len(self.named) >= 2 and self.named[0].id != self.named[1].id:
+            return self.named[0].id, self.named[1].id
+        if self.named:
+            first = self.named[0].id
+            others = [each for each in every if each != first]
+            if edge is not None and first in (edge.from_, edge.to):
+                return first, edge.to if edge.from_ == first else edge.from_
+            return (first, others[0]) if len(others) == 1 else None
+        if edge is not None:
+            return edge.from_, edge.to
+        return (every[0], every[1]) if len(every) == 2 else None
+
+
+_Answer = str | Reading | None
+
+
+def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
+    """The wish as a plain sentence or a reading; None where the words leave out whom or what."""
+    make = _WISHES.get(intent)
+    if make is None:
+        return None
+    plain = simplify(words)
+    named = find_named(plain, talk)
+    if intent not in _OF_OTHERS and not named and (noun := _find_stranger(plain, talk)):
+        there = ", ".join(f"{e.id} ({e.subtype or e.type})" for e in talk.list_named())
+        return _decline(f"There is no {noun} that takes part; there is {there or 'nobody'}.")
+    if intent not in _OF_OTHERS and _find_stranger(plain, talk, new=True):
+        return None  # "have a truck hit the car" brings in a truck, which no such change does
+    return make(Wish(intent, plain, talk, tuple(named)))
+
+
+_OF_OTHERS = frozenset(
+    ("more_traffic", "less_traffic", "no_traffic", "set_count", "add_agent", "become", "park",
+     "unpark", "hide", "beyond", "weather", "length", "clock", "remove")
+)  # fmt: skip
+"""Intents whose nouns need not be of those who take part."""
+
+
+def _find_stranger(plain: str, talk: Talk, *, new: bool = False) -> str | None:
+    """A noun of a road user of a class that no agent of the instruction has.
+
+    Args:
+        new: look at "a truck" and "another truck" instead of "the truck".
+    """
+    for each in _MENTION.finditer(plain):
+        noun = each["noun"]
+        if noun is not None and bool(each["new"]) is new:
+            kind, subtype = CLASSES[noun]
+            alike = [e for e in talk.situation.graph.agents if e.type == kind]
+            if not any(subtype in (None, "car", each.subtype) for each in alike):
+                return str(noun)
+    return None
+
+
+def find_named(plain: str, talk: Talk) -> list[AgentNode]:
+    """The agents of the instruction that the words name, in their order."""
+    if re.search(r"\b(?:both|the two|they|them|everyone|each other)\b", plain):
+        return list(talk.situation.graph.agents)
+    found: list[AgentNode] = []
+    for each in _MENTION.finditer(plain):
+        if each["new"]:
+            continue
+        said = each["id"] or each["word"]
+        noun = f"{each['other'] or ''}{each['noun']}" if said is None else said
+        node = talk.find("other one" if noun.startswith("the other") else noun)
+        if node is not None and node not in found:
+            found.append(node)
+    return found
+
+
+def _decline(reason: str) -> DeclinedTurn:
+    return DeclinedTurn(code="impossible", reason=reason)
+
+
+def _pace(wish: Wish) -> _Answer:
+    faster = wish.intent == "faster"
+    every = list(wish.named) if len(wish.named) > 1 else [wish.choose()]
+    much = re.search(r"\b(?:a lot|much|way|far|really|super)\b", wish.plain)
+    chosen = [each.id for each in every if each is not None]
+    if not chosen:
+        return None
+    how = ("a lot " if much else "") + ("faster" if faster else "slower")
+    return ", ".join(f"make {each} {how}" for each in chosen)
+
+
+def _speed(wish: Wish) -> _Answer:
+    node, value = wish.choose(), wish.number()
+    if node is None or value is None:
+        return None
+    unit = "m/s" if "m/s" in wish.plain else "mph" if "mph" in wish.plain else "km/h"
+    return f"let {node.id} drive at {value:g} {unit}"
+
+
+def _remove(wish: Wish) -> _Answer:
+    return f"remove {wish.named[0].id}" if wish.named else None
+
+
+def find_new_kind(plain: str) -> str | None:
+    """The noun of somebody new, as in "a bus" or "into a bus"; None where there is none."""
+    found = _KINDS.search(plain) or _BARE_KIND.search(plain)
+    return None if found is None else found["noun"] or found["only"]
+
+
+def _add(wish: Wish) -> _Answer:
+    noun = find_new_kind(wish.plain)
+    if noun is None:
+        return None
+    side = _find_side(wish.plain)
+    where = f" from the {side}" if side else ""
+    behind = re.search(r"\b(?:follow|behind|after)", wish.plain) and wish.named
+    if re.search(r"\b(?:follow|behind)", wish.plain) and not behind:
+        stranger = _find_stranger(wish.plain, wish.talk)
+        return _decline(f"There is no {stranger} that takes part.") if stranger else None
+    return f"add a {noun}{where}" + (f" that follows {wish.named[0].id}" if behind else "")
+
+
+def _become(wish: Wish) -> _Answer:
+    noun = find_new_kind(wish.plain)
+    if noun is None:
+        return None
+    kind = CLASSES[noun][0]
+    alike = [
+        each
+        for each in wish.talk.list_named()
+        if (each.type == "pedestrian") == (kind == "pedestrian")
+    ]
+    node = wish.named[0] if wish.named else alike[0] if len(alike) == 1 else wish.choose()
+    if node is None:
+        return None
+    return f"make {node.id} a {noun}" if kind == node.type else replace_agent(node, noun, wish.talk)
+
+
+def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
+    """Another agent of another class in the place of one: same way, same relations."""
+    kind, subtype = CLASSES[noun]
+    graph, view = talk.situation.graph, next(e for e in talk.situation.present if e.id == node.id)
+    taken = {each.id for each in talk.situation.present} | {each.id for each in graph.agents}
+    name = next(f"{kind}-{n}" for n in range(1, 99) if f"{kind}-{n}" not in taken)
+    walks = "pedestrian" in (kind, node.type)
+    told = {"id": name, "type": kind, "subtype": subtype}
+    way = {} if walks else {"entry": view.entry, "movement": view.movement}
+    joined = [each for each in graph.relations if node.id in (each.from_, each.to)]
+    swapped = []
+    for each in joined:
+        mine = "from_" if each.from_ == node.id else "to"
+        swapped.append(Relate(edge=each.model_copy(update={mine: name, "kind": None})))
+    return Edits(
+        edits=(
+            AddAgent(node=AgentNode.model_validate({**told, **way})),
+            *swapped,
+            RemoveAgent(agent=node.id),
+        )
+    )
+
+
+def _find_side(plain: str) -> str | None:
+    bound = _BOUND.search(plain)
+    if bound is not None:
+        return OPPOSITE[bound[1]]
+    found = _SIDE.search(plain)
+    return None if found is None else found[1]
+
+
+def _come_from(wish: Wish) -> _Answer:
+    node, side = wish.choose(), _find_side(wish.plain)
+    return None if node is None or side is None else f"make {node.id} come from the {side}"
+
+
+def _go_to(wish: Wish) -> _Answer:
+    node, side = wish.choose(), _find_side(wish.plain)
+    return None if node is None or side is None else f"let {node.id} leave to the {side}"
+
+
+def _turn(wish: Wish) -> _Answer:
+    node = wish.choose()
+    turn = _find_turn(wish.plain)
+    view = None if node is None else wish.view(node)
+    if node is None or view is None or turn is None:
+        return None
+    if node.type == "pedestrian":
+        return _decline(f"{node.id} walks; say which crosswalk, or from which side it comes.")
+    way = {"entry": view.entry, "exit": None, "movement": turn}
+    return Edits(edits=(ChangeAgent(node=AgentNode.model_validate({**node.model_dump(), **way})),))
+
+
+def _cross(wish: Wish) -> _Answer:
+    walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
+    node = next((each for each in wish.named if each.type == "pedestrian"), None)
+    node = node or (walkers[0] if len(walkers) == 1 else None)
+    view, side = (None if node is None else wish.view(node)), _find_side(wish.plain)
+    if (
+        side is None
+        and view is not None
+        and view.crosswalk
+        and re.search(r"\b(?:other|opposite)\b", wish.plain)
+    ):
+        side = OPPOSITE[view.crosswalk]
+    return None if node is None or side is None else f"put {node.id} on the {side} crosswalk"
+
+
+def _reverse(wish: Wish) -> _Answer:
+    node = wish.choose()
+    view = None if node is None else wish.view(node)
+    if node is None or view is None:
+        return None
+    if node.type == "pedestrian":
+        return f"{node.id} goes the other way"
+    return f"make {node.id} come from the {OPPOSITE[view.entry]}"
+
+
+def _write_clock(hour: int, minutes: str | None) -> str:
+    return f"{hour % 24:02d}:{minutes or '00'}"
+
+
+_HOURS = (
+    (r"\b(\d{1,2})(?::(\d\d))? ?(?:h\b|hours?\b|o'?clock)", None), (r"rush", "rush hour"),
+    (r"midnight", "midnight"), (r"noon", "noon"), (r"dusk|sunset|after work", "6 pm"),
+    (r"dawn|sunrise", "6 am"), (r"school", "8 am"), (r"evening", "7 pm"), (r"afternoon", "3 pm"),
+    (r"morning", "8 am"),
+    (r"not (?:at )?night|not (?:so )?dark|daytime|daylight|by day|bright|light", "noon"),
+    (r"night|dark", "10 pm"), (r"later", "8 pm"),
+)  # fmt: skip
+
+
+def _clock(wish: Wish) -> _Answer:
+    for pattern, hour in _HOURS:
+        found = re.search(pattern, wish.plain)
+        if found is not None:
+            return f"make it {hour or _write_clock(int(found[1]), found[2])}"
+    return None
+
+
+def _event(kind: str) -> Callable[[Wish], _Answer]:
+    def make(wish: Wish) -> _Answer:
+        edge, pair = wish.edge(), wish.pair()
+        if edge is not None and (len(wish.named) < 2 or pair is None or kind != "yield_to"):
+            turned = kind == "yield_to" and wish.named and wish.named[0].id == edge.to
+            ends = (
+                {"from": edge.to, "to": edge.from_}
+                if turned
+                else {"from": edge.from_, "to": edge.to}
+            )
+            return Edits(edits=(Relate(edge=RelationEdge.model_validate({"type": kind, **ends})),))
+        if pair is None:
+            return None
+        told = {"type": kind, "from": pair[0], "to": pair[1]}
+        return Edits(edits=(Relate(edge=RelationEdge.model_validate(told)),))
+
+    return make
+
+
+def _say(sentence: str) -> Callable[[Wish], _Answer]:
+    return lambda _wish: sentence
+
+
+def _gap(wish: Wish) -> _Answer:
+    closer = wish.intent == "closer"
+    number = wish.number("s", "m")
+    if number is not None:
+        return _set_gap(wish)
+    edge = wish.edge("follow")
+    event = next(
+        (e for e in wish.talk.events if isinstance(e.evidence.get("least_headway"), float)), None
+    )
+    if edge is not None and event is not None:
+        now = float(event.evidence["least_headway"])
+        wanted = min(
+            max(now * (0.6 if closer else 1.7), UNITS["headway"].least), UNITS["headway"].most
+        )
+        return set_measure("headway", round(wanted, 1), edge.from_, edge.to)
+    if wish.edge("collide_at") is not None:
+        return _decline(
+            'They collide, so there is no gap; say "make it a near miss", or "a softer crash".'
+            if not closer else 'They collide already; say "a harder crash" or "a softer crash".'
+        )  # fmt: skip
+    return f"make the gap {'smaller' if closer else 'bigger'}"
+
+
+def _set_gap(wish: Wish) -> _Answer:
+    value, edge = wish.number("s", "m") or wish.number(), wish.edge()
+    if value is None or edge is None:
+        return None
+    metres = re.search(r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b", wish.plain) is not None
+    if edge.type == "follow":
+        return set_measure("gap" if metres else "headway", value, edge.from_, edge.to)
+    if metres:
+        return _decline('How near they come is set in seconds (PET): say "a PET of 1 s".')
+    if edge.type in ("near_miss", "yield_to"):
+        return Edits(edits=(Relate(edge=edge.model_copy(update={"target_pet": min(value, 8.0)})),))
+    return None
+
+
+def _impact(wish: Wish) -> _Answer:
+    return f"make the crash {wish.intent}" if wish.edge("collide_at") else None
+
+
+def _set_impact(wish: Wish) -> _Answer:
+    value, edge = wish.number(), wish.edge("collide_at")
+    if value is None or edge is None:
+        return None
+    speed = value if "m/s" in wish.plain else value / 3.6
+    return Edits(
+        edits=(Relate(edge=edge.model_copy(update={"impact_speed": round(min(speed, 20.0), 2)})),)
+    )
+
+
+def _event_time(wish: Wish) -> _Answer:
+    seconds = wish.number("s")
+    when = "later" if wish.intent == "event_later" else "earlier"
+    return f"{seconds:g} seconds {when}" if seconds else when
+
+
+def _come(wish: Wish) -> _Answer:
+    node, seconds = wish.choose(vehicle_first=False), wish.number("s") or 2.0
+    when = "later" if wish.intent == "come_later" else "earlier"
+    return None if node is None else f"{node.id} comes {seconds:g} seconds {when}"
+
+
+def _wait(wish: Wish) -> _Answer:
+    who = f"let {wish.named[0].id} " if wish.named else ""
+    more = "longer" if wish.intent == "wait_longer" else "less"
+    return f"{who}wait {wish.number('s') or 2.0:g} seconds {more}"
+
+
+def _stop_place(wish: Wish) -> _Answer:
+    who = f"let {wish.named[0].id} " if wish.named else ""
+    where = "later" if wish.intent == "stop_later" else "earlier"
+    return f"{who}stop {wish.number('m') or 1.0:g} metres {where}"
+
+
+def _make_stop(wish: Wish) -> _Answer:
+    node = wish.choose()
+    if node is None:
+        return None
+    edge = wish.edge("yield_to")
+    if edge is not None and edge.from_ == node.id:
+        return f"make {node.id} stop"
+    return _event("yield_to")(wish)
+
+
+def _brake(wish: Wish) -> _Answer:
+    node, value = wish.choose(), wish.number("m/s") or wish.number()
+    if node is None or node.type == "pedestrian":
+        return None
+    gentle = re.search(r"gentl|soft|less|light", wish.plain)
+    return set_measure("braking", value or (2.0 if gentle else 5.5), node.id)
+
+
+def _motion(wish: Wish) -> _Answer:
+    node = wish.named[0] if wish.named else wish.choose(vehicle_first=False)
+    if node is None or node.type != "pedestrian":
+        walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
+        node = walkers[0] if len(walkers) == 1 else None
+    if node is None:
+        return None
+    walks = re.search(r"\bwalk(?!s? or run)|\bno running|\bnot run|\bstop running", wish.plain)
+    motion = None if walks else "runs"
+    return Edits(
+        edits=(ChangeAgent(node=wish.talk.keep_way(node).model_copy(update={"motion": motion})),)
+    )
+
+
+_PEOPLE = r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b"
+_CARS = r"\b(?:cars?|vehicles?|traffic)\b"
+
+
+def _count(wish: Wish) -> dict[str, int]:
+    others = [each for each in wish.talk.situation.present if each.role == "background"]
+    return {
+        "vehicles": sum(each.type != "pedestrian" for each in others),
+        "pedestrians": sum(each.type == "pedestrian" for each in others),
+    }
+
+
+def _kinds_of(plain: str) -> list[str]:
+    people, cars = re.search(_PEOPLE, plain), re.search(r"\b(?:cars?|vehicles?)\b", plain)
+    if people and not cars:
+        return ["pedestrians"]
+    return ["vehicles"] if cars and not people else ["vehicles", "pedestrians"]
+
+
+def _crowd(wish: Wish) -> _Answer:
+    now, kinds, number = _count(wish), _kinds_of(wish.plain), wish.number()
+    more = wish.intent == "more_traffic"
+    twice, half = re.search(r"\b(?:twice|double)\b", wish.plain), re.search(r"\bhalf\b", wish.plain)
+    wanted = {}
+    for kind in kinds:
+        was = now[kind]
+        share = 2.0 if twice else 0.5 if half else _MORE if more else _FEWER
+        change = round(was * share) - was
+        if number is not None and number >= 1 and not twice and not half:
+            change = round(number) if more else -round(number)
+        elif more:
+            change = max(change, 3)
+        wanted[kind] = min(max(was + change, 0), MOST_BACKGROUND)
+    if all(wanted[kind] == now[kind] for kind in kinds):
+        return _decline(
+            f"There are {now['vehicles']} vehicles and {now['pedestrians']} pedestrians already."
+        )
+    return Edits(edits=(SetBackground.model_validate(wanted),))
+
+
+def _no_crowd(wish: Wish) -> _Answer:
+    """Nobody besides those of the event; or none of a kind of vehicle."""
+    rare = {CLASSES[each][1] for each in re.findall(rf"\b({_NOUN})(?:e?s)\b", wish.plain)} - {
+        None,
+        "car",
+    }
+    if rare:
+        gone = [each.id for each in wish.talk.situation.present
+                if each.role == "background" and each.subtype in rare]  # fmt: skip
+        if not gone:
+            return _decline("There is none of these besides those that you spoke of.")
+        return Edits(edits=tuple(RemoveAgent(agent=each) for each in gone))
+    kinds = _kinds_of(re.sub(r"\bonly\b.*|\bjust\b.*|\bleave\b.*", "", wish.plain))
+    return Edits(edits=(SetBackground.model_validate(dict.fromkeys(kinds, 0)),))
+
+
+def _set_count(wish: Wish) -> _Answer:
+    number, kinds = wish.number(), _kinds_of(wish.plain)
+    if number is None:
+        return None
+    kinds = kinds[:1] if len(kinds) > 1 else kinds
+    return Edits(
+        edits=(
+            SetBackground.model_validate(dict.fromkeys(kinds, round(min(number, MOST_BACKGROUND)))),
+        )
+    )
+
+
+def _redraw(wish: Wish) -> _Answer:
+    one = wish.named and re.search(r"\b(?:path|way|route)\b", wish.plain)
+    return Edits(edits=(Redraw(agent=wish.named[0].id if one else None),))
+
+
+def _park(wish: Wish) -> _Answer:
+    found = re.search(rf"\b(?P<noun>{_NOUN}|box|container|bin)\b", wish.plain)
+    side = _find_side(wish.plain)
+    if found is None or side is None:
+        return None
+    parked = "" if found["noun"] in ("box", "container", "bin") else "parked "
+    return f"add a {parked}{found['noun']} on the {side} leg"
+
+
+def _unpark(wish: Wish) -> _Answer:
+    objects = wish.talk.situation.graph.objects
+    if not objects:
+        return _decline("Nothing stands in this scene that could be taken away.")
+    return (
+        Edits(edits=tuple(RemoveObject(object=each.id) for each in objects))
+        if len(objects) == 1
+        else None
+    )
+
+
+def _hide(wish: Wish) -> _Answer:
+    walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
+    if len(walkers) != 1:
+        return _decline(
+            "A parked vehicle can hide one who walks, from a vehicle; here nobody walks."
+        )
+    found = re.search(r"\b(?:van|truck|bus|car|lorry)\b", re.sub(r"from the \w+", "", wish.plain))
+    return f"have her step out from behind a parked {found[0] if found else 'van'}"
+
+
+def _light(wish: Wish) -> _Answer:
+    running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
+    runs = wish.intent == "run_red"
+    node = wish.choose() if runs else (running[0] if running else None)
+    if node is None:
+        return None if runs else _decline("Nobody runs a red light in this scene.")
+    made = wish.talk.keep_way(node).model_copy(update={"runs_red": runs})
+    return Edits(edits=(ChangeAgent(node=made),))
+
+
+def _jaywalk(wish: Wish) -> _Answer:
+    walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
+    return f"make {walkers[0].id} jaywalk" if len(walkers) == 1 else None
+
+
+BEYOND = (
+    "That cannot be had here: there are vehicles, cyclists, e-scooters and pedestrians at this "
+    'intersection, how they move, and the hour. Say for instance "make the car a bus" or "make it '
+    'night".'
+)
+_WISHES: dict[str, Callable[[Wish], _Answer]] = {
+    "slower": _pace, "faster": _pace, "set_speed": _speed, "remove": _remove, "add_agent": _add,
+    "become": _become, "come_from": _come_from, "turn": _turn, "go_to": _go_to, "cross_at": _cross,
+    "reverse": _reverse, "clock": _clock, "collide": _event("collide_at"),
+    "near_miss": _event("near_miss"), "yields": _event("yield_to"), "follow": _event("follow"),
+    "nothing_happens": _say("nothing happens"), "swap": _say("swap roles"), "closer": _gap,
+    "less_close": _gap, "set_gap": _set_gap, "harder": _impact, "softer": _impact,
+    "set_impact": _set_impact, "event_earlier": _event_time, "event_later": _event_time,
+    "come_earlier": _come, "come_later": _come, "wait_longer": _wait, "wait_less": _wait,
+    "stop_earlier": _stop_place, "stop_later": _stop_place, "make_stop": _make_stop,
+    "brake_hard": _brake, "runs": _motion, "more_traffic": _crowd, "less_traffic": _crowd,
+    "no_traffic": _no_crowd, "set_count": _set_count, "redraw": _redraw, "park": _park,
+    "unpark": _unpark, "hide": _hide, "run_red": _light, "obey": _light, "jaywalk": _jaywalk,
+    "weather": lambda _wish: _decline(WEATHER), "length": lambda _wish: _decline(LENGTH),
+    "beyond": lambda _wish: _decline(BEYOND),
+}  # fmt: skip

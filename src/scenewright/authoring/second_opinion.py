@@ -1,0 +1,327 @@
+"""The form of words and what they are likely to want, weighed against one another.
+
+Rules read the form; the model of turns ranks intents. Where both agree, that is it. Where they
+differ the surer one counts, and where neither is sure a question is put instead of a change.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from scenewright.authoring.everyday_words import Talk, simplify
+from scenewright.authoring.intent_edits import (
+    LIKELY,
+    STEPS,
+    SURE,
+    agrees,
+    find_named,
+    find_new_kind,
+    guess_intent,
+    is_change,
+    is_question,
+    names_somebody,
+    replace_agent,
+    spell_out,
+)
+from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn
+from scenewright.backends.offline import rank_intents
+from scenewright.scene.edits import (
+    Choice,
+    Clarification,
+    DeclinedTurn,
+    Edit,
+    Edits,
+    NewScene,
+    Reading,
+    Situation,
+    apply_edits,
+)
+
+Read = Callable[[str, Talk], Reading]
+_CLAUSES = re.compile(r"\s*(?:[.;!?]+(?=\s|$)|,|\s-\s)\s*")
+_PARTS = re.compile(r"\s*(?:[.;!]+|,(?: and)?|\band (?:then )?|\bthen\b|\bplus\b)\s*")
+_DECLINES = ("weather", "length", "beyond")
+_NUMBER = re.compile(r"\b(\d{1,3}|one|two|three|four|five|six)\b")
+_NUMBERS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
+_SENTENCES = {
+    "collide": "make it a collision", "near_miss": "make it a near miss",
+    "yields": "make it a yield", "more_traffic": "make it busier", "less_traffic": "fewer cars",
+    "no_traffic": "no background traffic", "redraw": "try again",
+}  # fmt: skip
+_MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
+
+
+def weigh_kind(words: str, *, scene: bool) -> TurnKind:
+    """The kind of the words, by their form and by what they are likely to want.
+
+    Args:
+        scene: whether there is one that they can be about.
+    """
+    turn = classify_turn(words)
+    if turn.kind not in ("words", "question"):
+        return turn
+    guess = guess_intent(words)
+    if not scene and guess.intent == "new_scene" and guess.chance >= LIKELY:
+        return TurnKind(kind="words", words=words)
+    if turn.kind == "question":
+        if is_change(guess.intent) and guess.chance >= SURE and not words.rstrip().endswith("?"):
+            return TurnKind(kind="words", words=words)
+        if guess.intent in ("why_refused", "help") and guess.chance >= SURE:
+            return TurnKind(kind="help" if guess.intent == "help" else "why", words=words)
+        return turn.model_copy(update={"topic": _find_topic(words)})
+    clause = _find_clause(words)
+    if clause is not None:
+        return clause
+    if guess.chance < (LIKELY if is_question(guess.intent) else SURE - 0.1):
+        return turn
+    if is_question(guess.intent) and (scene or guess.chance >= SURE):
+        return TurnKind(kind="question", words=words, topic=guess.intent)
+    if guess.intent == "version" and (number := _read_number(words)) is not None:
+        return TurnKind(kind="version", words=words, number=number)
+    if guess.intent in STEPS and not _tells_change(words):
+        kind: Kind = STEPS[guess.intent]  # type: ignore[assignment]
+        count = _read_number(words) if kind == "undo" else None
+        return TurnKind(kind=kind, words=words, count=count or 1)
+    return turn
+
+
+def _find_topic(words: str) -> str | None:
+    """What a question is about, as far as the model of turns can tell."""
+    asked = [each for each in rank_intents(words) if is_question(each.name)]
+    return asked[0].name if asked[0].chance >= LIKELY else None
+
+
+def _read_number(words: str) -> int | None:
+    plain = words.lower()
+    if re.search(r"\b(?:first|original|very start|beginning)\b", plain):
+        return 1
+    found = _NUMBER.search(plain.replace("second", "two").replace("third", "three"))
+    return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
+
+
+def _tells_change(words: str) -> bool:
+    """Whether a clause of several asks for a change: thanks may stand beside it."""
+    clauses = [each for each in _CLAUSES.split(words) if each.strip()]
+    if len(clauses) < 2:
+        return False
+    guesses = [guess_intent(each) for each in clauses]
+    return any(is_change(each.intent) and each.chance >= LIKELY for each in guesses)
+
+
+_RATHER = re.compile(
+    r"^(?:(?:oh|sorry|no|nah|wait|hmm|actually|rather|i meant?|make that|not that|er|oops|"
+    r"but)\b[ ,.:]*)+(?:make it )?"
+)
+_THAT_IS = re.compile(r"[ ,]+(?:i meant?|rather|instead|please|sorry|not .*)$")
+_CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
+_FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
+_SIDE = re.compile(r"\b(?:north|south|east|west)\b")
+_SOMEBODY = re.compile(r"\b(?:the|that|this) (?:other )?[a-z-]+\b|\b(?:it|him|her|he|she)\b")
+
+
+def correct(words: str, before: str) -> tuple[str, bool]:
+    """ "sorry, 12" after "make the gap 8 m": the words before with what is said instead.
+
+    Words that are no such correction stay as they are. Also returns whether somebody else is meant,
+    so that what was done to the first is to be taken back.
+    """
+    plain = " ".join(words.lower().strip(" .!").split())
+    bare = _THAT_IS.sub("", _RATHER.sub("", plain))
+    if bare == plain or not before or len(bare.split()) > 4:
+        return words, False
+    for pattern, whole in (
+        (_CLOCK, r"[\d:]+(?: ?[ap]m)?"),
+        (_FIGURE, r"\d+(?:[.,]\d+)?(?: ?[a-z/²]+){0,2}"),
+        (_SIDE, r"(?:from |to |on |in )?(?:the )?(?:north|south|east|west)(?: side)?"),
+        (_SOMEBODY, r"the (?:other )?[a-z-]+"),
+    ):
+        new, old = pattern.search(bare), pattern.search(before.lower())
+        if new is not None and old is not None and re.fullmatch(whole, bare):
+            told = f"{before[: old.start()]}{new[0]}{before[old.end() :]}"
+            return told, pattern is _SOMEBODY
+    return words, False
+
+
+_EVENTS = (
+    (r"near|close call|almost", "narrowly misses"),
+    (r"crash|accident|collision|collide|bump|smash", "collides with"),
+    (r"yield|give way", "yields to"),
+)
+_PARTIES = (("A car", "a pedestrian"), ("A car", "another car"), ("A car", "a cyclist"))
+
+
+def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
+    """What to say to words with which no scene can begin; None for all others.
+
+    An event without anybody is asked back; a change of a scene where there is none yet is refused.
+    """
+    guess, plain = guess_intent(words), words.lower()
+    verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
+    if verb is not None and not names_somebody(plain) and len(plain.split()) <= 6:
+        told = [f"{one} {verb} {other}" for one, other in _PARTIES]
+        return _offer("Who takes part?", told)
+    events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
+    if not is_change(guess.intent) or guess.chance < SURE or guess.intent in events:
+        return None
+    if len(_NEW_ONE.findall(words.lower())) >= 1:
+        return None
+    reason = "There is no scene yet to change; say first what shall happen, and to whom."
+    return DeclinedTurn(code="no_change", reason=reason)
+
+
+def _find_clause(words: str) -> TurnKind | None:
+    """ "wow, that was close, how fast was it?": the last clause, where the others say nothing."""
+    clauses = [each for each in _CLAUSES.split(words) if each.strip()]
+    if len(clauses) < 2 or _tells_change(" , ".join(clauses[:-1]) + ","):
+        return None
+    turn = classify_turn(clauses[-1])
+    steps = ("question", "undo", "redo", "version", "restart")
+    guess = guess_intent(clauses[-1])
+    if turn.kind == "question" and not is_change(guess.intent):
+        return turn.model_copy(
+            update={"topic": guess.intent if is_question(guess.intent) else None}
+        )
+    if guess.intent in STEPS and guess.chance >= SURE and guess.intent != "talk":
+        return TurnKind(kind=STEPS[guess.intent], words=words)  # type: ignore[arg-type]
+    return turn if turn.kind in steps[1:] else None
+
+
+def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
+    """The reading by rule, or the one by intent, or a question where neither is sure.
+
+    Args:
+        read: reads a plain sentence by rule.
+    """
+    guess = guess_intent(words)
+    if agrees(by_rule, guess.intent, words):
+        return by_rule
+    if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible":
+        return by_rule  # it was understood, and says what the map does not allow
+    parts = _read_parts(words, talk, read)
+    if parts is not None and not (
+        isinstance(by_rule, Edits) and len(by_rule.edits) >= len(parts.edits)
+    ):
+        return parts
+    if guess.intent == "new_scene" or guess.chance < LIKELY:
+        return _keep(words, by_rule, talk, read)
+    if guess.intent in _DECLINES:
+        unread = not isinstance(by_rule, Edits) or guess.chance >= SURE
+        said = spell_out(guess.intent, words, talk)
+        return said if unread and isinstance(said, DeclinedTurn) else by_rule
+    made = _make(guess.intent, words, talk, read)
+    if isinstance(by_rule, Edits):
+        return made if made is not None and guess.chance >= SURE - 0.1 else by_rule
+    if made is None:
+        return _keep(words, by_rule, talk, read)
+    return made
+
+
+def _make(intent: str, words: str, talk: Talk, read: Read) -> Reading | None:
+    if not is_change(intent):
+        return None
+    spelt = spell_out(intent, words, talk)
+    if spelt is None or not isinstance(spelt, str):
+        return spelt
+    made = read(spelt, talk)
+    return None if isinstance(made, NewScene) else made
+
+
+def _keep(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
+    """The reading by rule, where it may stand; else a question what is meant."""
+    if isinstance(by_rule, Edits | Clarification):
+        return by_rule
+    if isinstance(by_rule, NewScene) and _describes_scene(words):
+        return by_rule
+    if isinstance(by_rule, DeclinedTurn) and by_rule.code not in ("no_change", "out_of_scope"):
+        return by_rule
+    return _ask(words, talk, read) or _give_up(by_rule)
+
+
+def _give_up(by_rule: Reading) -> DeclinedTurn:
+    if isinstance(by_rule, DeclinedTurn):
+        return by_rule
+    return DeclinedTurn(
+        code="no_change",
+        reason="I cannot tell what shall be different, so nothing is. Say one change at a time, "
+        'such as "slow the car down" or "make it night"; "new scene: ..." begins another one.',
+    )
+
+
+_NEW_ONE = re.compile(r"\b(?:a|an|two|three|some|another|somebody|someone)\s+\w+")
+
+
+def _describes_scene(words: str) -> bool:
+    """Whether the words tell a scene of their own rather than something about this one."""
+    ranked = dict(rank_intents(words))
+    return ranked["new_scene"] >= LIKELY or len(_NEW_ONE.findall(words.lower())) >= 2
+
+
+def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:
+    """ "Do you mean 1: make the car slower 2: ...": the likeliest wishes that can be done."""
+    offered: list[str] = []
+    for name, chance in rank_intents(simplify(words) or words)[:6]:
+        if chance < _LEAST_OFFERED or not is_change(name):
+            continue
+        spelt = spell_out(name, words, talk)
+        sentence = (
+            spelt
+            if isinstance(spelt, str)
+            else _SENTENCES.get(name)
+            if isinstance(spelt, Edits)
+            else None
+        )
+        if sentence and sentence not in offered and isinstance(read(sentence, talk), Edits):
+            offered.append(sentence)
+    if not offered:
+        return None
+    return _offer("I am not sure what shall be different.", offered[:_MOST_OFFERED])
+
+
+def _offer(what: str, sentences: list[str]) -> Clarification:
+    """A question with sentences to choose from."""
+    numbered = list(enumerate(sentences, start=1))
+    listed = " ".join(f"{k}: {each}" for k, each in numbered)
+    choices = [Choice(answer=str(k), means=f"sentence={each}") for k, each in numbered]
+    return Clarification(
+        question=f"{what} Do you mean {listed} 0: none of these",
+        choices=(*choices, Choice(answer="0", means="sentence=")),
+    )
+
+
+_IN_PLACE = re.compile(r"\b(?:there|instead|place)\b", re.IGNORECASE)
+
+
+def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
+    """Several changes in one line; None where a part is none, or cannot be done."""
+    parts = [each for each in _PARTS.split(simplify(words)) if each]
+    if len(parts) < 2:
+        return None
+    guesses = [guess_intent(each) for each in parts]
+    if sum(is_change(each.intent) and each.chance >= LIKELY for each in guesses) < 2:
+        return None
+    if [each.intent for each in guesses] == ["remove", "add_agent"] and _IN_PLACE.search(words):
+        gone = find_named(parts[0], talk)
+        noun = find_new_kind(parts[1])
+        return replace_agent(gone[0], noun, talk) if gone and noun else None
+    edits: list[Edit] = []
+    now = talk
+    for part, guess in zip(parts, guesses, strict=True):
+        if guess.intent in ("talk", "show") and guess.chance >= LIKELY:
+            continue
+        by_rule = read(part, now)
+        made = (
+            by_rule if agrees(by_rule, guess.intent, part) else _make(guess.intent, part, now, read)
+        )
+        if not isinstance(made, Edits) or guess.chance < 0.3:
+            return None
+        edits += made.edits
+        now = _apply(made, now)
+    return Edits(edits=tuple(edits))
+
+
+def _apply(made: Edits, talk: Talk) -> Talk:
+    graph = apply_edits(talk.situation.graph, made.edits)
+    there = {each.id for each in graph.agents}
+    present = tuple(e for e in talk.situation.present if e.role == "background" or e.id in there)
+    return Talk(Situation(graph=graph, present=present), talk.touched, talk.events)

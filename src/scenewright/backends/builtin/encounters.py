@@ -1,0 +1,379 @@
+"""Words about a vehicle in somebody's way: read by a small grammar, before the readings.
+
+"A car goes around a stalled van" is read as "A car drives"; the van becomes an object of the plan
+that the car goes round.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.reader.words import subtype_in
+from scenewright.backends.builtin.standing import (
+    AT_REST,
+    PLACE,
+    STANDING_VEHICLE,
+    STATE,
+    THE,
+    VEHICLE,
+    any_of,
+    maybe,
+)
+from scenewright.scene.account import SaidSpan
+from scenewright.scene.base import Compass
+from scenewright.scene.social import (
+    MOST_OBJECTS,
+    AgentNode,
+    Encounter,
+    ObjectKind,
+    ObjectNode,
+    SocialGraph,
+)
+
+_MOVES = any_of(
+    "go(?:es|ing)?", "went", "driv(?:es?|ing)", "drove", "steer(?:s|ing|ed)?",
+    "swerv(?:es?|ing|ed)",
+    "pull(?:s|ing|ed)?",
+    "mov(?:es?|ing|ed)", "man(?:oeu|eu)v(?:re|er)(?:s|ing|ed)?",
+    "veer(?:s|ing|ed)?", "squeez(?:es?|ing|ed)", "gets?", "getting", "got", "edg(?:es?|ing|ed)",
+    "rid(?:es?|ing)", "rode", "cycl(?:es?|ing|ed)", "weav(?:es?|ing)", "wove", "nos(?:es?|ing|ed)",
+    "creep(?:s|ing)?", "crept", "swing(?:s|ing)?", "swung", "shift(?:s|ing|ed)?",
+    "navigat(?:es?|ing|ed)", "detour(?:s|ing|ed)?", "work(?:s|ing|ed)? its way",
+    "mak(?:es?|ing) its way", "chang(?:es?|ing|ed) lanes?",
+    "cross(?:es|ing|ed)? (?:over )?the (?:cent(?:er|re) ?|lane ?)line", "slip(?:s|ping|ped)?",
+)  # fmt: skip
+_OVER = maybe(
+    " " + any_of("out", "over", "aside", "left", "right", "wide", "slightly", "carefully", "slowly",
+                 "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
+)  # fmt: skip
+_VERBS: dict[Encounter, str] = {
+    "goes_round": any_of(
+        f"{_MOVES}{_OVER} (?:a?round|past|by|clear of)",
+        f"{_MOVES}{_OVER} (?:and|to) "
+        "(?:avoids?|pass(?:es)?|clears?|overtakes?|(?:gets?|goes?) (?:a?round|past))",
+        "pass(?:es|ing|ed)?(?: by)?", "overtak(?:es?|ing)", "overtook", "avoid(?:s|ing|ed)?",
+        "bypass(?:es|ing|ed)?",
+    ),
+    "waits_behind": maybe("(?:slows?(?: down)?|brak(?:es?|ing)|slowing) and ")
+    + any_of(
+        "stop(?:s|ping|ped)?", "halt(?:s|ing|ed)?", "wait(?:s|ing|ed)?", "stand(?:s|ing)?",
+        "queu(?:es?|ing|ed)", "(?:is|gets?|was|got|being) (?:stuck|held up|trapped|stopped)",
+        "com(?:es?|ing) to (?:a )?(?:complete |full )?(?:stop|halt|standstill|rest)",
+        "brak(?:es?|ing|ed) to (?:a )?(?:stop|halt|standstill)", "(?:pulls?|pulling) up",
+    )
+    + maybe(" and (?:waits?|stays|stands|stops|queues)")
+    + " (?:short of|behind|for|because of|due to|before)",
+    "hits": any_of(
+        "hit(?:s|ting)?", "str(?:ikes?|iking|uck)", "collid(?:es?|ing|ed) with",
+        "(?:crash(?:es|ing|ed)?|runs?|running|ran|driv(?:es?|ing)|drove|slam(?:s|ming|med)?|"
+        "ram(?:s|ming|med)?|smash(?:es|ing|ed)?|plough(?:s|ing|ed)?|plow(?:s|ing|ed)?|"
+        "bump(?:s|ing|ed)?|bang(?:s|ing|ed)?|skid(?:s|ding|ded)?) (?:straight |right )?into"
+        "(?: the (?:back|rear|side) of)?",
+        "rear[- ]?end(?:s|ing|ed)?", "ram(?:s|ming|med)?", "side-?swip(?:es?|ing|ed)",
+        "scrap(?:es?|ing|ed)", "clip(?:s|ping|ped)?",
+        "(?:fails?|failing|failed) to (?:stop|brake)(?: in time)? (?:for|behind)(?: and hits)?",
+    ),
+}  # fmt: skip
+_PASSIVE: dict[Encounter, str] = {
+    "goes_round": "(?:passed|overtaken|avoided|bypassed|driven (?:a?round|past))",
+    "waits_behind": "(?:waited for)",
+    "hits": "(?:hit|struck|rear[- ]?ended|rammed|side-?swiped|scraped|clipped|crashed into|"
+    "run into|driven into)",
+}
+_HAS_TO = maybe(any_of("(?:has|had|have) to", "must", "manages to", "needs to", "is", "was",
+                       "safely", "then", "slowly", "carefully", then=" "))  # fmt: skip
+_BROKEN = f"{THE}{VEHICLE} (?:that |which )?(?:has|had) (?:broken down|stalled|stopped|died)"
+_AT_LIGHT = (
+    r"(?! (?:at|for|by|behind|before|in front of) (?:an?|the)?(?: \w+)? ?"
+    "(?:red|amber|light|signal|stop line|cross|zebra|queue|pedestrian|junction|line))"
+)
+"""Who stands there takes part in the traffic."""
+_STOOD = any_of(STATE, "stationary", "standing", "stopped", "halted")
+_THING = (
+    any_of(
+        _BROKEN, STANDING_VEHICLE, f"{THE}(?:[\\w-]+ ){{0,2}}?{_STOOD} {VEHICLE}",
+        f"{THE}{VEHICLE} (?:that (?:is|was) )?{_STOOD}",
+    )
+    + _AT_LIGHT
+)  # fmt: skip
+_TAIL = (
+    maybe(" (?:right |directly |straight )?ahead(?: of (?:it|him|her))?")
+    + maybe(" (?:standing |stopped |stuck )?(?:in|blocking|obstructing) "
+            "(?:its|his|her|the|one|a) (?:\\w+ )?(?:lane|way|path|road)")
+    + PLACE
+)  # fmt: skip
+_STOPS = maybe(" and (?:just |then )?(?:waits?|stays|stops|stands)(?: there| behind it)?")
+_HALTS = (
+    "(?:stops|waits|halts|comes to a (?:stop|halt|standstill))"
+    + maybe(" and (?:waits|stays|stands)")
+    + "(?! (?:for|behind|before|at))"
+)
+_NOT = re.compile(
+    r"(?:\b(?:almost|nearly|narrowly|barely|not|never|without|instead of)|n't|\bfail\w* to)"
+    r"(?: \w+)? $",
+    re.IGNORECASE,
+)
+_MEETS = any_of(
+    "com(?:es?|ing) (?:up )?(?:to|up(?: |)on|across|behind|towards?)", "approach(?:es|ing|ed)?",
+    "encounter(?:s|ing|ed)?", "meet(?:s|ing)?", "finds", "reach(?:es|ing)?", "sees",
+    "driv(?:es?|ing) (?:up to|towards?)",
+)  # fmt: skip
+_AND = ",? (?:and |but |then |so |and so |and then )?(?:it |he |she )?"
+_IT = f"(?:it|the (?:obstacle|obstruction|{AT_REST} )?(?:{VEHICLE}|obstacle|obstruction)|them)"
+_BLOCKS = maybe(
+    " "
+    + any_of("(?:is|stands|sits|waits|lies)" + maybe(f" {AT_REST}"),
+             "(?:partly |partially )?(?:blocks|obstructs|is blocking|blocking)"
+             " (?:the |a |one |its )?(?:\\w+ )?(?:lane|road|way|street|traffic)")
+)  # fmt: skip
+
+_ACTIVE = {
+    how: re.compile(
+        rf"(?:{_MEETS} )?{_HAS_TO}(?P<verb>{verb}) (?P<object>{_THING}){_TAIL}"
+        + (_STOPS if how == "waits_behind" else ""),
+        re.IGNORECASE,
+    )
+    for how, verb in _VERBS.items()
+}
+_MET_FIRST = {
+    how: re.compile(
+        rf"(?P<verb>{_MEETS}) (?P<object>{_THING}){_TAIL}{_AND}{_HAS_TO}"
+        + (any_of(f"{verb} {_IT}{_STOPS}", _HALTS) if how == "waits_behind" else f"{verb} {_IT}"),
+        re.IGNORECASE,
+    )
+    for how, verb in _VERBS.items()
+}
+_BY = {
+    how: re.compile(
+        rf"(?P<object>{_THING}){_TAIL} (?:is|gets|was|being) (?P<passive>{verb}) by(?= )",
+        re.IGNORECASE,
+    )
+    for how, verb in _PASSIVE.items()
+}
+_THERE_FIRST = re.compile(
+    rf"(?:there(?:'s| is) |with )?(?P<object>{_THING}){_BLOCKS}{_TAIL}[,;.:]?"
+    "(?: (?:and|so|while))?",
+    re.IGNORECASE,
+)
+_THEN = {
+    how: re.compile(
+        rf"{_HAS_TO}(?P<verb>{verb}) {_IT}" + (_STOPS if how == "waits_behind" else ""),
+        re.IGNORECASE,
+    )
+    for how, verb in _VERBS.items()
+}
+_EXIT = re.compile(
+    r"\bexit\b|\b(?:after|past|beyond) the (?:junction|intersection)\b", re.IGNORECASE
+)
+_LEG = re.compile(r"\b(north|south|east|west)(?!bound)", re.IGNORECASE)
+_SPEED = re.compile(
+    r"\s*(?:at|doing|with) (?:about |around |some )?[\d.]+ ?(?:k?m/h|km ?/ ?h|kph|mph|m/s|kmh)",
+    re.IGNORECASE,
+)
+
+
+_RIDER = re.compile(r"(?:cyclist|bicycl\w+|bike|biker|scooter|e-scooter|rider)\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class EncounterPhrase:
+    """Words that have an agent meet an object.
+
+    Attributes:
+        start, end: characters of the text; words: those; object: the words that name it.
+        agent_follows: whether who meets it is named after the words, not before.
+        named: characters of the words that name the object elsewhere in the text.
+    """
+
+    start: int
+    end: int
+    words: str
+    object: str
+    how: Encounter
+    agent_follows: bool = False
+    named: tuple[int, int] | None = None
+
+
+def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
+    """A text with a plain verb in the place of its words about encounters, as long as before.
+
+    Raises:
+        Refused: the words ask for more than can be had.
+    """
+    found: list[EncounterPhrase] = []
+    for how in _VERBS:
+        for pattern in (_MET_FIRST[how], _ACTIVE[how]):
+            for match in pattern.finditer(text):
+                if not _NOT.search(text[: match.start("verb")]):
+                    _refuse_speed(how, text[match.end() :])
+                    found.append(_read(match, how))
+                    text = _put(text, match, _choose_verb(match))
+        for match in _BY[how].finditer(text):
+            if not _NOT.search(text[: match.start("passive")]):
+                found.append(_read(match, how, agent_follows=True))
+                text = _put(text, match, "there is".rjust(len(match[0])))
+    if not found:
+        text = _take_later(text, found)
+    return text, tuple(sorted(found, key=lambda each: each.start))
+
+
+def _take_later(text: str, found: list[EncounterPhrase]) -> str:
+    """ "A stalled van blocks the lane and a car goes around it": the object is named before."""
+    first = _THERE_FIRST.search(text)
+    for how in _VERBS:
+        match = _THEN[how].search(text, first.end()) if first else None
+        if first is None or match is None or _NOT.search(text[: match.start("verb")]):
+            continue
+        _refuse_speed(how, text[match.end() :])
+        named = first[0].removesuffix(" and").removesuffix(" so").strip(" ,;.:")
+        start = first.start() + first[0].index(named)
+        found.append(
+            EncounterPhrase(
+                match.start(), match.end(), match[0], named, how,
+                named=(start, start + len(named)),
+            )
+        )  # fmt: skip
+        text = _put(_put(text, match, _choose_verb(match)), first, "")
+        break
+    return text
+
+
+def _read(match: re.Match[str], how: Encounter, *, agent_follows: bool = False) -> EncounterPhrase:
+    words = match[0].strip(" ,")
+    start = match.start() + match[0].index(words)
+    whole = match[0][match.start("object") - match.start() :]
+    return EncounterPhrase(start, start + len(words), words, whole, how, agent_follows)
+
+
+def _put(text: str, match: re.Match[str], words: str) -> str:
+    return text[: match.start()] + words.ljust(len(match[0])) + text[match.end() :]
+
+
+def _choose_verb(match: re.Match[str]) -> str:
+    """A verb of the same form, of driving or riding."""
+    before = match.string[: match.start()].split()[-4:]
+    rides = any(_RIDER.match(word) for word in before)
+    if re.match(r"\w+ing\b", match["verb"]):
+        return "riding" if rides else "driving"
+    return "rides" if rides else "drives"
+
+
+def _refuse_speed(how: Encounter, rest: str) -> None:
+    if how == "hits" and _SPEED.match(rest):
+        raise Refused(
+            "out_of_scope",
+            "How fast a standing vehicle is hit cannot be asked for; leave the speed out.",
+        )
+
+
+def add_encounters(
+    graph: SocialGraph, phrases: Sequence[EncounterPhrase], text: str
+) -> SocialGraph:
+    """The graph with the objects that agents meet, and the account of their words.
+
+    Raises:
+        Refused: it is not clear who meets an object, or it cannot.
+    """
+    if len(graph.objects) + len(phrases) > MOST_OBJECTS:
+        raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
+    said = [each for each in graph.said if each.end <= len(text)]
+    nodes, agents = list(graph.objects), list(graph.agents)
+    for phrase in phrases:
+        name = _find_agent(graph, phrase)
+        node = _make_node(phrase, f"object-{len(nodes) + 1}", name)
+        own = next(k for k, each in enumerate(agents) if each.id == name)
+        agents[own] = _bring_to(agents[own], node)
+        node = node if node.leg is None else node.model_copy(update=_find_side(agents[own], node))
+        told = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
+        value = f"{node.id} {node.kind} {node.subtype or ''}".strip()
+        said = [each for each in said if not phrase.start <= each.start < phrase.end]
+        named = phrase.named or (phrase.start, phrase.end)
+        thing = {"start": named[0], "end": named[1], "words": phrase.object}
+        if phrase.named is None:
+            thing = told
+        said.append(SaidSpan.model_validate({**thing, "became": "object", "value": value}))
+        meets = {"became": "encounter", "agents": (name,), "value": f"{node.id} {phrase.how}"}
+        said.append(SaidSpan.model_validate({**told, **meets}))
+        nodes.append(node)
+    said.sort(key=lambda each: each.start)
+    parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
+    try:
+        return SocialGraph.model_validate(graph.model_copy(update=parts).model_dump(by_alias=True))
+    except ValueError as error:
+        words = str(error).split("Value error, ")[-1].split(" [type")[0]
+        raise Refused("out_of_scope", f"'{phrases[0].words}': {words}.") from error
+
+
+def _find_agent(graph: SocialGraph, phrase: EncounterPhrase) -> str:
+    """The vehicle or rider named last before the words, or first after them."""
+    types = {agent.id: agent.type for agent in graph.agents}
+    drivers = [
+        each for each in graph.said
+        if len(each.agents) == 1 and types.get(each.agents[0], "pedestrian") != "pedestrian"
+    ]  # fmt: skip
+    if phrase.agent_follows:
+        after = [each for each in drivers if each.start >= phrase.end]
+        found = min(after, key=lambda each: each.start, default=None)
+    else:
+        before = [each for each in drivers if each.start < phrase.start]
+        agents = [each for each in before if each.became == "agent"] or before
+        found = max(agents, key=lambda each: each.start, default=None)
+    if found is None and sum(kind != "pedestrian" for kind in types.values()) == 1:
+        return next(name for name, kind in types.items() if kind != "pedestrian")
+    if found is None:
+        raise Refused(
+            "out_of_scope",
+            f"It is not clear who '{phrase.words}' is said of; name the vehicle or rider first.",
+        )
+    return found.agents[0]
+
+
+def _make_node(phrase: EncounterPhrase, name: str, agent: str) -> ObjectNode:
+    leg = _LEG.search(phrase.object)
+    return ObjectNode.model_validate(
+        {
+            "id": name,
+            "kind": _find_kind(phrase.object, phrase.how),
+            "subtype": subtype_in(phrase.object),
+            "leg": leg[1].lower() if leg else None,
+            "side": "exit" if _EXIT.search(phrase.object) else None,
+            "met_by": agent,
+            "encounter": phrase.how,
+        }
+    )
+
+
+def _find_kind(words: str, how: Encounter) -> ObjectKind:
+    """What stands in the way is in a lane; what is hit may also stand at the kerb."""
+    low = words.lower()
+    in_lane = re.search(r"\b(?:lane|way|path|road)\b", low) is not None
+    if re.search(r"double[- ]?parked|unloading", low):
+        return "double_parked"
+    if "parked" in low:
+        return "double_parked" if in_lane or how != "hits" else "parked"
+    return "stalled"
+
+
+def _find_side(agent: AgentNode, node: ObjectNode) -> dict[str, str]:
+    return {"side": "entry" if agent.entry == node.leg else "exit"}
+
+
+def _bring_to(agent: AgentNode, node: ObjectNode) -> AgentNode:
+    """The agent with a route by the leg on which the object stands.
+
+    Raises:
+        Refused: it comes and leaves by other legs.
+    """
+    leg: Compass | None = node.leg
+    if leg is None or leg in (agent.entry, agent.exit):
+        return agent
+    if agent.entry is None and node.side != "exit":
+        return agent.model_copy(update={"entry": leg})
+    if agent.exit is None:
+        return agent.model_copy(update={"exit": leg})
+    raise Refused(
+        "out_of_scope", f"{agent.id} does not come by the {leg} leg, where {node.id} is to stand."
+    )

@@ -1,0 +1,277 @@
+"""Clips: scenes cut so that every event in them can be foreseen, and the cut betrays none.
+
+A clip lasts 10 s. It begins 2 to 6 s before the conflict of the scene's event can be seen coming,
+and both parties are in view within its first second. Every other event lies outside of it or fits
+it in the same way, so that all of them count. For each clip with an event one without is cut, from
+any scene: two road users are in view within the first second and come near one another, nothing
+happens, and as many agents are to be seen. Neither lengths nor counts say which clip is which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from scenewright.evals.understanding.cases import SceneCase, read_case
+from scenewright.evals.understanding.labels import RELATIONS, extract_labels
+from scenewright.evals.understanding.observation import hash_scene
+from scenewright.evals.understanding.scoring import AGENT_CLASSES
+from scenewright.graph.written_proof import read_proof
+from scenewright.scene.base import RIDERS, FloatArray
+from scenewright.scene.events import Event, Proof
+from scenewright.scene.record import AgentRecord, SignalRecord
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker import (
+    Trajectory,
+    build_trajectories,
+    compute_path_ttc,
+    find_common_times,
+    read_users,
+)
+
+LENGTH = 10.0
+"""Length of a clip [s]."""
+BEFORE = (2.0, 6.0)
+"""A clip begins so long before the conflict can be seen coming [s]."""
+IN_VIEW = 1.0
+"""Both parties are in view within so much of the clip's beginning [s]."""
+SOONEST = 5.0
+"""No event happens earlier in a clip [s]: it is to be foreseen in every window, not watched."""
+THREAT, LOOK_BACK = 3.0, 6.0
+"""A conflict can be seen coming from the first path TTC below this, at most so early [s]."""
+OVER = 2.0
+"""An event is over so long after its time [s]."""
+NEAR = 10.0
+"""Two who come this near one another [m] are the parties about whom a normal clip is cut."""
+_COUNTED = (0.0, IN_VIEW, 4.0)
+"""The agents in view by these times [s] are counted, class by class."""
+_UNLIKE = 2
+"""A normal clip may differ by so many in all counts together, and in none of riders."""
+_GRID = 5
+"""Normal clips begin at every fifth sample."""
+
+
+@dataclass(frozen=True)
+class ForeseenEvent:
+    """An event with the time from which it can be seen coming [s]."""
+
+    event: Event
+    told: float
+
+    def lies_outside(self, start: float) -> bool:
+        """Whether a clip that begins then [s] has nothing of it."""
+        return self.told > start + LENGTH or self.event.time + OVER < start
+
+
+@dataclass(frozen=True, eq=False)
+class ClipSource:
+    """A scene to cut clips from.
+
+    Attributes:
+        events: collisions, near misses and yields of all agents; named: the gravest asked for.
+        spans: [A, 2] when each agent is there [s]; classes: [A] its class.
+        near: [A, A, T] whether two are near one another at each `_GRID`-th sample.
+    """
+
+    case: SceneCase
+    proof: Proof
+    events: tuple[ForeseenEvent, ...]
+    named: ForeseenEvent | None
+    spans: dict[int, tuple[float, float]]
+    near: tuple[tuple[int, int, FloatArray], ...]
+
+
+def read_source(folder: Path) -> ClipSource:
+    """Read a scene, and measure when its events can be seen coming and who comes near whom.
+
+    Raises:
+        InputError: a file is missing or is not what it should be.
+    """
+    case, proof = read_case(folder), read_proof(folder / "proof.json")
+    tracks = {track.id: track for track in build_trajectories(read_users(case.record))}
+    found = [e for e in (*proof.events, *proof.incidental) if e.type in RELATIONS]
+    events = tuple(
+        ForeseenEvent(e, find_told_from(e, tracks[e.from_], tracks[e.to])) for e in found
+    )
+    asked = [e for e in events if e.event in proof.events]
+    named = min(asked, key=lambda e: RELATIONS.index(e.event.type), default=None)
+    spans = {k: (float(t.times[0]), float(t.times[-1])) for k, t in tracks.items()}
+    return ClipSource(case, proof, events, named, spans, _find_near_pairs(list(tracks.values())))
+
+
+def find_told_from(event: Event, one: Trajectory, two: Trajectory) -> float:
+    """Time [s] from which an event can be seen coming: path TTC below 3 s, or slowing for it."""
+    times = find_common_times(one, two)
+    times = times[(times >= event.time - LOOK_BACK) & (times <= event.time + 1e-6)]
+    slows = float(event.evidence.get("begins_to_slow", event.time))
+    if not len(times):
+        return min(slows, event.time)
+    near = np.flatnonzero(compute_path_ttc(one, two, times=times, horizon=THREAT) < THREAT)
+    return min(slows, event.time, float(times[near[0]]) if len(near) else event.time)
+
+
+def _find_near_pairs(tracks: Sequence[Trajectory]) -> tuple[tuple[int, int, FloatArray], ...]:
+    """Ids of two, not both on foot, and the times [s] at which they are `NEAR` one another."""
+    found = []
+    for n, one in enumerate(tracks):
+        for two in tracks[n + 1 :]:
+            times = find_common_times(one, two)[::_GRID]
+            if len(times) and (one.is_vehicle or two.is_vehicle):
+                apart = np.hypot(*(one.at(times)[0] - two.at(times)[0]).T)
+                if (apart < NEAR).any():
+                    found.append((one.id, two.id, times[apart < NEAR]))
+    return tuple(found)
+
+
+def list_event_starts(source: ClipSource) -> list[float]:
+    """Times [s] at which a clip of the named event may begin, by samples."""
+    if source.named is None:
+        return []
+    told = source.named.told
+    last = min(told - BEFORE[0], source.case.record.meta.duration - LENGTH)
+    starts = _list_times(max(told - BEFORE[1], 0.0), last)
+    return [start for start in starts if all(_fits(each, source, start) for each in source.events)]
+
+
+def list_normal_starts(source: ClipSource) -> list[float]:
+    """Times [s] at which a clip in which nothing happens may begin."""
+    starts = _list_times(0.0, source.case.record.meta.duration - LENGTH)[::_GRID]
+    return [
+        start
+        for start in starts
+        if all(each.lies_outside(start) for each in source.events)
+        and any(_meets(source, pair, start) for pair in source.near)
+    ]
+
+
+def _list_times(first: float, last: float) -> list[float]:
+    """Samples from the first to the last time [s]."""
+    low, high = int(np.ceil(first / STEP - 1e-6)), int(np.floor(last / STEP + 1e-6))
+    return [round(STEP * k, 3) for k in range(low, high + 1)]
+
+
+def _fits(foreseen: ForeseenEvent, source: ClipSource, start: float) -> bool:
+    """Whether an event lies outside of the clip or can be foreseen in it."""
+    event = foreseen.event
+    if foreseen.lies_outside(start):
+        return True
+    seen = all(_is_in_view(source, agent, start) for agent in (event.from_, event.to))
+    soon = foreseen.told < start + BEFORE[0] or event.time < start + SOONEST
+    return seen and not soon and event.time <= start + LENGTH
+
+
+def _meets(source: ClipSource, pair: tuple[int, int, FloatArray], start: float) -> bool:
+    one, two, times = pair
+    if not (_is_in_view(source, one, start) and _is_in_view(source, two, start)):
+        return False
+    return bool(((times >= start + SOONEST) & (times <= start + LENGTH)).any())
+
+
+def _is_in_view(source: ClipSource, agent: int, start: float) -> bool:
+    first, last = source.spans[agent]
+    return first <= start + IN_VIEW + 1e-6 and last >= start + IN_VIEW
+
+
+def count_agents(source: ClipSource, start: float) -> FloatArray:
+    """[C] how many agents of each class are in view by the times that are counted.
+
+    A rider counts for more than clips may differ by: few ride to whom nothing happens.
+    """
+    types = {agent.id: agent.type for agent in source.case.record.agents}
+    weights = {kind: 1 + _UNLIKE * (kind in RIDERS) for kind in AGENT_CLASSES}
+    seen = [
+        [types[agent] for agent, (first, last) in source.spans.items()
+         if first <= start + by + 1e-6 and last >= start]
+        for by in _COUNTED
+    ]  # fmt: skip
+    return np.array(
+        [weights[kind] * each.count(kind) for each in seen for kind in AGENT_CLASSES],
+        dtype=np.float64,
+    )
+
+
+def cut_clips(sources: Iterable[ClipSource]) -> list[SceneCase]:
+    """Cut a clip with an event and one alike without, as often as scenes allow, by their codes.
+
+    A scene gives one clip with an event and one without at most; a clip with an event for which no
+    other scene has one alike is left out.
+    """
+    listed = sorted(sources, key=lambda source: source.case.code)
+    normal = _NormalClips(listed)
+    found = []
+    for source in listed:
+        start = _pick(source.case.id, list_event_starts(source))
+        other = None if start is None else normal.take(count_agents(source, start))
+        if start is not None and other is not None and source.named is not None:
+            found += [cut_clip(source, start, named=source.named.event.type), cut_clip(*other)]
+    return sorted(found, key=lambda case: case.code)
+
+
+class _NormalClips:
+    """Clips in which nothing happens, of which each scene gives one."""
+
+    def __init__(self, sources: Sequence[ClipSource]) -> None:
+        self.left = {
+            n: (source, starts, np.array([count_agents(source, start) for start in starts]))
+            for n, source in enumerate(sources)
+            if (starts := list_normal_starts(source))
+        }
+
+    def take(self, counts: FloatArray) -> tuple[ClipSource, float] | None:
+        """Take the clip whose counts are nearest to these; None if no such is alike."""
+        best = None
+        for n, (_, _, known) in self.left.items():
+            apart = np.abs(known - counts).sum(axis=1)
+            k = int(apart.argmin())
+            if apart[k] <= _UNLIKE and (best is None or apart[k] < best[0]):
+                best = (float(apart[k]), n, k)
+        if best is None:
+            return None
+        source, starts, _ = self.left.pop(best[1])
+        return source, starts[best[2]]
+
+
+def _pick(name: str, starts: Sequence[float]) -> float | None:
+    """One of them, by a hash of the scene's id."""
+    return starts[int(hash_scene(f"{name} begins")[:8], 16) % len(starts)] if starts else None
+
+
+def cut_clip(source: ClipSource, start: float, named: str | None = None) -> SceneCase:
+    """Cut the clip that begins at `start` [s]; its times count from there."""
+    record, case = source.case.record, source.case
+    agents = tuple(a for each in record.agents if (a := _cut_agent(each, start)) is not None)
+    signals = tuple(
+        _shift_light(each, start)
+        for each in record.signals
+        if each.end > start and each.start < start + LENGTH
+    )
+    meta = record.meta.model_copy(update={"duration": LENGTH})
+    name = f"{case.id} from {start:.1f} s"
+    cut = record.model_copy(update={"meta": meta, "agents": agents, "signals": signals})
+    inside = [e for e in source.events if start <= e.event.time <= start + LENGTH]
+    shifted = [
+        each.event.model_copy(update={"time": round(each.event.time - start, 3)}) for each in inside
+    ]
+    proof = source.proof.model_copy(update={"events": tuple(shifted), "incidental": ()})
+    return replace(
+        case, id=name, record=cut, labels=extract_labels(cut, proof, scene=name), named=named
+    )
+
+
+def _cut_agent(agent: AgentRecord, start: float) -> AgentRecord | None:
+    """The agent as the clip shows it; None if it is not there."""
+    first = max(int(np.ceil((start - agent.spawn_time) / STEP - 1e-6)), 0)
+    spawn = round(agent.spawn_time + STEP * first - start, 3)
+    last = first + int(np.floor((LENGTH - spawn) / STEP + 1e-6)) + 1
+    if first >= len(agent.trajectory) or last <= first:
+        return None
+    kept = {"trajectory": agent.trajectory[first:last], "heading": agent.heading[first:last]}
+    return agent.model_copy(update={"spawn_time": spawn, **kept})
+
+
+def _shift_light(light: SignalRecord, start: float) -> SignalRecord:
+    begins, ends = max(light.start - start, 0.0), min(light.end - start, LENGTH)
+    return light.model_copy(update={"start": round(begins, 3), "end": round(ends, 3)})

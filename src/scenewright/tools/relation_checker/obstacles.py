@@ -1,0 +1,195 @@
+"""What agents do about objects in their way, on the final tracks: go round, wait behind, hit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Finding
+from scenewright.scene.objects import EncounterRecord, ObjectRecord
+from scenewright.scene.record import SceneRecord
+from scenewright.tools.relation_checker.certificate import WRECK_ENDS_WITHIN, check_wreck_clearance
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.footprints import Extent, compute_gaps, get_extent
+from scenewright.tools.relation_checker.objects import find_contact
+from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.yielding import STANDING
+
+IN_LINE = 0.1
+"""How far who drives straight at what stands may be turned from it [rad]; who is swerving is."""
+HEADS_FOR = 5
+"""Samples for which it does at least, one after the other (0.5 s)."""
+AHEAD = 40.0
+"""How far ahead an object is in the way of who drives straight at it [m]."""
+MOVES = 2.0
+"""Least speed of who drives at an object [m/s]."""
+WAITS = 2.0
+"""How long who waits behind an object stands at least [s]."""
+WAITING_GAP = (0.3, 6.0)
+"""How far behind it [m]."""
+STRIKES = 1.0
+"""Least speed of a collision with what stands [m/s]."""
+MOVED_OVER = 0.3
+"""How far sideways who goes round has moved at least [m]."""
+
+Measured = dict[str, Any]
+
+
+def check_encounters(
+    scene: SceneRecord, observed: SceneObservation
+) -> tuple[list[Measured], tuple[Finding, ...]]:
+    """What was measured of every encounter asked for, and what is not as asked."""
+    tracks = {track.id: track for track in observed.tracks}
+    objects = {each.id: each for each in scene.objects}
+    figures: list[Measured] = []
+    findings: list[Finding] = []
+    for each in scene.encounters:
+        track, thing = tracks[each.agent], objects[each.object]
+        found = _ENCOUNTERS[each.how](track, thing, scene.meta.duration)
+        if isinstance(found, str):
+            findings.append(_report(each, found))
+            continue
+        figures.append({"agent": each.agent, "object": each.object, "how": each.how, **found})
+        if each.how == "hits":
+            findings += check_wreck_clearance(track, observed.grid, {track.id}, scene.meta.duration)
+    return figures, tuple(findings)
+
+
+def list_asked_hits(scene: SceneRecord) -> frozenset[tuple[int, str]]:
+    """Agents and the objects that they are to hit."""
+    return frozenset((each.agent, each.object) for each in scene.encounters if each.how == "hits")
+
+
+def _report(each: EncounterRecord, fault: str) -> Finding:
+    return Finding(
+        rule="encounter_not_realised", agents=(each.agent,),
+        detail=f"agent {each.agent} {_WORDS[each.how]} {each.object}: {fault}",
+    )  # fmt: skip
+
+
+_WORDS = {
+    "goes_round": "should go round", "waits_behind": "should wait behind", "hits": "should hit",
+}  # fmt: skip
+
+
+def _measure_passing(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
+    """It drives straight at the object, then moves over and passes beside it untouched."""
+    along, aside = _locate(track, thing)
+    half = (track.length + thing.length) / 2
+    beside = np.flatnonzero((np.abs(along) < half) & (np.abs(aside) < 6.0))
+    if not len(beside) or along[0] > -half or along[-1] < half:
+        return "it does not come from behind it and drive on ahead of it"
+    heads = _find_last_run(_heads_for(track, thing)[: beside[0]])
+    if heads is None:
+        return "it never drives straight at it, so it is not in its way"
+    gaps = _measure_gaps(track, thing)
+    k = int(gaps.argmin())
+    moved = float(np.abs(aside[beside] - aside[heads]).max())
+    if gaps[k] <= 0.0:
+        return f"it touches it at {track.times[k]:.1f} s"
+    if moved < MOVED_OVER:
+        return f"it moves over by {moved:.2f} m only; at least {MOVED_OVER:g} m"
+    return {
+        "time": round(float(track.times[k]), 3), "clearance": round(float(gaps[k]), 3),
+        "moved_over": round(moved, 3),
+    }  # fmt: skip
+
+
+def _find_last_run(flags: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> int | None:
+    """The last of the last samples in a row that are true, if there are enough of them."""
+    lasting = np.convolve(flags, np.ones(HEADS_FOR))[HEADS_FOR - 1 :] > HEADS_FOR - 0.5
+    found = np.flatnonzero(lasting)
+    return int(found[-1]) + HEADS_FOR - 1 if len(found) else None
+
+
+def _measure_waiting(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
+    """It drives up to the object and stands behind it, heading for it, until the scene ends."""
+    standing = track.speed <= STANDING
+    moving = np.flatnonzero(~standing)
+    if not len(moving) or not standing[-1]:
+        return "it does not come to stand behind it and stay there"
+    first = int(moving[-1]) + 1
+    lasts = float(track.times[-1] - track.times[first])
+    gap = float(_measure_gaps(track, thing)[first])
+    if lasts < WAITS or track.end < until - 0.2:
+        return f"it stands for {lasts:.1f} s at the end; at least {WAITS:g} s"
+    if not _heads_for(track, thing, moving=False)[first]:
+        return "what it stands behind is not that, as it is not ahead of it"
+    if not WAITING_GAP[0] <= gap <= WAITING_GAP[1]:
+        return f"it stands {gap:.1f} m from it"
+    if float(track.speed[: first + 1].max()) < MOVES:
+        return "it has not been driving"
+    return {"time": round(float(track.times[first]), 3), "gap": round(gap, 3)}
+
+
+def _measure_hit(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
+    """It drives into the object, and ends there."""
+    time = find_contact(thing, track)
+    if time is None:
+        return "it never touches it"
+    if time <= track.start + 1e-6:
+        return "it touches it from the beginning"
+    before = int(np.searchsorted(track.times, time - 1e-6, side="right")) - 1
+    speed = float(track.speed[max(before - 1, 0) : before + 1].max())
+    if speed < STRIKES:
+        return f"it touches it at {speed:.1f} m/s; at least {STRIKES:g} m/s"
+    if track.end > time + WRECK_ENDS_WITHIN + 1e-6:
+        return f"it goes on for {track.end - time:.1f} s; at most {WRECK_ENDS_WITHIN} s"
+    return {"time": round(time, 3), "speed": round(speed, 3)}
+
+
+_ENCOUNTERS = {
+    "goes_round": _measure_passing, "waits_behind": _measure_waiting, "hits": _measure_hit,
+}  # fmt: skip
+
+
+def _locate(track: Trajectory, thing: ObjectRecord) -> tuple[FloatArray, FloatArray]:
+    """[N] how far ahead of the middle of the object, and to its left, the track is [m]."""
+    cos, sin = math.cos(thing.heading), math.sin(thing.heading)
+    x, y = (track.xy - (thing.x, thing.y)).T
+    return np.asarray(cos * x + sin * y), np.asarray(cos * y - sin * x)
+
+
+def _measure_gaps(track: Trajectory, thing: ObjectRecord) -> FloatArray:
+    """[N] distance of the footprints [m]."""
+    count = len(track.times)
+    return compute_gaps(
+        track.xy, track.heading, get_extent(track),
+        other_xy=np.tile((thing.x, thing.y), (count, 1)),
+        other_heading=np.full(count, thing.heading),
+        other_size=Extent(thing.length / 2, thing.width / 2, 0.0),
+    )  # fmt: skip
+
+
+def _heads_for(
+    track: Trajectory, thing: ObjectRecord, *, moving: bool = True
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """[N] whether the way straight ahead, as wide as the agent, meets the object."""
+    cos, sin = np.cos(track.heading), np.sin(track.heading)
+    away = (thing.x, thing.y) - track.xy
+    ahead = cos * away[:, 0] + sin * away[:, 1]
+    aside = cos * away[:, 1] - sin * away[:, 0]
+    turn = thing.heading - track.heading
+    # Half of the width of the object as seen along the way.
+    half = (thing.length * np.abs(np.sin(turn)) + thing.width * np.abs(np.cos(turn))) / 2
+    meets = (ahead > 0.0) & (ahead <= AHEAD) & (np.abs(aside) < half + track.width / 2)
+    meets &= np.abs(np.sin(turn)) <= IN_LINE
+    return np.asarray(meets & (track.speed >= MOVES) if moving else meets)
+
+
+def describe_encounter(
+    value: str, figures: Sequence[Measured], agents: Sequence[int]
+) -> str | None:
+    """What was seen of an encounter that words ask for; None if there is none of that kind."""
+    for each in figures:
+        asked = value.split()
+        if each["agent"] in agents and each["object"] == asked[0] and each["how"] == asked[-1]:
+            seen = {k: v for k, v in each.items() if k not in ("agent", "object", "how", "time")}
+            told = ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in seen.items())
+            does = each["how"].replace("_", " ")
+            return f"agent {each['agent']} {does} {each['object']} at {each['time']:.1f} s ({told})"
+    return None

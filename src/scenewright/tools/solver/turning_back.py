@@ -1,0 +1,70 @@
+"""`turns_back`: a pedestrian that turns round on its way over the road and returns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.geometry.spline import build_even_path
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+
+_PLACE = (0.35, 0.6)
+"""Where it turns, as a share of the way from kerb to kerb."""
+
+_BEYOND_KERB = (4.5, 8.0)
+"""How far from the kerb who jaywalks turns [m]."""
+
+_CAME_BACK = 1.2
+"""How far it has come back at least when it is hit [m]."""
+
+_RADIUS = 0.45
+"""Of the turn [m]."""
+
+
+def turn_back(
+    candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
+) -> Candidate | None:
+    """The candidate on a path that returns to where it begins; None if it never is on the road."""
+    begins, ends = _find_way_over(landmarks)
+    if begins is None:
+        return None
+    if ends is None:
+        s = begins + float(rng.uniform(*_BEYOND_KERB))
+    else:
+        s = begins + (ends - begins) * float(rng.uniform(*_PLACE))
+    side = 1.0 if rng.random() < 0.5 else -1.0
+    path = build_even_path(_double_back(candidate.path, s, side))
+    even = sample_evenly(path.length, K)
+    waypoints = np.stack([np.interp(even, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=1)
+    return replace(candidate, path=path, waypoints=waypoints)
+
+
+def has_turned(actor: ScheduledAgent) -> bool:
+    """Whether it has come back by a step or two when it is hit."""
+    away = np.hypot(*(actor.candidate.path.xy - actor.candidate.path.xy[0]).T)
+    turn = float(actor.candidate.path.s[int(away.argmax())])
+    return float(actor.motion.s[-1]) > turn + _CAME_BACK
+
+
+def _find_way_over(landmarks: Landmarks) -> tuple[float | None, float | None]:
+    """Arc lengths of both kerbs [m]; of who jaywalks only of the first."""
+    for name, begins, ends in landmarks.crosswalks:
+        if name == landmarks.own_crosswalk:
+            return begins, ends
+    return landmarks.line, None
+
+
+def _double_back(path: Path, s: float, side: float) -> FloatArray:
+    """[P, 2] points up to arc length `s` [m], round to the left (side 1) or right, and back."""
+    out = path.xy[path.s <= s]
+    heading = path.heading[: len(out)]
+    leftward = np.stack((-np.sin(heading), np.cos(heading)), axis=1)
+    back = (out + 2 * _RADIUS * side * leftward)[::-1]
+    angle = np.linspace(0.0, np.pi, 13)[1:-1, None]
+    middle, ahead = (out[-1] + back[0]) / 2, np.array((leftward[-1][1], -leftward[-1][0]))
+    arc = middle + (out[-1] - middle) * np.cos(angle) + _RADIUS * ahead * np.sin(angle)
+    return np.concatenate((out, arc, back))
