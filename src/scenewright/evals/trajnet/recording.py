@@ -69,7 +69,7 @@ class BenchmarkRecording:
     last: FloatArray
 
     def stretch(self, start: int, *, steps: int = STEPS) -> FloatArray:
-        """Cut positions [P, steps, 2] of all agents from frame `start` on [m]; NaN without a row."""
+        """Cut positions [P, steps, 2] [m] of all agents from frame `start` on; NaN without row."""
         out = np.full((len(self.ids), steps, 2), np.nan)
         for k in range(steps):
             who, xy = self.rows.get(start + k * self.stride, (None, None))

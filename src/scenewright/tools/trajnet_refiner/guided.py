@@ -1,9 +1,9 @@
 """A scene rolled out under the guidance of its edited priors (paper 3.5, Eq. 7).
 
 Each agent starts on the edited prior, is predicted together with the others, and heads for
-places on its prior, each due at its time: segment goals, and waypoints evenly in between. What
-comes out is expressed as a deviation from the prior in arc length along the agent's own path; moving it
-to the output step and keeping it feasible is the task of the kinematic layer.
+places on its prior, each due at its time: segment goals, and waypoints evenly in between. The
+result is expressed as a deviation from the prior in arc length along the agent's own path; the
+kinematic layer moves it to the output step and keeps it feasible.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class RefinerConfig(Model):
 
     Attributes:
         step: [s] between samples; observed, predicted: samples per window.
-        stride: predicted samples per step of the decoder, after which all agents are observed again.
+        stride: predicted samples per decoder step, after which all agents are observed again.
         neighbours: how many of the nearest are pooled; reach: up to which distance [m], by class.
         pace: a usual speed [m/s] by class, the unit of every velocity inside.
         dropout: share of what is read and remembered that training leaves out at random.
