@@ -44,11 +44,12 @@ def unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
         for title, words in kinds
         if words
     ]
-    chosen = (each for each in said if each.note and each.became != "nothing")
-    return [
-        *lines,
-        *(f"chosen: the {each.value} leg ({one_line(each.note, limit=80)})" for each in chosen),
+    chosen = [
+        f"chosen: the {each.value} leg ({one_line(each.note, limit=80)})"
+        for each in said
+        if each.note and each.became != "nothing"
     ]
+    return [*lines, *chosen]
 
 
 def verdict(proof: Proof) -> str:

@@ -142,8 +142,8 @@ def list_compass_texts(
         for mention, leg in zip(found, answers, strict=True)
     ]
     choices = product(*(_list_choices(text, mention) for mention in found))
-    choices = sorted(islice(choices, _MOST_READINGS), key=lambda legs: _BOTH in "".join(legs))
-    return [_replace(text, found, legs) for legs in choices]
+    tried = sorted(islice(choices, _MOST_READINGS), key=lambda legs: _BOTH in "".join(legs))
+    return [_replace(text, found, legs) for legs in tried]
 
 
 def _list_choices(text: str, mention: StreetMention) -> tuple[str, ...]:
