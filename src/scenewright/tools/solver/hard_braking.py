@@ -81,7 +81,7 @@ def schedule_hard_braking(
     clause: BrakesFor, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first brakes for the second at the TTC asked for."""
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     zone = find_conflict_zone(clause, a, b, context)
     if not len(zone.i):
         words = f"the paths of {clause.first} and {clause.second} never touch"

@@ -88,7 +88,7 @@ def schedule_stops_behind(
     clause: StopsBehind, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the second brakes and the first stops behind it."""
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     if a.contact is not None or b.contact is not None or a.stops or b.stops:
         words = f"one of {clause.first} and {clause.second} has crashed or stopped before"
         context.note_miss(clause, FailureStage.PATHS, words)

@@ -25,7 +25,7 @@ def schedule_overtakings(
     clause: PassesBeside, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first overtakes the second as the clause says."""
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     if schedule.binds(clause):
         return
     for share in context.rng.uniform(*_WHERE, _TRIES):

@@ -44,7 +44,7 @@ def schedule_time_gaps(
     clause: TimeGap, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the PET of the two is as the clause says."""
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     meetings = context.find_meeting_intervals(clause, a, b)
     if schedule.binds(clause):
         if _pet_fits(clause, meetings, b.enters - a.enters, context):
@@ -104,7 +104,7 @@ def schedule_headways(
     clause: Headway, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first follows the second at the headway asked for."""
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
         a = _at_the_pace_of(a, b)
     pair = context.find_path_conflict(clause)

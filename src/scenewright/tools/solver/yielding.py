@@ -88,7 +88,7 @@ def schedule_yields(
     clause: GivesWay, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first gives way to the second."""
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     if a.contact is not None or b.contact is not None:
         words = f"one of {clause.first} and {clause.second} has been in a collision before"
         context.note_miss(clause, FailureStage.PATHS, words)
@@ -122,7 +122,7 @@ def _held(
     zone: PathConflict,
     place: tuple[str, StopCommand],
 ) -> Iterator[PartialSchedule]:
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     anchor, hold = place
     others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
     earlier = _holds(others, a.enters)
@@ -278,7 +278,7 @@ def _rolling(
     clause: GivesWay, schedule: PartialSchedule, context: SolverContext, zone: PathConflict
 ) -> Iterator[PartialSchedule]:
     """The first slows down so far that the other is out of the zone when it arrives there."""
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     manners = context.get_yielding(clause)
     if manners is None:
         return
