@@ -175,7 +175,7 @@ class _Search:
                 if room is not None:
                     places.append((g, *room))
                     left -= 1
-                    actor = self._option(g, room[0]).actor.shifted(STEP * room[1])
+                    actor = self._option(g, room[0]).actor.shift(STEP * room[1])
                     present.add(actor, foreground=self._menus[g].agent.foreground)
             if left:
                 return None
@@ -186,7 +186,7 @@ class _Search:
     ) -> tuple[int, int] | None:
         menu = self._menus[g]
         settled = None if only is None else [only[g]] if g in only else []
-        for k in menu.window() if settled is None else settled:
+        for k in menu.list_in_window() if settled is None else settled:
             option = menu.ways[k].option
             free = self._table.list_clear_times(option)
             if len(free):
@@ -225,7 +225,7 @@ class _Search:
             g for g, k, _ in places if not len(self._table.list_clear_times(self._option(g, k)))
         ]
         for g in wrong:
-            for k in self._menus[g].window():
+            for k in self._menus[g].list_in_window():
                 option = self._option(g, k)
                 if len(option.starts) == 1 and not len(self._table.list_clear_times(option)):
                     self._state.blocked.add((g, k))
@@ -256,8 +256,8 @@ class _Search:
     def _list_similar_pairs(self, one: Placement, other: Placement) -> list[OptionPair]:
         """List the pair of options, and the cheapest unknown pairs of either with others."""
         (i, k, _), (j, m, _) = one, other
-        mine = ((i, x, j, m) for x in self._menus[i].window())
-        theirs = ((i, k, j, y) for y in self._menus[j].window())
+        mine = ((i, x, j, m) for x in self._menus[i].list_in_window())
+        theirs = ((i, k, j, y) for y in self._menus[j].list_in_window())
         new = [
             itertools.islice((key for key in keys if key not in self._state.conflicts), _KIN)
             for keys in (mine, theirs)

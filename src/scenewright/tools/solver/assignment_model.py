@@ -93,7 +93,7 @@ class SearchState:
         """List the options within an agent's window that have entry times left."""
         return [
             k
-            for k in self.menus[g].window()
+            for k in self.menus[g].list_in_window()
             if (g, k) not in self.blocked and len(self.table.list_open_times(self.get_option(g, k)))
         ]
 

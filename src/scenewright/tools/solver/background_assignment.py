@@ -113,7 +113,7 @@ def assign_in_turn(
         found = _find_free_option(agent, present, seated)
         if found is not None:
             option, start = seated.chosen[agent.name] = found
-            seated.standing.append(option.actor.shifted(STEP * start))
+            seated.standing.append(option.actor.shift(STEP * start))
             present.add(seated.standing[-1], foreground=agent.foreground)
             left[agent.type] -= not agent.foreground
         elif agent.foreground:

@@ -207,9 +207,9 @@ def _convert_to_pace(actor: ScheduledAgent, moved: FloatArray, until: float) -> 
         law.lateral,
         tuple(pace.round(4).tolist()),
     )
-    driven = ScheduledAgent.unplaced(replace(candidate, time_law=own), actor.landmarks)
+    driven = ScheduledAgent.build_unplaced(replace(candidate, time_law=own), actor.landmarks)
     # A vehicle behind must see how it continues after the scene.
-    return driven.edited(stops=_time_stops(driven, stops)).until(until + _AFTER)
+    return driven.edit(stops=_time_stops(driven, stops)).cut_after(until + _AFTER)
 
 
 def _time_stops(driven: ScheduledAgent, stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
@@ -378,7 +378,7 @@ def _find_met(
     high: FloatArray,
     until: float,
 ) -> int:
-    """The bar [index] that one who moves like that meets first along its way; -1 if none."""
+    """Find the index of the block that this motion meets first along its path; -1 if none."""
     reach = 0.5 * (nodes[1] - nodes[0])
     come, leave = np.full(len(nodes), np.inf), np.full(len(nodes), np.inf)
     k = 0

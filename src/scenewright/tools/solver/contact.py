@@ -81,7 +81,7 @@ def _schedule_offsets(
         context.reactions.draw(pair[1], context.rng),
     )
     for delta in deltas:
-        a, b = schedule.placed(clause, *pair, delta)
+        a, b = schedule.place(clause, *pair, delta)
         found = find_first_contact(a, b, left_hand=context.left_hand)
         if found is not None and clause.speed is not None and not a.slowings:
             a, found = _brake_to_impact_speed(clause, a, b, found, context)
@@ -107,12 +107,12 @@ def _schedule_offsets(
             continue
         threat = find_threat(context.find_path_conflict(clause), a, b, until=found.time)
         a, b_hit, found = reacted or (a, b, found)
-        end_a, end_b = a.ended(found.time), b_hit.ended(found.time)
+        end_a, end_b = a.end_at(found.time), b_hit.end_at(found.time)
         time = found.time
         begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
         event = ScheduledEvent(clause, time, begins, time, time, found.location)
         staged = True
-        yield schedule.with_event(event, end_a, end_b)
+        yield schedule.add_event(event, end_a, end_b)
     return turned_round and not staged
 
 
@@ -163,8 +163,8 @@ def _find_time_window(
     """
     if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
         until = b.stops[-1].until
-        return max(schedule.busy_until(clause.first) + 0.5, compute_passing_time(b)), until + 0.2
-    busy = max(schedule.busy_until(name) for name in get_pair(clause))
+        return max(schedule.find_busy_end(clause.first) + 0.5, compute_passing_time(b)), until + 0.2
+    busy = max(schedule.find_busy_end(name) for name in get_pair(clause))
     return busy + 0.5, float("inf")
 
 
@@ -220,7 +220,7 @@ def _brake_late(
     """Return `a` braking late to `speed` where it would have touched, and its contact then."""
     at = float(a.motion.compute_positions(np.array([found.time - a.enters]))[0])
     slow = Slowing(at, speed, braking or float(context.rng.uniform(4.0, 6.0)))
-    braked = a.edited(stops=a.stops, slowings=(slow,))
+    braked = a.edit(stops=a.stops, slowings=(slow,))
     return braked, find_first_contact(braked, b, left_hand=context.left_hand)
 
 
@@ -271,7 +271,7 @@ def _strikes_with_front(found: FirstContact, clause: Contact) -> bool:
 
 
 def _turns_across(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Return whether `a` turns across the path of a rider beside it, who may hit its side then."""
+    """Return whether `a` turns across the path of a rider beside it that may then hit its side."""
     one, two = a.candidate, b.candidate
     beside = two.shape.type in RIDERS and one.route.entry == two.route.entry
     return beside and one.route.movement != two.route.movement

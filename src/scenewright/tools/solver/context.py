@@ -76,7 +76,7 @@ class SolverContext:
             return schedule.actors[name]
         if name in self.red_light_starts:
             return self.red_light_starts[name]
-        return ScheduledAgent.unplaced(self.candidates[name], self._marks[name])
+        return ScheduledAgent.build_unplaced(self.candidates[name], self._marks[name])
 
     def get_pair(
         self, clause: PairClause, schedule: PartialSchedule
@@ -86,7 +86,7 @@ class SolverContext:
         a, b = self.get_agent(first, schedule), self.get_agent(second, schedule)
         if schedule.actors and not {first, second} & set(schedule.actors):
             # Neither is bound to a placed agent, so they may come at any time.
-            a = a.shifted(float(self.rng.uniform(*_APART)))
+            a = a.shift(float(self.rng.uniform(*_APART)))
         return a, b
 
     def get_yielding(self, clause: PairClause) -> YieldingBehavior | None:

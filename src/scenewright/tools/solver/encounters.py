@@ -216,7 +216,7 @@ def place_encounter(
     meeting: Meeting, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent | None:
     """Time an agent that meets only an object; None if it cannot stop, or is too slow."""
-    actor = ScheduledAgent.unplaced(meeting.candidate, landmarks)
+    actor = ScheduledAgent.build_unplaced(meeting.candidate, landmarks)
     match meeting.node.encounter:
         case "waits_behind":
             stopping = _wait(actor, meeting, rng)
@@ -229,7 +229,7 @@ def place_encounter(
             there = actor.motion.find_time_at(meeting.touch)
     if not np.isfinite(there):
         return None
-    return actor.shifted(round(float(rng.uniform(*_WHEN)) - there, 1))
+    return actor.shift(round(float(rng.uniform(*_WHEN)) - there, 1))
 
 
 def _wait(
@@ -241,7 +241,7 @@ def _wait(
         return None
     stands = compute_arrival(meeting.candidate, StopCommand(s, 0.0))
     stop = Stop("stopping_point", s, stands, stands + _FOR_GOOD, "waits")
-    return actor.edited(stops=(stop,)), stands
+    return actor.edit(stops=(stop,)), stands
 
 
 def _brake_too_late(
@@ -249,9 +249,9 @@ def _brake_too_late(
 ) -> tuple[ScheduledAgent, float]:
     """Brake it too late, ending where it touches the object."""
     slowing = Slowing(meeting.touch, float(rng.uniform(*_STRIKES)), float(rng.uniform(*_BRAKES)))
-    braking = actor.edited(stops=(), slowings=(slowing,))
+    braking = actor.edit(stops=(), slowings=(slowing,))
     touches = braking.motion.find_time_at(meeting.touch)
-    return braking.ended(touches), touches
+    return braking.end_at(touches), touches
 
 
 def list_meetings(nodes: Sequence[ObjectNode]) -> dict[str, ObjectNode]:
