@@ -132,7 +132,8 @@ def _keep_inside(axes: Axes, label: Text) -> None:
     x = max(frame.x0 + _MARGIN - box.x0, 0.0) - max(box.x1 - frame.x1 + _MARGIN, 0.0)
     y = max(frame.y0 + _MARGIN - box.y0, 0.0) - max(box.y1 - frame.y1 + _MARGIN, 0.0)
     at = axes.transData.transform(label.get_position()) + np.array([x, y])
-    label.set_position(axes.transData.inverted().transform(at))
+    inside = axes.transData.inverted().transform(at)
+    label.set_position((float(inside[0]), float(inside[1])))
 
 
 def _draw_legend(figure: Figure, layers: Layers, height: float) -> None:
