@@ -137,12 +137,12 @@ def paper(
     foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
     goes on. With --tables the paper's tables are measured on it in the same run.
     """
-    from scenewright.dataset.orders.run import Order, paper_wish
+    from scenewright.dataset.orders.run import Order, build_paper_order
 
     backends = list(dict.fromkeys(backend or ["builtin"]))
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
-        wish=paper_wish(backends, scale=scale),
+        wish=build_paper_order(backends, scale=scale),
         out=folder_of_option(out),
         options=options_of(
             intersection=intersection,

@@ -109,7 +109,7 @@ def batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
-    from scenewright.dataset.batch.run import Request, run_batch, shard_of
+    from scenewright.dataset.batch.run import Request, parse_shard, run_batch
 
     request = Request(
         source=Path(rows),
@@ -128,7 +128,7 @@ def batch(
         workers=workers or cores(),
         engine=engine,
         limit=limit,
-        shard=shard_of(shard),
+        shard=parse_shard(shard),
         row_timeout=seconds_of(row_timeout),
         asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
@@ -232,9 +232,9 @@ def folder_of_option(out: str) -> Path:
 
 
 def _tell_what_is_to_do(request: Request, *, as_json: bool) -> None:
-    from scenewright.dataset.batch.run import outlook
+    from scenewright.dataset.batch.run import predict_run
 
-    found = outlook(request, shown=SHOWN)
+    found = predict_run(request, shown=SHOWN)
     if as_json:
         put_json({"ok": True, "dry_run": True, **found})
         return

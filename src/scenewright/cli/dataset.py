@@ -48,19 +48,19 @@ def check(
 
     Exit code 0 if all of it holds, 1 if something does not.
     """
-    from scenewright.dataset.batch.audit import Fault, audit
+    from scenewright.dataset.batch.audit import AuditFault, audit_dataset
     from scenewright.dataset.batch.signing import SIGNATURE, find_signature_fault
 
     unsigned = None if public_key is None else find_signature_fault(Path(folder), public_key)
 
     with progress(quiet=quiet) as log:
-        found = audit(
+        found = audit_dataset(
             Path(folder),
             workers=workers or cores(),
             log=lambda done, of: _log_now_and_then(log, done, of),
         )
     if unsigned is not None:
-        found = replace(found, faults=(Fault(SIGNATURE, unsigned), *found.faults))
+        found = replace(found, faults=(AuditFault(SIGNATURE, unsigned), *found.faults))
     told: dict[str, Any] = {
         "folder": folder,
         "files": found.files,
