@@ -13,7 +13,7 @@ from scenewright.cli.console import one_line, progress, put, put_json, say
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scenewright.authoring.agent import Authored
+    from scenewright.authoring.agent import AgentResult
 
 _SECONDS, _MOST_TOKENS = 120.0, 4096
 
@@ -82,14 +82,14 @@ def _model(
     return endpoint.model, lambda text: hide_key(text, endpoint.key)
 
 
-def _write(made: Authored, target: Path, *, seed: int, model: str | None) -> list[str]:
-    from scenewright.authoring.agent import provenance_bytes
+def _write(made: AgentResult, target: Path, *, seed: int, model: str | None) -> list[str]:
+    from scenewright.authoring.agent import format_provenance
     from scenewright.cli.output_folder import whole_folder
     from scenewright.files import write_atomically
     from scenewright.graph.run import encode_proof, encode_scene
 
     with whole_folder(target) as part:
-        write_atomically(part / "provenance.json", provenance_bytes(made, seed=seed, model=model))
+        write_atomically(part / "provenance.json", format_provenance(made, seed=seed, model=model))
         write_atomically(part / "proof.json", encode_proof(made.proof))
         write_atomically(part / "scene.json", encode_scene(made.record))
         return sorted(entry.name for entry in part.iterdir())

@@ -20,7 +20,7 @@ from scenewright.intersections import find_data_folder
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from scenewright.authoring.session import Session, Shown
+    from scenewright.authoring.session import Session, SessionVersion
     from scenewright.backends import Backend
     from scenewright.cli.views import ViewKind
     from scenewright.graph.run import ProgressCallback
@@ -77,7 +77,7 @@ def chat(request: ChatRequest) -> None:
 
     threads = Threads(threads_file(request.threads))
     try:
-        thread = request.thread or _unused_name(list(threads.names()))
+        thread = request.thread or _unused_name(list(threads.list_names()))
         _check_name(thread)
         threads.hold(thread)
         episodes = _episodes(request)
@@ -107,7 +107,7 @@ def list_threads(told: str | None) -> list[str]:
 
     threads = Threads(threads_file(told))
     try:
-        return list(threads.names())
+        return list(threads.list_names())
     finally:
         threads.close()
 
@@ -246,12 +246,12 @@ class _Talk:
         return self._session.branch(arguments[0]) if arguments else self._branches()
 
     def _branches(self) -> dict[str, Any]:
-        from scenewright.authoring.session import MAIN, branches_of
+        from scenewright.authoring.session import MAIN, list_branches
 
         state = self._session.state
         return {
             "kind": "branches",
-            "branches": branches_of(state),
+            "branches": list_branches(state),
             "branch": state.get("branch", MAIN),
         }
 
@@ -268,7 +268,7 @@ class _Talk:
         return {"kind": "shown", "version": shown.version["number"], **facts(shown)}
 
     def _compare(self, arguments: list[str]) -> dict[str, Any]:
-        from scenewright.authoring.compare import compared
+        from scenewright.authoring.compare import compare_versions
 
         if len(arguments) != 2:
             raise InputError("/compare needs two versions or branches, such as /compare 1 2")
@@ -277,11 +277,11 @@ class _Talk:
             "kind": "compared",
             "first": first.version["number"],
             "second": second.version["number"],
-            **compared(first.record, first.proof, second.record, second.proof),
+            **compare_versions(first.record, first.proof, second.record, second.proof),
         }
 
-    def _needed(self, which: str | None) -> Shown:
-        shown = self._session.shown(which)
+    def _needed(self, which: str | None) -> SessionVersion:
+        shown = self._session.find_version(which)
         if shown is None:
             raise InputError("there is no scene yet; say what shall happen")
         return shown
@@ -305,7 +305,7 @@ class _Talk:
         path = save_view(shown, kind, " ".join(arguments) or name)
         return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
-    def _remember(self, shown: Shown) -> list[str]:
+    def _remember(self, shown: SessionVersion) -> list[str]:
         """What went wrong, if it did: the scene is saved in any case."""
         if self._episodes is None:
             return []
@@ -344,20 +344,24 @@ class _Talk:
         open_recording(path)
         return {"kind": "nothing", "reason": f"closed; the recording lies at {path}"}
 
-    def _view_file(self, shown: Shown, ending: str) -> Path:
+    def _view_file(self, shown: SessionVersion, ending: str) -> Path:
         folder = find_data_folder() / "views"
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         return folder / f"{self._session.thread}-{shown.version['number']}.{ending}"
 
     def _why(self) -> dict[str, Any]:
-        from scenewright.authoring.explain import why
+        from scenewright.authoring.explain import explain_refusal
 
         refused = self._session.state.get("refused")
-        lines = ["nothing was refused since the last change"] if refused is None else why(refused)
+        lines = (
+            ["nothing was refused since the last change"]
+            if refused is None
+            else explain_refusal(refused)
+        )
         return {"kind": "why", "lines": lines, "refused": refused}
 
     def _say_back(self, words: str, reply: dict[str, Any]) -> None:
-        shown = self._session.shown() if reply["kind"] in ("made", "moved_to") else None
+        shown = self._session.find_version() if reply["kind"] in ("made", "moved_to") else None
         if shown is not None:
             reply = {**reply, **facts(shown)}
         if self._page is None:
@@ -370,7 +374,7 @@ class _Talk:
             _print(self._page, style, line)
 
 
-def facts(shown: Shown) -> dict[str, Any]:
+def facts(shown: SessionVersion) -> dict[str, Any]:
     """What a script wants to know of a version."""
     version = shown.version
     return {

@@ -104,7 +104,7 @@ def list_memory(as_json: Json = False) -> None:
     from scenewright.cli.user_folders import memory_file
     from scenewright.memory.episodes import Episodes
 
-    found = Episodes(memory_file()).all()
+    found = Episodes(memory_file()).list_all()
     if as_json:
         rows = [{"request": e.request, "taxonomy": list(e.taxonomy)} for e in found]
         put_json({"ok": True, "file": str(memory_file()), "episodes": rows})

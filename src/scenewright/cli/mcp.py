@@ -21,10 +21,10 @@ from scenewright.time_limit import DEFAULT_LIMIT, TimeLimitReachedError, limit_t
 if TYPE_CHECKING:
     from mcp.server import MCPServer
 
-    from scenewright.authoring.session import Session, Shown
+    from scenewright.authoring.session import Session, SessionVersion
     from scenewright.backends import Backend
     from scenewright.cli.views import ViewKind
-    from scenewright.nodes.toolbox import Workbench
+    from scenewright.nodes.toolbox import ToolState
 
 _GUIDE = """\
 Makes verified traffic scenes at one intersection. make_scene takes an instruction in plain
@@ -88,11 +88,11 @@ def server_of(served: Served) -> MCPServer[Any]:
 
 
 class _Desk:
-    """What one client works at: a conversation and a workbench."""
+    """The conversation and the tool state of one client."""
 
     def __init__(self, served: Served) -> None:
         self._served = served
-        self._bench: Workbench | None = None
+        self._bench: ToolState | None = None
         self._open(served.thread)
 
     def _open(self, thread: str) -> None:
@@ -155,7 +155,7 @@ class _Desk:
 
     def list_threads(self) -> dict[str, Any]:
         """The names of all conversations, last used first, and which one is open."""
-        names = list(self._threads.names())
+        names = list(self._threads.list_names())
         return {"ok": True, "threads": names, "open": self._session.thread}
 
     def open_thread(self, thread: str) -> dict[str, Any]:
@@ -198,8 +198,8 @@ class _Desk:
             write_view(kind, path, shown.record, shown.proof)
             return path.read_bytes()
 
-    def _find(self, version: str) -> Shown:
-        shown = self._session.shown(None if version == "current" else version)
+    def _find(self, version: str) -> SessionVersion:
+        shown = self._session.find_version(None if version == "current" else version)
         if shown is None:
             raise InputError("there is no scene yet; call make_scene first")
         return shown
@@ -218,10 +218,10 @@ class _Desk:
 
     def explain_refusal(self) -> dict[str, Any]:
         """Why the last words were refused, and what may help."""
-        from scenewright.authoring.explain import why
+        from scenewright.authoring.explain import explain_refusal
 
         refused = self._session.state.get("refused")
-        return {"ok": True, "lines": [] if refused is None else why(refused)}
+        return {"ok": True, "lines": [] if refused is None else explain_refusal(refused)}
 
     def verify_scene(self, scene: dict[str, Any] | None = None) -> dict[str, Any]:
         """Checks the current version, or the content of a scene.json that is handed over."""
@@ -252,7 +252,7 @@ class _Desk:
         """Writes the current version to a folder under the one that the server was started with."""
         from scenewright.cli.save import save_version
 
-        shown = self._session.shown()
+        shown = self._session.find_version()
         if shown is None:
             return _no("unusable_input", "there is no scene yet; call make_scene first")
         if self._served.out is None:
@@ -265,13 +265,13 @@ class _Desk:
         return {"ok": True, "folder": str(folder), "files": files}
 
     def start_scene(self, instruction: str, seed: int = 0) -> dict[str, Any]:
-        """Clears the workbench for a scene that is made step by step; next: ground_plan."""
-        from scenewright.authoring.agent import workbench
+        """Starts an empty scene that is made step by step; next: ground_plan."""
+        from scenewright.authoring.agent import build_tool_state
 
         if not 0 <= seed < 2**63:
             return _no("unusable_input", "a seed is a whole number from 0 to 2^63 - 1")
         intersection_map = self._served.intersection
-        self._bench = workbench(
+        self._bench = build_tool_state(
             instruction, intersection=intersection_map, seed=seed, record=self._keep
         )
         return {"ok": True, "next": "ground_plan"}
@@ -312,9 +312,7 @@ class _Desk:
         from scenewright.errors import Rejected
 
         if self._bench is None:
-            return _no(
-                "unusable_input", "there is no scene on the workbench; call start_scene first"
-            )
+            return _no("unusable_input", "no scene was started; call start_scene first")
         try:
             with limit_time(self._served.time_limit):
                 return {"ok": True, **getattr(self._bench, name)(**arguments)}
@@ -325,7 +323,7 @@ class _Desk:
             return {"ok": False, **told}
 
     def _keep(self, record: Any, proof: Any) -> str:
-        """A scene of the workbench, under the server's folder."""
+        """A scene of the tool state, under the server's folder."""
         from scenewright.files import write_atomically
         from scenewright.graph.run import encode_proof, encode_scene, make_folder
 
@@ -337,7 +335,7 @@ class _Desk:
         return str(folder)
 
     def _shown_record(self) -> Any:
-        shown = self._session.shown()
+        shown = self._session.find_version()
         if shown is None:
             raise InputError("there is no scene yet; call make_scene first")
         return shown.record
@@ -345,7 +343,7 @@ class _Desk:
     def _reply(self, reply: dict[str, Any]) -> dict[str, Any]:
         from scenewright.cli.chat import facts
 
-        shown = self._session.shown()
+        shown = self._session.find_version()
         if reply["kind"] == "refused":
             return {"ok": False, **reply}
         if shown is None:

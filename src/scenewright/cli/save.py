@@ -13,10 +13,10 @@ from scenewright.cli.views import ViewKind, write_view
 from scenewright.errors import InputError, ScenewrightError
 
 if TYPE_CHECKING:
-    from scenewright.authoring.session import Shown
+    from scenewright.authoring.session import SessionVersion
 
 
-def save_version(shown: Shown, path: str) -> tuple[Path, list[str], list[str]]:
+def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], list[str]]:
     """The folder, its files and what could not be added.
 
     Raises:
@@ -36,9 +36,9 @@ def save_version(shown: Shown, path: str) -> tuple[Path, list[str], list[str]]:
     return told, files, warnings
 
 
-def _views(shown: Shown, folder: Path) -> list[str]:
+def _views(shown: SessionVersion, folder: Path) -> list[str]:
     """Adds the picture and the recording; what could not be added is a warning."""
-    views: dict[str, Callable[[Shown, Path], None]] = {
+    views: dict[str, Callable[[SessionVersion, Path], None]] = {
         "scene.png": _draw,
         "scene.rrd": record_version,
     }
@@ -54,7 +54,7 @@ def _views(shown: Shown, folder: Path) -> list[str]:
     return warnings
 
 
-def save_view(shown: Shown, kind: ViewKind, path: str) -> Path:
+def save_view(shown: SessionVersion, kind: ViewKind, path: str) -> Path:
     """Writes a version as one file, a page (`html`) or an animation (`gif`).
 
     Raises:
@@ -67,11 +67,11 @@ def save_view(shown: Shown, kind: ViewKind, path: str) -> Path:
     return target
 
 
-def _draw(shown: Shown, path: Path) -> None:
+def _draw(shown: SessionVersion, path: Path) -> None:
     write_view("png", path, shown.record, shown.proof)
 
 
-def record_version(shown: Shown, path: Path) -> None:
+def record_version(shown: SessionVersion, path: Path) -> None:
     """The tracks and what was said; candidates and paths are not kept with a version."""
     from scenewright.intersections import load_map
     from scenewright.viz.recording import record_scene

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 from scenewright.cli.scene_summary import VERBS
 
 if TYPE_CHECKING:
-    from scenewright.authoring.session import Shown
+    from scenewright.authoring.session import SessionVersion
 
 Line = tuple[str, str]
 GOOD, BAD, PLAIN, FAINT, ASK = "green", "red", "", "dim", "yellow"
 _MOST_NAMES = 8
 
 
-def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
+def told(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     """The lines of a reply.
 
     Args:
@@ -51,7 +51,7 @@ def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
     return [(PLAIN, str(reply))]
 
 
-def _version(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
+def _version(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     if shown is None:
         return [(PLAIN, f"version {reply['version']}")]
     from scenewright.cli.scene_summary import summary

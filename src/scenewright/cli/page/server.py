@@ -169,7 +169,7 @@ class Page:
         """What can be changed by hand in a version."""
         found = await self._find(request)
         which = request.query_params.get("version")
-        handles = await run_in_threadpool(found.session.handles, which)
+        handles = await run_in_threadpool(found.session.list_handles, which)
         return JSONResponse({"handles": handles})
 
     async def describe_making(self, request: Request) -> Response:
