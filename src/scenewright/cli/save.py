@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenewright.cli.console import one_line
+from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import target_folder, whole_folder
 from scenewright.cli.views import ViewKind, write_view
@@ -29,14 +29,14 @@ def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], lis
         write_atomically(part / "scene.json", shown.scene_json)
         write_atomically(part / "proof.json", shown.proof_json)
         write_atomically(part / "provenance.json", shown.provenance_json)
-        warnings = _views(shown, part)
+        warnings = _add_views(shown, part)
         files = sorted(entry.name for entry in part.iterdir())
     here = Path.cwd()
-    told = target.relative_to(here) if target.is_relative_to(here) else target
-    return told, files, warnings
+    shortest = target.relative_to(here) if target.is_relative_to(here) else target
+    return shortest, files, warnings
 
 
-def _views(shown: SessionVersion, folder: Path) -> list[str]:
+def _add_views(shown: SessionVersion, folder: Path) -> list[str]:
     """Adds the picture and the recording; what could not be added is a warning."""
     views: dict[str, Callable[[SessionVersion, Path], None]] = {
         "scene.png": _draw,
@@ -50,7 +50,9 @@ def _views(shown: SessionVersion, folder: Path) -> list[str]:
             raise
         except Exception as error:  # a library or its environment; the scene stands without it
             stop_if_asked()
-            warnings.append(one_line(f"no {name}: {type(error).__name__}: {error}", limit=300))
+            warnings.append(
+                format_one_line(f"no {name}: {type(error).__name__}: {error}", limit=300)
+            )
     return warnings
 
 

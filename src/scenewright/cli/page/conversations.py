@@ -14,9 +14,9 @@ from scenewright.authoring.explain import explain_refusal
 from scenewright.authoring.session import MAIN, Session, SessionVersion, list_branches
 from scenewright.authoring.thread_state import ThreadSetting
 from scenewright.backends import Backend
-from scenewright.cli.chat import facts
+from scenewright.cli.chat import build_facts
 from scenewright.cli.page.answers import BusyError
-from scenewright.cli.turn_report import told
+from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
 from scenewright.graph.run import choose_refiner
 from scenewright.intersections import load_map
@@ -72,16 +72,16 @@ class Conversation:
         if reply["kind"] == "wish":
             reply = {"kind": "nothing", "reason": _WISHES[reply["wish"]]}
         if shown is not None:
-            reply = {**reply, **facts(shown)}
-        lines = [line for _, line in told(reply, shown)]
+            reply = {**reply, **build_facts(shown)}
+        lines = [line for _, line in format_reply(reply, shown)]
         refused = self.session.state.get("refused")
         reasons = (
             explain_refusal(refused) if reply["kind"] == "refused" and refused is not None else []
         )
-        choices = [each["answer"] for each in self._pending_choices()]
+        choices = [each["answer"] for each in self._list_pending_choices()]
         return {"kind": reply["kind"], "lines": lines, "why": reasons, "choices": choices}
 
-    def _pending_choices(self) -> list[dict[str, Any]]:
+    def _list_pending_choices(self) -> list[dict[str, Any]]:
         pending = self.session.state.get("pending")
         return [] if pending is None else list(pending["ask"]["choices"])
 
@@ -127,7 +127,7 @@ class Conversation:
         one, other = self.find(first), self.find(second)
         found = compare_versions(one.record, one.proof, other.record, other.proof)
         numbers = {"first": one.version["number"], "second": other.version["number"]}
-        return [line for _, line in told({"kind": "compared", **numbers, **found}, None)]
+        return [line for _, line in format_reply({"kind": "compared", **numbers, **found}, None)]
 
 
 _WISHES = {
@@ -136,7 +136,7 @@ _WISHES = {
     "why": "The reason is under the refusal, at Why.",
     "help": "Say what shall happen, then what shall be different; or ask about the scene.",
     "quit": "Close the window when you like; the conversation is kept.",
-    "html": "Save page, above the picture, gives one file to send to anybody.",
+    "html": "Save page, above the picture, gives one file to send to others.",
     "save": "Save page, scene.json and proof.json are above the picture.",
     "gif": "scenewright show FOLDER --gif and /gif in scenewright chat write an animation.",
     "mp4": "scenewright show FOLDER --mp4 and /mp4 in scenewright chat write a video.",
