@@ -232,6 +232,18 @@ def test_a_named_kind_of_collision_restricts_the_patterns(kind):
     assert {pattern.kind for pattern in found} == {kind}
 
 
+def test_a_near_miss_in_one_lane_comes_about_in_some_way_that_no_word_names():
+    ways = [vehicle(name, entry="north", movement="straight") for name in (CAR, OTHER)]
+    graph = SocialGraph(agents=tuple(ways), relations=(edge("near_miss", CAR, OTHER),))
+    found = {cast.patterns[0].pattern for cast in drawn(graph)}
+    assert found <= {"near_miss_lead_brakes", "cut_in_near_miss"}
+    elsewhere = SocialGraph(
+        agents=(vehicle(), vehicle(OTHER)), relations=(edge("near_miss", CAR, OTHER),)
+    )
+    first = {drawn(elsewhere, 1, seed)[0].patterns[0].pattern for seed in range(12)}
+    assert first.isdisjoint(found)
+
+
 def test_patterns_fit_relation_and_classes():
     graph = SocialGraph(
         agents=(vehicle(), pedestrian()), relations=(edge("yield_to", WALKER, CAR),)

@@ -338,7 +338,7 @@ def _play(
     order: dict[str, list[Route]],
     chosen: dict[str, Route],
 ) -> Iterator[tuple[dict[str, Route], AssignedPattern]]:
-    found = _draw(find_patterns(edge, graph), rng)
+    found = _draw(find_patterns(edge, graph), edge, rng)
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     # A red-light runner runs red, if possible, while the other one has green.
     # Passing on yellow it meets agents that had green with it; that is no reason to run red.
@@ -412,7 +412,7 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         for pattern in load_checked_patterns()
         if pattern.relation == edge.type
         and edge.pattern in (None, pattern.id)
-        and (edge.pattern is not None or pattern.manoeuvre == edge.manoeuvre)
+        and (edge.pattern is not None or _can_come_about(pattern, edge))
         and (
             (pattern.from_.admits(first) and pattern.to.admits(second))
             or (pattern.from_.admits(second) and pattern.to.admits(first))
@@ -423,6 +423,16 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         and _can_run_red(pattern, edge)
         and can_be_ordered(pattern, edge)
     ]
+
+
+def _can_come_about(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether the request says how, as the pattern does; a near miss in one lane needs some way."""
+    return edge.manoeuvre == pattern.manoeuvre or _is_unsaid(pattern, edge)
+
+
+def _is_unsaid(pattern: Pattern, edge: RelationEdge) -> bool:
+    unsaid = edge.manoeuvre is None and edge.pattern is None
+    return unsaid and pattern.manoeuvre is not None and edge.type == "near_miss"
 
 
 def _can_be_so_severe(pattern: Pattern, edge: RelationEdge) -> bool:
@@ -450,12 +460,13 @@ def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
     return True
 
 
-def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
+def _draw(found: list[Pattern], edge: RelationEdge, rng: np.random.Generator) -> list[Pattern]:
     """In a random order in which heavier patterns tend to come first; last resorts at the end."""
-    usual = [pattern for pattern in found if not pattern.is_last_resort]
+    rare = [p for p in found if p.is_last_resort or _is_unsaid(p, edge)]
+    usual = [pattern for pattern in found if pattern not in rare]
     scores = np.log([pattern.weight for pattern in usual]) + rng.gumbel(size=len(usual))
     drawn = [usual[index] for index in np.argsort(scores)[::-1]]
-    return [*drawn, *(pattern for pattern in found if pattern.is_last_resort)]
+    return [*drawn, *rare]
 
 
 def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:

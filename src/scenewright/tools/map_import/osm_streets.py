@@ -216,7 +216,7 @@ def describe_group(group: JunctionGroup, origin: LatLon | None) -> Junction:
     )
 
 
-_LARGE = 8_000_000
+_LARGE = 2_000_000
 """Of a file larger than that only the surroundings of the junction are converted [bytes]."""
 
 
