@@ -29,6 +29,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.standing import add_objects, take_out
+from scenewright.backends.builtin.standing_notes import read_notes
 from scenewright.backends.builtin.street_names import CompassText, list_compass_texts
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
@@ -142,6 +143,9 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
+        notes = None if previous else read_notes(text)
+        if notes is not None:
+            return notes
         plain, met = take_out_encounters(text)
         rest, standing = take_out(plain)
         earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]

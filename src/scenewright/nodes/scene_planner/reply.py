@@ -30,6 +30,7 @@ from scenewright.scene.social import (
     Cause,
     CollisionKind,
     Density,
+    Encounter,
     EntrySide,
     ImpactPoint,
     Manoeuvre,
@@ -273,6 +274,9 @@ def build_object_schema(words: str, side: Schema) -> Schema:
     if not _STANDING.search(words):
         return {}
     who = build_reference("id")
+    figure = {"type": "array", "items": build_number(0, 30), "minItems": 2, "maxItems": 2}
+    how = build_enum(get_args(Encounter))
+    other = {"agent": who, "encounter": how, "figure": figure}
     node = {
         "id": build_text(r"object-[1-9]"),
         "kind": build_enum(get_args(ObjectKind)),
@@ -281,6 +285,11 @@ def build_object_schema(words: str, side: Schema) -> Schema:
         "hides": who,
         "hidden_from": who,
         "lead": {"type": "array", "items": build_number(0, 10), "minItems": 2, "maxItems": 2},
+        "lane": build_enum(("left", "right")),
+        "met_by": who,
+        "encounter": how,
+        "figure": figure,
+        "others": build_array(build_object(other, required=("agent", "encounter")), most=3),
     }
     return {"objects": build_array(build_object(node, required=("id", "kind")), most=MOST_OBJECTS)}
 

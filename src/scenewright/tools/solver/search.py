@@ -71,9 +71,11 @@ from scenewright.tools.solver.background_assignment import (
 from scenewright.tools.solver.car_following import follow_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.encounters import (
+    Earlier,
     Meeting,
     find_meeting,
     list_meetings,
+    meet_at,
     place_encounter,
 )
 from scenewright.tools.solver.entry_times import (
@@ -205,6 +207,8 @@ class Search:
     ) -> None:
         self._lenient = lenient
         self._to_meet, self._meetings = list_meetings(objects), dict[tuple[str, int], Meeting]()
+        # What several meet stands where the first could meet it.
+        self._stands: dict[str, ObjectRecord] = {}
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
@@ -411,7 +415,12 @@ class Search:
         kept = self._placer.get_kept(node.id) if name in self._opening().actors else None
         if kept is not None:
             return Meeting(node, kept, candidate, 0.0)
-        return find_meeting(node, candidate, self._ground, self._rng)
+        if node.id in self._stands:
+            return meet_at(node, self._stands[node.id], candidate, self._ground, self._rng)
+        met = find_meeting(node, candidate, self._ground, self._rng)
+        if met is not None and node.others:
+            self._stands[node.id] = met.place
+        return met
 
     def _paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
         for clause in self._near:
@@ -519,14 +528,18 @@ class Search:
     ) -> PartialSchedule | None:
         """Also those who meet an object and nobody else; None if one cannot."""
         actors = dict(schedule.actors)
-        for name in sorted(self._to_meet.keys() - actors.keys()):
+        earlier: dict[str, Earlier] = {}
+        for name in (each for each in self._to_meet if each not in schedule.actors):
             built = self._candidate(name, choice[name])
             met = self._meetings.get((name, choice[name]))
-            actor = place_encounter(met, built[1], self._rng) if met and built else None
-            if actor is None:
+            before = earlier.get(self._to_meet[name].id)
+            placed = (
+                place_encounter(met, built[1], self._rng, earlier=before) if met and built else None
+            )
+            if placed is None:
                 self._failures[f"{name} cannot stop before {self._to_meet[name].id}"] += 1
                 return None
-            actors[name] = actor
+            actors[name], earlier[self._to_meet[name].id] = placed
         return replace(schedule, actors=actors)
 
     def _with_lone(
