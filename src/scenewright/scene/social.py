@@ -34,9 +34,11 @@ round there and returns."""
 
 AskedReaction = Literal["none"]
 """How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""
-VehicleMotion = Literal["passes_yellow", "stops_at_yellow", "blocks_junction"]
-"""How a vehicle drives: over its stop line while the light is yellow; it brakes hard for that; or
-it stands in the junction while its light is red."""
+VehicleMotion = Literal[
+    "passes_yellow", "stops_at_yellow", "blocks_junction", "drives_wrong_way"
+]  # fmt: skip
+"""How a vehicle drives: over its stop line while the light is yellow; it brakes hard for that;
+it stands in the junction while its light is red; or comes to the junction in an exit lane."""
 
 Density = Literal["low", "medium", "high"]
 Subtype = Literal[

@@ -307,13 +307,15 @@ def build_order_schema(words: str, who: Schema) -> Schema:
     return {"first": who} if _IN_ORDER.search(words) else {}
 
 
-_YELLOW = re.compile(r"yellow|amber|dilemma", re.IGNORECASE)
+_DRIVING = re.compile(
+    r"yellow|amber|dilemma|wrong|against|ghost driver|oncoming lane", re.IGNORECASE
+)
 
 
 def build_motion_schema(words: str) -> Schema:
     """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
     known = get_args(PedestrianMotion) if _ON_FOOT.search(words) else ()
-    known += get_args(VehicleMotion) if _YELLOW.search(words) else ()
+    known += get_args(VehicleMotion) if _DRIVING.search(words) else ()
     motion = {"motion": build_enum(known)} if known else {}
     motion |= {"reaction": build_enum(get_args(AskedReaction))} if _UNREACTING.search(words) else {}
     return motion | ({"members": build_integer(2, 8)} if _IN_GROUPS.search(words) else {})

@@ -192,7 +192,7 @@ def _lead_round(meeting: Meeting, ground: MapAreas, keeps: float, run: float) ->
             path = shift_aside(candidate.path, float(side * wide), *beside, run=run)
             if np.abs(path.curvature).max() > max(sharpest, _bend(candidate.path)):
                 continue
-            own = _follow(candidate, path)
+            own = follow_path(candidate, path)
             clear = not is_in_way(own, (place,), margin=keeps)
             if clear and _stays_on_road(own, ground):
                 return own
@@ -216,7 +216,7 @@ def _draw_drift(
     heading = float(np.interp(s[k], candidate.path.s, candidate.path.heading))
     side = np.sign(np.cos(heading) * (place.y - y) - np.sin(heading) * (place.x - x))
     wide = float(side * (gaps[k] + rng.uniform(*_SCRAPES)))
-    return _follow(candidate, shift_aside(candidate.path, wide, s[k], s[k] + 8.0, run=_RUN[0]))
+    return follow_path(candidate, shift_aside(candidate.path, wide, s[k], s[k] + 8.0, run=_RUN[0]))
 
 
 def shift_aside(path: Path, wide: float, begins: float, ends: float, *, run: float) -> Path:
@@ -237,7 +237,7 @@ def _ease(x: FloatArray) -> FloatArray:
     return np.asarray(x**3 * (10 - 15 * x + 6 * x**2))
 
 
-def _follow(candidate: Candidate, path: Path) -> Candidate:
+def follow_path(candidate: Candidate, path: Path) -> Candidate:
     """The candidate on another path, its waypoints at equal arc length on that."""
     s = sample_evenly(path.length, K)
     waypoints = np.stack([np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=1)

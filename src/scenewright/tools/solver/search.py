@@ -28,6 +28,7 @@ from scenewright.scene.constraints import (
     BrakesFor,
     ConstraintProgram,
     Contact,
+    DrivesWrongWay,
     GivesWay,
     Headway,
     MinLength,
@@ -124,6 +125,7 @@ from scenewright.tools.solver.reservation import (
 from scenewright.tools.solver.schedule import PartialSchedule
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
+from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
 
 MAX_SECONDS = 30.0
 """How long a scene lasts [s]: as long as the windows in which p_tod counts people."""
@@ -231,6 +233,7 @@ class Search:
         self._stopping = {c.agent for c in program.clauses if isinstance(c, StopsAtYellow)}
         self._blocking = {c.agent for c in program.clauses if isinstance(c, BlocksJunction)}
         self._reaction = draw_reaction(rng) if self._stopping else 0.0
+        self._wrong = {c.agent for c in program.clauses if isinstance(c, DrivesWrongWay)}
         self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
@@ -239,7 +242,9 @@ class Search:
         alone = sorted(self._stopping | self._blocking)
         if {*bound} & {*alone}:
             raise Rejected(_busy(sorted({*bound} & {*alone})))
-        self._bound = list(dict.fromkeys((*bound, *runners, *alone, *self._to_meet)))
+        self._bound = list(
+            dict.fromkeys((*bound, *runners, *alone, *self._to_meet, *sorted(self._wrong)))
+        )
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
             {
@@ -387,6 +392,13 @@ class Search:
                     self._built[(name, m)] = None
                     return None
                 self._meetings[(name, m)], candidate = met, met.candidate
+            if name in self._wrong and name not in self._opening().actors:
+                turned = drive_wrong_way(candidate, self._ground.intersection_map, self._rng)
+                if turned is None:
+                    self._failures[f"drives_wrong_way({name}): no lane beside its own"] += 1
+                    self._built[(name, m)] = None
+                    return None
+                candidate = turned
             landmarks = find_landmarks(candidate, map_areas=self._ground)
             if name in self._returning and name not in self._opening().actors:
                 returns = turn_back(candidate, landmarks, self._rng)
@@ -545,8 +557,13 @@ class Search:
     def _with_lone(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
     ) -> PartialSchedule | None:
-        """Also those who stop at yellow or block the junction; None if one cannot."""
+        """Also those who do at their light, or drive the wrong way, alone; None if one cannot."""
         actors = dict(schedule.actors)
+        for name in sorted(self._wrong - actors.keys()):
+            built = self._candidate(name, choice[name])
+            if built is None:
+                return None
+            actors[name] = place_wrong_way(*built, self._rng)
         for name in sorted((self._stopping | self._blocking) - actors.keys()):
             built = self._candidate(name, choice[name])
             move = stop_at_yellow if name in self._stopping else block_junction
