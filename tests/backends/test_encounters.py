@@ -180,3 +180,30 @@ def test_two_queue_behind_what_stands_and_are_seen_there() -> None:
     assert scene.proof.verified
     seen = {each["how"]: each for each in scene.proof.figures["encounters"]}
     assert seen["waits_behind"]["time"] < seen["queues"]["time"]
+
+
+@pytest.mark.parametrize(
+    ("text", "who", "leg"),
+    [
+        ("A wrong-way driver collides head-on with a taxi", "vehicle-1", None),
+        ("A car hits a wrong-way driver head-on", "vehicle-2", None),
+        ("A car drives the wrong way down the north leg", "vehicle-1", "north"),
+        ("A van going against traffic from the south crashes head-on into a car", "vehicle-1",
+         "south"),
+    ],
+)  # fmt: skip
+def test_who_drives_the_wrong_way_is_read(text: str, who: str, leg: str | None) -> None:
+    graph = plan(text)
+    assert isinstance(graph, SocialGraph)
+    assert [each.id for each in graph.agents if each.motion == "drives_wrong_way"] == [who]
+    assert graph.agent(who).entry == leg
+    (told,) = [each for each in graph.said if each.became == "motion"]
+    assert told.words == text[told.start : told.end]
+
+
+def test_a_wrong_way_driver_is_made_and_proven() -> None:
+    scene = synthesize("A wrong-way driver collides head-on with a taxi", seed=0, refiner="none")
+    assert scene.proof.verified
+    assert [each.kind for each in scene.record.events] == ["head_on"]
+    (told,) = [each for each in scene.proof.said if each.became == "motion"]
+    assert "against the lanes" in str(told.evidence)
