@@ -6,11 +6,19 @@ import pytest
 
 from checker_tracks import EAST, WEST, distance, light, line, plus_map, resampled
 from scenewright.scene.base import FloatArray
+from scenewright.scene.map import Lanelet
 from scenewright.scene.record import SignalRecord
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.vehicle_motions import describe_vehicle_motion
 
-MAP = plus_map()
+LANES = tuple(
+    Lanelet(
+        id=f"west:{kind}", kind=kind, leg="west", left=((a, 0.0), (b, 0.0)),
+        right=((a, y), (b, y)), centreline=((a, y / 2), (b, y / 2)), width=3.5, speed_limit=13.9,
+    )
+    for kind, a, b, y in (("approach", -100.0, -12.0, -3.5), ("exit", -12.0, -100.0, 3.5))
+)  # fmt: skip
+MAP = plus_map().model_copy(update={"lanelets": LANES})
 HARD = distance(10.0, (0, 4.5), (-5, 2), (0, 6))
 """From x = -70 to a stand with the front 0.7 m before the stop line, braking from 4.5 s on."""
 SOFT = distance(10.0, (0, 2.5), (-2.5, 4), (0, 6))[:-1]
