@@ -1,4 +1,4 @@
-"""Standing objects in an agent's way: it goes round one, waits behind it, or drives into it.
+"""Standing objects in an agent's path: it passes one, waits behind it, or drives into it.
 
 The object is placed on the agent's own path. Who goes round gets a path that leads past it, and may
 wait first; who waits stops behind it for good, gently or at the last moment, and others queue
@@ -31,16 +31,16 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 geos: Any = import_module("shapely")
 
 _ASIDE = (0.5, 1.0)
-"""How far from an object who goes round it keeps [m]."""
+"""Distance from an object when passing it [m]."""
 
 _RUN, _WIDEST, _STEP = (14.0, 20.0), 4.6, 0.2
-"""Way on which an agent moves over [m]; how far it does at most, and in which steps it is tried."""
+"""Distance over which an agent moves aside [m]; how far at most, and the step of the search."""
 
 _SHARPEST = 0.12
-"""Sharpest bend of a way round [1/m]."""
+"""Largest curvature of a path round an object [1/m]."""
 
 _HEADS_FOR = 5.0
-"""Least way that leads straight at an object before the agent moves over [m]."""
+"""Least distance straight towards an object before the agent moves aside [m]."""
 
 _GAP = (1.2, 3.0)
 """How far behind an object, or behind one another, who waits stands [m]."""
@@ -64,13 +64,13 @@ _EXACT = 0.3
 """How far inside the bounds asked for a figure lies, as a share of their distance."""
 
 _SCRAPES = (0.15, 0.45)
-"""How far an agent drifts into what stands beside its way [m]."""
+"""How far an agent drifts into an object beside its path [m]."""
 
 _WHEN = (7.0, 18.0)
-"""When who meets an object and nobody else gets there [s]."""
+"""When an agent without other relations reaches its object [s]."""
 
 _COMES = 12.0
-"""Least way before an object [m]."""
+"""Least distance driven before an object [m]."""
 
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
@@ -84,7 +84,7 @@ _PLACES = 12
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """A candidate that meets an object, which stands at a place.
+    """A candidate that meets an object, and the place of the object.
 
     Attributes:
         touch: arc length of its centre [m] at which it touches the object; where it goes round,
@@ -115,7 +115,7 @@ class Meeting:
 def find_meeting(
     node: ObjectNode, candidate: Candidate, ground: MapAreas, rng: np.random.Generator
 ) -> Meeting | None:
-    """The candidate, meeting the object at a place drawn; None where it fits nowhere."""
+    """Draw a place of the object at which the candidate meets it; None if there is none."""
     places = [
         each
         for leg, side in _list_sides(node, candidate)
@@ -168,7 +168,7 @@ def meet_at(
 
 
 def _find_touch(candidate: Candidate, place: ObjectRecord) -> float | None:
-    """Arc length [m] of the centre at which the agent first touches the object."""
+    """Find the arc length [m] of the centre at which the agent first touches the object."""
     s = np.arange(0.0, candidate.path.length, 0.1)
     gaps = make_sweep(candidate, place, s)
     touching = np.flatnonzero(gaps <= 0.0)
@@ -190,7 +190,9 @@ def _lead_round(meeting: Meeting, ground: MapAreas, keeps: float, run: float) ->
     for wide in np.arange(_STEP, _WIDEST, _STEP):
         for side in (left, -left):
             path = shift_aside(candidate.path, float(side * wide), *beside, run=run)
-            if np.abs(path.curvature).max() > max(sharpest, _bend(candidate.path)):
+            if np.abs(path.curvature).max() > max(
+                sharpest, _compute_largest_curvature(candidate.path)
+            ):
                 continue
             own = follow_path(candidate, path)
             clear = not is_in_way(own, (place,), margin=keeps)
@@ -199,14 +201,14 @@ def _lead_round(meeting: Meeting, ground: MapAreas, keeps: float, run: float) ->
     return None
 
 
-def _bend(path: Path) -> float:
+def _compute_largest_curvature(path: Path) -> float:
     return float(np.abs(path.curvature).max())
 
 
 def _draw_drift(
     place: ObjectRecord, candidate: Candidate, rng: np.random.Generator
 ) -> Candidate | None:
-    """The candidate on a path that drifts into the side of what stands beside it."""
+    """Draw a path of the candidate that drifts into the side of the object beside it."""
     s = sample_evenly(candidate.path.length, 200)
     gaps = make_sweep(candidate, place, s)
     k = int(gaps.argmin())
@@ -220,19 +222,19 @@ def _draw_drift(
 
 
 def shift_aside(path: Path, wide: float, begins: float, ends: float, *, run: float) -> Path:
-    """The path moved to its left by `wide` [m] from `begins` to `ends` [m].
+    """Shift the path to its left by `wide` [m] from `begins` to `ends` [m].
 
     Args:
-        run: way on which it goes over, and back again [m].
+        run: distance over which it moves aside, and back again [m].
     """
-    out = _ease((path.s - begins + run) / run)
-    back = _ease((ends + run - path.s) / run)
+    out = _smooth_step((path.s - begins + run) / run)
+    back = _smooth_step((ends + run - path.s) / run)
     leftward = np.stack((-np.sin(path.heading), np.cos(path.heading)), axis=1)
     return build_even_path(path.xy + (wide * out * back)[:, None] * leftward)
 
 
-def _ease(x: FloatArray) -> FloatArray:
-    """[N] 0 to 1 without a jerk."""
+def _smooth_step(x: FloatArray) -> FloatArray:
+    """Smooth step [N] from 0 to 1 without a jerk."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x**3 * (10 - 15 * x + 6 * x**2))
 
@@ -245,7 +247,7 @@ def follow_path(candidate: Candidate, path: Path) -> Candidate:
 
 
 def _stays_on_road(candidate: Candidate, ground: MapAreas) -> bool:
-    """Whether both sides of the vehicle keep to the road."""
+    """Return whether both sides of the vehicle keep to the road."""
     path, half = candidate.path, candidate.shape.width / 2
     leftward = np.stack((-np.sin(path.heading), np.cos(path.heading)), axis=1)
     return all(
@@ -269,13 +271,13 @@ def place_encounter(
     earlier: Earlier | None = None,
 ) -> tuple[ScheduledAgent, Earlier] | None:
     """Who meets an object and nobody else, in time; None if it cannot stop, or is too slow."""
-    actor = ScheduledAgent.unplaced(meeting.candidate, landmarks)
+    actor = ScheduledAgent.build_unplaced(meeting.candidate, landmarks)
     placed = _act(actor, meeting, rng, earlier)
     if placed is None or not np.isfinite(placed[1]):
         return None
     wanted = rng.uniform(*_WHEN) if earlier is None else earlier.time + rng.uniform(*_LATER)
     shift = round(float(wanted) - placed[1], 1)
-    actor = placed[0].shifted(shift)
+    actor = placed[0].shift(shift)
     return actor, Earlier(placed[1] + shift, _make_standing(actor))
 
 
@@ -295,7 +297,7 @@ def _act(
         case "waits_then_passes":
             return _wait_first(actor, meeting, rng)
         case "hits":
-            return _strike(actor, meeting, rng)
+            return _brake_too_late(actor, meeting, rng)
         case "goes_round":
             return actor, actor.motion.find_time_at(meeting.touch)
     return None
@@ -313,7 +315,7 @@ def _wait(
     if not np.isfinite(stands):
         return None
     stop = Stop("stopping_point", s, stands, stands + _FOR_GOOD, "waits", braking)
-    return actor.edited(stops=(stop,)), stands
+    return actor.edit(stops=(stop,)), stands
 
 
 def _wait_first(
@@ -326,13 +328,13 @@ def _wait_first(
     stands = compute_arrival(actor.candidate, StopCommand(s, 0.0))
     wanted = meeting.choose(_PATIENCE, rng)
     stop = Stop("stopping_point", s, stands, stands + wanted, "waits")
-    held = actor.edited(stops=(stop,))
+    held = actor.edit(stops=(stop,))
     seen = STEP * int((held.motion.speed <= _STANDING).sum())
     stop = replace(stop, until=round(stop.until + wanted - seen, 2))
-    return actor.edited(stops=(stop,)), stands
+    return actor.edit(stops=(stop,)), stands
 
 
-def _strike(
+def _brake_too_late(
     actor: ScheduledAgent, meeting: Meeting, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float] | None:
     """It brakes too late, and ends where it touches the object."""
@@ -341,7 +343,7 @@ def _strike(
     early = 0.5 * speed
     place = meeting.touch - early
     slowing = Slowing(place, speed, float(rng.uniform(*_BRAKES)), kept=early + 3.0)
-    braking = actor.edited(stops=(), slowings=(slowing,))
+    braking = actor.edit(stops=(), slowings=(slowing,))
     touches = braking.motion.find_time_at(meeting.touch)
     if not np.isfinite(touches):
         return None
@@ -349,14 +351,14 @@ def _strike(
     low, high = meeting.node.figure or (0.0, np.inf)
     if not low <= float(braking.motion.speed[k]) <= high:
         return None
-    return braking.ended(touches), touches
+    return braking.end_at(touches), touches
 
 
 def _make_standing(actor: ScheduledAgent) -> ObjectRecord | None:
     """Who stands for good, as something that others queue behind."""
     if not actor.stops or actor.stops[-1].until - actor.stops[-1].start < _FOR_GOOD:
         return None
-    x, y, heading = actor.pose(actor.stops[-1].s)
+    x, y, heading = actor.get_pose(actor.stops[-1].s)
     shape = actor.candidate.shape
     return ObjectRecord(
         id="standing", kind="stalled", height="high", length=shape.length,

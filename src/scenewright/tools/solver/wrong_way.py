@@ -48,10 +48,10 @@ def place_wrong_way(
     candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent:
     """Who drives the wrong way and meets nobody, in time."""
-    actor = ScheduledAgent.unplaced(candidate, landmarks)
+    actor = ScheduledAgent.build_unplaced(candidate, landmarks)
     away = np.hypot(*candidate.path.xy.T)
     there = actor.motion.find_time_at(float(candidate.path.s[int(away.argmin())]))
-    return actor.shifted(round(float(rng.uniform(*_WHEN)) - there, 1))
+    return actor.shift(round(float(rng.uniform(*_WHEN)) - there, 1))
 
 
 def _find_approach(path: Path, intersection_map: IntersectionMap, leg: str) -> float | None:
