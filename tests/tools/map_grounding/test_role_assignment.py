@@ -94,7 +94,8 @@ def test_a_tie_holds_for_whom_no_relation_binds():
 
 
 def test_a_tie_that_forbids_the_relation_is_named():
-    told = refusal(graph(node(CAR), node(OTHER), edge("near_miss", CAR, OTHER), tie("same")))
+    hit = edge("collide_at", CAR, OTHER, kind="head_on")
+    told = refusal(graph(node(CAR), node(OTHER), hit, tie("same")))
     assert told.endswith("cannot happen where vehicle-2 comes from the same leg as vehicle-1")
 
 

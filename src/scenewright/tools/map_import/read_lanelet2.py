@@ -363,6 +363,11 @@ def read_elements(file: Path) -> FileElements:
 def _add_element(found: FileElements, element: Any, file: Path) -> None:
     name = element.attrib["id"]
     if element.tag == "node":
+        if not element.attrib["lat"].strip():
+            raise InputError(
+                f"{file} gives its places by local_x and local_y alone; latitudes and longitudes "
+                "are needed: save it with a map projection"
+            )
         node = float(element.attrib["lat"]), float(element.attrib["lon"])
         if not is_in_degrees(node):
             raise InputError(
