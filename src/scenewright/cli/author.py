@@ -41,7 +41,7 @@ def author(
     from scenewright.cli.output_folder import target_folder
 
     instruction = read_instruction(text)
-    target = None if out is None else target_folder(out, force=False)
+    target = None if out is None else target_folder(out, force=None)
     speaker, hide = _model(model, base_url, timeout)
     with progress(quiet=quiet) as log:
         made = authored(

@@ -11,7 +11,7 @@ import typer
 from scenewright.cli.batch import cores, folder_of_option
 from scenewright.cli.console import one_line, progress, put, put_json, say
 from scenewright.cli.errors import NOT_VERIFIED
-from scenewright.cli.export import Form, OutFolder, To, tell_files
+from scenewright.cli.export import Ego, Form, OutFolder, To, tell_files
 from scenewright.cli.interrupts import stop_if_asked
 
 if TYPE_CHECKING:
@@ -126,6 +126,7 @@ def export_dataset(
     to: To,
     out: OutFolder,
     form: Form = None,
+    ego: Ego = None,
     as_json: Json = False,
 ) -> None:
     """Write every scene of a dataset in another format; docs/exports.md describes each."""
@@ -133,5 +134,5 @@ def export_dataset(
     from scenewright.graph.export import export
 
     scenes = list_scenes(Path(folder))
-    files = export(scenes, to, folder_of_option(out), form=form)
+    files = export(scenes, to, folder_of_option(out), form=form, ego=ego)
     tell_files(files, scenes=len(scenes), to=to, out=out, as_json=as_json)

@@ -54,5 +54,9 @@ def tell_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: bo
         names = [str(file) for file in files]
         put_json({"ok": True, "format": to, "scenes": scenes, "out": out, "files": names})
         return
-    say(one_line(f"{scenes} scenes as {to}: {len(files)} files"))
+    say(one_line(f"{_count(scenes, 'scene')} as {to}: {_count(len(files), 'file')}"))
     put(f"{out}\n")
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
