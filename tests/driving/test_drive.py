@@ -132,7 +132,7 @@ class Faulty(Braking):
         self.asked += 1
         if self.asked < 4:
             return [0.0]
-        if isinstance(self.answer, Exception):
+        if isinstance(self.answer, BaseException):
             raise self.answer
         while self.answer == "hangs":
             pass

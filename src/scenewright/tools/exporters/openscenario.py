@@ -9,6 +9,7 @@ enters after it, it sets off when the ego gets where it was at that moment.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
@@ -25,6 +26,8 @@ LINE_SPACING, SPEED_SPACING = 2.0, 1.0
 """Between the points of a line without times [m], and between entries of a speed profile [s]."""
 OFF_LANES = 3.0
 """Who is further than this from the middle of all lanes of its route does not drive on them [m]."""
+REAR_AXLE = 0.3
+"""Of its length a vehicle's rear axle, its reference point, lies behind its middle."""
 INSIDE = 0.5
 """From the end of a lane at least, so that a place is on it [m]."""
 TRIGGER_RADIUS = 2.0
@@ -46,6 +49,10 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
     """
     if scene.ego_named:
         scene = scene.begin_at_ego()
+    scene = replace(
+        scene, agents=tuple(_refer_to_axle(agent) for agent in scene.agents),
+        objects=tuple(_refer_to_axle(agent) for agent in scene.objects),
+    )  # fmt: skip
     root = ElementTree.Element("OpenSCENARIO")
     clock = f"2000-01-01T{scene.record.meta.time_of_day}:00"
     add(root, "FileHeader", revMajor=1, revMinor=2, date=clock, author="scenewright",
@@ -61,6 +68,17 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
         f"{scene.name}.xosc": to_bytes(root),
         f"{scene.name}.xodr": write_opendrive(scene.intersection_map),
     }
+
+
+def _refer_to_axle(agent: ExportedAgent) -> ExportedAgent:
+    """The agent with the places of its reference point, of a vehicle the rear axle."""
+    ahead = np.stack([np.cos(agent.heading), np.sin(agent.heading)], axis=1)
+    return replace(agent, xy=agent.xy - _find_offset(agent) * ahead)
+
+
+def _find_offset(agent: ExportedAgent) -> float:
+    """From the reference point ahead to the middle of the box [m]."""
+    return 0.0 if agent.names.openscenario is None else REAR_AXLE * agent.length
 
 
 def _add_road_network(root: _Element, scene: ExportedScene) -> None:
@@ -94,12 +112,12 @@ def _add_entity(entities: _Element, agent: ExportedAgent) -> None:
         body = add(thing, "Vehicle", name=agent.kind, vehicleCategory=category)
     add(body, "ParameterDeclarations")
     box = add(body, "BoundingBox")
-    add(box, "Center", x=0.0, y=0.0, z=agent.height / 2)
+    add(box, "Center", x=_find_offset(agent), y=0.0, z=agent.height / 2)
     add(box, "Dimensions", width=width, length=length, height=agent.height)
     if category is not None:
         add(body, "Performance", maxSpeed=60.0, maxAcceleration=5.0, maxDeceleration=10.0)
         axles = add(body, "Axles")
-        for name, at, steering in (("FrontAxle", 0.3, 0.6), ("RearAxle", -0.3, 0.0)):
+        for name, at, steering in (("FrontAxle", 2 * REAR_AXLE, 0.6), ("RearAxle", 0.0, 0.0)):
             add(axles, name, maxSteering=steering, wheelDiameter=0.6, trackWidth=0.85 * width,
                 positionX=at * length, positionZ=0.3)  # fmt: skip
     add(body, "Properties")
