@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 from scenewright.driving.api import load_policy, load_scenario
-from scenewright.driving.reachability import find_obstacles
+from scenewright.driving.rehearsal import rehearse_drive
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
 from scenewright.driving.summary import describe_rate
@@ -44,11 +44,16 @@ def find_scenarios(folder: Path, count: int, *, bound: bool):
 def run(scenario, ego: str, others: str, seed: int) -> dict:
     """One drive: its report, without the events."""
     policy = load_policy(ego)
-    drive = run_drive(scenario, policy, name=ego, others=others, seed=seed)
-    obstacles = find_obstacles(drive, policy) if others == "resolve" else None
+    if others == "resolve":
+        rehearsed = rehearse_drive(scenario, policy, name=ego, seed=seed)
+        drive, obstacles, tries = rehearsed.drive, rehearsed.obstacles, rehearsed.tries
+    else:
+        drive = run_drive(scenario, policy, name=ego, others=others, seed=seed)
+        obstacles, tries = None, 1
     told = report_drive(drive, obstacles=obstacles).to_json()
     return {
         "scene": scenario.name, "ego": ego, "end": told["end"], "time": told["time"],
+        "tries": tries, "asked": scenario.record.meta.user_prompt,
         "resolved": told.get("resolved", []), "background": told["background_collisions"],
         "hit": told["collision"], "red": told["red_lights"],
         "collisions": [

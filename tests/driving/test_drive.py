@@ -132,7 +132,7 @@ class Faulty(Braking):
         self.asked += 1
         if self.asked < 4:
             return [0.0]
-        if isinstance(self.answer, Exception):
+        if isinstance(self.answer, BaseException):
             raise self.answer
         while self.answer == "hangs":
             pass
@@ -147,6 +147,7 @@ class Faulty(Braking):
         ([math.nan], "act returned NaN or infinity"),
         ([0.0, 1.0], r"act returned an array of shape \(2,\), not \(1,\)"),
         ("faster", "act returned str, not numbers"),
+        (SystemExit(3), "act raised SystemExit: 3"),
     ],
 )
 def test_a_faulty_policy_ends_its_drive_in_one_line(
@@ -156,7 +157,9 @@ def test_a_faulty_policy_ends_its_drive_in_one_line(
     assert drive.fault is not None
     assert pytest.approx(0.3) == drive.world.step * strike.step
     assert re.fullmatch(f"at 0.3 s {said}", drive.fault)
-    assert report_drive(drive).to_json()["end"] == "policy_failed"
+    told = report_drive(drive).to_json()
+    assert told["end"] == "policy_failed"
+    assert told["nuplan"]["score"] == told["epdms"]["score"] == 0.0
 
 
 def test_an_ego_that_strikes_with_its_front_is_at_fault(strike: Scenario) -> None:

@@ -14,6 +14,7 @@ from scenewright.driving.passing_order import find_passing_order
 from scenewright.driving.policies import ConstantSpeedPolicy, ReplayPolicy, RuleBasedPolicy
 from scenewright.driving.reachability import find_obstacles
 from scenewright.driving.reactive import AHEAD, _find_speed
+from scenewright.driving.rehearsal import rehearse_drive
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
 from scenewright.driving.scenario import COLOURS, Scenario, build_scenario
@@ -103,6 +104,43 @@ def make_crossing(walk: tuple[float, float], walk_speed: float, ego_speed: float
     walker = make_agent(2, "pedestrian-1", 0.0, make_line(walk, (-walk_speed, 0.0), 9.9), WEST)
     asked = {"type": "collision", "from": 1, "to": 2}
     return make_scenario(drive_north(1, -49.0, ego_speed), walker, relations=(asked,))
+
+
+class Crossing:
+    """Keeps its speed, but stops 15 m before its place for whoever is within 20 m and moves."""
+
+    mode = "route"
+
+    def reset(self, scenario: Scenario, seed: int) -> None:
+        pass
+
+    def act(self, observation: dict[str, Any]) -> np.ndarray:
+        agents, ego = observation["agents"], observation["ego"]
+        seen = agents[agents[:, 10] > 0]
+        ahead = (seen[:, 0] > 0) & (np.hypot(seen[:, 0], seen[:, 1]) < 20.0)
+        moving = np.hypot(seen[:, 4], seen[:, 5]) > 0.3
+        return np.array([-5.0 if (ahead & moving).any() else (8.0 - ego[0]) / 0.5])
+
+
+def test_a_rehearsal_brings_about_what_the_first_drive_missed() -> None:
+    near = make_crossing((13.0, -6.5), 1.2, 8.0)
+    first = run_drive(near, Crossing(), others="resolve", seed=2)
+    found = rehearse_drive(near, Crossing(), seed=2)
+    told = report_drive(found.drive, obstacles=found.obstacles, tries=found.tries).to_json()
+    assert not report_drive(first).to_json()["resolved"][0]["came_about"]
+    assert told["resolved"][0]["came_about"]
+    assert told["tries"] > 1
+    assert told["background_collisions"] == 0
+    assert rehearse_drive(near, Crossing(), seed=2).drive.digest == found.drive.digest
+
+
+def test_who_waits_to_the_end_holds_nobody_up() -> None:
+    waiting = make_agent(2, "pedestrian-1", 0.0, make_line((11.0, -6.5), (0.0, 0.0), 9.9), WEST)
+    waiting["waypoints"] = [[11.0 - 1.5 * k, -6.5] for k in range(10)]
+    ego = drive_north(1, 20.0, 1.0)
+    scenario = make_scenario(ego, waiting, drive_north(3, -40.0, 5.0))
+    drive = run_drive(scenario, ReplayPolicy(), others="reactive")
+    assert np.abs(drive.world.record[80].xy[2] - scenario.xy[2, 80]).max() < 0.01
 
 
 def test_physics_is_judged_by_a_drive_without_the_other() -> None:

@@ -48,7 +48,7 @@ def author(
     from scenewright.cli.output_folder import target_folder
 
     instruction = read_instruction(text)
-    target = None if out is None else target_folder(out, force=False)
+    target = None if out is None else target_folder(out, force=None)
     speaker, hide = _load_model(model, base_url, timeout)
     with show_progress(quiet=quiet) as log:
         made = authored(

@@ -17,7 +17,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.errors import NOT_VERIFIED
-from scenewright.cli.export import Form, OutFolder, To, log_files
+from scenewright.cli.export import Ego, Form, OutFolder, To, log_files
 from scenewright.cli.interrupts import stop_if_asked
 
 if TYPE_CHECKING:
@@ -134,6 +134,7 @@ def export_dataset(
     to: To,
     out: OutFolder,
     form: Form = None,
+    ego: Ego = None,
     as_json: Json = False,
 ) -> None:
     """Write every scene of a dataset in another format; docs/exports.md describes each."""
@@ -141,5 +142,5 @@ def export_dataset(
     from scenewright.graph.export import export
 
     scenes = list_scenes(Path(folder))
-    files = export(scenes, to, parse_folder(out), form=form)
+    files = export(scenes, to, parse_folder(out), form=form, ego=ego)
     log_files(files, scenes=len(scenes), to=to, out=out, as_json=as_json)

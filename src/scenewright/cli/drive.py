@@ -57,7 +57,7 @@ def drive(
 
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     driver = load_policy(policy)
-    target = None if out is None else target_folder(out, force=False)
+    target = None if out is None else target_folder(out, force=None)
     with show_progress(quiet=quiet) as log:
         reports, failed = [], []
         for k in range(n):
@@ -81,16 +81,17 @@ def _drive_once(
     intersection: str, step_limit: float,
 ) -> Report:  # fmt: skip
     from scenewright.driving.api import load_scenario
-    from scenewright.driving.reachability import find_obstacles
+    from scenewright.driving.rehearsal import rehearse_drive
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
 
     scenario = load_scenario(given, ego=ego, seed=seed, intersection=intersection)
-    drive = run_drive(
+    if others == "resolve":
+        found = rehearse_drive(scenario, policy, name=name, seed=seed, step_limit=step_limit)
+        return report_drive(found.drive, obstacles=found.obstacles, tries=found.tries)
+    return report_drive(run_drive(
         scenario, policy, name=name, others=others, seed=seed, step_limit=step_limit
-    )  # fmt: skip
-    judged = others == "resolve" and drive.fault is None
-    return report_drive(drive, obstacles=find_obstacles(drive, policy) if judged else None)
+    ))  # fmt: skip
 
 
 def _save(reports: list[Report], target: Path) -> None:
@@ -111,10 +112,19 @@ def _print_reports(
     if not reports:
         raise InputError(f"none of {len(failed)} scenes could be made: {failed[0]['reason']}")
     summary = summarise(reports)
+    _write_reports(reports, summary, failed, out=out, as_json=as_json)
+    if summary["policy_faults"]:
+        raise typer.Exit(InputError.exit_code)
+
+
+def _write_reports(
+    reports: list[Report], summary: dict[str, Any], failed: list[dict[str, Any]], *,
+    out: str | None, as_json: bool,
+) -> None:  # fmt: skip
     if as_json:
         write_json({
-            "ok": True, "n": len(reports), "summary": summary, "out": out, "not_made": failed,
-            "drives": [report.to_json() for report in reports],
+            "ok": not summary["policy_faults"], "n": len(reports), "summary": summary, "out": out,
+            "not_made": failed, "drives": [report.to_json() for report in reports],
         })  # fmt: skip
         return
     for report in reports:
@@ -132,6 +142,8 @@ def _describe(report: Report) -> str:
     if said["policy_fault"]:
         line += f", policy: {said['policy_fault']}"
     for each in said.get("resolved", []):
+        if "stand_in" in each:
+            line += f", {each['stand_in']} in place of {each['with']}"
         if not each["came_about"]:
             why = each.get("obstacle") or each["reason"]
             line += f", no encounter with {each['with']}: {why}"

@@ -54,5 +54,10 @@ def log_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: boo
         names = [str(file) for file in files]
         write_json({"ok": True, "format": to, "scenes": scenes, "out": out, "files": names})
         return
-    log_line(format_one_line(f"{scenes} scenes as {to}: {len(files)} files"))
+    counts = f"{_count(scenes, 'scene')} as {to}: {_count(len(files), 'file')}"
+    log_line(format_one_line(counts))
     write_stdout(f"{out}\n")
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"

@@ -23,8 +23,12 @@ SCENE_FILES = (
 """What a run may write, scene.json last: where it is, the rest is."""
 
 
-def target_folder(path: str, *, force: bool) -> Path:
+def target_folder(path: str, *, force: bool | None) -> Path:
     """The folder to write, checked before any work is done.
+
+    Args:
+        force: whether a folder that holds other things may be written; None: the command has no
+            such option.
 
     Raises:
         InputError: no usable path, a file is in the way, or the folder holds other things.
@@ -39,14 +43,13 @@ def target_folder(path: str, *, force: bool) -> Path:
     return target
 
 
-def _check(target: Path, *, force: bool) -> None:
+def _check(target: Path, *, force: bool | None) -> None:
     if target.exists() and not target.is_dir():
         raise InputError(f"{target} is a file; --out must name a folder")
     if target.is_dir() and not force and not _replaceable(target):
-        raise InputError(
-            f"{target} holds other files; choose another --out, or add --force to keep them "
-            "and write the scene beside them"
-        )
+        beside = ", or add --force to keep them and write the scene beside them"
+        more = "" if force is None else beside
+        raise InputError(f"{target} holds other files; choose another --out{more}")
     nearest = next(each for each in (target, *target.parents) if each.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
         raise InputError(f"cannot write in {nearest}: no permission, or not a folder")

@@ -24,7 +24,7 @@ def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], lis
     """
     from scenewright.files import write_atomically
 
-    target = target_folder(path, force=False)
+    target = target_folder(path, force=None)
     with whole_folder(target) as part:
         write_atomically(part / "scene.json", shown.scene_json)
         write_atomically(part / "proof.json", shown.proof_json)

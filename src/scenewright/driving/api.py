@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
@@ -100,7 +101,7 @@ def _read_record(given: Drivable, seed: int, intersection: str) -> SceneRecord:
 
 def _names_scene(text: str) -> bool:
     """Whether a text is the path of something rather than an instruction."""
-    if text.endswith(".json"):
+    if text.endswith(".json") or ("/" in text and not re.search(r"\s", text.strip())):
         return True
     try:
         return bool(text.strip()) and Path(text).exists()

@@ -38,16 +38,9 @@ def find_obstacles(drive: Drive, policy: Policy) -> dict[str, str | None]:
 
 def _find_obstacle(one: Scenario, meeting: Meeting, policy: Policy, seed: int) -> str | None:
     name = one.names[meeting.agent]
-    alone = run_drive(
-        remove_agent(one, meeting.agent), policy, others="reactive", seed=seed
-    ).world.history
-    progress = np.array([each.progress for each in alone])
-    there = np.flatnonzero(progress >= meeting.ego_at)
-    end = (one.steps - 1) * one.step
-    if not len(there) or (one.start + there[0]) * one.step > end - REST:
-        short = max(meeting.ego_at - float(progress.max()), 0.0)
+    ego_time, short = find_arrival_alone(one, meeting, policy, seed)
+    if ego_time > (one.steps - 1) * one.step - REST:
         return f"without {name} too, the ego is {short:.0f} m short of the place when it ends"
-    ego_time = float(one.start + there[0]) * one.step
     path = one.paths[meeting.agent]
     if path.progress[max(one.start, path.first)] >= meeting.agent_at:
         return f"{name} is past the place when the ego enters"
@@ -58,6 +51,22 @@ def _find_obstacle(one: Scenario, meeting: Meeting, policy: Policy, seed: int) -
             f"the ego is there at {ego_time:.1f} s"
         )
     return None
+
+
+def find_arrival_alone(
+    one: Scenario, meeting: Meeting, policy: Policy, seed: int
+) -> tuple[float, float]:
+    """When the ego is at the place with the other taken out [s], and how far short it ends [m].
+
+    Inf where it does not come there.
+    """
+    alone = run_drive(
+        remove_agent(one, meeting.agent), policy, others="reactive", seed=seed
+    ).world.history
+    progress = np.array([each.progress for each in alone])
+    there = np.flatnonzero(progress >= meeting.ego_at)
+    time = (one.start + float(there[0])) * one.step if len(there) else np.inf
+    return time, max(meeting.ego_at - float(progress.max()), 0.0)
 
 
 def remove_agent(one: Scenario, agent: int) -> Scenario:

@@ -102,11 +102,14 @@ class Report:
         }  # fmt: skip
 
 
-def report_drive(drive: Drive, *, obstacles: Mapping[str, str | None] | None = None) -> Report:
+def report_drive(
+    drive: Drive, *, obstacles: Mapping[str, str | None] | None = None, tries: int | None = None
+) -> Report:
     """Measure a drive.
 
     Args:
         obstacles: why physics does not allow an asked encounter, as `find_obstacles` finds it.
+        tries: how many times the policy drove until this drive was kept; None: not rehearsed.
     """
     world, one = drive.world, drive.scenario
     tracks = _build_tracks(drive)
@@ -128,12 +131,18 @@ def report_drive(drive: Drive, *, obstacles: Mapping[str, str | None] | None = N
         "route_share": round(world.ego.progress / max(one.paths[one.ego].length, 1e-9), 4),
         "off_road": round(given.off_road, 3),
         "comfort": measure_comfort(list_ego_points(world.history), one.step).to_json(),
-        "nuplan": score_nuplan(given),
-        "epdms": score_epdms(given),
+        "nuplan": _score(drive, score_nuplan(given)),
+        "epdms": _score(drive, score_epdms(given)),
         **({} if scene is None else _describe_scene(drive, scene, obstacles)),
+        **({} if tries is None else {"tries": tries}),
         "digest": drive.digest,
     }
     return Report(drive, scene, impact, figures)
+
+
+def _score(drive: Drive, scores: dict[str, float]) -> dict[str, float]:
+    """Scores of a drive; a policy that failed has none, however well it went until then."""
+    return scores if drive.fault is None else scores | {"score": 0.0}
 
 
 def _finite(value: float) -> float | None:
@@ -361,7 +370,7 @@ def _describe_scene(
     one = drive.scenario
     ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
     me = ids[one.ego]
-    partners = {ids[k] for k in one.partner}
+    partners = {ids[k] for k in (*one.partner, *_list_stand_ins(drive))}
     met = [e for e in scene.events if {e.from_, e.to} & {me} and {e.from_, e.to} & partners]
     apart = [e for e in scene.events if e.type == "collision" and me not in (e.from_, e.to)]
     return {
@@ -379,6 +388,13 @@ def _describe_scene(
     }  # fmt: skip
 
 
+def _list_stand_ins(drive: Drive) -> list[int]:
+    """Agents that were re-timed in place of those that the ego was to meet."""
+    traffic = drive.world.traffic
+    meetings = traffic.meetings if isinstance(traffic, Resolve) else ()
+    return [each.agent for each in meetings if each.agent != each.asked]
+
+
 def _describe_meetings(
     drive: Drive, met: set[int], obstacles: Mapping[str, str | None]
 ) -> dict[str, Any]:
@@ -388,7 +404,9 @@ def _describe_meetings(
         return {}
     rows = []
     for each in traffic.meetings:
-        row: dict[str, Any] = {"with": names[each.agent], "came_about": each.agent in met}
+        row: dict[str, Any] = {"with": names[each.asked], "came_about": each.agent in met}
+        if each.agent != each.asked:
+            row["stand_in"] = names[each.agent]
         if not row["came_about"]:
             time = drive.world.step * drive.scenario.step if each.time is None else each.time
             row |= {"time": round(time, 2), "reason": each.explain()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -40,6 +41,24 @@ CLEAR = np.array([14.0, 5.0, 8.0, 8.0])
 """Way through a place where two ways meet [m], by kind."""
 HOLD = np.array([12.0, 2.5, 5.0, 5.0])
 """Before the place at which one waits for an ego that stands [m], by kind."""
+EARLY, LATE = 2.0, 0.2
+"""Who would be at the place earlier than planned by more than this waits before it; the second,
+where it is to come as late and as fast as it can [s]."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """When an agent shall be at the place of its conflict, whatever the ego does.
+
+    Attributes:
+        time: of the scene [s]; late: whether it waits before the place and sets off so late that
+            it must hurry, or comes at an even speed.
+        stand_in: another agent that takes its part, and the place on that agent's way [m].
+    """
+
+    time: float
+    late: bool = False
+    stand_in: tuple[int, float] | None = None
 
 
 @dataclass(eq=False)
@@ -47,7 +66,8 @@ class Meeting:
     """A conflict that is to come about.
 
     Attributes:
-        agent: who is re-timed; ego_at, agent_at: place on either's way [m]; lag: by which the
+        asked: whom the ego is to meet; agent: who is re-timed, the same or its stand-in.
+        ego_at, agent_at: place on either's way [m]; lag: by which the
             agent is to be there after the ego [s].
         heeds: whether the agent is one that gives way to the ego.
         target: speed that it is given [m/s]; None to go as it likes.
@@ -56,6 +76,7 @@ class Meeting:
         time [s], reason: when one of the two passed the place, and how far off the other was.
     """
 
+    asked: int
     agent: int
     ego_at: float
     agent_at: float
@@ -85,17 +106,26 @@ class Resolve(Reactive):
     given the speed with which it is there with the lag of the recorded scene, within what its kind
     can do, its lights and the order it has among the others allow. 1.5 s before, it is left alone.
 
+    Args:
+        plans: by index of whom the ego is to meet; who has no plan is re-timed.
+
     Attributes:
         meetings: what is to come about, and what became of it.
     """
 
     meetings: tuple[Meeting, ...]
 
+    def __init__(self, plans: Mapping[int, Plan] | None = None) -> None:
+        self._plans = plans or {}
+
     def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:
         """The others at the first step, and the places where conflicts are to be."""
         shown = super().start(scenario, rng)
         self.meetings = tuple(list_meetings(scenario))
         for meeting in self.meetings:
+            plan = self._plans.get(meeting.asked)
+            if plan is not None and plan.stand_in is not None:
+                meeting.agent, meeting.agent_at = plan.stand_in
             self._retimed[meeting.agent] = True
         return shown
 
@@ -166,6 +196,9 @@ class Resolve(Reactive):
             return
         if meeting.status == "committed":
             return
+        if meeting.asked in self._plans:
+            self._keep_to_plan(meeting, self._plans[meeting.asked], left, step)
+            return
         if self._gives_way(ego, way, meeting, step):
             meeting.target, meeting.status = None, "committed"
             return
@@ -179,6 +212,15 @@ class Resolve(Reactive):
         meeting.target = self._find_target(j, left, time)
         if min(time, ego_in) <= COMMITTED[self._one.kinds[j]]:
             meeting.status = "committed"
+
+    def _keep_to_plan(self, meeting: Meeting, plan: Plan, left: float, step: int) -> None:
+        """Be at the place at the planned time, with a wait before it if there is much time."""
+        j, time = meeting.agent, plan.time - step * self._one.step
+        spare = time - self._time_of(j, left)
+        if left > HOLD[self._one.kinds[j]] and spare > (LATE if plan.late else EARLY):
+            self._wait_for_ego(meeting, left)
+        else:
+            meeting.target = self._find_target(j, left, max(time, 0.1))
 
     def _gives_way(self, ego: EgoState, way: float, meeting: Meeting, step: int) -> bool:
         """Whether the ego, near the place, has slowed down for an agent that is coming."""
@@ -253,7 +295,9 @@ class Resolve(Reactive):
         kind, s = int(self._one.kinds[j]), float(self._state.s[j])
         line = [at - s for _, at in self._one.paths[j].stops if at > s - 0.3]
         room = min([left - HOLD[kind], *(each for each in line if each < left)])
-        meeting.target = float(np.sqrt(2 * LOSS[kind] * 0.6 * room)) if room > 0 else 0.0
+        braking, until_next = 0.6 * LOSS[kind], EVERY * self._one.step
+        space = (braking * until_next) ** 2 + 2 * braking * max(room, 0.0)
+        meeting.target = float(np.sqrt(space)) - braking * until_next
         meeting.target = min(meeting.target, float(self._cruise[j]))
 
     def _find_target(self, j: int, left: float, time: float) -> float:
@@ -287,7 +331,9 @@ def list_meetings(scenario: Scenario) -> list[Meeting]:
         other = ids.index(row.to if row.from_ == me else row.from_)
         place = _find_place(scenario, row, other)
         if place is not None:
-            found.append(Meeting(other, *place, heeds=row.type == "yielding" and row.to == me))
+            found.append(
+                Meeting(other, other, *place, heeds=row.type == "yielding" and row.to == me)
+            )
     return found
 
 

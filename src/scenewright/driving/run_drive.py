@@ -14,7 +14,7 @@ from scenewright.driving.observation import Observer
 from scenewright.driving.policies import Policy
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
-from scenewright.driving.world import World, list_ego_points, start_world
+from scenewright.driving.world import TrafficModel, World, list_ego_points, start_world
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.time_limit import raise_after
@@ -66,10 +66,12 @@ def run_drive(
     seed: int = 0,
     raster: bool = False,
     step_limit: float = DEFAULT_STEP_LIMIT,
+    traffic: TrafficModel | None = None,
 ) -> Drive:
     """Drive a scenario with a policy.
 
     Args:
+        traffic: what moves the others in the way `others` names; None: a new model of that way.
         step_limit: longest that the policy may take for one answer [s]; kept in the main thread
             of a process on Unix.
 
@@ -82,7 +84,8 @@ def run_drive(
     mode = getattr(policy, "mode", None)
     if mode not in ACTION_MODES:
         raise InputError(f"the policy's mode must be one of {', '.join(ACTION_MODES)}")
-    world = start_world(scenario, make_traffic(others), mode, rng=np.random.default_rng(seed))
+    model = make_traffic(others) if traffic is None else traffic
+    world = start_world(scenario, model, mode, rng=np.random.default_rng(seed))
     observer = Observer(scenario, raster=raster)
     shape = find_action_bounds(mode)[0].shape
     fault: str | None = None
@@ -107,7 +110,7 @@ def _ask(call: Callable[[], Any], limit: float, method: str) -> Any:
             return call()
     except PolicyError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         words = " ".join(str(error).split())[:200]
         raise PolicyError(f"{method} raised {type(error).__name__}: {words}") from error
 

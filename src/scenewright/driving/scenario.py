@@ -86,13 +86,17 @@ class AgentPath:
 
     @cached_property
     def arrival(self) -> FloatArray:
-        """[P] step at which the recorded agent reaches each point, going on at its last speed."""
+        """[P] step at which the recorded agent reaches each point.
+
+        Beyond its recorded track it goes on at its last speed from its last step: who waits to the
+        end passes nobody before.
+        """
         progress = self.progress[self.first :]
         steps = self.first + np.arange(len(progress), dtype=np.float64)
         moving = np.concatenate([[True], np.diff(progress) > 1e-9])
         known, times = progress[moving], steps[moving]
         last = max(float(self.progress[self.last] - self.progress[self.last - 1]), 0.1)
-        beyond = times[-1] + (self.arc - known[-1]) / last
+        beyond = self.last + (self.arc - known[-1]) / last
         within = np.interp(self.arc, known, times)
         return np.asarray(np.where(self.arc <= known[-1], within, beyond))
 

@@ -174,12 +174,38 @@ def test_openscenario_in_routes_waits_for_the_ego_where_it_must() -> None:
     )
     files = write_scene(scene, "openscenario", form="reactive")
     root = ElementTree.fromstring(files["hand_made_1.xosc"])
-    assert not list(root.iter("FollowTrajectoryAction"))
-    (place,) = {
-        (each.get("x"), each.get("y"))
-        for each in root.iterfind(".//ReachPositionCondition/Position/WorldPosition")
+    started = root.find(
+        ".//Event[@name='drive pedestrian-1']//ReachPositionCondition//WorldPosition"
+    )
+    assert started is not None
+    assert (started.get("x"), started.get("y")) == ("4.95", "-39.0")
+
+
+def test_openscenario_in_routes_names_lanes_that_lead_into_one_another() -> None:
+    files = write_scene(make_scene(), "openscenario", form="reactive")
+    root = ElementTree.fromstring(files["hand_made_1.xosc"])
+    names = {
+        road.get("id"): road.get("name")
+        for road in ElementTree.fromstring(files["hand_made_1.xodr"]).iterfind("road")
     }
-    assert place == ("4.95", "-39.0")
+    routes = {
+        action.get("name"): [names[each.get("roadId")] for each in action.iter("LanePosition")]
+        for action in root.iter("Route")
+    }
+    assert routes == {
+        "route vehicle-1": ["south:approach:outer", "south>north:outer", "north:exit:outer"],
+        "route vehicle-2": ["east:approach", "east>west", "west:exit"],
+    }
+    (walk,) = root.iter("FollowTrajectoryAction")
+    assert walk.find("TrajectoryRef/Trajectory").get("name") == "way pedestrian-1"
+    assert not [each for each in walk.iter("Vertex") if each.get("time")]
+    # Who has come to the end of its way is taken out, so that nobody piles up there.
+    gone = [
+        each.get("name")
+        for each in root.iter("Event")
+        if each.find(".//DeleteEntityAction") is not None
+    ]
+    assert sorted(gone) == ["leave pedestrian-1", "leave vehicle-1", "leave vehicle-2"]
 
 
 def test_opendrive_lanes_end_where_the_next_begin() -> None:

@@ -31,17 +31,18 @@ _STATIONS = 24
 
 
 @dataclass(frozen=True, eq=False)
-class _Road:
+class Road:
     """A lanelet as a road.
 
     Attributes:
-        line: [P, 2] reference line; width: [P] of the lane at its points [m].
+        line: [P, 2] reference line; width: [P] of the lane at its points [m]; lane: its number.
     """
 
     number: int
     lanelet: Lanelet
     line: FloatArray
     width: FloatArray
+    lane: int
 
     @cached_property
     def s(self) -> FloatArray:
@@ -65,7 +66,7 @@ class _Road:
 
 def write_opendrive(intersection_map: IntersectionMap) -> bytes:
     """The .xodr of a map: roads, lanes, the junction, crosswalks and signals."""
-    roads = _make_roads(intersection_map)
+    roads = make_roads(intersection_map)
     left_hand = intersection_map.left_hand_traffic
     root = ElementTree.Element("OpenDRIVE")
     edge = intersection_map.extent
@@ -90,7 +91,8 @@ def signal_ids(intersection_map: IntersectionMap) -> dict[str, int]:
     return {name: number for number, name in enumerate(names, start=1)}
 
 
-def _make_roads(intersection_map: IntersectionMap) -> dict[str, _Road]:
+def make_roads(intersection_map: IntersectionMap) -> dict[str, Road]:
+    """The roads of a map by the ids of their lanelets."""
     lanelets = [each for each in intersection_map.lanelets if each.kind != "parking"]
     return {
         each.id: _make_road(number, each, intersection_map.left_hand_traffic)
@@ -98,16 +100,16 @@ def _make_roads(intersection_map: IntersectionMap) -> dict[str, _Road]:
     }
 
 
-def _make_road(number: int, lanelet: Lanelet, left_hand: bool) -> _Road:
+def _make_road(number: int, lanelet: Lanelet, left_hand: bool) -> Road:
     near, far = (lanelet.right, lanelet.left) if left_hand else (lanelet.left, lanelet.right)
     count = 2 if len(near) == len(far) == 2 else _STATIONS
     line = resample_to_count(drop_doubled_points(np.array(near)), count)
     other = resample_to_count(drop_doubled_points(np.array(far)), count)
-    return _Road(number, lanelet, line, np.hypot(*(other - line).T))
+    return Road(number, lanelet, line, np.hypot(*(other - line).T), 1 if left_hand else -1)
 
 
 def _add_road(
-    root: ElementTree.Element, road: _Road, roads: dict[str, _Road], left_hand: bool
+    root: ElementTree.Element, road: Road, roads: dict[str, Road], left_hand: bool
 ) -> ElementTree.Element:
     inside = road.lanelet.kind == "connector"
     element = add(
@@ -131,7 +133,7 @@ def _add_road(
     return element
 
 
-def _add_plan(element: ElementTree.Element, road: _Road) -> None:
+def _add_plan(element: ElementTree.Element, road: Road) -> None:
     """The reference line: one straight line, or a cubic curve between every two points."""
     plan = add(element, "planView")
     for k in range(len(road.line) - 1):
@@ -157,10 +159,10 @@ def _cubic(end: float, slope: float, end_slope: float) -> tuple[float, float, fl
 
 def _add_lane(
     element: ElementTree.Element,
-    road: _Road,
+    road: Road,
     left_hand: bool,
-    before: list[_Road],
-    after: list[_Road],
+    before: list[Road],
+    after: list[Road],
 ) -> None:
     number = 1 if left_hand else -1
     section = add(add(element, "lanes"), "laneSection", s=0.0)
@@ -180,7 +182,7 @@ def _add_lane(
 
 
 def _add_objects(
-    element: ElementTree.Element, road: _Road, intersection_map: IntersectionMap
+    element: ElementTree.Element, road: Road, intersection_map: IntersectionMap
 ) -> None:
     """Crosswalks and signals, each on the first approach lane that it belongs to."""
     if road.lanelet.kind != "approach":
@@ -199,7 +201,7 @@ def _add_objects(
 
 
 def _add_crosswalk(
-    objects: ElementTree.Element, road: _Road, crosswalk: Crosswalk, number: int
+    objects: ElementTree.Element, road: Road, crosswalk: Crosswalk, number: int
 ) -> None:
     corners = np.array(crosswalk.polygon)
     s, t, heading = road.locate((float(corners[:, 0].mean()), float(corners[:, 1].mean())))
@@ -212,7 +214,7 @@ def _add_crosswalk(
         add(outline, "cornerLocal", id=k, u=u, v=v, z=0.0, height=0.0)
 
 
-def _place(road: _Road, s: float, t: float) -> FloatArray:
+def _place(road: Road, s: float, t: float) -> FloatArray:
     """The point at s, t of a road."""
     k = int(np.argmin(np.abs(road.s - s)))
     ahead = road.tangents[k]
@@ -220,7 +222,7 @@ def _place(road: _Road, s: float, t: float) -> FloatArray:
 
 
 def _add_signal(
-    signals: ElementTree.Element, road: _Road, mark: StopLine | Crosswalk, number: int
+    signals: ElementTree.Element, road: Road, mark: StopLine | Crosswalk, number: int
 ) -> None:
     """The light of a stop line beside it, or of a crosswalk at its middle."""
     vehicle = isinstance(mark, StopLine)
@@ -245,7 +247,7 @@ def _add_controller(
         add(controller, "control", signalId=ids[name])
 
 
-def _add_junction(root: ElementTree.Element, roads: dict[str, _Road], left_hand: bool) -> None:
+def _add_junction(root: ElementTree.Element, roads: dict[str, Road], left_hand: bool) -> None:
     """Every way from an approach into the junction."""
     junction = add(root, "junction", id=JUNCTION, name="junction", type="default")
     lane, number = 1 if left_hand else -1, 0

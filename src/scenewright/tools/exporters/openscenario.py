@@ -1,31 +1,44 @@
 """OpenSCENARIO 1.2 with the map as OpenDRIVE beside it, in two forms.
 
 `replay` gives every agent its trajectory, vertex by vertex. `reactive` gives it a route, a profile
-of speeds and a trigger, so that a simulator's own drivers can react; where an agent is to meet the
-ego and enters after it, it sets off when the ego gets where it was at that moment.
+of speeds and a trigger, so that a simulator's own drivers can react: who drives on lanes gets the
+lanes, who walks or rides beside them a line without times. Where an agent is to meet the ego and
+enters after it, it sets off when the ego gets where it was at that moment.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
+from scenewright.geometry.polyline import drop_doubled_points, resample_by_spacing
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.opendrive import signal_ids, write_opendrive
+from scenewright.tools.exporters.opendrive import Road, make_roads, signal_ids, write_opendrive
 from scenewright.tools.exporters.xml_writing import add, to_bytes
 
-WAYPOINT_SPACING, SPEED_SPACING = 10.0, 1.0
-"""Between waypoints of a route [m], and between entries of a speed profile [s]."""
+LINE_SPACING, SPEED_SPACING = 2.0, 1.0
+"""Between the points of a line without times [m], and between entries of a speed profile [s]."""
+OFF_LANES = 3.0
+"""Who is further than this from the middle of all lanes of its route does not drive on them [m]."""
+REAR_AXLE = 0.3
+"""Of its length a vehicle's rear axle, its reference point, lies behind its middle."""
+INSIDE = 0.5
+"""From the end of a lane at least, so that a place is on it [m]."""
 TRIGGER_RADIUS = 2.0
 """How near the ego comes to the place that sets another agent off [m]."""
 
 _Element = ElementTree.Element
 _Place = tuple[str, FloatArray]
 """The ego's name and a point that it is to reach."""
+_Roads = Mapping[str, Road]
+_Way = list[tuple[Road, float]]
+"""Places on the lanes that one drives on: the road and the distance along it [m]."""
 
 
 def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[str, bytes]:
@@ -36,6 +49,10 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
     """
     if scene.ego_named:
         scene = scene.begin_at_ego()
+    scene = replace(
+        scene, agents=tuple(_refer_to_axle(agent) for agent in scene.agents),
+        objects=tuple(_refer_to_axle(agent) for agent in scene.objects),
+    )  # fmt: skip
     root = ElementTree.Element("OpenSCENARIO")
     clock = f"2000-01-01T{scene.record.meta.time_of_day}:00"
     add(root, "FileHeader", revMajor=1, revMinor=2, date=clock, author="scenewright",
@@ -51,6 +68,17 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
         f"{scene.name}.xosc": to_bytes(root),
         f"{scene.name}.xodr": write_opendrive(scene.intersection_map),
     }
+
+
+def _refer_to_axle(agent: ExportedAgent) -> ExportedAgent:
+    """The agent with the places of its reference point, of a vehicle the rear axle."""
+    ahead = np.stack([np.cos(agent.heading), np.sin(agent.heading)], axis=1)
+    return replace(agent, xy=agent.xy - _find_offset(agent) * ahead)
+
+
+def _find_offset(agent: ExportedAgent) -> float:
+    """From the reference point ahead to the middle of the box [m]."""
+    return 0.0 if agent.names.openscenario is None else REAR_AXLE * agent.length
 
 
 def _add_road_network(root: _Element, scene: ExportedScene) -> None:
@@ -84,12 +112,12 @@ def _add_entity(entities: _Element, agent: ExportedAgent) -> None:
         body = add(thing, "Vehicle", name=agent.kind, vehicleCategory=category)
     add(body, "ParameterDeclarations")
     box = add(body, "BoundingBox")
-    add(box, "Center", x=0.0, y=0.0, z=agent.height / 2)
+    add(box, "Center", x=_find_offset(agent), y=0.0, z=agent.height / 2)
     add(box, "Dimensions", width=width, length=length, height=agent.height)
     if category is not None:
         add(body, "Performance", maxSpeed=60.0, maxAcceleration=5.0, maxDeceleration=10.0)
         axles = add(body, "Axles")
-        for name, at, steering in (("FrontAxle", 0.3, 0.6), ("RearAxle", -0.3, 0.0)):
+        for name, at, steering in (("FrontAxle", 2 * REAR_AXLE, 0.6), ("RearAxle", 0.0, 0.0)):
             add(axles, name, maxSteering=steering, wheelDiameter=0.6, trackWidth=0.85 * width,
                 positionX=at * length, positionZ=0.3)  # fmt: skip
     add(body, "Properties")
@@ -102,30 +130,33 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str, clock: str)
                   name="daytime")  # fmt: skip
     add(daytime, "TimeOfDay", animation=False, dateTime=clock)
     act = add(add(board, "Story", name="story"), "Act", name="act")
+    roads = make_roads(scene.intersection_map)
     for agent in scene.agents:
         left_alone = scene.ego_named and agent.id == scene.ego.id
         if agent.first == 0:
-            _add_start(actions, agent, routed=left_alone)
+            _add_start(actions, agent, _find_way(agent, scene, roads) if left_alone else None)
         if not left_alone:
-            _add_maneuvers(act, agent, scene, form)
+            _add_maneuvers(act, agent, scene, form, roads)
     for standing in scene.objects:
-        _add_start(actions, standing, routed=False)
+        _add_start(actions, standing, None)
     _add_time_trigger(add(act, "StartTrigger"), 0.0)
     end = round((scene.steps - 1) * scene.step, 3)
     _add_time_trigger(add(board, "StopTrigger"), end)
 
 
-def _add_start(actions: _Element, agent: ExportedAgent, *, routed: bool) -> None:
+def _add_start(actions: _Element, agent: ExportedAgent, way: _Way | None) -> None:
     """Place and speed at time 0; of an ego that is left alone the route as well."""
     private = add(actions, "Private", entityRef=agent.name)
     teleport = add(add(private, "PrivateAction"), "TeleportAction")
     _add_position(teleport, agent.xy[0], float(agent.heading[0]))
     _add_speed(add(private, "PrivateAction"), float(agent.speed[0]))
-    if routed:
-        _add_route(add(private, "PrivateAction"), agent)
+    if way is not None:
+        _add_way(add(private, "PrivateAction"), agent, way)
 
 
-def _add_maneuvers(act: _Element, agent: ExportedAgent, scene: ExportedScene, form: str) -> None:
+def _add_maneuvers(
+    act: _Element, agent: ExportedAgent, scene: ExportedScene, form: str, roads: _Roads
+) -> None:
     name = agent.name
     group = add(act, "ManeuverGroup", name=f"group {name}", maximumExecutionCount=1)
     actors = add(group, "Actors", selectTriggeringEntities=False)
@@ -141,12 +172,16 @@ def _add_maneuvers(act: _Element, agent: ExportedAgent, scene: ExportedScene, fo
         held = agent.id in scene.collided
         _add_trajectory(add(event, "PrivateAction"), agent, held=held)
         if agent.id not in scene.collided and agent.last < scene.steps - 1:
-            _add_exit(maneuver, agent)
+            gone = round(float(agent.times[-1]) + agent.step, 3)
+            _add_time_trigger(_add_removal(maneuver, agent), gone)
     else:
         event = _add_event(maneuver, f"drive {name}", agent, starter)
-        _add_route(add(event, "PrivateAction"), agent)
+        way = _find_way(agent, scene, roads)
+        _add_way(add(event, "PrivateAction"), agent, way)
         event = _add_event(maneuver, f"speed {name}", agent, starter)
         _add_speed_profile(add(event, "PrivateAction"), agent, scene)
+        end = _resample(agent)[-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
+        _add_place_trigger(_add_removal(maneuver, agent), agent.name, end)
 
 
 def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Place | None:
@@ -172,14 +207,14 @@ def _add_event(
     return action
 
 
-def _add_exit(maneuver: _Element, agent: ExportedAgent) -> None:
-    """The agent has left the map and disappears."""
+def _add_removal(maneuver: _Element, agent: ExportedAgent) -> _Element:
+    """An event in which the agent has left the map and disappears; its trigger."""
     event = add(maneuver, "Event", name=f"leave {agent.name}", priority="parallel",
                 maximumExecutionCount=1)  # fmt: skip
     action = add(event, "Action", name=f"action leave {agent.name}")
     entity = add(add(action, "GlobalAction"), "EntityAction", entityRef=agent.name)
     add(entity, "DeleteEntityAction")
-    _add_time_trigger(add(event, "StartTrigger"), round(float(agent.times[-1]) + agent.step, 3))
+    return add(event, "StartTrigger")
 
 
 def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> None:
@@ -199,16 +234,84 @@ def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> No
     add(follow, "TrajectoryFollowingMode", followingMode="position")
 
 
-def _add_route(action: _Element, agent: ExportedAgent) -> None:
-    """Waypoints about 10 m apart along the track and the intended route behind it."""
-    way = np.concatenate([agent.xy, agent.route_ahead[1:]])
-    along = np.concatenate([[0.0], np.hypot(*np.diff(way, axis=0).T).cumsum()])
-    count = max(round(along[-1] / WAYPOINT_SPACING), 1)
+def _find_way(agent: ExportedAgent, scene: ExportedScene, roads: _Roads) -> _Way:
+    """Where it drives on lanes: its place, the lanes after that, and their end; else empty."""
+    record = next((each for each in scene.record.agents if each.id == agent.id), None)
+    ways = scene.intersection_map.movements if record is not None else ()
+    used = [m for m in ways if record is not None and record.route.endswith(m.id)]
+    chains = [chain for way in used for chain in _list_chains(way.lanelets, roads)]
+    line = _resample(agent)
+    if agent.type == "pedestrian" or not chains:
+        return []
+    apart = [_measure_distance(line, chain) for chain in chains]
+    if min(apart) > OFF_LANES:
+        return []
+    chain = chains[int(np.argmin(apart))]
+    first = int(np.argmin([_measure_distance(line[:1], [road]) for road in chain]))
+    start, *_ = chain[first].locate((float(line[0, 0]), float(line[0, 1])))
+    end = float(chain[-1].s[-1]) - INSIDE
+    middle = [(road, float(road.s[-1]) / 2) for road in chain[first + 1 : -1]]
+    return [(chain[first], min(start, float(chain[first].s[-1]) - INSIDE)), *middle,
+            (chain[-1], end)]  # fmt: skip
+
+
+def _list_chains(lanelets: Sequence[str], roads: _Roads) -> list[list[Road]]:
+    """Ways along lanelets, each from one that none of them leads to."""
+    used = [name for name in lanelets if name in roads]
+    led_to = {after for name in used for after in roads[name].lanelet.successors}
+    chains = [[roads[name]] for name in used if name not in led_to]
+    found = []
+    while chains:
+        chain = chains.pop()
+        after = [roads[name] for name in chain[-1].lanelet.successors if name in used]
+        chains += [[*chain, each] for each in after]
+        found += [] if after else [chain]
+    return found
+
+
+def _measure_distance(points: FloatArray, chain: Sequence[Road]) -> float:
+    """Largest distance of points [n, 2] from the middle of some lanes [m]."""
+    middle = np.concatenate([
+        resample_by_spacing(np.array(road.lanelet.centreline), LINE_SPACING) for road in chain
+    ])  # fmt: skip
+    apart = np.hypot(*(points[:, None] - middle[None]).transpose(2, 0, 1)).min(axis=1)
+    return float(apart.max())
+
+
+def _resample(agent: ExportedAgent) -> FloatArray:
+    """[n, 2] the track and the intended route behind it, at even distances [m]."""
+    line = drop_doubled_points(np.concatenate([agent.xy, agent.route_ahead[1:]]))
+    return resample_by_spacing(line, LINE_SPACING) if len(line) > 1 else line
+
+
+def _add_way(action: _Element, agent: ExportedAgent, way: _Way) -> None:
+    """The lanes to drive on, or the line to go along where there are none."""
+    if not way:
+        _add_line(action, agent)
+        return
     route = add(add(add(action, "RoutingAction"), "AssignRouteAction"), "Route",
                 name=f"route {agent.name}", closed=False)  # fmt: skip
-    for at in np.linspace(0.0, along[-1], count + 1):
-        point = np.array([np.interp(at, along, way[:, axis]) for axis in (0, 1)])
-        _add_position(add(route, "Waypoint", routeStrategy="shortest"), point, None)
+    for road, s in way:
+        waypoint = add(route, "Waypoint", routeStrategy="shortest")
+        add(add(waypoint, "Position"), "LanePosition", roadId=road.number, laneId=road.lane,
+            s=round(s, 3), offset=0.0)  # fmt: skip
+
+
+def _add_line(action: _Element, agent: ExportedAgent) -> None:
+    """A trajectory without times: where to go, not when."""
+    line = _resample(agent)
+    if len(line) < 2:
+        ahead = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
+        line = np.stack([line[0], line[0] + INSIDE * ahead])
+    follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
+    path = add(add(follow, "TrajectoryRef"), "Trajectory", name=f"way {agent.name}", closed=False)
+    add(path, "ParameterDeclarations")
+    shape = add(add(path, "Shape"), "Polyline")
+    slope = np.gradient(line, axis=0)
+    for xy, heading in zip(line, np.arctan2(slope[:, 1], slope[:, 0]).tolist(), strict=True):
+        _add_position(add(shape, "Vertex"), xy, heading)
+    add(add(follow, "TimeReference"), "None")
+    add(follow, "TrajectoryFollowingMode", followingMode="position")
 
 
 def _add_speed_profile(action: _Element, agent: ExportedAgent, scene: ExportedScene) -> None:
@@ -238,11 +341,11 @@ def _add_time_trigger(trigger: _Element, time: float) -> None:
     add(value, "SimulationTimeCondition", value=time, rule="greaterOrEqual")
 
 
-def _add_place_trigger(trigger: _Element, ego: str, xy: FloatArray) -> None:
-    """When the ego gets there."""
-    by_entity = add(_add_condition(trigger, f"{ego} is there"), "ByEntityCondition")
+def _add_place_trigger(trigger: _Element, name: str, xy: FloatArray) -> None:
+    """When an agent gets there."""
+    by_entity = add(_add_condition(trigger, f"{name} is there"), "ByEntityCondition")
     add(add(by_entity, "TriggeringEntities", triggeringEntitiesRule="any"), "EntityRef",
-        entityRef=ego)  # fmt: skip
+        entityRef=name)  # fmt: skip
     condition = add(by_entity, "EntityCondition")
     reach = add(condition, "ReachPositionCondition", tolerance=TRIGGER_RADIUS)
     _add_position(reach, xy, None)
