@@ -44,7 +44,7 @@ format: $(TOOLS)
 	$(BIN)/ruff format .
 
 bench: $(TOOLS)
-	set -e; for script in $(sort $(wildcard benchmarks/[!_]*.py)); do echo "== $$script"; $(BIN)/python "$$script"; done
+	set -e; for script in $(filter-out $(NAMING:%=benchmarks/%.py),$(sort $(wildcard benchmarks/[!_]*.py))); do echo "== $$script"; $(BIN)/python "$$script"; done
 
 check: lint test
 
