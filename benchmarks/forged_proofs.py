@@ -44,7 +44,7 @@ Place = tuple[str | int, ...]
 SCENES = {
     "group": "A couple crosses the north crosswalk and a car turning right yields to them",
     "object": "A child runs out from behind a parked van and is hit by a car",
-    "no reaction": "A distracted driver rear-ends a car waiting at the light",
+    "no reaction": "A distracted driver hits a pedestrian",
     "figure": "A car driving 40 km/h narrowly misses a pedestrian with a PET of 1.0 s",
     "motion": "A running pedestrian is nearly hit by a car",
     "rider": "A right-turning van cuts off a cyclist",
