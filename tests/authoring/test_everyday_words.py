@@ -167,3 +167,17 @@ def test_a_reading_that_passes_over_what_the_words_say_is_refused() -> None:
 )  # fmt: skip
 def test_the_kind_of_messy_words(words: str, kind: str) -> None:
     assert classify_turn(words).kind == kind
+
+
+def test_a_vehicle_becomes_a_rider_on_its_way_and_in_its_relations() -> None:
+    reading = read_everyday("make the car a cyclist", talk_of(CAR, WALKER))
+    assert isinstance(reading, Edits)
+    gone, added, related = reading.edits
+    assert isinstance(gone, RemoveAgent)
+    assert isinstance(added, AddAgent)
+    assert isinstance(related, Relate)
+    assert gone.agent == "vehicle-1"
+    assert (added.node.id, added.node.entry, added.node.movement) == (
+        "cyclist-1", "north", "straight",
+    )  # fmt: skip
+    assert (related.edge.from_, related.edge.to) == ("cyclist-1", "pedestrian-1")

@@ -6,6 +6,7 @@ import pytest
 
 from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
+from scenewright.backends.builtin.planner import plan as decide_plan
 from scenewright.scene.social import Refusal, SocialGraph
 
 
@@ -71,3 +72,9 @@ def test_what_no_scene_shows_stands_in_the_account() -> None:
     text = "A van hits a taxi and shunts it into a bus"
     graph = note_beyond(SocialGraph(agents=()), text)
     assert [(each.words, each.became) for each in graph.said] == [("shunts it into", "nothing")]
+
+
+def test_a_chain_is_refused_with_what_would_work() -> None:
+    refused = decide_plan("A truck rear-ends a car and pushes it into the car ahead")
+    assert isinstance(refused, Refusal)
+    assert "one collision" in refused.reason

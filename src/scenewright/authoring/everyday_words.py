@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from scenewright.scene.base import Compass, Movement
+from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
 from scenewright.scene.edits import (
     AddAgent,
     ChangeAgent,
@@ -259,6 +259,8 @@ def _become(found: re.Match[str], talk: Talk) -> Reading | None:
     if node is None:
         return None
     kind, subtype = CLASSES[noun]
+    if kind != node.type and kind in RIDERS and node.type != "pedestrian":
+        return _replace_by_rider(node, kind, talk)
     if kind != node.type:
         return _decline(
             f"{node.id} stays a {node.type}: those of another class move in other ways. Say what "
@@ -386,15 +388,36 @@ def _list_edges(talk: Talk, kinds: tuple[str, ...]) -> list[RelationEdge]:
     return [each for each in talk.situation.graph.relations if each.type in kinds]
 
 
-def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
-    groups = found.groupdict()
-    kind = CLASSES[groups["what"]][0]
+def _choose_id(kind: str, talk: Talk) -> str:
+    """The first id of a class that nobody has."""
     taken = {each.id for each in talk.situation.present} | {
         each.id for each in talk.situation.graph.agents
     }
-    number = next(n for n in range(1, 99) if f"{kind}-{n}" not in taken)
+    return next(f"{kind}-{n}" for n in range(1, 99) if f"{kind}-{n}" not in taken)
+
+
+def _replace_by_rider(node: AgentNode, kind: AgentClass, talk: Talk) -> Reading:
+    """A rider in the agent's place, on its way as far as riders take it, in its relations."""
+    graph, name = talk.situation.graph, _choose_id(kind, talk)
+    kept = talk.keep_way(node)
+    way = {key: getattr(kept, key) for key in ("entry", "exit", "movement", "crosswalk")}
+    rider = AgentNode.model_validate({"id": name, "type": kind, **way})
+    edges = [each for each in graph.relations if node.id in (each.from_, each.to)]
+    open_ = {"kind": None, "pattern": None, "point_from": None, "point_to": None}
+
+    def rename(edge: RelationEdge) -> RelationEdge:
+        ends = {key: name for key in ("from_", "to", "first") if getattr(edge, key) == node.id}
+        return edge.model_copy(update={**open_, **ends})
+
+    related = (Relate(edge=rename(each)) for each in edges)
+    return _edit(RemoveAgent(agent=node.id), AddAgent(node=rider), *related)
+
+
+def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
+    groups = found.groupdict()
+    kind = CLASSES[groups["what"]][0]
     node = AgentNode.model_validate(
-        {"id": f"{kind}-{number}", "type": kind, "entry": groups.get("entry"),
+        {"id": _choose_id(kind, talk), "type": kind, "entry": groups.get("entry"),
          "exit": groups.get("exit")}
     )  # fmt: skip
     if not groups.get("who"):

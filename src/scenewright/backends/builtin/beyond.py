@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from scenewright.scene.account import SaidSpan
-from scenewright.scene.social import SocialGraph
+from scenewright.scene.social import Refusal, SocialGraph
 
 _BEYOND = (
     (
@@ -33,6 +33,22 @@ def note_beyond(graph: SocialGraph, text: str) -> SocialGraph:
     ]
     said = sorted((*kept, *found), key=lambda each: each.start)
     return graph.model_copy(update={"said": tuple(said)})
+
+
+_CHAIN = re.compile(
+    r"\b(?:push(?:es|ed|ing)?|shov(?:es|ed|ing)|shunt(?:s|ed|ing)?)\b.{0,40}?\b(?:into|onto)\b|"
+    r"\bpile-?up\b|\bchain reaction\b",
+    re.IGNORECASE,
+)
+_NO_CHAIN = (
+    "Who is in a collision ends there, so nobody is pushed on into another; ask for one collision, "
+    "'A truck rear-ends a car', and for others that follow."
+)
+
+
+def refuse_beyond(refusal: Refusal, text: str) -> Refusal:
+    """The refusal with what would work, where the words ask for a chain of collisions."""
+    return refusal.model_copy(update={"reason": _NO_CHAIN}) if _CHAIN.search(text) else refusal
 
 
 def _overlap(one: SaidSpan, other: SaidSpan) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 
-from scenewright.backends.builtin.beyond import note_beyond
+from scenewright.backends.builtin.beyond import note_beyond, refuse_beyond
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
@@ -161,12 +161,13 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
             # "A car drives" is no scene by itself, but with what it meets it is one.
             found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
         if isinstance(found, Refusal):
-            return found
+            return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found
         found = add_wrong_way(found, wrong, text) if wrong else found
         return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
-        return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+        refused = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+        return refuse_beyond(refused, text)
 
 
 def _read_after_openers(text: str, site: Site) -> Iterator[LearnedPlan]:
