@@ -60,12 +60,16 @@ CLASSES: dict[str, tuple[str, str | None]] = {
     "child": ("pedestrian", None), "kid": ("pedestrian", None), "guy": ("pedestrian", None),
     "boy": ("pedestrian", None), "girl": ("pedestrian", None), "person": ("pedestrian", None),
     "lady": ("pedestrian", None), "ped": ("pedestrian", None), "minibus": ("vehicle", "bus"),
+    "sedan": ("vehicle", "car"), "suv": ("vehicle", "car"), "pickup": ("vehicle", "car"),
+    "semi": ("vehicle", "truck"), "rig": ("vehicle", "truck"),
+    "escooter": ("scooter", None), "bloke": ("pedestrian", None), "fella": ("pedestrian", None),
+    "gentleman": ("pedestrian", None), "adult": ("pedestrian", None),
     "police car": ("vehicle", "police_car"), "ambulance": ("vehicle", "ambulance"),
 }  # fmt: skip
 """Noun -> class and subtype."""
 _NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
 _WHO = (
-    rf"(?P<who>it|him|her|them|he|she|they|that(?: one)?|(?:the |that |this )?other one|"
+    rf"(?P<who>it|him|her|them|he|she|they|me|ego|that(?: one)?|(?:the |that |this )?other one|"
     rf"(?:the|that|this|my) (?:other )?(?:old |young |little |delivery |e-)*(?:{_NOUN})(?: rider)?|"
     rf"(?:{_NOUN}|(?:vehicle|pedestrian|cyclist|scooter)-\d+))"
 )
@@ -91,11 +95,13 @@ class Talk:
 
     Attributes:
         touched: agents that were spoken of, the last first; events: of the current version.
+        narrator: the noun of what the one who writes drives or is, such as "taxi".
     """
 
     situation: Situation
     touched: Sequence[str]
     events: Sequence[Event]
+    narrator: str | None = None
 
     def list_named(self) -> list[AgentNode]:
         """The agents of the instruction, those spoken of last first."""
@@ -115,6 +121,10 @@ class Talk:
     def find(self, who: str) -> AgentNode | None:
         """Whom the words mean; None where that is nobody, or several equally."""
         words = re.sub(r"^(?:the|that|this|my) ", "", who)
+        if words in ("me", "i", "myself"):
+            return self.find(self.narrator) if self.narrator else None
+        if words == "ego":
+            words = "vehicle"
         named = self.list_named()
         if words in {each.id for each in named}:
             return self.situation.graph.agent(words)

@@ -137,6 +137,11 @@ def is_change(intent: str) -> bool:
     return intent in _MAKES
 
 
+def list_makes(intent: str) -> set[str]:
+    """The kinds of edits that do what the intent is."""
+    return set(_MAKES.get(intent, "").split())
+
+
 def agrees(reading: Reading, intent: str, words: str) -> bool:
     """Whether a reading does what the intent is: its edits are of its kinds, its way as said."""
     kinds = _MAKES.get(intent, "").split()
@@ -170,7 +175,7 @@ _MENTION = re.compile(
     r"\b(?P<new>an?|another|one|two|some|more)? ?(?P<det>the |that |this |my )?"
     r"(?P<other>other )?(?:(?!the\b|an?\b|and\b|or\b|of\b|to\b)[a-z-]+ ){0,2}?"
     rf"(?P<noun>{_NOUN})s?\b|"
-    r"\b(?P<word>it|him|her|he|she|the other(?: one)?|the first one)\b"
+    r"\b(?P<word>it|him|her|he|she|me|ego|the other(?: one)?|the first one)\b"
 )
 _KINDS = re.compile(rf"\b(?:an?|another|one)\s+(?:[a-z-]+ ){{0,2}}?(?P<noun>{_NOUN})\b")
 _BARE_KIND = re.compile(
@@ -456,7 +461,9 @@ def _write_clock(hour: int, minutes: str | None) -> str:
 
 
 _HOURS = (
-    (r"\b(\d{1,2})(?::(\d\d))? ?(?:h\b|hours?\b|o'?clock)", None), (r"rush", "rush hour"),
+    (r"\b(\d{1,2})(?::(\d\d))? ?(?:h\b|hours?\b|o'?clock)", None),
+    (r"(?:around|about|like|at) (\d{1,2})(?::(\d\d))?\b(?! ?[a-z/%])", None),
+    (r"rush", "rush hour"),
     (r"midnight", "midnight"), (r"noon", "noon"), (r"dusk|sunset|after work", "6 pm"),
     (r"dawn|sunrise", "6 am"), (r"school", "8 am"), (r"evening", "7 pm"), (r"afternoon", "3 pm"),
     (r"morning", "8 am"),
@@ -468,8 +475,12 @@ _HOURS = (
 def _clock(wish: Wish) -> _Answer:
     for pattern, hour in _HOURS:
         found = re.search(pattern, wish.plain)
-        if found is not None:
-            return f"make it {hour or _write_clock(int(found[1]), found[2])}"
+        if found is None:
+            continue
+        if hour is None:
+            late = re.search(r"evening|afternoon|night|\bpm\b", wish.plain) and int(found[1]) < 12
+            return f"make it {_write_clock(int(found[1]) + (12 if late else 0), found[2])}"
+        return f"make it {hour}"
     return None
 
 
@@ -549,6 +560,8 @@ def _set_impact(wish: Wish) -> _Answer:
 
 def _event_time(wish: Wish) -> _Answer:
     seconds = wish.number("s")
+    if seconds and re.search(r"\bsec(?:ond)?s? in(?:to)?\b|\bs in(?:to)?\b", wish.plain):
+        return f"let it happen {seconds:g} s into the scene"
     when = "later" if wish.intent == "event_later" else "earlier"
     return f"{seconds:g} seconds {when}" if seconds else when
 

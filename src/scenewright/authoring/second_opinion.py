@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 from scenewright.authoring.everyday_words import Talk, simplify
 from scenewright.authoring.intent_edits import (
@@ -20,11 +21,12 @@ from scenewright.authoring.intent_edits import (
     guess_intent,
     is_change,
     is_question,
+    list_makes,
     names_somebody,
     replace_agent,
     spell_out,
 )
-from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn
+from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
 from scenewright.backends.offline import rank_intents
 from scenewright.scene.edits import (
     Choice,
@@ -50,6 +52,8 @@ _SENTENCES = {
     "no_traffic": "no background traffic", "redraw": "try again",
 }  # fmt: skip
 _MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
+_HARDLY = 0.12
+"""Probability below which words hardly ask for a change."""
 
 
 def weigh_kind(words: str, *, scene: bool) -> TurnKind:
@@ -73,17 +77,45 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     clause = _find_clause(words)
     if clause is not None:
         return clause
+    if scene and _asks_at_last(words) and not (is_change(guess.intent) and guess.chance >= LIKELY):
+        return TurnKind(kind="question", words=words, topic=_find_topic(words))
     if guess.chance < (LIKELY if is_question(guess.intent) else SURE - 0.1):
         return turn
     if is_question(guess.intent) and (scene or guess.chance >= SURE):
         return TurnKind(kind="question", words=words, topic=guess.intent)
-    if guess.intent == "version" and (number := _read_number(words)) is not None:
-        return TurnKind(kind="version", words=words, number=number)
+    steps = ("version", "undo", "redo")
+    if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
+        return TurnKind(kind="version", words=words, number=_read_version(words))
     if guess.intent in STEPS and not _tells_change(words):
-        kind: Kind = STEPS[guess.intent]  # type: ignore[assignment]
-        count = _read_number(words) if kind == "undo" else None
-        return TurnKind(kind=kind, words=words, count=count or 1)
+        return _step(STEPS[guess.intent], words)
     return turn
+
+
+def _step(name: str, words: str) -> TurnKind:
+    """A turn about the conversation: how many steps back or forth, under which name to save."""
+    kind: Kind = name  # type: ignore[assignment]
+    if kind not in ("undo", "redo"):
+        return TurnKind(kind=kind, words=words, name=read_name(words) if kind == "save" else None)
+    count = _read_number(words) or len(re.findall(r"\b(?:undo|redo)\b", words.lower()))
+    return TurnKind(kind=kind, words=words, count=max(count, 1))
+
+
+_NEWEST = re.compile(r"\b(?:latest|newest|most recent)\b", re.IGNORECASE)
+_VERSION = re.compile(r"\b(?:version|number|v) ?#?(\d{1,3}|one|two|three|four|five|six)\b")
+
+
+def _read_version(words: str) -> int | None:
+    """The number of the version that the words name; None where they describe it."""
+    plain = words.lower().replace("second version", "version two")
+    found = _VERSION.search(plain.replace("third version", "version three"))
+    return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
+
+
+def _asks_at_last(words: str) -> bool:
+    """Whether the words end with a question mark after a clause that has the form of a question."""
+    clauses = [each for each in _CLAUSES.split(words) if each.strip()]
+    last = clauses[-1] if clauses else ""
+    return words.rstrip().endswith("?") and classify_turn(f"{last}?").kind == "question"
 
 
 def _find_topic(words: str) -> str | None:
@@ -144,10 +176,11 @@ def correct(words: str, before: str) -> tuple[str, bool]:
 
 
 _EVENTS = (
-    (r"near|close call|almost", "narrowly misses"),
+    (r"near|close call|almost|conflict", "narrowly misses"),
     (r"crash|accident|collision|collide|bump|smash", "collides with"),
     (r"yield|give way", "yields to"),
 )
+_LONGEST_FIRST = 30
 _PARTIES = (("A car", "a pedestrian"), ("A car", "another car"), ("A car", "a cyclist"))
 
 
@@ -158,7 +191,7 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     """
     guess, plain = guess_intent(words), words.lower()
     verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
-    if verb is not None and not names_somebody(plain) and len(plain.split()) <= 6:
+    if verb is not None and not names_somebody(plain) and len(plain.split()) <= _LONGEST_FIRST:
         told = [f"{one} {verb} {other}" for one, other in _PARTIES]
         return _offer("Who takes part?", told)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
@@ -171,20 +204,28 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
 
 
 def _find_clause(words: str) -> TurnKind | None:
-    """ "wow, that was close, how fast was it?": the last clause, where the others say nothing."""
+    """ "wow, that was close, how fast was it?": the clause that counts, if the others say nothing.
+
+    That is the last one, or one that is surely about the conversation, such as "please keep it".
+    """
     clauses = [each for each in _CLAUSES.split(words) if each.strip()]
     if len(clauses) < 2 or _tells_change(" , ".join(clauses[:-1]) + ","):
         return None
-    turn = classify_turn(clauses[-1])
-    steps = ("question", "undo", "redo", "version", "restart")
-    guess = guess_intent(clauses[-1])
+    turn, guess = classify_turn(clauses[-1]), guess_intent(clauses[-1])
     if turn.kind == "question" and not is_change(guess.intent):
         return turn.model_copy(
             update={"topic": guess.intent if is_question(guess.intent) else None}
         )
-    if guess.intent in STEPS and guess.chance >= SURE and guess.intent != "talk":
-        return TurnKind(kind=STEPS[guess.intent], words=words)  # type: ignore[arg-type]
-    return turn if turn.kind in steps[1:] else None
+    if is_change(guess.intent) and guess.chance >= LIKELY:
+        return None
+    for clause in reversed(clauses):
+        guess = guess_intent(clause)
+        if guess.intent in STEPS and guess.chance >= SURE and guess.intent not in _POLITE:
+            return _step(STEPS[guess.intent], words)
+    return turn if turn.kind in ("undo", "redo", "version", "restart") else None
+
+
+_POLITE = ("talk", "quit", "show", "play", "help")
 
 
 def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
@@ -198,6 +239,8 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
         return by_rule
     if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible":
         return by_rule  # it was understood, and says what the map does not allow
+    if isinstance(by_rule, Edits) and _is_bold(by_rule, words):
+        by_rule = _decline_change()
     parts = _read_parts(words, talk, read)
     if parts is not None and not (
         isinstance(by_rule, Edits) and len(by_rule.edits) >= len(parts.edits)
@@ -206,7 +249,7 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
     if guess.intent == "new_scene" or guess.chance < LIKELY:
         return _keep(words, by_rule, talk, read)
     if guess.intent in _DECLINES:
-        unread = not isinstance(by_rule, Edits) or guess.chance >= SURE
+        unread = not isinstance(by_rule, Edits) or guess.chance >= SURE - 0.15
         said = spell_out(guess.intent, words, talk)
         return said if unread and isinstance(said, DeclinedTurn) else by_rule
     made = _make(guess.intent, words, talk, read)
@@ -215,6 +258,16 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
     if made is None:
         return _keep(words, by_rule, talk, read)
     return made
+
+
+def _is_bold(reading: Edits, words: str) -> bool:
+    """Whether it changes what the words hardly ask for, by all intents that make such changes."""
+    if find_new_kind(simplify(words)) is not None:
+        return False
+    kinds = {each.edit for each in reading.edits}
+    return (
+        sum(each.chance for each in rank_intents(words) if kinds & list_makes(each.name)) < _HARDLY
+    )
 
 
 def _make(intent: str, words: str, talk: Talk, read: Read) -> Reading | None:
@@ -241,6 +294,10 @@ def _keep(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
 def _give_up(by_rule: Reading) -> DeclinedTurn:
     if isinstance(by_rule, DeclinedTurn):
         return by_rule
+    return _decline_change()
+
+
+def _decline_change() -> DeclinedTurn:
     return DeclinedTurn(
         code="no_change",
         reason="I cannot tell what shall be different, so nothing is. Say one change at a time, "
@@ -324,4 +381,4 @@ def _apply(made: Edits, talk: Talk) -> Talk:
     graph = apply_edits(talk.situation.graph, made.edits)
     there = {each.id for each in graph.agents}
     present = tuple(e for e in talk.situation.present if e.role == "background" or e.id in there)
-    return Talk(Situation(graph=graph, present=present), talk.touched, talk.events)
+    return replace(talk, situation=Situation(graph=graph, present=present))

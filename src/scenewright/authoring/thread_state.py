@@ -73,6 +73,7 @@ class ThreadState(TypedDict, total=False):
         branches: name -> number of its version; branch: the one that is worked on.
         pending: a question that waits for its answer; refused: the last refusal.
         before: the words of the turn before, which a correction is about.
+        narrator: the noun of what the one who writes drives or is.
         reply: what became of this turn: `made`, `asked`, `refused`, `moved_to`, `nothing`.
     """
 
@@ -89,5 +90,6 @@ class ThreadState(TypedDict, total=False):
     branch: str
     pending: Pending | None
     before: str
+    narrator: str | None
     refused: Refused | None
     reply: dict[str, Any]
