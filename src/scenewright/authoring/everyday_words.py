@@ -494,6 +494,11 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
 )  # fmt: skip
 
 
+def _doubt(reason: str) -> DeclinedTurn:
+    """A refusal of what was not understood, so that another reading may stand instead."""
+    return DeclinedTurn(code="no_change", reason=reason)
+
+
 def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     """The planner's reading, unless it passes over what the words plainly say.
 
@@ -503,7 +508,7 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     plain = simplify(words)
     graph = talk.situation.graph
     if isinstance(reading, NewScene) and graph.agents and _SPEAKS_OF_THIS.match(plain):
-        return _decline(
+        return _doubt(
             'I cannot tell what shall be different. Say one change at a time, or "new scene: ..." '
             "to begin another one."
         )
@@ -513,12 +518,12 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     if re.match(r"(?:add|put|place)\b", plain) and any(
         _takes_away(e, pairs) for e in reading.edits
     ):
-        return _decline(
+        return _doubt(
             "That would take away what happens now. Say whom to add and what it does, such as "
             '"add a car that follows the bus".'
         )
     if passed := _find_passed_over(plain, reading.edits):
-        return _decline(
+        return _doubt(
             f"I cannot tell what shall become of the {passed}. Say it by its id, such as "
             f'"{CLASSES[passed][0]}-1 goes slower", or "add a {passed} from the south".'
         )

@@ -230,7 +230,8 @@ class Wish:
 
     def number(self, *units: str) -> float | None:
         """The first number in the words, with one of these units if any are named."""
-        for found in _NUMBER.finditer(self.plain):
+        every = sorted(_NUMBER.finditer(self.plain), key=lambda each: each["number"] in _WORDS)
+        for found in every:  # "that one, at 50": figures before words
             if not units or (found["unit"] or "").startswith(units):
                 text = found["number"].replace(",", ".")
                 return float(_WORDS[text]) if text in _WORDS else float(text)
@@ -336,7 +337,15 @@ def _speed(wish: Wish) -> _Answer:
     if node is None or value is None:
         return None
     unit = "m/s" if "m/s" in wish.plain else "mph" if "mph" in wish.plain else "km/h"
+    view = wish.view(node)
+    if view is not None and re.search(r"\bmore\b|\bby \d|\bexceed|\bextra\b", wish.plain):
+        value += round(view.speed / _UNITS[unit])
+    if re.search(r"-\d", wish.plain):
+        return _decline("Nobody drives backwards here; say a speed above zero.")
     return f"let {node.id} drive at {value:g} {unit}"
+
+
+_UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
 
 def _remove(wish: Wish) -> _Answer:
@@ -345,7 +354,10 @@ def _remove(wish: Wish) -> _Answer:
 
 def find_new_kind(plain: str) -> str | None:
     """The noun of somebody new, as in "a bus" or "into a bus"; None where there is none."""
-    found = _KINDS.search(plain) or _BARE_KIND.search(plain)
+    ridden = re.sub(
+        r"\ban? (?:[a-z]+ )?[a-z]+ (?=(?:on|riding) an? )|\b(?:on|riding) (?=an? )", "", plain
+    )
+    found = _KINDS.search(ridden) or _BARE_KIND.search(ridden)
     return None if found is None else found["noun"] or found["only"]
 
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from scenewright.authoring.everyday_words import Talk, simplify
+from scenewright.authoring.everyday_words import CLASSES, Talk, simplify
 from scenewright.authoring.intent_edits import (
     LIKELY,
     STEPS,
@@ -71,6 +71,8 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     if turn.kind == "question":
         if is_change(guess.intent) and guess.chance >= SURE and not words.rstrip().endswith("?"):
             return TurnKind(kind="words", words=words)
+        if guess.intent in _COMMANDS and guess.chance >= LIKELY - 0.05:
+            return _step(STEPS[guess.intent], words)
         if guess.intent in ("why_refused", "help") and guess.chance >= SURE:
             return TurnKind(kind="help" if guess.intent == "help" else "why", words=words)
         return turn.model_copy(update={"topic": _find_topic(words)})
@@ -160,6 +162,8 @@ def correct(words: str, before: str) -> tuple[str, bool]:
     """
     plain = " ".join(words.lower().strip(" .!").split())
     bare = _THAT_IS.sub("", _RATHER.sub("", plain))
+    if re.fullmatch(r"\d+(?:[.,]\d+)?(?: ?[a-z/]+)?", plain) and _FIGURE.search(before):
+        return _FIGURE.sub(_FIGURE.search(plain)[0], before, count=1), False  # type: ignore[index]
     if bare == plain or not before or len(bare.split()) > 4:
         return words, False
     for pattern, whole in (
@@ -220,11 +224,17 @@ def _find_clause(words: str) -> TurnKind | None:
         return None
     for clause in reversed(clauses):
         guess = guess_intent(clause)
+        if _KEEPS.match(clause.lower().strip()):
+            return _step("save", words)
         if guess.intent in STEPS and guess.chance >= SURE and guess.intent not in _POLITE:
             return _step(STEPS[guess.intent], words)
     return turn if turn.kind in ("undo", "redo", "version", "restart") else None
 
 
+_COMMANDS = ("save", "gif", "mp4", "html", "undo")
+_KEEPS = re.compile(
+    r"^(?:and |please )?(?:(?:save|store|export|download)\b|keep (?:it|this|that)(?: for me)? as\b)"
+)
 _POLITE = ("talk", "quit", "show", "play", "help")
 
 
@@ -235,9 +245,13 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
         read: reads a plain sentence by rule.
     """
     guess = guess_intent(words)
+    if (noun := simplify(words)) in CLASSES:
+        there = [f"remove {each.id}" for each in find_named(f"the {noun}", talk)[:1]]
+        return _offer(f"What about the {noun}?", [f"add a {noun}", *there])
     if agrees(by_rule, guess.intent, words):
         return by_rule
-    if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible":
+    counts = guess.intent == "set_count" and guess.chance >= SURE  # "cars 6" is not vehicle-6
+    if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible" and not counts:
         return by_rule  # it was understood, and says what the map does not allow
     if isinstance(by_rule, Edits) and _is_bold(by_rule, words):
         by_rule = _decline_change()

@@ -96,6 +96,8 @@ _BEGIN = "Hello. Say what shall happen at an intersection; /help says more."
 _AGREES = re.compile(r"^(?:(?:yes|yeah|yep|ok(?:ay)?|sure|do|try|that|it|please|exactly)[ ,.!]*)+$")
 _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
+_SHORT_QUESTION = 8
+"""Words of a question that may be about the same as the one before."""
 _LONGEST_TEXT = 1900
 """Of what was said, as much as a scene's prompt keeps."""
 
@@ -353,11 +355,14 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     turn = weigh_kind(words, scene=state.get("current") is not None)
     if turn.kind == "why" and not state.get("refused"):
         turn = TurnKind(kind="question", words=words, topic="q_why")
+    if turn.kind == "question" and turn.topic is None and len(words.split()) <= _SHORT_QUESTION:
+        turn = turn.model_copy(update={"topic": state.get("topic")})  # "and how much is it now?"
     if turn.kind == "version" and turn.number is None:
         turn = turn.model_copy(update={"number": find_version(words, state)})
     if not chosen and turn.kind != "words":
         steered = {"reading": "turn", **turn.model_dump(mode="json")}
-        return {"reading": steered, "pending": None, "before": words, "narrator": narrator}
+        return {"reading": steered, "pending": None, "before": words,
+                "narrator": narrator, "topic": turn.topic}  # fmt: skip
     calls: list[Call] = []
     reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None

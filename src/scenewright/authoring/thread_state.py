@@ -74,6 +74,7 @@ class ThreadState(TypedDict, total=False):
         pending: a question that waits for its answer; refused: the last refusal.
         before: the words of the turn before, which a correction is about.
         narrator: the noun of what the one who writes drives or is.
+        topic: what the last question was about.
         reply: what became of this turn: `made`, `asked`, `refused`, `moved_to`, `nothing`.
     """
 
@@ -91,5 +92,6 @@ class ThreadState(TypedDict, total=False):
     pending: Pending | None
     before: str
     narrator: str | None
+    topic: str | None
     refused: Refused | None
     reply: dict[str, Any]

@@ -149,7 +149,7 @@ _SHORT = {
     "ive": "i've", "whats": "what's", "wheres": "where's", "whos": "who's", "hows": "how's",
     "thats": "that's", "hes": "he's", "shes": "she's", "theyre": "they're", "em": "them",
     "til": "until", "gimme": "give me", "lemme": "let me", "wanna": "want to", "an'": "and",
-    "ok.": "ok,",
+    "autobus": "bus", "bicyle": "bicycle", "byke": "bike", "escooter": "e-scooter",
 }  # fmt: skip
 _SHORT_WORD = re.compile(rf"(?<![\w'>=\[(-])(?:{'|'.join(_SHORT)})(?![\w'<=:>-])")
 
