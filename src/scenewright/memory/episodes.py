@@ -144,7 +144,7 @@ def _compute_cosine(a: Mapping[int, float], b: Mapping[int, float]) -> float:
 
 
 def _parse_episode(line: str) -> Episode | None:
-    """The episode of a line; None where somebody wrote something else."""
+    """Parse the episode of a line; None if it is none."""
     try:
         value = json.loads(line)
         request, graph, taxonomy = value["request"], value["graph"], value["taxonomy"]

@@ -79,7 +79,7 @@ class Threads:
             self._connection = sqlite3.connect(
                 self.path, check_same_thread=False, timeout=_PATIENCE
             )
-            # Whoever forgets to close it must not leave the file open.
+            # A caller that forgets to close it must not leave the file open.
             self._close = weakref.finalize(self, self._connection.close)
             self._connection.execute("PRAGMA synchronous=FULL")
             self.saver = SqliteSaver(self._connection, serde=PlainSerializer())

@@ -18,7 +18,7 @@ _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000
 
 @dataclass(frozen=True)
 class Contents:
-    """What a card tells.
+    """The contents of a card.
 
     Attributes:
         figures: counts and such, by name.

@@ -22,7 +22,7 @@ class InstructionRow:
     """One row of the dataset: an instruction and what became of it.
 
     Attributes:
-        event: that it asks for, `normal` for none; None where nobody said and no scene shows.
+        event: that it asks for, `normal` for none; None if unknown.
         verified: whether there is a scene that the checker confirms.
         scope: False where it was refused as no request for a scene.
     """
