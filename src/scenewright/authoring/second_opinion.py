@@ -81,7 +81,8 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
         return clause
     if scene and _asks_at_last(words) and not (is_change(guess.intent) and guess.chance >= LIKELY):
         return TurnKind(kind="question", words=words, topic=_find_topic(words))
-    if guess.chance < (LIKELY if is_question(guess.intent) else SURE - 0.1):
+    greets = not scene and guess.intent in ("help", "talk")
+    if guess.chance < (LIKELY if greets or is_question(guess.intent) else SURE - 0.1):
         return turn
     if is_question(guess.intent) and (scene or guess.chance >= SURE):
         return TurnKind(kind="question", words=words, topic=guess.intent)
@@ -145,13 +146,16 @@ def _tells_change(words: str) -> bool:
 
 _RATHER = re.compile(
     r"^(?:(?:oh|sorry|no|nah|wait|hmm|actually|rather|i meant?|make that|not that|er|oops|"
-    r"but)\b[ ,.:]*)+(?:make it )?"
+    r"not everyone|only|just|but)\b[ ,.:]*)+(?:make it )?"
 )
 _THAT_IS = re.compile(r"[ ,]+(?:i meant?|rather|instead|please|sorry|not .*)$")
 _CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
 _FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
 _SIDE = re.compile(r"\b(?:north|south|east|west)\b")
-_SOMEBODY = re.compile(r"\b(?:the|that|this) (?:other )?[a-z-]+\b|\b(?:it|him|her|he|she)\b")
+_SOMEBODY = re.compile(
+    r"\b(?:the|that|this) (?:(?:other|first|second|third|last) )?[a-z-]+\b|"
+    r"\b(?:it|him|her|he|she)\b"
+)
 
 
 def correct(words: str, before: str) -> tuple[str, bool]:
@@ -177,6 +181,16 @@ def correct(words: str, before: str) -> tuple[str, bool]:
             told = f"{before[: old.start()]}{new[0]}{before[old.end() :]}"
             return told, pattern is _SOMEBODY
     return words, False
+
+
+_TURNS_BACK = re.compile(r"[,.;!-]+ *(?=(?:oh |no,? )?(?:sorry|no wait|i mean|wait no|rather)\b)")
+
+
+def correct_within(words: str) -> str:
+    """ "make the car slower, sorry, the truck": the first part with what is said instead."""
+    first, *rest = _TURNS_BACK.split(words, maxsplit=1)
+    fixed = correct(rest[0], first)[0] if rest else words
+    return fixed if rest and fixed != rest[0] else words
 
 
 _EVENTS = (
@@ -360,13 +374,16 @@ def _offer(what: str, sentences: list[str]) -> Clarification:
     )
 
 
+_REMARKS = re.compile(r"(?:that|this|those|these)(?:'s| is| are|'re)\b|it'?s how\b|because\b")
+_TAKES_BACK = re.compile(r"\bsorry\b|\bnot everyone\b|\bno wait\b|\bi mean\b|\.\.\. ?no\b")
 _IN_PLACE = re.compile(r"\b(?:there|instead|place)\b", re.IGNORECASE)
 
 
 def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
     """Several changes in one line; None where a part is none, or cannot be done."""
     parts = [each for each in _PARTS.split(simplify(words)) if each]
-    if len(parts) < 2:
+    parts = [each for each in parts if not _REMARKS.match(each)]
+    if len(parts) < 2 or _TAKES_BACK.search(words.lower()):
         return None
     guesses = [guess_intent(each) for each in parts]
     if sum(is_change(each.intent) and each.chance >= LIKELY for each in guesses) < 2:

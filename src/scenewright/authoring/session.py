@@ -41,6 +41,7 @@ from scenewright.authoring.second_opinion import (
     check_first_words,
     choose_reading,
     correct,
+    correct_within,
     weigh_kind,
 )
 from scenewright.authoring.thread_state import Heading, Pending, Refused, ThreadState, Version
@@ -88,8 +89,8 @@ _ABOUT_VERSION = re.compile(
     r"(?:just )?(?:change|different)"
 )
 _NOTHING_YET = (
-    "there is no scene yet; say what shall happen at an intersection, such as "
-    "'a car from the north yields to a pedestrian'"
+    "there is no scene yet; I make scenes of traffic at an intersection from words and tell what "
+    "is in them: say what shall happen, such as 'a car from the north yields to a pedestrian'"
 )
 _SAY_MORE = "All right; the scene is as it was. Say what shall be different, or ask about it."
 _BEGIN = "Hello. Say what shall happen at an intersection; /help says more."
@@ -243,7 +244,7 @@ class Session:
                 ThreadState,
                 {
                     **{"argument": "", "heading": self._heading, "reading": None},
-                    **{"models": {}, "reply": {}},
+                    **{"models": {}, "reply": {}, "said": ""},
                     **said,
                 },
             ),
@@ -349,6 +350,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     words, chosen = _answered(state)
     words = words if chosen else spell_fully(words)
     narrator = find_narrator(words) or state.get("narrator")
+    words = words if chosen else correct_within(words)
     words, other = (words, False) if chosen else correct(words, state.get("before", ""))
     if other:
         state = _taken_back(state)
@@ -390,7 +392,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
         open_ = {"words": turn.words, "ask": asked, "chosen": chosen}
     out: ThreadState = {
         "words": turn.words, "reading": plain, "pending": open_, "before": words,
-        "narrator": narrator,
+        "narrator": narrator, "said": words if taken else "",
         "models": sum_costs_by_task(calls),
     }  # fmt: skip
     return {**out, "current": state.get("current")} if other else out
@@ -599,7 +601,7 @@ def _entered(
     version: Version = {
         "number": max((each["number"] for each in versions), default=0) + 1,
         "parent": parent,
-        "words": state["words"],
+        "words": state.get("said") or state["words"],
         "text": text,
         "edits": [each.model_dump(mode="json", by_alias=True) for each in edits],
         "graph": made.graph.model_dump(mode="json", by_alias=True),

@@ -74,7 +74,7 @@ class ThreadState(TypedDict, total=False):
         pending: a question that waits for its answer; refused: the last refusal.
         before: the words of the turn before, which a correction is about.
         narrator: the noun of what the one who writes drives or is.
-        topic: what the last question was about.
+        topic: what the last question was about; said: the words, where a plainer sentence is made.
         reply: what became of this turn: `made`, `asked`, `refused`, `moved_to`, `nothing`.
     """
 
@@ -93,5 +93,6 @@ class ThreadState(TypedDict, total=False):
     before: str
     narrator: str | None
     topic: str | None
+    said: str
     refused: Refused | None
     reply: dict[str, Any]

@@ -51,7 +51,8 @@ _ASKS_TO_ACT = re.compile(
     r"^(?:can|could|would|will) (?:the(?: (?!have\b)[a-z-]+){1,3}|it|he|she|they|a|an) (?!have\b)"
 )
 _ASKING = (
-    r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|do|did|doesn't|"
+    r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|did|doesn't|"
+    r"do(?! (?:it|that|this|one|an?|the same|so|something)\b)|"
     r"didn't|was|were|has|had"
 )
 _QUESTION = re.compile(
