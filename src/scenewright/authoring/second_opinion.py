@@ -15,14 +15,14 @@ from scenewright.authoring.intent_edits import (
     LIKELY,
     STEPS,
     SURE,
-    agrees,
     find_named,
     find_new_kind,
     guess_intent,
+    has_agent_noun,
     is_change,
+    is_consistent,
     is_question,
     list_makes,
-    names_somebody,
     replace_agent,
     spell_out,
 )
@@ -89,7 +89,7 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     steps = ("version", "undo", "redo")
     if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
         return TurnKind(kind="version", words=words, number=_read_version(words))
-    if guess.intent in STEPS and not _tells_change(words):
+    if guess.intent in STEPS and not _is_change(words):
         return _step(STEPS[guess.intent], words)
     return turn
 
@@ -122,7 +122,7 @@ def _asks_at_last(words: str) -> bool:
 
 
 def _find_topic(words: str) -> str | None:
-    """What a question is about, as far as the model of turns can tell."""
+    """The topic of a question, as far as the model of turns knows it."""
     asked = [each for each in rank_intents(words) if is_question(each.name)]
     return asked[0].name if asked[0].chance >= LIKELY else None
 
@@ -135,7 +135,7 @@ def _read_number(words: str) -> int | None:
     return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
 
 
-def _tells_change(words: str) -> bool:
+def _is_change(words: str) -> bool:
     """Whether a clause of several asks for a change: thanks may stand beside it."""
     clauses = [each for each in _CLAUSES.split(words) if each.strip()]
     if len(clauses) < 2:
@@ -152,7 +152,7 @@ _THAT_IS = re.compile(r"[ ,]+(?:i meant?|rather|instead|please|sorry|not .*)$")
 _CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
 _FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
 _SIDE = re.compile(r"\b(?:north|south|east|west)\b")
-_SOMEBODY = re.compile(
+_AGENT = re.compile(
     r"\b(?:the|that|this) (?:(?:other|first|second|third|last) )?[a-z-]+\b|"
     r"\b(?:it|him|her|he|she)\b"
 )
@@ -161,7 +161,7 @@ _SOMEBODY = re.compile(
 def correct(words: str, before: str) -> tuple[str, bool]:
     """ "sorry, 12" after "make the gap 8 m": the words before with what is said instead.
 
-    Words that are no such correction stay as they are. Also returns whether somebody else is meant,
+    Words that are no such correction stay as they are. Also returns whether another agent is meant,
     so that what was done to the first is to be taken back.
     """
     plain = " ".join(words.lower().strip(" .!").split())
@@ -174,12 +174,12 @@ def correct(words: str, before: str) -> tuple[str, bool]:
         (_CLOCK, r"[\d:]+(?: ?[ap]m)?"),
         (_FIGURE, r"\d+(?:[.,]\d+)?(?: ?[a-z/²]+){0,2}"),
         (_SIDE, r"(?:from |to |on |in )?(?:the )?(?:north|south|east|west)(?: side)?"),
-        (_SOMEBODY, r"the (?:other )?[a-z-]+"),
+        (_AGENT, r"the (?:other )?[a-z-]+"),
     ):
         new, old = pattern.search(bare), pattern.search(before.lower())
         if new is not None and old is not None and re.fullmatch(whole, bare):
-            told = f"{before[: old.start()]}{new[0]}{before[old.end() :]}"
-            return told, pattern is _SOMEBODY
+            corrected = f"{before[: old.start()]}{new[0]}{before[old.end() :]}"
+            return corrected, pattern is _AGENT
     return words, False
 
 
@@ -205,11 +205,11 @@ _PARTIES = (("A car", "a pedestrian"), ("A car", "another car"), ("A car", "a cy
 def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     """What to say to words with which no scene can begin; None for all others.
 
-    An event without anybody is asked back; a change of a scene where there is none yet is refused.
+    An event without agents is asked back; a change of a scene where there is none yet is refused.
     """
     guess, plain = guess_intent(words), words.lower()
     verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
-    if verb is not None and not names_somebody(plain) and len(plain.split()) <= _LONGEST_FIRST:
+    if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= _LONGEST_FIRST:
         told = [f"{one} {verb} {other}" for one, other in _PARTIES]
         return _offer("Who takes part?", told)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
@@ -227,7 +227,7 @@ def _find_clause(words: str) -> TurnKind | None:
     That is the last one, or one that is surely about the conversation, such as "please keep it".
     """
     clauses = [each for each in _CLAUSES.split(words) if each.strip()]
-    if len(clauses) < 2 or _tells_change(" , ".join(clauses[:-1]) + ","):
+    if len(clauses) < 2 or _is_change(" , ".join(clauses[:-1]) + ","):
         return None
     turn, guess = classify_turn(clauses[-1]), guess_intent(clauses[-1])
     if turn.kind == "question" and not is_change(guess.intent):
@@ -262,7 +262,7 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
     if (noun := simplify(words)) in CLASSES:
         there = [f"remove {each.id}" for each in find_named(f"the {noun}", talk)[:1]]
         return _offer(f"What about the {noun}?", [f"add a {noun}", *there])
-    if agrees(by_rule, guess.intent, words):
+    if is_consistent(by_rule, guess.intent, words):
         return by_rule
     counts = guess.intent == "set_count" and guess.chance >= SURE  # "cars 6" is not vehicle-6
     if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible" and not counts:
@@ -337,7 +337,7 @@ _NEW_ONE = re.compile(r"\b(?:a|an|two|three|some|another|somebody|someone)\s+\w+
 
 
 def _describes_scene(words: str) -> bool:
-    """Whether the words tell a scene of their own rather than something about this one."""
+    """Whether the words describe a scene of their own rather than something about this one."""
     ranked = dict(rank_intents(words))
     return ranked["new_scene"] >= LIKELY or len(_NEW_ONE.findall(words.lower())) >= 2
 
@@ -399,7 +399,9 @@ def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
             continue
         by_rule = read(part, now)
         made = (
-            by_rule if agrees(by_rule, guess.intent, part) else _make(guess.intent, part, now, read)
+            by_rule
+            if is_consistent(by_rule, guess.intent, part)
+            else _make(guess.intent, part, now, read)
         )
         if not isinstance(made, Edits) or guess.chance < 0.3:
             return None
