@@ -141,7 +141,7 @@ def _describe_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     lines = [_describe_event(scene, event) for event in scene.proof.events]
     if re.search(_TOUCH, scene.plain):
         kinds = {event.type for event in scene.proof.events}
-        lines.insert(0, "Yes, they touch." if "collision" in kinds else "No, nobody is hit.")
+        lines.insert(0, "Yes, they touch." if "collision" in kinds else "No, there is no contact.")
     return lines or [
         "Nothing happens: no collision, near miss or giving way, only ordinary traffic."
     ]
@@ -410,7 +410,7 @@ def _describe_followers(scene: _Scene, about: list[AgentRecord]) -> list[str]:
             and (describe_side(motion, scene.move(each), time) or "").find("behind") >= 0
             and (apart := measure_distance(motion, scene.move(each), time)) is not None
         ]  # fmt: skip
-        nearest = f"{min(behind)[1]}, {min(behind)[0]:.0f} m" if behind else "nobody"
+        nearest = f"{min(behind)[1]}, {min(behind)[0]:.0f} m" if behind else "none"
         lines.append(f"Behind {_name(agent)}: {nearest}.")
     return lines
 

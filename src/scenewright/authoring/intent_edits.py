@@ -342,7 +342,7 @@ def _change_speed(wish: Wish) -> _Answer:
     if view is not None and re.search(r"\bmore\b|\bby \d|\bexceed|\bextra\b", wish.plain):
         value += round(view.speed / _UNITS[unit])
     if re.search(r"-\d", wish.plain):
-        return _decline("Nobody drives backwards here; say a speed above zero.")
+        return _decline("No agent drives backwards here; say a speed above zero.")
     return f"let {node.id} drive at {value:g} {unit}"
 
 
@@ -354,7 +354,7 @@ def _remove(wish: Wish) -> _Answer:
 
 
 def find_new_kind(plain: str) -> str | None:
-    """The noun of somebody new, as in "a bus" or "into a bus"; None where there is none."""
+    """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
     ridden = re.sub(
         r"\ban? (?:[a-z]+ )?[a-z]+ (?=(?:on|riding) an? )|\b(?:on|riding) (?=an? )", "", plain
     )
