@@ -22,7 +22,7 @@ KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
 KMH, MPH = 3.6, 2.2369
 TOPICS = (
-    "I can tell: what happens, when, where and how close; how fast each goes and whether it brakes "
+    "I can answer: what happens, when, where and how close; how fast each goes, whether it brakes "
     "or stops; where each comes from and goes to; the lights; who was there; who had to give way."
 )
 _TOUCH = r"\b(?:crash|hit|hits|touch|collide|contact|hurt|alive|dead|make it|struck|survive)\b"
