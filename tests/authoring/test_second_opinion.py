@@ -172,3 +172,18 @@ def test_a_single_noun_is_asked_about() -> None:
     talk = talk_of(CAR, WALKER)
     reading = choose_reading("ped", DeclinedTurn(code="no_change", reason=""), talk, read_nothing)
     assert isinstance(reading, Clarification)
+
+
+def test_contact_that_the_words_deny_is_not_made() -> None:
+    talk = talk_of(CAR, WALKER)
+    edge = {"type": "collide_at", "from": "vehicle-1", "to": "pedestrian-1"}
+    crash = Edits.model_validate({"edits": [{"edit": "relate", "edge": edge}]})
+    reading = choose_reading("make it more near, but no touch", crash, talk, read_nothing)
+    assert not (isinstance(reading, Edits) and reading == crash)
+
+
+def test_nobody_is_removed_whom_the_words_want_to_keep() -> None:
+    talk = talk_of(CAR, WALKER)
+    gone = Edits(edits=(RemoveAgent(agent="pedestrian-1"),))
+    reading = choose_reading("the car at 50 km/h. do not touch the ped", gone, talk, read_nothing)
+    assert not (isinstance(reading, Edits) and gone.edits[0] in reading.edits)

@@ -140,18 +140,28 @@ def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarific
     if not isinstance(found, Refusal):
         return None
     reason = found.reason.partition(" Did you mean")[0]
-    if found.did_you_mean and not (
-        tells_event(words) and says_nothing_happens(found.did_you_mean[0])
-    ):
-        return _offer(reason, found.did_you_mean)
-    for part in _list_parts(words):
-        read = plan(part, site=site)
-        if isinstance(read, SocialGraph) and (read.relations or not tells_event(words)):
-            return _offer("I could not read all of that.", [part.strip(" .!?;:")])
-        offers = read.did_you_mean if isinstance(read, Refusal) else ()
-        if offers and not says_nothing_happens(offers[0]):
-            return _offer("I could not read all of that.", offers)
-    return _offer(reason, found.did_you_mean) if found.did_you_mean else None
+    offers = [(reason, found.did_you_mean)] if found.did_you_mean else []
+    if not offers or _measure_cover(found.did_you_mean[0], words) < _measure_cover(words, words):
+        for part in _list_parts(words):
+            read = plan(part, site=site)
+            sentences = read.did_you_mean if isinstance(read, Refusal) else (part.strip(" .!?;:"),)
+            if sentences and bool(_list_classes(sentences[0])) >= bool(_list_classes(words)):
+                offers.append(("I could not read all of that.", sentences))
+    if not offers:
+        return None
+    return _offer(*max(offers, key=lambda each: _measure_cover(each[1][0], words)))
+
+
+def _measure_cover(sentence: str, words: str) -> int:
+    """How much of what the words name a sentence has: road users, and that something happens."""
+    happens = tells_event(words) and tells_event(sentence) and not says_nothing_happens(sentence)
+    return len(_list_classes(words) & _list_classes(sentence)) + 2 * happens
+
+
+def _list_classes(text: str) -> set[tuple[str, str | None]]:
+    """The classes of the road users that a text names."""
+    nouns = (each.removesuffix("s") for each in re.findall(r"[a-z-]+", text.lower()))
+    return {CLASSES[each] for each in nouns if each in CLASSES}
 
 
 def _offer(what: str, sentences: Sequence[str]) -> Clarification:

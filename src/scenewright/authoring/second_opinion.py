@@ -36,6 +36,7 @@ from scenewright.scene.edits import (
     Edits,
     NewScene,
     Reading,
+    Relate,
     Situation,
     apply_edits,
 )
@@ -79,7 +80,10 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     clause = _find_clause(words)
     if clause is not None:
         return clause
-    if scene and _asks_at_last(words) and not (is_change(guess.intent) and guess.chance >= LIKELY):
+    changes = is_change(guess.intent) and guess.chance >= (
+        SURE if len(words.split()) > 3 else LIKELY
+    )
+    if scene and _asks_at_last(words) and not changes:
         return TurnKind(kind="question", words=words, topic=_find_topic(words))
     greets = not scene and guess.intent in ("help", "talk")
     if guess.chance < (LIKELY if greets or is_question(guess.intent) else SURE - 0.1):
@@ -252,7 +256,32 @@ _KEEPS = re.compile(
 _POLITE = ("talk", "quit", "show", "play", "help")
 
 
+_REMOVING = ("remove", "become", "no_traffic", "less_traffic", "set_count", "undo")
+_KEEPS_OUT = re.compile(r"\b(?:not|don't|never) (?:to )?(?:delete|remove|touch|change|drop)\b")
+_NO_CONTACT = re.compile(
+    r"\b(?:not|no|never|without|don't|doesn't|shouldn't|mustn't|won't) (?:\w+ ){0,2}"
+    r"(?:bump|touch|hit|crash|contact|collide|collision|accident)\w*|\btouch no\b"
+)
+
+
 def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
+    """The reading of `_choose_reading`, unless the words themselves speak against it."""
+    found, plain = _choose_reading(words, by_rule, talk, read), words.lower()
+    if not isinstance(found, Edits):
+        return found
+    kinds = {each.edit for each in found.edits}
+    removes = "remove_agent" in kinds
+    chances = dict(rank_intents(words))
+    asked = sum(chances[name] for name in _REMOVING) >= _HARDLY
+    if removes and (_KEEPS_OUT.search(plain) or not asked):
+        return _ask(words, talk, read) or _decline_change()
+    hits = any(isinstance(each, Relate) and each.edge.type == "collide_at" for each in found.edits)
+    if hits and _NO_CONTACT.search(plain):
+        return _offer("I am not sure what shall be different.", ["make it a near miss"])
+    return found
+
+
+def _choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
     """The reading by rule, or the one by intent, or a question where neither is sure.
 
     Args:
@@ -320,7 +349,7 @@ def _keep(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
 
 
 def _give_up(by_rule: Reading) -> DeclinedTurn:
-    if isinstance(by_rule, DeclinedTurn):
+    if isinstance(by_rule, DeclinedTurn) and by_rule.code != "no_change":
         return by_rule
     return _decline_change()
 
@@ -328,8 +357,10 @@ def _give_up(by_rule: Reading) -> DeclinedTurn:
 def _decline_change() -> DeclinedTurn:
     return DeclinedTurn(
         code="no_change",
-        reason="I cannot tell what shall be different, so nothing is. Say one change at a time, "
-        'such as "slow the car down" or "make it night"; "new scene: ..." begins another one.',
+        reason="I cannot tell what shall be different, or cannot do that, so nothing is: I can "
+        "change who is there, how they move, what happens between them and the hour. Say one "
+        'change at a time, such as "slow the car down" or "make it night"; "new scene: ..." '
+        "begins another one.",
     )
 
 
