@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from scenewright.authoring.scene_motion import Motion
 from scenewright.authoring.session import Session
 from scenewright.backends import load_backend
+from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
 
 
@@ -92,3 +94,23 @@ def test_a_doubtful_first_line_is_taken_at_its_likeliest_and_says_so() -> None:
     assert session.state["pending"] is not None
     assert session.say("who is in it?")["kind"] == "answer"
     assert session.state["pending"] is None
+
+
+def test_answers_follow_the_tracks(session: Session) -> None:
+    shown = session.find_version()
+    assert shown is not None
+    step, (car, walker) = shown.record.meta.step, shown.record.agents[:2]
+    motions = [Motion(each, step) for each in (car, walker)]
+    visits = [each.find_visit(load_map(shown.record.meta.intersection)) for each in motions]
+    first = min(zip(visits, ("vehicle-1", "pedestrian-1"), strict=True))
+    assert ask(session, "who enters the crossing first?").startswith(first[1])
+    story = ask(session, "tell me the whole thing in order, as it happens").splitlines()
+    times = [float(line.partition(" s:")[0]) for line in story]
+    assert times == sorted(times)
+    assert len(times) > 4
+    peak = motions[0].speed.max() * 2.2369
+    assert f"{peak:.0f} mph" in ask(session, "how fast is the car in mph?")
+    assert ask(session, "how fast was the bus?").startswith("There is no bus in this scene.")
+    assert "I cannot tell what would have been" in ask(
+        session, "would it have been avoided had he driven 20?"
+    )

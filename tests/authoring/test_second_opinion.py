@@ -12,6 +12,7 @@ from scenewright.authoring.second_opinion import (
     check_first_words,
     choose_reading,
     correct,
+    correct_within,
     weigh_kind,
 )
 from scenewright.scene.edits import (
@@ -152,3 +153,37 @@ def test_an_event_without_anybody_is_asked_back_and_a_change_without_a_scene_ref
     assert isinstance(check_first_words("make a crash!!!"), Clarification)
     assert isinstance(check_first_words("make it slower"), DeclinedTurn)
     assert check_first_words("a car yields to a pedestrian") is None
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("make the first car slower, sorry, only the van", "make the van slower"),
+        ("let the bus come from the north, sorry, the south", "let the bus come from the south"),
+        ("make the gap 8 m, no wait, 12", "make the gap 12 m"),
+        ("hello, sorry, i am late", "hello, sorry, i am late"),
+    ],
+)
+def test_words_that_correct_themselves(words: str, meant: str) -> None:
+    assert correct_within(words) == meant
+
+
+def test_a_single_noun_is_asked_about() -> None:
+    talk = talk_of(CAR, WALKER)
+    reading = choose_reading("ped", DeclinedTurn(code="no_change", reason=""), talk, read_nothing)
+    assert isinstance(reading, Clarification)
+
+
+def test_contact_that_the_words_deny_is_not_made() -> None:
+    talk = talk_of(CAR, WALKER)
+    edge = {"type": "collide_at", "from": "vehicle-1", "to": "pedestrian-1"}
+    crash = Edits.model_validate({"edits": [{"edit": "relate", "edge": edge}]})
+    reading = choose_reading("make it more near, but no touch", crash, talk, read_nothing)
+    assert not (isinstance(reading, Edits) and reading == crash)
+
+
+def test_nobody_is_removed_whom_the_words_want_to_keep() -> None:
+    talk = talk_of(CAR, WALKER)
+    gone = Edits(edits=(RemoveAgent(agent="pedestrian-1"),))
+    reading = choose_reading("the car at 50 km/h. do not touch the ped", gone, talk, read_nothing)
+    assert not (isinstance(reading, Edits) and gone.edits[0] in reading.edits)

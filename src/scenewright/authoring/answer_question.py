@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
+from scenewright.authoring.scene_motion import (
+    Motion,
+    describe_side,
+    find_closest,
+    measure_distance,
+)
 from scenewright.geometry.map_areas import geos
-from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.record import AgentRecord, SceneRecord, SignalRecord
 
-STANDS = 0.3
-"""Speed [m/s] up to which an agent stands (SEMANTICS section 4)."""
-BRAKES = 2.0
-"""Deceleration [m/s^2] from which it is called braking here."""
 KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
-KMH = 3.6
+KMH, MPH = 3.6, 2.2369
 TOPICS = (
     "I can answer: what happens, when, where and how close; how fast each goes, whether it brakes "
     "or stops; where each comes from and goes to; the lights; who was there; who had to give way."
 )
+_TOUCH = r"\b(?:crash|hit|hits|touch|collide|contact|hurt|alive|dead|make it|struck|survive)\b"
 _VERBS = {
     "yielding": "yields to", "follow": "follows", "collision": "collides with",
     "near_miss": "has a near miss with",
@@ -37,7 +37,8 @@ _FIGURES = {
     "least_gap": "least gap {:.1f} m", "least_headway": "least headway {:.1f} s",
 }  # fmt: skip
 _WORDS = {
-    "car": "car", "vehicle": "vehicle driver", "truck": "truck lorry", "van": "van", "bus": "bus",
+    "car": "car sedan", "vehicle": "vehicle driver", "truck": "truck lorry rig semi",
+    "van": "van", "bus": "bus",
     "taxi": "taxi cab", "ambulance": "ambulance", "police_car": "police", "fire_engine": "fire",
     "motorcycle": "motorcycle motorbike", "cyclist": "cyclist bike bicycle", "scooter": "scooter",
     "pedestrian": "pedestrian walker man woman child person her him she he",
@@ -51,6 +52,11 @@ class _Scene:
     record: SceneRecord
     proof: Proof
     intersection_map: IntersectionMap
+    plain: str = ""
+
+    def move(self, agent: AgentRecord) -> Motion:
+        """How the agent moved."""
+        return Motion(agent, self.record.meta.step)
 
     def get_agent(self, number: int | None) -> AgentRecord | None:
         return next((each for each in self.record.agents if each.id == number), None)
@@ -75,9 +81,14 @@ def answer_question(
     Args:
         topic: as the model of turns names it, such as `q_speed`; None: found by the words alone.
     """
-    scene = _Scene(record, proof, intersection_map)
     plain = " ".join(words.lower().rstrip(" ?.!").split())
-    about = _find_agents(plain, scene)
+    scene = _Scene(record, proof, intersection_map, plain)
+    about, absent = _find_agents(plain, scene), _find_absent(plain, scene)
+    return [*absent, *_answer(scene, about, topic)]
+
+
+def _answer(scene: _Scene, about: list[AgentRecord], topic: str | None) -> list[str]:
+    plain = scene.plain
     if topic in _BY_TOPIC:
         return _BY_TOPIC[topic](scene, about)
     for pattern, answer in _TOPICS:
@@ -97,22 +108,27 @@ def _find_agents(plain: str, scene: _Scene) -> list[AgentRecord]:
     by_id = [each for each in scene.record.agents if re.search(rf"\b{each.name}\b", plain)]
     nouns = {_NOUNS[word] for word in re.findall(r"[a-z]+", plain) if word in _NOUNS}
     by_noun = [each for each in scene.list_named() if {each.type, each.subtype} & nouns]
+    if re.search(r"\b(?:bikes?|riders?)\b", plain) and not by_noun:
+        by_noun = [each for each in scene.list_named() if each.subtype == "motorcycle"]
     driven = [each for each in scene.list_named() if each.type == "vehicle" and "car" in nouns]
     return by_id or by_noun or driven or scene.list_named() or list(scene.record.agents)[:3]
+
+
+def _find_absent(plain: str, scene: _Scene) -> list[str]:
+    """A line for every kind of road user that the question names and that is not there."""
+    there = {kind for each in scene.record.agents for kind in (each.type, each.subtype)}
+    there |= {"car", "vehicle"} if "vehicle" in there else set()
+    there |= {"truck"} if "van" in there else set()
+    nouns = [word for word in re.findall(r"[a-z]+", plain) if word in _NOUNS]
+    there |= {"cyclist"} if "motorcycle" in there else set()  # both are called a bike
+    missing = [noun for noun in dict.fromkeys(nouns) if _NOUNS[noun] not in there]
+    return [f"There is no {noun} in this scene." for noun in missing]
 
 
 def _name(agent: AgentRecord | None, number: int | None = None) -> str:
     if agent is None:
         return f"agent {number}"
     return f"{agent.name} ({agent.subtype})" if agent.subtype else agent.name
-
-
-def _compute_speeds(agent: AgentRecord, step: float) -> FloatArray:
-    """[T] speed [m/s] of every sample."""
-    xy = np.array(agent.trajectory)
-    if len(xy) < 2:
-        return np.zeros(len(xy))
-    return np.asarray(np.linalg.norm(np.gradient(xy, step, axis=0), axis=1))
 
 
 def _find_time(scene: _Scene, agent: AgentRecord) -> float | None:
@@ -123,6 +139,9 @@ def _find_time(scene: _Scene, agent: AgentRecord) -> float | None:
 
 def _describe_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     lines = [_describe_event(scene, event) for event in scene.proof.events]
+    if re.search(_TOUCH, scene.plain):
+        kinds = {event.type for event in scene.proof.events}
+        lines.insert(0, "Yes, they touch." if "collision" in kinds else "No, there is no contact.")
     return lines or [
         "Nothing happens: no collision, near miss or giving way, only ordinary traffic."
     ]
@@ -147,31 +166,72 @@ def _describe_place(spot: tuple[float, float], intersection_map: IntersectionMap
     return "in the junction"
 
 
-def _describe_closeness(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_closeness(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     lines = []
     for event in scene.proof.events:
         figures = [_FIGURES[key].format(event.evidence[key]) for key in _FIGURES
                    if isinstance(event.evidence.get(key), float)]  # fmt: skip
         lines.append(_describe_event(scene, event))
         lines += [f"  {each}" for each in figures]
-    return lines or _describe_events(scene, [])
+    return [*lines, *_describe_distances(scene, about)] or _describe_events(scene, [])
+
+
+def _describe_distances(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """How far two agents are apart: at the least, and when either brakes or comes in."""
+    pair = _find_pair(scene, about)
+    if pair is None:
+        return []
+    one, other = (scene.move(each) for each in pair)
+    closest = find_closest(one, other)
+    if closest is None:
+        return [f"{_name(pair[0])} and {_name(pair[1])} are never there at the same time."]
+    names = f"{_name(pair[0])} and {_name(pair[1])}"
+    lines = [f"{names} are nearest at {closest[0]:.1f} s, {closest[1]:.1f} m apart."]
+    for each in (one, other):
+        visit, brakes = each.find_visit(scene.intersection_map), each.find_braking_start()
+        for what, time in (("begins to brake", brakes), ("comes in", visit and visit[0])):
+            apart = None if time is None else measure_distance(one, other, time)
+            if apart is not None:
+                lines.append(f"  when {_name(each.agent)} {what} ({time:.1f} s): {apart:.1f} m")
+    return lines
+
+
+def _find_pair(scene: _Scene, about: list[AgentRecord]) -> list[AgentRecord] | None:
+    """The two that are asked about: those named, else one named and whom it meets."""
+    if len(about) == 2:
+        return about
+    for event in scene.proof.events:
+        pair = [each for n in (event.from_, event.to) if (each := scene.get_agent(n)) is not None]
+        if len(pair) == 2 and (len(about) != 1 or about[0] in pair):
+            return pair
+    named = scene.list_named()
+    others = [each for each in named if each not in about]
+    return [about[0], others[0]] if len(about) == 1 and len(others) == 1 else None
 
 
 def _describe_speeds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
-    return [_describe_speed(scene, agent) for agent in about]
+    lines = [_describe_speed(scene, agent) for agent in about]
+    if len(about) > 1 and re.search(r"\bwho(?:se)?\b|\bwhich\b|\bfaster|\bcompare", scene.plain):
+        most = {_name(each): scene.move(each).speed.max() for each in about}
+        first = max(most, key=lambda name: most[name])
+        lines.insert(0, f"{first} is the fastest, with {_format_speed(most[first], scene.plain)}.")
+    return lines
 
 
 def _describe_speed(scene: _Scene, agent: AgentRecord) -> str:
-    speed, time = _compute_speeds(agent, scene.record.meta.step), _find_time(scene, agent)
-    line = f"{_name(agent)} goes at {_format_speed(speed.max())} at the most"
-    if time is not None:
-        at = round((time - agent.spawn_time) / scene.record.meta.step)
-        if 0 <= at < len(speed):
-            line += f", at {_format_speed(speed[at])} when it happens ({time:.1f} s)"
-    return f"{line}, and at {_format_speed(speed.min())} at the least."
+    motion, time = scene.move(agent), _find_time(scene, agent)
+    speed, brakes = motion.speed, motion.find_braking_start()
+    line = f"{_name(agent)} goes at {_format_speed(speed.max(), scene.plain)} at the most"
+    for what, when in (("when it begins to brake", brakes), ("when it happens", time)):
+        at = None if when is None else motion.index(when)
+        if at is not None:
+            line += f", at {_format_speed(speed[at], scene.plain)} {what} ({when:.1f} s)"
+    return f"{line}, and at {_format_speed(speed.min(), scene.plain)} at the least."
 
 
-def _format_speed(value: float) -> str:
+def _format_speed(value: float, plain: str = "") -> str:
+    if re.search(r"\bmph\b|\bmiles\b", plain):
+        return f"{value * MPH:.0f} mph ({value * KMH:.0f} km/h)"
     return f"{value:.1f} m/s ({value * KMH:.0f} km/h)"
 
 
@@ -180,15 +240,97 @@ def _describe_braking(scene: _Scene, about: list[AgentRecord]) -> list[str]:
 
 
 def _describe_agent_braking(scene: _Scene, agent: AgentRecord) -> str:
-    step = scene.record.meta.step
-    speed = _compute_speeds(agent, step)
-    change = (speed[6:] - speed[:-6]) / (6 * step) if len(speed) > 6 else np.zeros(1)
-    at = int(change.argmin())
-    when = agent.spawn_time + (at + 3) * step
-    slows = f"slows hardest at {when:.1f} s, by {-change[at]:.1f} m/s²"
-    brakes = slows if -change[at] >= 0.3 else "does not slow"
-    still = int((speed <= STANDS).sum()) * step
-    return f"{_name(agent)} {brakes}; it stands for {still:.1f} s."
+    motion = scene.move(agent)
+    starts, stops = motion.find_braking_start(), motion.list_stops()
+    line = f"{_name(agent)} does not slow"
+    if starts is not None:
+        at, hardest = motion.index(starts), int(motion.slowing.argmax())
+        speed = _format_speed(motion.speed[at or 0], scene.plain)
+        line = (
+            f"{_name(agent)} begins to brake at {starts:.1f} s, from {speed}, and slows hardest "
+            f"at {motion.times[hardest]:.1f} s, by {motion.slowing[hardest]:.1f} m/s²"
+        )
+    if not stops:
+        return f"{line}; it never stands still."
+    spans = [f"from {a:.1f} to {b:.1f} s" for a, b in stops]
+    total = sum(b - a for a, b in stops)
+    return f"{line}; it stands for {total:.1f} s ({', '.join(spans)})."
+
+
+def _describe_order(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """Who comes onto the junction first, and who leaves it first."""
+    pair = about if len(about) > 1 else (_find_pair(scene, about) or about)
+    visits = [
+        (visit[0], visit[1], _name(each))
+        for each in pair
+        if (visit := scene.move(each).find_visit(scene.intersection_map)) is not None
+    ]
+    lines = [f"{name} comes in at {a:.1f} s and is out at {b:.1f} s." for a, b, name in
+             sorted(visits)]  # fmt: skip
+    if len(visits) > 1:
+        (first, _, who), (second, _, _) = sorted(visits)[:2]
+        lines.insert(0, f"{who} is first in, {second - first:.1f} s before the next.")
+        leaves = min(visits, key=lambda each: each[1])
+        lines.append(f"{leaves[2]} is the first to be out again.")
+    return lines or _describe_events(scene, about)
+
+
+def _describe_sides(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """On which side either of two sees the other, when they are nearest."""
+    pair = _find_pair(scene, about)
+    closest = None if pair is None else find_closest(*(scene.move(each) for each in pair))
+    if pair is None or closest is None:
+        return _describe_places(scene, about)
+    lines = []
+    for one, other in (pair, pair[::-1]):
+        side = describe_side(scene.move(one), scene.move(other), closest[0])
+        lines.append(f"At {closest[0]:.1f} s {_name(one)} has {_name(other)} {side}, "
+                     f"{closest[1]:.1f} m away.")  # fmt: skip
+    return [*lines, *_describe_routes(scene, about)]
+
+
+def _describe_story(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """What happens, in the order of time."""
+    told: list[tuple[float, str]] = []
+    for agent in scene.list_named() or about:
+        motion, name = scene.move(agent), _name(agent)
+        way = f"{agent.entry} to {agent.exit}, {agent.movement}"
+        told.append((float(motion.times[0]), f"{name} comes into the scene ({way})."))
+        if (starts := motion.find_braking_start()) is not None:
+            told.append((starts, f"{name} begins to brake."))
+        for begins, ends in motion.list_stops():
+            told += [(begins, f"{name} stands."), (ends, f"{name} moves again.")]
+        if (visit := motion.find_visit(scene.intersection_map)) is not None:
+            where = f"the {agent.crosswalk} crosswalk" if agent.crosswalk else "the junction"
+            told += [(visit[0], f"{name} comes onto {where}."), (visit[1], f"{name} is across.")]
+    told += [(e.time, _describe_event(scene, e).partition(" s ")[2]) for e in scene.proof.events]
+    return [f"{time:4.1f} s: {what}" for time, what in sorted(told)]
+
+
+def _explain_what_if(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """What would have been is another scene: how this one is, and how to make that one."""
+    name = about[0].name if about else "vehicle-1"
+    return [
+        "I cannot tell what would have been, only what is in a scene that was made and checked.",
+        f'To see it, say it: "let {name} drive at 30 km/h", "make {name} slower", "{name} stops". '
+        "Here it is like this:",
+        *_describe_events(scene, about), *_describe_braking(scene, about),
+    ]  # fmt: skip
+
+
+def list_formats() -> list[str]:
+    """What a scene can be written as."""
+    from scenewright.tools.exporters import FORMATS
+
+    names = ", ".join(sorted(FORMATS))
+    return [
+        "/save writes scene.json and proof.json; /html, /gif and /mp4 write something to look at.",
+        f"`scenewright export FOLDER --to FORMAT --out DIR` writes one of: {names}.",
+    ]
+
+
+def _list_formats(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    return list_formats()
 
 
 def _describe_routes(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
@@ -203,7 +345,27 @@ def _describe_routes(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
 def _describe_lights(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     if not scene.record.signals:
         return ["There are no traffic lights here."]
-    return [line for agent in about for line in _describe_light(scene, agent)]
+    sides = re.findall(r"\b(north|south|east|west)\b", scene.plain)
+    lines = [line for side in dict.fromkeys(sides) for line in _describe_leg_light(scene, side)]
+    return lines + [line for agent in about for line in _describe_light(scene, agent)]
+
+
+def _describe_leg_light(scene: _Scene, leg: str) -> list[str]:
+    """The light of those who come from a leg, as it is when something happens."""
+    stops = {line.id for line in scene.intersection_map.stop_lines if line.leg == leg}
+    rows = [row for row in scene.record.signals if row.stop_line in stops]
+    time = min((event.time for event in scene.proof.events), default=None)
+    if not rows:
+        return []
+    return [f"The light for traffic from the {leg} {_describe_rows(rows, time)}."]
+
+
+def _describe_rows(rows: Sequence[SignalRecord], time: float | None) -> str:
+    phases = ", ".join(f"{row.colour} {row.start:.0f}-{row.end:.0f} s" for row in rows)
+    now = next((r for r in rows if time is not None and r.start <= time < r.end), None)
+    if now is None or time is None:
+        return f"shows {phases}"
+    return f"is {now.colour} at {time:.1f} s, for {time - now.start:.1f} s by then ({phases})"
 
 
 def _describe_light(scene: _Scene, agent: AgentRecord) -> list[str]:
@@ -211,12 +373,14 @@ def _describe_light(scene: _Scene, agent: AgentRecord) -> list[str]:
     rows = [row for row in scene.record.signals if (row.crosswalk or row.stop_line) in names]
     if not rows:
         return [f"No light concerns {_name(agent)}."]
-    phases = ", ".join(f"{row.colour} {row.start:.0f}-{row.end:.0f} s" for row in rows)
-    ran = "; it runs a red light" if agent.violates_signal else ""
-    time = _find_time(scene, agent)
-    now = next((r.colour for r in rows if time is not None and r.start <= time < r.end), None)
-    then = f"is {now} at {time:.1f} s ({phases})" if now is not None else f"shows {phases}"
-    return [f"The light of {_name(agent)} {then}{ran}."]
+    lines = [f"The light of {_name(agent)} {_describe_rows(rows, _find_time(scene, agent))}"]
+    visit = scene.move(agent).find_visit(scene.intersection_map)
+    for what, time in zip(("comes in", "is out again"), visit or (), strict=False):
+        row = next((r for r in rows if r.start <= time < r.end), None)
+        if row is not None:
+            lines.append(f"{row.colour} when it {what} ({time:.1f} s)")
+    ran = ["it runs a red light"] if agent.violates_signal else []
+    return ["; ".join([*lines, *ran]) + "."]
 
 
 def _find_light_names(intersection_map: IntersectionMap, agent: AgentRecord) -> set[str]:
@@ -226,17 +390,41 @@ def _find_light_names(intersection_map: IntersectionMap, agent: AgentRecord) -> 
     return {walk.id for walk in intersection_map.crosswalks if walk.leg == agent.crosswalk}
 
 
-def _describe_counts(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_counts(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     named = ", ".join(_name(each) for each in scene.list_named()) or "none"
     kinds = Counter(e.subtype or e.type for e in scene.record.agents if e.role == "background")
     others = ", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"
-    return [f"In the event: {named}.", f"Besides: {others}; {len(scene.record.agents)} in all."]
+    lines = [f"In the event: {named}.", f"Besides: {others}; {len(scene.record.agents)} in all."]
+    return [*lines, *(_describe_followers(scene, about) if "behind" in scene.plain else [])]
+
+
+def _describe_followers(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """Who drives behind each, when it happens."""
+    lines = []
+    for agent in about:
+        time, motion = _find_time(scene, agent), scene.move(agent)
+        behind = [
+            (apart, _name(each))
+            for each in scene.record.agents
+            if time is not None and each is not agent and each.entry == agent.entry
+            and (describe_side(motion, scene.move(each), time) or "").find("behind") >= 0
+            and (apart := measure_distance(motion, scene.move(each), time)) is not None
+        ]  # fmt: skip
+        nearest = f"{min(behind)[1]}, {min(behind)[0]:.0f} m" if behind else "none"
+        lines.append(f"Behind {_name(agent)}: {nearest}.")
+    return lines
 
 
 def _describe_time(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     meta = scene.record.meta
     clock = f"The scene is at {meta.time_of_day} and lasts {meta.duration:g} s."
-    return [*_describe_events(scene, about), clock]
+    visits = [
+        f"{_name(each)} comes in at {visit[0]:.1f} s and is across at {visit[1]:.1f} s, "
+        f"{visit[1] - visit[0]:.1f} s later."
+        for each in about[:4]
+        if (visit := scene.move(each).find_visit(scene.intersection_map)) is not None
+    ]
+    return [*_describe_events(scene, about), *visits, clock]
 
 
 def _describe_fault(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
@@ -369,6 +557,12 @@ _TOPICS: tuple[tuple[str, _Answer], ...] = (
     (r"(?:who|what)(?:'s| is| are) (?:she|he|her|him|it|they|them)$|(?:is|are) (?:that|it|this|"
      r"he|she|the \w+) "
      r"(?:really )?an? \w+", _describe_kinds),
+    (r"would (?:have|it|he|she|they)\b|could (?:he|she|it|they|the \w+) have", _explain_what_if),
+    (r"formats?\b|file types?", _list_formats),
+    (r"first\b|before or after|order\b|already (?:there|gone)", _describe_order),
+    (r"(?:on|from|which) (?:which |the )?(?:side|left|right)\b|point of view", _describe_sides),
+    (r"second by second|in order|step by step|the whole (?:story|thing)|sentences|timeline",
+     _describe_story),
     (r"what (?:else )?can (?:i|you|we)\b|what (?:could|should) i (?:say|ask)\b|how do i\b",
      _list_topics),
     (r"fault|blame|right of way|priority|had to (?:yield|give way)|guilty", _describe_fault),
@@ -395,6 +589,7 @@ _BY_TOPIC: dict[str, _Answer] = {
     "q_where": _describe_places, "q_when": _describe_time, "q_light": _describe_lights,
     "q_danger": _describe_danger, "q_fault": _describe_fault, "q_why": _describe_causes,
     "q_sight": _describe_sight, "q_limit": _describe_speed_limit, "q_weather": _explain_no_weather,
-    "q_proof": _describe_proof,
+    "q_proof": _describe_proof, "q_order": _describe_order, "q_what_if": _explain_what_if,
+    "q_story": _describe_story, "q_formats": _list_formats,
 }  # fmt: skip
 """Intents of the model of turns -> what answers them."""

@@ -60,12 +60,16 @@ CLASSES: dict[str, tuple[str, str | None]] = {
     "child": ("pedestrian", None), "kid": ("pedestrian", None), "guy": ("pedestrian", None),
     "boy": ("pedestrian", None), "girl": ("pedestrian", None), "person": ("pedestrian", None),
     "lady": ("pedestrian", None), "ped": ("pedestrian", None), "minibus": ("vehicle", "bus"),
+    "sedan": ("vehicle", "car"), "suv": ("vehicle", "car"), "pickup": ("vehicle", "car"),
+    "semi": ("vehicle", "truck"), "rig": ("vehicle", "truck"),
+    "escooter": ("scooter", None), "bloke": ("pedestrian", None), "fella": ("pedestrian", None),
+    "gentleman": ("pedestrian", None), "adult": ("pedestrian", None),
     "police car": ("vehicle", "police_car"), "ambulance": ("vehicle", "ambulance"),
 }  # fmt: skip
 """Noun -> class and subtype."""
 _NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
 _WHO = (
-    rf"(?P<who>it|him|her|them|he|she|they|that(?: one)?|(?:the |that |this )?other one|"
+    rf"(?P<who>it|him|her|them|he|she|they|me|ego|that(?: one)?|(?:the |that |this )?other one|"
     rf"(?:the|that|this|my) (?:other )?(?:old |young |little |delivery |e-)*(?:{_NOUN})(?: rider)?|"
     rf"(?:{_NOUN}|(?:vehicle|pedestrian|cyclist|scooter)-\d+))"
 )
@@ -91,11 +95,13 @@ class Talk:
 
     Attributes:
         touched: agents that were spoken of, the last first; events: of the current version.
+        narrator: the noun of what the one who writes drives or is, such as "taxi".
     """
 
     situation: Situation
     touched: Sequence[str]
     events: Sequence[Event]
+    narrator: str | None = None
 
     def list_named(self) -> list[AgentNode]:
         """The agents of the instruction, those spoken of last first."""
@@ -115,6 +121,10 @@ class Talk:
     def find(self, who: str) -> AgentNode | None:
         """The agent that the words mean; None where that is no agent, or several equally."""
         words = re.sub(r"^(?:the|that|this|my) ", "", who)
+        if words in ("me", "i", "myself"):
+            return self.find(self.narrator) if self.narrator else None
+        if words == "ego":
+            words = "vehicle"
         named = self.list_named()
         if words in {each.id for each in named}:
             return self.situation.graph.agent(words)
@@ -507,6 +517,11 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
 )  # fmt: skip
 
 
+def _doubt(reason: str) -> DeclinedTurn:
+    """A refusal of what was not understood, so that another reading may stand instead."""
+    return DeclinedTurn(code="no_change", reason=reason)
+
+
 def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     """The planner's reading, unless it passes over what the words plainly say.
 
@@ -516,7 +531,7 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     plain = simplify(words)
     graph = talk.situation.graph
     if isinstance(reading, NewScene) and graph.agents and _SPEAKS_OF_THIS.match(plain):
-        return _decline(
+        return _doubt(
             'I cannot tell what shall be different. Say one change at a time, or "new scene: ..." '
             "to begin another one."
         )
@@ -526,12 +541,12 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     if re.match(r"(?:add|put|place)\b", plain) and any(
         _takes_away(e, pairs) for e in reading.edits
     ):
-        return _decline(
+        return _doubt(
             "That would take away what happens now. Say whom to add and what it does, such as "
             '"add a car that follows the bus".'
         )
     if passed := _find_passed_over(plain, reading.edits):
-        return _decline(
+        return _doubt(
             f"I cannot tell what shall become of the {passed}. Say it by its id, such as "
             f'"{CLASSES[passed][0]}-1 goes slower", or "add a {passed} from the south".'
         )

@@ -137,6 +137,11 @@ def is_change(intent: str) -> bool:
     return intent in _MAKES
 
 
+def list_makes(intent: str) -> set[str]:
+    """The kinds of edits that do what the intent is."""
+    return set(_MAKES.get(intent, "").split())
+
+
 def is_consistent(reading: Reading, intent: str, words: str) -> bool:
     """Whether a reading does what the intent is: its edits are of its kinds, its way as said."""
     kinds = _MAKES.get(intent, "").split()
@@ -170,7 +175,7 @@ _MENTION = re.compile(
     r"\b(?P<new>an?|another|one|two|some|more)? ?(?P<det>the |that |this |my )?"
     r"(?P<other>other )?(?:(?!the\b|an?\b|and\b|or\b|of\b|to\b)[a-z-]+ ){0,2}?"
     rf"(?P<noun>{_NOUN})s?\b|"
-    r"\b(?P<word>it|him|her|he|she|the other(?: one)?|the first one)\b"
+    r"\b(?P<word>it|him|her|he|she|me|ego|the other(?: one)?|the first one)\b"
 )
 _KINDS = re.compile(rf"\b(?:an?|another|one)\s+(?:[a-z-]+ ){{0,2}}?(?P<noun>{_NOUN})\b")
 _BARE_KIND = re.compile(
@@ -225,7 +230,8 @@ class Wish:
 
     def number(self, *units: str) -> float | None:
         """The first number in the words, with one of these units if any are named."""
-        for found in _NUMBER.finditer(self.plain):
+        every = sorted(_NUMBER.finditer(self.plain), key=lambda each: each["number"] in _WORDS)
+        for found in every:  # "that one, at 50": figures before words
             if not units or (found["unit"] or "").startswith(units):
                 text = found["number"].replace(",", ".")
                 return float(_WORDS[text]) if text in _WORDS else float(text)
@@ -332,7 +338,15 @@ def _change_speed(wish: Wish) -> _Answer:
     if node is None or value is None:
         return None
     unit = "m/s" if "m/s" in wish.plain else "mph" if "mph" in wish.plain else "km/h"
+    view = wish.view(node)
+    if view is not None and re.search(r"\bmore\b|\bby \d|\bexceed|\bextra\b", wish.plain):
+        value += round(view.speed / _UNITS[unit])
+    if re.search(r"-\d", wish.plain):
+        return _decline("No agent drives backwards here; say a speed above zero.")
     return f"let {node.id} drive at {value:g} {unit}"
+
+
+_UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
 
 def _remove(wish: Wish) -> _Answer:
@@ -341,7 +355,10 @@ def _remove(wish: Wish) -> _Answer:
 
 def find_new_kind(plain: str) -> str | None:
     """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
-    found = _KINDS.search(plain) or _BARE_KIND.search(plain)
+    ridden = re.sub(
+        r"\ban? (?:[a-z]+ )?[a-z]+ (?=(?:on|riding) an? )|\b(?:on|riding) (?=an? )", "", plain
+    )
+    found = _KINDS.search(ridden) or _BARE_KIND.search(ridden)
     return None if found is None else found["noun"] or found["only"]
 
 
@@ -457,7 +474,9 @@ def _write_clock(hour: int, minutes: str | None) -> str:
 
 
 _HOURS = (
-    (r"\b(\d{1,2})(?::(\d\d))? ?(?:h\b|hours?\b|o'?clock)", None), (r"rush", "rush hour"),
+    (r"\b(\d{1,2})(?::(\d\d))? ?(?:h\b|hours?\b|o'?clock)", None),
+    (r"(?:around|about|like|at) (\d{1,2})(?::(\d\d))?\b(?! ?[a-z/%])", None),
+    (r"rush", "rush hour"),
     (r"midnight", "midnight"), (r"noon", "noon"), (r"dusk|sunset|after work", "6 pm"),
     (r"dawn|sunrise", "6 am"), (r"school", "8 am"), (r"evening", "7 pm"), (r"afternoon", "3 pm"),
     (r"morning", "8 am"),
@@ -469,8 +488,12 @@ _HOURS = (
 def _change_clock(wish: Wish) -> _Answer:
     for pattern, hour in _HOURS:
         found = re.search(pattern, wish.plain)
-        if found is not None:
-            return f"make it {hour or _write_clock(int(found[1]), found[2])}"
+        if found is None:
+            continue
+        if hour is None:
+            late = re.search(r"evening|afternoon|night|\bpm\b", wish.plain) and int(found[1]) < 12
+            return f"make it {_write_clock(int(found[1]) + (12 if late else 0), found[2])}"
+        return f"make it {hour}"
     return None
 
 
@@ -550,6 +573,8 @@ def _set_impact(wish: Wish) -> _Answer:
 
 def _change_event_time(wish: Wish) -> _Answer:
     seconds = wish.number("s")
+    if seconds and re.search(r"\bsec(?:ond)?s? in(?:to)?\b|\bs in(?:to)?\b", wish.plain):
+        return f"let it happen {seconds:g} s into the scene"
     when = "later" if wish.intent == "event_later" else "earlier"
     return f"{seconds:g} seconds {when}" if seconds else when
 

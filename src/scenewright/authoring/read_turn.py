@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+from scenewright.authoring.everyday_words import CLASSES
 from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
 from scenewright.errors import BackendFault
 from scenewright.scene.edits import (
@@ -95,20 +97,91 @@ SENTENCE = "sentence"
 """Marker of a choice between sentences, in place of a phrase."""
 
 
+_TELLS_EVENT = re.compile(
+    r"near|almost|miss|crash|accident|collision|collide|bump|smash|hit|struck|yield|give way|wait|"
+    r"follow|brake|stop|conflict|cut|dodge"
+)
+_NOTHING = "Nothing happens"
+_SENTENCES = re.compile(r"(?<=[.!?;:])\s+|\n+")
+_MOST_PARTS = 6
+_NARRATOR = re.compile(
+    r"\b(?:i|my|we)(?:'m| am| was)?(?: [a-z]+){0,4}? (?P<noun>"
+    + "|".join(sorted(CLASSES, key=len, reverse=True)) + r")\b"
+)  # fmt: skip
+
+
+def find_narrator(words: str) -> str | None:
+    """The noun of what the one who writes drives or is, as in "I am a taxi driver"."""
+    found = _NARRATOR.search(words.lower())
+    return None if found is None else found["noun"]
+
+
+def tells_event(words: str) -> bool:
+    """Whether the words speak of something that happens between road users."""
+    return _TELLS_EVENT.search(words.lower()) is not None
+
+
+def says_nothing_happens(sentence: str) -> bool:
+    """Whether an offered sentence has no event."""
+    return _NOTHING in sentence
+
+
 def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarification | None:
-    """A question with the sentences that the offline planner takes doubtful words to mean."""
+    """A question with the sentences that the offline planner takes doubtful words to mean.
+
+    Of words that it cannot read as a whole, a part that it can is offered, and said to be a part.
+    """
     from scenewright.backends.offline import plan, site_of
     from scenewright.tools.map_grounding.grounding import can_ground
 
     serves = partial(can_ground, intersection_map=intersection_map)
-    found = plan(words, site=replace(site_of(intersection_map), can_serve=serves))
-    if not isinstance(found, Refusal) or not found.did_you_mean:
+    site = replace(site_of(intersection_map), can_serve=serves)
+    found = plan(words, site=site)
+    if not isinstance(found, Refusal):
         return None
-    offered = enumerate(found.did_you_mean, start=1)
-    choices = [Choice(answer=str(k), means=f"{SENTENCE}={each}") for k, each in offered]
-    listed = " ".join(f"{k}: {each}" for k, each in enumerate(found.did_you_mean, start=1))
     reason = found.reason.partition(" Did you mean")[0]
+    offers = [(reason, found.did_you_mean)] if found.did_you_mean else []
+    if not offers or _measure_cover(found.did_you_mean[0], words) < _measure_cover(words, words):
+        for part in _list_parts(words):
+            read = plan(part, site=site)
+            sentences = read.did_you_mean if isinstance(read, Refusal) else (part.strip(" .!?;:"),)
+            if sentences and bool(_list_classes(sentences[0])) >= bool(_list_classes(words)):
+                offers.append(("I could not read all of that.", sentences))
+    if not offers:
+        return None
+    return _offer(*max(offers, key=lambda each: _measure_cover(each[1][0], words)))
+
+
+def _measure_cover(sentence: str, words: str) -> int:
+    """How much of what the words name a sentence has: road users, and that something happens."""
+    happens = tells_event(words) and tells_event(sentence) and not says_nothing_happens(sentence)
+    return len(_list_classes(words) & _list_classes(sentence)) + 2 * happens
+
+
+def _list_classes(text: str) -> set[tuple[str, str | None]]:
+    """The classes of the road users that a text names."""
+    nouns = (each.removesuffix("s") for each in re.findall(r"[a-z-]+", text.lower()))
+    return {CLASSES[each] for each in nouns if each in CLASSES}
+
+
+def _offer(what: str, sentences: Sequence[str]) -> Clarification:
+    """A question with sentences to choose from."""
+    numbered = list(enumerate(sentences, start=1))
+    choices = [Choice(answer=str(k), means=f"{SENTENCE}={each}") for k, each in numbered]
+    listed = " ".join(f"{k}: {each}" for k, each in numbered)
     return Clarification(
-        question=f"{reason} Do you mean {listed} 0: none of these",
+        question=f"{what} Do you mean {listed} 0: none of these",
         choices=(*choices, Choice(answer="0", means=f"{SENTENCE}=")),
     )
+
+
+def _list_parts(words: str) -> list[str]:
+    """Sentences of the words, the last ones together first; "me" is who says so of herself."""
+    noun, said = find_narrator(words), words
+    if noun is not None:
+        article = "an" if noun[0] in "aeiou" else "a"
+        said = re.sub(r"\bme\b", f"{article} {noun}", words, count=1)
+    sentences = [each for each in _SENTENCES.split(said) if len(each.split()) > 2]
+    together = [" ".join(sentences[k:]) for k in range(len(sentences))]
+    parts = [each for each in dict.fromkeys([*together, *sentences]) if each != words]
+    return parts[:_MOST_PARTS]

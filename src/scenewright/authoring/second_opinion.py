@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
-from scenewright.authoring.everyday_words import Talk, simplify
+from scenewright.authoring.everyday_words import CLASSES, Talk, simplify
 from scenewright.authoring.intent_edits import (
     LIKELY,
     STEPS,
@@ -21,10 +22,11 @@ from scenewright.authoring.intent_edits import (
     is_change,
     is_consistent,
     is_question,
+    list_makes,
     replace_agent,
     spell_out,
 )
-from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn
+from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
 from scenewright.backends.offline import rank_intents
 from scenewright.scene.edits import (
     Choice,
@@ -34,6 +36,7 @@ from scenewright.scene.edits import (
     Edits,
     NewScene,
     Reading,
+    Relate,
     Situation,
     apply_edits,
 )
@@ -50,6 +53,8 @@ _SENTENCES = {
     "no_traffic": "no background traffic", "redraw": "try again",
 }  # fmt: skip
 _MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
+_HARDLY = 0.12
+"""Probability below which words hardly ask for a change."""
 
 
 def weigh_kind(words: str, *, scene: bool) -> TurnKind:
@@ -67,23 +72,57 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     if turn.kind == "question":
         if is_change(guess.intent) and guess.chance >= SURE and not words.rstrip().endswith("?"):
             return TurnKind(kind="words", words=words)
+        if guess.intent in _COMMANDS and guess.chance >= LIKELY - 0.05:
+            return _step(STEPS[guess.intent], words)
         if guess.intent in ("why_refused", "help") and guess.chance >= SURE:
             return TurnKind(kind="help" if guess.intent == "help" else "why", words=words)
         return turn.model_copy(update={"topic": _find_topic(words)})
     clause = _find_clause(words)
     if clause is not None:
         return clause
-    if guess.chance < (LIKELY if is_question(guess.intent) else SURE - 0.1):
+    changes = is_change(guess.intent) and guess.chance >= (
+        SURE if len(words.split()) > 3 else LIKELY
+    )
+    if scene and _asks_at_last(words) and not changes:
+        return TurnKind(kind="question", words=words, topic=_find_topic(words))
+    greets = not scene and guess.intent in ("help", "talk")
+    if guess.chance < (LIKELY if greets or is_question(guess.intent) else SURE - 0.1):
         return turn
     if is_question(guess.intent) and (scene or guess.chance >= SURE):
         return TurnKind(kind="question", words=words, topic=guess.intent)
-    if guess.intent == "version" and (number := _read_number(words)) is not None:
-        return TurnKind(kind="version", words=words, number=number)
+    steps = ("version", "undo", "redo")
+    if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
+        return TurnKind(kind="version", words=words, number=_read_version(words))
     if guess.intent in STEPS and not _is_change(words):
-        kind: Kind = STEPS[guess.intent]  # type: ignore[assignment]
-        count = _read_number(words) if kind == "undo" else None
-        return TurnKind(kind=kind, words=words, count=count or 1)
+        return _step(STEPS[guess.intent], words)
     return turn
+
+
+def _step(name: str, words: str) -> TurnKind:
+    """A turn about the conversation: how many steps back or forth, under which name to save."""
+    kind: Kind = name  # type: ignore[assignment]
+    if kind not in ("undo", "redo"):
+        return TurnKind(kind=kind, words=words, name=read_name(words) if kind == "save" else None)
+    count = _read_number(words) or len(re.findall(r"\b(?:undo|redo)\b", words.lower()))
+    return TurnKind(kind=kind, words=words, count=max(count, 1))
+
+
+_NEWEST = re.compile(r"\b(?:latest|newest|most recent)\b", re.IGNORECASE)
+_VERSION = re.compile(r"\b(?:version|number|v) ?#?(\d{1,3}|one|two|three|four|five|six)\b")
+
+
+def _read_version(words: str) -> int | None:
+    """The number of the version that the words name; None where they describe it."""
+    plain = words.lower().replace("second version", "version two")
+    found = _VERSION.search(plain.replace("third version", "version three"))
+    return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
+
+
+def _asks_at_last(words: str) -> bool:
+    """Whether the words end with a question mark after a clause that has the form of a question."""
+    clauses = [each for each in _CLAUSES.split(words) if each.strip()]
+    last = clauses[-1] if clauses else ""
+    return words.rstrip().endswith("?") and classify_turn(f"{last}?").kind == "question"
 
 
 def _find_topic(words: str) -> str | None:
@@ -111,13 +150,16 @@ def _is_change(words: str) -> bool:
 
 _RATHER = re.compile(
     r"^(?:(?:oh|sorry|no|nah|wait|hmm|actually|rather|i meant?|make that|not that|er|oops|"
-    r"but)\b[ ,.:]*)+(?:make it )?"
+    r"not everyone|only|just|but)\b[ ,.:]*)+(?:make it )?"
 )
 _THAT_IS = re.compile(r"[ ,]+(?:i meant?|rather|instead|please|sorry|not .*)$")
 _CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
 _FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
 _SIDE = re.compile(r"\b(?:north|south|east|west)\b")
-_AGENT = re.compile(r"\b(?:the|that|this) (?:other )?[a-z-]+\b|\b(?:it|him|her|he|she)\b")
+_AGENT = re.compile(
+    r"\b(?:the|that|this) (?:(?:other|first|second|third|last) )?[a-z-]+\b|"
+    r"\b(?:it|him|her|he|she)\b"
+)
 
 
 def correct(words: str, before: str) -> tuple[str, bool]:
@@ -128,6 +170,8 @@ def correct(words: str, before: str) -> tuple[str, bool]:
     """
     plain = " ".join(words.lower().strip(" .!").split())
     bare = _THAT_IS.sub("", _RATHER.sub("", plain))
+    if re.fullmatch(r"\d+(?:[.,]\d+)?(?: ?[a-z/]+)?", plain) and _FIGURE.search(before):
+        return _FIGURE.sub(_FIGURE.search(plain)[0], before, count=1), False  # type: ignore[index]
     if bare == plain or not before or len(bare.split()) > 4:
         return words, False
     for pattern, whole in (
@@ -143,11 +187,22 @@ def correct(words: str, before: str) -> tuple[str, bool]:
     return words, False
 
 
+_TURNS_BACK = re.compile(r"[,.;!-]+ *(?=(?:oh |no,? )?(?:sorry|no wait|i mean|wait no|rather)\b)")
+
+
+def correct_within(words: str) -> str:
+    """ "make the car slower, sorry, the truck": the first part with what is said instead."""
+    first, *rest = _TURNS_BACK.split(words, maxsplit=1)
+    fixed = correct(rest[0], first)[0] if rest else words
+    return fixed if rest and fixed != rest[0] else words
+
+
 _EVENTS = (
-    (r"near|close call|almost", "narrowly misses"),
+    (r"near|close call|almost|conflict", "narrowly misses"),
     (r"crash|accident|collision|collide|bump|smash", "collides with"),
     (r"yield|give way", "yields to"),
 )
+_LONGEST_FIRST = 30
 _PARTIES = (("A car", "a pedestrian"), ("A car", "another car"), ("A car", "a cyclist"))
 
 
@@ -158,9 +213,9 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     """
     guess, plain = guess_intent(words), words.lower()
     verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
-    if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= 6:
-        choices = [f"{one} {verb} {other}" for one, other in _PARTIES]
-        return _offer("Who takes part?", choices)
+    if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= _LONGEST_FIRST:
+        told = [f"{one} {verb} {other}" for one, other in _PARTIES]
+        return _offer("Who takes part?", told)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
     if not is_change(guess.intent) or guess.chance < SURE or guess.intent in events:
         return None
@@ -171,33 +226,78 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
 
 
 def _find_clause(words: str) -> TurnKind | None:
-    """ "wow, that was close, how fast was it?": the last clause, where the others say nothing."""
+    """ "wow, that was close, how fast was it?": the clause that counts, if the others say nothing.
+
+    That is the last one, or one that is surely about the conversation, such as "please keep it".
+    """
     clauses = [each for each in _CLAUSES.split(words) if each.strip()]
     if len(clauses) < 2 or _is_change(" , ".join(clauses[:-1]) + ","):
         return None
-    turn = classify_turn(clauses[-1])
-    steps = ("question", "undo", "redo", "version", "restart")
-    guess = guess_intent(clauses[-1])
+    turn, guess = classify_turn(clauses[-1]), guess_intent(clauses[-1])
     if turn.kind == "question" and not is_change(guess.intent):
         return turn.model_copy(
             update={"topic": guess.intent if is_question(guess.intent) else None}
         )
-    if guess.intent in STEPS and guess.chance >= SURE and guess.intent != "talk":
-        return TurnKind(kind=STEPS[guess.intent], words=words)  # type: ignore[arg-type]
-    return turn if turn.kind in steps[1:] else None
+    if is_change(guess.intent) and guess.chance >= LIKELY:
+        return None
+    for clause in reversed(clauses):
+        guess = guess_intent(clause)
+        if _KEEPS.match(clause.lower().strip()):
+            return _step("save", words)
+        if guess.intent in STEPS and guess.chance >= SURE and guess.intent not in _POLITE:
+            return _step(STEPS[guess.intent], words)
+    return turn if turn.kind in ("undo", "redo", "version", "restart") else None
+
+
+_COMMANDS = ("save", "gif", "mp4", "html", "undo")
+_KEEPS = re.compile(
+    r"^(?:and |please )?(?:(?:save|store|export|download)\b|keep (?:it|this|that)(?: for me)? as\b)"
+)
+_POLITE = ("talk", "quit", "show", "play", "help")
+
+
+_REMOVING = ("remove", "become", "no_traffic", "less_traffic", "set_count", "undo")
+_KEEPS_OUT = re.compile(r"\b(?:not|don't|never) (?:to )?(?:delete|remove|touch|change|drop)\b")
+_NO_CONTACT = re.compile(
+    r"\b(?:not|no|never|without|don't|doesn't|shouldn't|mustn't|won't) (?:\w+ ){0,2}"
+    r"(?:bump|touch|hit|crash|contact|collide|collision|accident)\w*|\btouch no\b"
+)
 
 
 def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
+    """The reading of `_choose_reading`, unless the words themselves speak against it."""
+    found, plain = _choose_reading(words, by_rule, talk, read), words.lower()
+    if not isinstance(found, Edits):
+        return found
+    kinds = {each.edit for each in found.edits}
+    removes = "remove_agent" in kinds
+    chances = dict(rank_intents(words))
+    asked = sum(chances[name] for name in _REMOVING) >= _HARDLY
+    if removes and (_KEEPS_OUT.search(plain) or not asked):
+        return _ask(words, talk, read) or _decline_change()
+    hits = any(isinstance(each, Relate) and each.edge.type == "collide_at" for each in found.edits)
+    if hits and _NO_CONTACT.search(plain):
+        return _offer("I am not sure what shall be different.", ["make it a near miss"])
+    return found
+
+
+def _choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
     """The reading by rule, or the one by intent, or a question where neither is sure.
 
     Args:
         read: reads a plain sentence by rule.
     """
     guess = guess_intent(words)
+    if (noun := simplify(words)) in CLASSES:
+        there = [f"remove {each.id}" for each in find_named(f"the {noun}", talk)[:1]]
+        return _offer(f"What about the {noun}?", [f"add a {noun}", *there])
     if is_consistent(by_rule, guess.intent, words):
         return by_rule
-    if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible":
+    counts = guess.intent == "set_count" and guess.chance >= SURE  # "cars 6" is not vehicle-6
+    if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible" and not counts:
         return by_rule  # it was understood, and says what the map does not allow
+    if isinstance(by_rule, Edits) and _is_bold(by_rule, words):
+        by_rule = _decline_change()
     parts = _read_parts(words, talk, read)
     if parts is not None and not (
         isinstance(by_rule, Edits) and len(by_rule.edits) >= len(parts.edits)
@@ -206,7 +306,7 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
     if guess.intent == "new_scene" or guess.chance < LIKELY:
         return _keep(words, by_rule, talk, read)
     if guess.intent in _DECLINES:
-        unread = not isinstance(by_rule, Edits) or guess.chance >= SURE
+        unread = not isinstance(by_rule, Edits) or guess.chance >= SURE - 0.15
         said = spell_out(guess.intent, words, talk)
         return said if unread and isinstance(said, DeclinedTurn) else by_rule
     made = _make(guess.intent, words, talk, read)
@@ -215,6 +315,16 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
     if made is None:
         return _keep(words, by_rule, talk, read)
     return made
+
+
+def _is_bold(reading: Edits, words: str) -> bool:
+    """Whether it changes what the words hardly ask for, by all intents that make such changes."""
+    if find_new_kind(simplify(words)) is not None:
+        return False
+    kinds = {each.edit for each in reading.edits}
+    return (
+        sum(each.chance for each in rank_intents(words) if kinds & list_makes(each.name)) < _HARDLY
+    )
 
 
 def _make(intent: str, words: str, talk: Talk, read: Read) -> Reading | None:
@@ -239,12 +349,18 @@ def _keep(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
 
 
 def _give_up(by_rule: Reading) -> DeclinedTurn:
-    if isinstance(by_rule, DeclinedTurn):
+    if isinstance(by_rule, DeclinedTurn) and by_rule.code != "no_change":
         return by_rule
+    return _decline_change()
+
+
+def _decline_change() -> DeclinedTurn:
     return DeclinedTurn(
         code="no_change",
-        reason="I cannot tell what shall be different, so nothing is. Say one change at a time, "
-        'such as "slow the car down" or "make it night"; "new scene: ..." begins another one.',
+        reason="I cannot tell what shall be different, or cannot do that, so nothing is: I can "
+        "change who is there, how they move, what happens between them and the hour. Say one "
+        'change at a time, such as "slow the car down" or "make it night"; "new scene: ..." '
+        "begins another one.",
     )
 
 
@@ -289,13 +405,16 @@ def _offer(what: str, sentences: list[str]) -> Clarification:
     )
 
 
+_REMARKS = re.compile(r"(?:that|this|those|these)(?:'s| is| are|'re)\b|it'?s how\b|because\b")
+_TAKES_BACK = re.compile(r"\bsorry\b|\bnot everyone\b|\bno wait\b|\bi mean\b|\.\.\. ?no\b")
 _IN_PLACE = re.compile(r"\b(?:there|instead|place)\b", re.IGNORECASE)
 
 
 def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
     """Several changes in one line; None where a part is none, or cannot be done."""
     parts = [each for each in _PARTS.split(simplify(words)) if each]
-    if len(parts) < 2:
+    parts = [each for each in parts if not _REMARKS.match(each)]
+    if len(parts) < 2 or _TAKES_BACK.search(words.lower()):
         return None
     guesses = [guess_intent(each) for each in parts]
     if sum(is_change(each.intent) and each.chance >= LIKELY for each in guesses) < 2:
@@ -326,4 +445,4 @@ def _apply(made: Edits, talk: Talk) -> Talk:
     graph = apply_edits(talk.situation.graph, made.edits)
     there = {each.id for each in graph.agents}
     present = tuple(e for e in talk.situation.present if e.role == "background" or e.id in there)
-    return Talk(Situation(graph=graph, present=present), talk.touched, talk.events)
+    return replace(talk, situation=Situation(graph=graph, present=present))

@@ -21,21 +21,27 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 from pydantic import TypeAdapter
 
-from scenewright.authoring.answer_question import answer_question, define_terms
+from scenewright.authoring.answer_question import answer_question, define_terms, list_formats
 from scenewright.authoring.apply_edits import list_concerned
 from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
-from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday
+from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday, simplify
+from scenewright.authoring.find_version import find_version
+from scenewright.authoring.intent_edits import find_named
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
     build_situation,
+    find_narrator,
     read_words,
+    says_nothing_happens,
+    tells_event,
 )
 from scenewright.authoring.second_opinion import (
     check_first_words,
     choose_reading,
     correct,
+    correct_within,
     weigh_kind,
 )
 from scenewright.authoring.thread_state import (
@@ -45,7 +51,7 @@ from scenewright.authoring.thread_state import (
     ThreadState,
     Version,
 )
-from scenewright.authoring.turn_kind import TurnKind
+from scenewright.authoring.turn_kind import TurnKind, spell_fully
 from scenewright.authoring.versions import EditResult, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import answered, begins_anew
@@ -89,12 +95,16 @@ _ABOUT_VERSION = re.compile(
     r"(?:just )?(?:change|different)"
 )
 _NOTHING_YET = (
-    "there is no scene yet; say what shall happen at an intersection, such as "
-    "'a car from the north yields to a pedestrian'"
+    "there is no scene yet; I make scenes of traffic at an intersection from words and tell what "
+    "is in them: say what shall happen, such as 'a car from the north yields to a pedestrian'"
 )
-_SAY_MORE = "Say what shall happen, or what shall be different; /help says more."
+_SAY_MORE = "All right; the scene is as it was. Say what shall be different, or ask about it."
+_BEGIN = "Hello. Say what shall happen at an intersection; /help says more."
+_AGREES = re.compile(r"^(?:(?:yes|yeah|yep|ok(?:ay)?|sure|do|try|that|it|please|exactly)[ ,.!]*)+$")
 _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
+_SHORT_QUESTION = 8
+"""Words of a question that may be about the same as the one before."""
 _LONGEST_TEXT = 1900
 """Of what was said, as much as a scene's prompt keeps."""
 
@@ -240,7 +250,7 @@ class Session:
                 ThreadState,
                 {
                     **{"argument": "", "heading": self._heading, "reading": None},
-                    **{"models": {}, "reply": {}},
+                    **{"models": {}, "reply": {}, "said": ""},
                     **said,
                 },
             ),
@@ -346,34 +356,39 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     if state["act"] != "say":
         return {"reading": None}
     words, chosen = _resolve_answer(state)
+    words = words if chosen else spell_fully(words)
+    narrator = find_narrator(words) or state.get("narrator")
+    words = words if chosen else correct_within(words)
     words, other = (words, False) if chosen else correct(words, state.get("before", ""))
     if other:
         state = _take_back(state)
     turn = weigh_kind(words, scene=state.get("current") is not None)
     if turn.kind == "why" and not state.get("refused"):
         turn = TurnKind(kind="question", words=words, topic="q_why")
-    if turn.kind == "words" and (number := _find_version_with(words, state)) is not None:
-        turn = TurnKind(kind="version", words=words, number=number)
+    if turn.kind == "question" and turn.topic is None and len(words.split()) <= _SHORT_QUESTION:
+        turn = turn.model_copy(update={"topic": state.get("topic")})  # "and how much is it now?"
+    if turn.kind == "version" and turn.number is None:
+        turn = turn.model_copy(update={"number": find_version(words, state)})
     if not chosen and turn.kind != "words":
         steered = {"reading": "turn", **turn.model_dump(mode="json")}
-        return {"reading": steered, "pending": None, "before": words}
+        return {"reading": steered, "pending": None, "before": words,
+                "narrator": narrator, "topic": turn.topic}  # fmt: skip
     calls: list[Call] = []
     reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
-    taken: Clarification | None = None
     if (
         isinstance(reading, NewScene)
         and get_backend_of_task(runtime.context.backend, "plan").deterministic
     ):
         intersection_map = load_map(state["heading"]["intersection"])
-        doubtful = ask_what_is_meant(turn.words, intersection_map)
-        likeliest = None if doubtful is None else _take_likeliest(doubtful, state)
-        if likeliest is not None:  # nothing is lost where nothing is there yet, and it is said
-            taken, turn = doubtful, turn.model_copy(update={"words": likeliest})
-        else:
-            reading = doubtful or reading
+        reading = ask_what_is_meant(turn.words, intersection_map) or reading
+    taken: Clarification | None = None
+    likeliest = _take_likeliest(reading, state, words)
+    if likeliest is not None:  # nothing is lost where nothing is there yet, and it is said
+        taken, reading = cast(Clarification, reading), NewScene()
+        turn = turn.model_copy(update={"words": likeliest})
     lost = isinstance(reading, DeclinedTurn) and reading.code in ("no_change", "out_of_scope")
-    if pending is not None and lost:
+    if pending is not None and lost and not pending["ask"]["choices"][0]["answer"].isdigit():
         first = pending["ask"]["choices"][0]["answer"]
         reason = f"I still cannot tell which is meant; say it anew with an id, such as {first}."
         reading = DeclinedTurn(code="no_change", reason=reason)
@@ -385,16 +400,20 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
         open_ = {"words": turn.words, "ask": asked, "chosen": chosen}
     out: ThreadState = {
         "words": turn.words, "reading": plain, "pending": open_, "before": words,
+        "narrator": narrator, "said": words if taken else "",
         "models": sum_costs_by_task(calls),
     }  # fmt: skip
     return {**out, "current": state.get("current")} if other else out
 
 
-def _take_likeliest(doubtful: Clarification, state: ThreadState) -> str | None:
-    """The first sentence offered, where there is no scene yet and something happens in it."""
-    _, _, sentence = doubtful.choices[0].means.partition("=")
-    plain = state.get("current") is None and "Nothing happens" not in sentence
-    return sentence if plain else None
+def _take_likeliest(reading: Reading, state: ThreadState, words: str) -> str | None:
+    """The first sentence offered, where there is no scene yet and it has what the words tell."""
+    if state.get("current") is not None or not isinstance(reading, Clarification):
+        return None
+    noun, _, sentence = reading.choices[0].means.partition("=")
+    if noun != SENTENCE or not sentence:
+        return None
+    return None if says_nothing_happens(sentence) and tells_event(words) else sentence
 
 
 def _take_back(state: ThreadState) -> ThreadState:
@@ -405,27 +424,6 @@ def _take_back(state: ThreadState) -> ThreadState:
     return cast(ThreadState, {**state, "current": version["parent"]})
 
 
-_WITH = re.compile(
-    r"\b(?:back|return|switch) to (?:the )?(?:version|one|scene|time) (?:with|where|when|that had) "
-    r"(?:there (?:was|were) )?(?:the |an? )?(?P<what>[a-z -]+)"
-)
-
-
-def _find_version_with(words: str, state: ThreadState) -> int | None:
-    """ "Back to the version with the bus": the last other version that has it, or was so said."""
-    found = _WITH.search(words.lower())
-    if found is None:
-        return None
-    noun = found["what"].split()[-1] if found["what"].split() else ""
-    for version in reversed(state.get("versions", [])):
-        kinds = [each.get("subtype") or each["type"] for each in version["graph"]["agents"]]
-        if version["number"] != state.get("current") and (
-            noun in kinds or noun in version["words"]
-        ):
-            return int(version["number"])
-    return None
-
-
 def _resolve_answer(state: ThreadState) -> tuple[str, dict[str, str]]:
     """The words that are to be read, and the agent chosen for them if these are an answer."""
     pending = state.get("pending")
@@ -434,6 +432,8 @@ def _resolve_answer(state: ThreadState) -> tuple[str, dict[str, str]]:
         if pending is None
         else answered(state["words"], Clarification.model_validate(pending["ask"]))
     )
+    if pending is not None and choice is None and _AGREES.match(state["words"].lower()):
+        choice = Clarification.model_validate(pending["ask"]).choices[0]
     if pending is None or choice is None:
         return state["words"], {}
     noun, _, meant = choice.means.partition("=")
@@ -467,7 +467,10 @@ def _read(
     ):
         return _read_with(words, situation, chosen, state, context, account=account)
     proof = Proof.model_validate_json(context.threads.get_bytes(version["proof"]))
-    talk = Talk(situation, _list_touched(state), proof.events)
+    talk = Talk(situation, _list_touched(state), proof.events, state.get("narrator"))
+    asked = [each.id for each in find_named(simplify(state.get("before", "")), talk)]
+    if len(asked) == 1:  # "how fast is the car?", and then "make it slower"
+        talk = replace(talk, touched=[*asked, *talk.touched])
 
     def read_plain(plain: str, about: Talk) -> Reading:
         found = read_everyday(plain, about)
@@ -614,7 +617,7 @@ def _enter_version(
     version: Version = {
         "number": max((each["number"] for each in versions), default=0) + 1,
         "parent": parent,
-        "words": state["words"],
+        "words": state.get("said") or state["words"],
         "text": text,
         "edits": [each.model_dump(mode="json", by_alias=True) for each in edits],
         "graph": made.graph.model_dump(mode="json", by_alias=True),
@@ -722,22 +725,40 @@ def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext)
         case "undo":
             return _undo(state, turn.count)
         case "redo":
-            return _redo(state)
+            return _redo(state, turn.count)
         case "version":
-            return _move_to(state, turn.number)
+            return _move_to(state, turn.number) if turn.number else _ask_version(state)
         case "restart":
             return _restart(state)
         case "question":
             return {"reply": _answer_question(state, turn, context)}
         case "talk":
-            return {"reply": {"kind": "nothing", "reason": _SAY_MORE}}
-    return {"reply": {"kind": "wish", "wish": turn.kind}}
+            reason = _BEGIN if state.get("current") is None else _SAY_MORE
+            return {"reply": {"kind": "nothing", "reason": reason}}
+    named = {"name": turn.name} if turn.name else {}
+    return {"reply": {"kind": "wish", "wish": turn.kind, **named}}
+
+
+def _ask_version(state: ThreadState) -> ThreadState:
+    lines = _format_versions(state)
+    return {"reply": {"kind": "answer", "lines": ["Which version? Say its number.", *lines]}}
+
+
+def _format_versions(state: ThreadState) -> list[str]:
+    """A line for every version; the current one is marked."""
+    return [
+        f"{'*' if each['number'] == state.get('current') else ' '} version {each['number']}: "
+        f"{each['words']}"
+        for each in state.get("versions", [])
+    ]
 
 
 def _answer_question(state: ThreadState, turn: TurnKind, context: SessionContext) -> dict[str, Any]:
     version, words = _find_version(state, None), turn.words
     if turn.topic in ("q_define", "q_limit") and version is None:
         return {"kind": "answer", "lines": define_terms()}
+    if turn.topic == "q_formats":
+        return {"kind": "answer", "lines": list_formats()}
     if version is None:
         return {"kind": "nothing", "reason": _NOTHING_YET}
     if turn.topic in ("q_changed", "q_version") or _ABOUT_VERSION.search(words.lower()):
@@ -754,13 +775,15 @@ def _describe_version(
 ) -> list[str]:
     """Which version this is, and how it differs from the one that it is compared with."""
     versions = {each["number"]: each for each in state.get("versions", [])}
-    named = [int(each) for each in re.findall(r"\b\d{1,3}\b", words) if int(each) in versions]
+    named = [int(each) for each in re.findall(r"\bv?(\d{1,3})\b", words) if int(each) in versions]
     first = [1] if re.search(r"\b(?:first|original)\b", words.lower()) else []
     other = versions.get((named or first or [version["parent"] or 0])[0])
     came = "" if version["parent"] is None else f", made from version {version['parent']}"
     lines = [
         f"Version {version['number']} of {len(versions)}{came}: {version['words']}",
     ]
+    if re.search(r"\b(?:versions|numbers?|list|order|history|many)\b", words.lower()):
+        return [*lines, *_format_versions(state)]
     if other is None or other["number"] == version["number"]:
         return lines
     pair = [
@@ -831,11 +854,13 @@ def _undo_once(state: ThreadState) -> ThreadState:
     }
 
 
-def _redo(state: ThreadState) -> ThreadState:
+def _redo(state: ThreadState, count: int = 1) -> ThreadState:
+    """As many steps forth as asked for, or as there are."""
     ahead = list(state.get("ahead", []))
     if not ahead:
         return {"reply": {"kind": "nothing", "reason": "there is nothing to redo"}}
-    number = ahead.pop()
+    for _ in range(min(count, len(ahead))):
+        number = ahead.pop()
     return {
         "current": number,
         "ahead": ahead,

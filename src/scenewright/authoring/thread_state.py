@@ -73,6 +73,8 @@ class ThreadState(TypedDict, total=False):
         branches: name -> number of its version; branch: the one that is worked on.
         pending: a question that waits for its answer; refused: the last refusal.
         before: the words of the turn before, which a correction is about.
+        narrator: the noun of what the one who writes drives or is.
+        topic: what the last question was about; said: the words, where a plainer sentence is made.
         reply: what became of this turn: `made`, `asked`, `refused`, `moved_to`, `nothing`.
     """
 
@@ -89,5 +91,8 @@ class ThreadState(TypedDict, total=False):
     branch: str
     pending: PendingChoice | None
     before: str
+    narrator: str | None
+    topic: str | None
+    said: str
     refused: RefusedTurn | None
     reply: dict[str, Any]

@@ -51,7 +51,8 @@ _ASKS_TO_ACT = re.compile(
     r"^(?:can|could|would|will) (?:the(?: (?!have\b)[a-z-]+){1,3}|it|he|she|they|a|an) (?!have\b)"
 )
 _ASKING = (
-    r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|do|did|doesn't|"
+    r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|did|doesn't|"
+    r"do(?! (?:it|that|this|one|an?|the same|so|something)\b)|"
     r"didn't|was|were|has|had"
 )
 _QUESTION = re.compile(
@@ -130,6 +131,7 @@ class TurnKind(Model):
         count: how many steps back; number: of the version that is asked for.
         words: what is left to be read, without the polite frame of a request.
         topic: what a question is about, as the model of turns names it; None where that is open.
+        name: under which to save.
     """
 
     kind: Kind
@@ -137,6 +139,40 @@ class TurnKind(Model):
     count: int = 1
     number: int | None = None
     topic: str | None = None
+    name: str | None = None
+
+
+_SHORT = {
+    "u": "you", "r": "are", "ur": "your", "pls": "please", "plz": "please", "w": "with",
+    "nite": "night", "cuz": "because", "bc": "because", "tho": "though", "thx": "thanks",
+    "wtv": "whatever", "dont": "don't", "doesnt": "doesn't", "didnt": "didn't", "isnt": "isn't",
+    "cant": "can't", "wont": "won't", "shouldnt": "shouldn't", "wasnt": "wasn't", "im": "i'm",
+    "ive": "i've", "whats": "what's", "wheres": "where's", "whos": "who's", "hows": "how's",
+    "thats": "that's", "hes": "he's", "shes": "she's", "theyre": "they're", "em": "them",
+    "til": "until", "gimme": "give me", "lemme": "let me", "wanna": "want to", "an'": "and",
+    "autobus": "bus", "bicyle": "bicycle", "byke": "bike", "escooter": "e-scooter",
+}  # fmt: skip
+_SHORT_WORD = re.compile(rf"(?<![\w'>=\[(-])(?:{'|'.join(_SHORT)})(?![\w'<=:>-])")
+
+
+def spell_fully(words: str) -> str:
+    """The words without the shorthand of short messages: "whats" is "what's", "u" is "you"."""
+    return _SHORT_WORD.sub(lambda found: _SHORT[found[0]], words)
+
+
+_NAMED = re.compile(
+    r"\b(?:as|name(?:d)?|call(?:ed)?(?: (?:it|that|this))?|for me as)[ :]+"
+    r"[\"“'](?P<quoted>[^\"”']{1,60})[\"”']|"
+    r"\b(?:as|named|called|call it|call that) (?!an? |it\b|you\b|the\b|one\b|is\b|"
+    r"(?:gif|mp4|html|json|csv|png|svg|video|page)\b)(?P<bare>[\w-]+(?: \d\w*)?)"
+)
+
+
+def read_name(words: str) -> str | None:
+    """Under which name the words ask to save; None where they name none."""
+    found = _NAMED.search(words)
+    name = found and (found["quoted"] or found["bare"])
+    return re.sub(r"[^\w.-]+", "_", name.strip()).strip("._") or None if name else None
 
 
 def classify_turn(words: str) -> TurnKind:
@@ -163,7 +199,8 @@ def _describe(kind: Kind, words: str, found: re.Match[str]) -> TurnKind:
     number = None if digits is None else int(_NUMBERS.get(digits, digits))
     if kind == "version":
         return TurnKind(kind=kind, words=words, number=number)
-    return TurnKind(kind=kind, words=words, count=number or 1)
+    name = read_name(words) if kind == "save" else None
+    return TurnKind(kind=kind, words=words, count=number or 1, name=name)
 
 
 _SHOW = r"show me (?=an? |two |three |the )"

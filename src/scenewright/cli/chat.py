@@ -220,7 +220,7 @@ class _ChatLoop:
             if any("\ud800" <= char <= "\udfff" for char in words):
                 raise InputError("these words are not valid UTF-8 text")
             reply = self._run_turn(words)
-            return self._wish(reply["wish"]) if reply["kind"] == "wish" else reply
+            return self._wish(reply) if reply["kind"] == "wish" else reply
         except InputError as error:
             return {"kind": "refused", "code": "unusable_input", "reason": str(error)}
 
@@ -248,10 +248,15 @@ class _ChatLoop:
             )
         return act(arguments)
 
-    def _wish(self, wish: str) -> dict[str, Any]:
+    def _wish(self, reply: dict[str, Any]) -> dict[str, Any]:
+        wish = reply["wish"]
         if wish == "quit":
-            return {"kind": "nothing", "reason": "/quit ends the conversation"}
-        return self._commands[wish]([])
+            return {
+                "kind": "nothing",
+                "reason": "Goodbye; the conversation is kept. /quit ends it.",
+            }
+        folder = [str(Path("scenes") / reply["name"])] if "name" in reply else []
+        return self._commands[wish](folder)
 
     def _branch(self, arguments: list[str]) -> dict[str, Any]:
         return self._session.branch(arguments[0]) if arguments else self._list_branches()

@@ -517,6 +517,7 @@ function showEvent(n) {
   if (event.to !== null) find("other").value = String(event.to);
   markEvent();
   if (event.time !== null) step(event.time - state.time);
+  find("map").scrollIntoView({ block: "nearest" }); // it is above the proof on a narrow screen
 }
 function markEvent() {
   document.querySelectorAll("#events button").forEach((button, n) => button.setAttribute("aria-current", String(n === state.event)));

@@ -58,7 +58,9 @@ function offerChoices(choices) {
 // ---- turns --------------------------------------------------------------------------------------
 function setBusy(busy) {
   app.busy = busy;
-  for (const id of ["send", "undo", "redo", "branch", "new"]) find(id).disabled = busy;
+  for (const id of ["send", "new"]) find(id).disabled = busy;
+  const none = !app.state?.versions?.length;
+  for (const id of ["undo", "redo", "branch", "by-hand", "making"]) find(id).disabled = none || (busy && !["by-hand", "making"].includes(id));
   for (const field of find("hand").querySelectorAll("input, select")) field.disabled = busy || field.dataset.never === "";
   if (!busy) find("progress").textContent = "";
 }
@@ -132,6 +134,7 @@ async function waitUntilFree() {
 }
 async function refresh(shown = null) {
   app.state = app.thread === null ? null : await ask(threadPath());
+  setBusy(app.busy);
   history.replaceState(null, "", address("/", app.thread ? { thread: app.thread } : {}));
   const versions = app.state?.versions ?? [], current = shown ?? app.state?.current ?? null;
   fillVersions(find("version"), versions, current, null);

@@ -1,0 +1,103 @@
+"""Which earlier version words mean that describe it: "the close one", "before the van came"."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from scenewright.authoring.everyday_words import CLASSES
+from scenewright.authoring.thread_state import ThreadState, Version
+
+_NEWEST = re.compile(r"\b(?:latest|newest|most recent|last one i)\b")
+_FIRST = re.compile(r"\b(?:first|original|very start|beginning|oldest)\b")
+_BEFORE = re.compile(r"\bbefore\b (?P<what>.*)")
+_WITHOUT = re.compile(r"\bwithout\b (?P<what>.*)")
+_ALIKE = (
+    ("crash", r"crash\w*|collision\w*|collid\w*|accident\w*|hit|hits|smash\w*|bump\w*"),
+    ("miss", r"near|nearly|miss\w*|almost|scary|squeez\w*"),
+    ("yield", r"yield\w*|wait\w*|polite\w*|giv\w+ way|stops|good|nice\w*|proper\w*|lets"),
+    ("close", r"clos\w+|tight\w*"),
+    ("night", r"night\w*|nite|dark\w*|evening"), ("day", r"day\w*|noon|morning|light"),
+    ("slow", r"slow\w*"), ("fast", r"fast\w*|quick\w*"),
+    ("none", r"quiet\w*|empty|alone|without"), ("bad", r"bad|worse|worst|wrong"),
+)  # fmt: skip
+"""Words that mean about the same of a version, under one name."""
+_EVENT_WORDS = {"collide_at": "crash", "near_miss": "miss", "yield_to": "yield", "follow": "follow"}
+_EMPTY = re.compile(
+    r"the|a|an|one|ones|with|where|when|that|this|it|to|of|in|on|at|for|go|back|show|me|us|"
+    r"again|version|scene|please|can|we|could|i|you|want|like|though|and|had|was|were|is|be|"
+    r"ok|no|not|so|id|i'd|there|did|do|take|return|switch|open|give|use|let's|look|get|put|"
+    r"how|still|have|by|before|without|just|they|he|she|them|him|her|my|our|now|then|as|would"
+)
+
+
+def find_version(words: str, state: ThreadState) -> int | None:
+    """The number of the version that the words describe; None where they fit none."""
+    plain = words.lower().replace("’", "'")
+    versions = state.get("versions", [])
+    if not versions:
+        return None
+    if _NEWEST.search(plain):
+        return max(each["number"] for each in versions)
+    for pattern in (_BEFORE, _WITHOUT):
+        if (found := pattern.search(plain)) and (number := _find_absence(found["what"], state)):
+            return number
+    wanted = _list_tokens(plain)
+    scored = [(_score(wanted, each, versions), each["number"]) for each in versions
+              if each["number"] != state.get("current")]  # fmt: skip
+    best = max(scored, default=(0.0, 0))
+    if best[0] > 0:
+        return best[1]
+    return versions[0]["number"] if _FIRST.search(plain) else None
+
+
+def _find_absence(what: str, state: ThreadState) -> int | None:
+    """The version that another was made from, which brought in what is named."""
+    versions = {each["number"]: each for each in state.get("versions", [])}
+    number, wanted = state.get("current"), _list_tokens(what)
+    while number is not None and wanted:
+        version = versions[number]
+        parent = version["parent"]
+        before = _describe(versions[parent]) if parent is not None else set()
+        came = (_describe(version) - before) | _list_tokens(version["words"])
+        if parent is not None and wanted & came:
+            return parent
+        number = parent
+    return None
+
+
+def _score(wanted: set[str], version: Version, versions: Sequence[Version]) -> float:
+    """How well a version fits: a word that few versions have counts more."""
+    total = 0.0
+    for token in wanted & _describe(version):
+        total += 1.0 / sum(token in _describe(each) for each in versions)
+    return total
+
+
+def _describe(version: Version) -> set[str]:
+    """What a version is called by: its own words, who is in it, what happens, the hour."""
+    graph = version["graph"]
+    found = _list_tokens(version["words"])
+    for each in graph["agents"]:
+        found |= {each["type"], each.get("subtype") or each["type"]}
+    found |= {_EVENT_WORDS.get(each["type"], each["type"]) for each in graph["relations"]}
+    told = (graph.get("context") or {}).get("time_of_day")
+    if told:
+        found.add("day" if 7 <= int(str(told)[:2]) < 19 else "night")
+    return found
+
+
+def _list_tokens(text: str) -> set[str]:
+    """The words that say something, those that mean the same under one name."""
+    found = set()
+    for word in re.findall(r"[a-z][a-z'-]*|\d+", text.lower()):
+        alike = next((name for name, same in _ALIKE if re.fullmatch(same, word)), None)
+        noun = word[:-1] if word.endswith("s") and word[:-1] in CLASSES else word
+        if alike is not None:
+            found.add(alike)
+        elif noun in CLASSES:
+            kind, subtype = CLASSES[noun]
+            found |= {noun, subtype or kind}
+        elif not _EMPTY.fullmatch(word):
+            found.add(word)
+    return found
