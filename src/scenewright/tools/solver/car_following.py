@@ -4,7 +4,9 @@ It enters when it was drawn to, follows the vehicle ahead in its lane, stops at 
 queues, and turning it lets pedestrians and others pass; it neither crosses the way of the
 foreground near it in time nor gives way to it. Whom it meets bars nodes of its path for a time;
 those bars that it would run into become walls, behind which it drives by the intelligent driver
-model (Treiber, Hennecke, Helbing 2000). The motion is kept as a pace and standstills.
+model (Treiber, Hennecke, Helbing 2000). For who does not come up to the one ahead the lesser of
+its terms counts (Schakel, van Arem, Netten 2010): their sum lets queues go slowly. The motion is
+kept as a pace and standstills.
 """
 
 from __future__ import annotations
@@ -50,12 +52,16 @@ _HARDEST_DRIVEN = 3.35
 """What the pace of one who drives like that may come to [m/s^2]: a pace says it a little harder."""
 _FORESEES = 1.5
 """How far ahead drivers see how others will go on, by brake lights and those further ahead [s]."""
+_ENTRANCE = 5.0
+"""How far from where it comes [m] a vehicle must not find another in its way."""
 _AFTER = 4.0
 """How long beyond the scene's end the way is looked at [s]."""
 _STANDS, _SHORTEST = 0.3, 0.8
 """Slower than this [m/s] for at least that long [s] is a standstill."""
 _CREEPS = 1.0
 """Who moves up by less [m] between two standstills stands once."""
+_COMES_UP = 1.5
+"""Faster than the one ahead by this [m/s] one comes up to it."""
 _LEAST = 0.7
 """Least speed of a pace [m/s]: standstills are edits of their own."""
 
@@ -98,6 +104,14 @@ def follow_traffic(
     ):
         return None
     return driven
+
+
+def find_entrance(actor: ScheduledAgent, wished: float, present: ReservationTable) -> float:
+    """The first scene time [s] from one on at which nobody keeps the actor from entering."""
+    corridor = get_corridor(actor.candidate)
+    bars = present.list_bars(corridor, in_lane=IN_LANE)
+    speed = math.sqrt(compute_squared_speed_limit(actor.candidate)[0])
+    return math.ceil(_find_entrance(corridor.s, bars, speed, wished) / STEP - 1e-6) * STEP
 
 
 def _brakes_hard(driven: ScheduledAgent, usual: float) -> bool:
@@ -266,6 +280,24 @@ def _drive_among(
 
 
 @compiled
+def _find_entrance(nodes: FloatArray, bars: Bars, speed: float, wished: float) -> float:
+    """The first time [s] from one on at which the beginning of its way is not barred.
+
+    Args:
+        speed: at which it comes [m/s].
+    """
+    rows, low, high, _, _ = bars
+    at, moved = wished, True
+    while moved:
+        moved = False
+        for k in range(len(rows)):
+            after = nodes[rows[k]] / max(speed, 1.0)
+            if nodes[rows[k]] < _ENTRANCE and low[k] < at + after < high[k] - 1e-6:
+                at, moved = high[k] - after, True
+    return at
+
+
+@compiled
 def _find_red(moved: FloatArray, line: float, enters: float, lag: float, greens: _Greens) -> float:
     """Local time [s] until which its light holds one who moves like that; -inf if not at all."""
     if len(greens[0]) == 0 or moved[-1] < line:
@@ -393,12 +425,14 @@ def _accelerate(
     gap: float,
 ) -> float:
     """Acceleration [m/s^2] at speed `v` behind a wall that is `room` [m] away and moves, too."""
-    rate = float(acceleration * (1.0 - (v / limit) ** 4))
+    near = (v / limit) ** 4
     if room == np.inf:
-        return rate
+        return float(acceleration * (1.0 - near))
     closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
     wanted = gap + max(0.0, v * headway + closing)
-    return rate - float(acceleration * (wanted / max(room, 0.05)) ** 2)
+    # Who comes up to another brakes early; who drives no faster than it goes after it.
+    early = near * min(max((v - speed) / _COMES_UP, 0.0), 1.0)
+    return float(acceleration * (1.0 - max(near, early + (wanted / max(room, 0.05)) ** 2)))
 
 
 @compiled

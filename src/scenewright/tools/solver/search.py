@@ -68,7 +68,7 @@ from scenewright.tools.solver.background_assignment import (
     Seated,
     assign_in_turn,
 )
-from scenewright.tools.solver.car_following import follow_traffic
+from scenewright.tools.solver.car_following import find_entrance, follow_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.encounters import (
     Meeting,
@@ -159,6 +159,9 @@ it costs [nats] to have it come at another time altogether."""
 _LATER, _LEAST_SEEN = (0.0, 1.2, 2.6, 4.5, 7.0), 4.0
 """By how much later than drawn a vehicle comes among others [s], and how long it is seen at least.
 Vehicles are seated in the order in which they come, so that who finds no room delays the next."""
+
+_QUEUES = 10.0
+"""How long a vehicle waits for room to enter [s]; into a lane full for longer nobody comes."""
 
 _OFF_KERB = 0.4
 """Who waits with another keeps at least so far from the kerb [m]."""
@@ -813,9 +816,16 @@ class Search:
         moment: SceneTiming,
     ) -> Iterator[Option]:
         """Driving behind and among those present, about the time drawn."""
+        tried = -np.inf
         for late in _LATER:
             each = late * float(self._rng.uniform(0.8, 1.2))
-            enters = round(min(around + each, moment.duration - _LEAST_SEEN), 1)
+            wished = min(around + each, moment.duration - _LEAST_SEEN)
+            enters = round(find_entrance(actor, wished, present), 1)
+            if enters > min(wished + _QUEUES, moment.duration - _LEAST_SEEN):
+                return
+            if enters <= tried:
+                continue
+            tried = enters
             driven = follow_traffic(actor, enters, present, moment, self._rng)
             if driven is not None and enters + STEP * len(driven.motion.s) >= _LEAST_SEEN:
                 step = np.array([round(enters / STEP)], dtype=np.int64)
