@@ -13,6 +13,7 @@ import pytest
 from scenewright import compiled as module
 
 PROGRAM = """
+from pathlib import Path
 import numpy as np
 from scenewright.compiled import has_cache, compiled, find_cache_folder
 
@@ -20,8 +21,9 @@ from scenewright.compiled import has_cache, compiled, find_cache_folder
 def ratio(values):
     return values[0] / values[1]
 
-before = has_cache()
-print(ratio(np.array([5.0, 2.0])), ratio(np.array([1.0, 0.0])), find_cache_folder(), before)
+file = Path(__file__)
+before = has_cache(file)
+print(ratio(np.array([5.0, 2.0])), ratio(np.array([1.0, 0.0])), find_cache_folder(file), before)
 """
 
 
@@ -30,7 +32,7 @@ def run(folder: Path) -> list[str]:
     program.write_text(PROGRAM)
     done = subprocess.run(
         [sys.executable, str(program)], capture_output=True, text=True, check=True,
-        env={"NUMBA_CACHE_DIR": str(folder / "kept")},
+        env=os.environ | {"NUMBA_CACHE_DIR": str(folder / "kept")},
     )  # fmt: skip
     return done.stdout.split()
 
@@ -77,7 +79,7 @@ def test_without_a_place_to_keep_it_it_still_runs(
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
     monkeypatch.setattr(module, "find_cache_folder", module.find_cache_folder.__wrapped__)
-    assert module.find_cache_folder() is None
+    assert module.find_cache_folder(Path(__file__)) is None
 
     def double(values: np.ndarray) -> float:
         return float(values[0] * 2.0)
@@ -85,12 +87,25 @@ def test_without_a_place_to_keep_it_it_still_runs(
     assert module.compiled(double)(np.array([2.0])) == 4.0
 
 
-def test_any_change_of_the_sources_changes_the_place(
+def test_a_change_of_what_is_imported_changes_the_place_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "_PACKAGE", tmp_path)
-    (tmp_path / "one.py").write_text("a = 1\n")
-    before = module._hash_sources()
-    assert module._hash_sources() == before
-    (tmp_path / "two.py").write_text("")
-    assert module._hash_sources() != before
+    package = tmp_path / "scenewright"
+    (package / "deep").mkdir(parents=True)
+    loop, constant, far, other = (
+        package / name for name in ("loop.py", "deep/constant.py", "far.py", "other.py")
+    )
+    monkeypatch.setattr(module, "_PACKAGE", package)
+    loop.write_text("from scenewright.deep import (\n    constant,\n)\n")
+    constant.write_text("    from scenewright.far import A\n")
+
+    def name(number: int) -> str:
+        far.write_text(f"A = {number}\n")
+        for each in (module._read, module._hash_text, module._list_imports):
+            each.cache_clear()
+        return module._hash_sources(loop)
+
+    before = name(1)
+    other.write_text("A = 1\n")
+    assert name(1) == before
+    assert name(2) != before

@@ -1,14 +1,16 @@
 """Loops over many short arrays as machine code, where calls into numpy would cost most.
 
-The code is compiled once and kept on disk, in a folder named after the present state of all
-sources: numba itself looks only at the file of a function, not at those that it calls. numba is
-imported at the first call, as it takes longer to load than many commands take to run.
+The code is compiled once and kept on disk, in a folder named after the sources that the function's
+file imports, directly or not: numba itself looks only at the file, not at what is called or read
+there. numba is imported at the first call, as it takes longer to load than many commands take to
+run.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -23,6 +25,8 @@ FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
 _PREFIX = "scenewright-"
+_SLOWEST = _PACKAGE / "tools" / "solver" / "reservation.py"
+_IMPORT = re.compile(r"^ *from (scenewright[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 _STALE = 86400.0
 """Age [s] from which machine code of other sources is removed."""
 
@@ -58,7 +62,8 @@ class _CompiledFunction:
     def _dispatcher(self) -> Any:
         import numba
 
-        function, folder = vars(self)["__wrapped__"], find_cache_folder()
+        function = vars(self)["__wrapped__"]
+        folder = find_cache_folder(Path(function.__code__.co_filename))
         if folder is None:
             return numba.njit(error_model="numpy")(function)
         with _use_cache_folder(numba.config, folder):
@@ -66,23 +71,24 @@ class _CompiledFunction:
 
 
 @cache
-def find_cache_folder() -> Path | None:
-    """Find the folder for machine code of these sources; None where none can be written."""
+def find_cache_folder(file: Path) -> Path | None:
+    """Find the folder for machine code of a source file; None where none can be written."""
     for root in _list_roots():
-        folder = root / f"{_PREFIX}{_hash_sources()}"
+        folder = root / f"{_PREFIX}{_hash_sources(file)}"
         with suppress(OSError):
             if not folder.is_dir():
                 root.mkdir(parents=True, exist_ok=True)
                 _remove_stale_folders(root)
                 folder.mkdir(exist_ok=True)
             if os.access(folder, os.W_OK | os.X_OK):
+                os.utime(folder)  # it is in use, so it is not stale
                 return folder
     return None
 
 
-def has_cache() -> bool:
-    """Whether there is machine code of these sources, or all of it has to be compiled first."""
-    folder = find_cache_folder()
+def has_cache(file: Path = _SLOWEST) -> bool:
+    """Whether there is machine code of a source file, or it has to be compiled first."""
+    folder = find_cache_folder(file)
     return folder is not None and any(folder.rglob("*.nbc"))
 
 
@@ -96,13 +102,38 @@ def _list_roots() -> Iterator[Path]:
         yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scenewright"
 
 
-def _hash_sources() -> str:
-    """Compute a name that changes when any source file does."""
+def _hash_sources(file: Path) -> str:
+    """Compute a name that changes when the file does, or any that it imports, directly or not."""
+    found, open_ = {file}, [file]
+    while open_:
+        new = _list_imports(open_.pop()) - found
+        found |= new
+        open_ += new
     digest = hashlib.sha256()
-    for file in sorted(_PACKAGE.rglob("*.py")):
-        found = file.stat()
-        digest.update(f"{file}:{found.st_mtime_ns}:{found.st_size}\n".encode())
+    for each in sorted(found):
+        digest.update(f"{each}:{_hash_text(each)}\n".encode())
     return digest.hexdigest()[:16]
+
+
+@cache
+def _list_imports(file: Path) -> frozenset[Path]:
+    """List the files of this package from which a file imports a module or a name."""
+    candidates = []
+    for module, names in _IMPORT.findall(_read(file)):
+        place = _PACKAGE.joinpath(*module.split(".")[1:])
+        candidates += [place.with_suffix(".py"), place / "__init__.py"]
+        candidates += [place / f"{name}.py" for name in re.findall(r"\w+", names)]
+    return frozenset(each for each in candidates if each.is_file())
+
+
+@cache
+def _hash_text(file: Path) -> str:
+    return hashlib.sha256(_read(file).encode()).hexdigest()
+
+
+@cache
+def _read(file: Path) -> str:
+    return file.read_text("utf-8")
 
 
 def _remove_stale_folders(root: Path) -> None:

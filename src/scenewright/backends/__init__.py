@@ -2,7 +2,7 @@
 
 `builtin` is the grammar, `chat` any chat model that LangChain reaches, `engine` a model that vLLM
 runs in this process, `recorded` answers from a file, `scripted` says what it is handed. `spoken`
-turns what somebody says into an answer, `staged` has one backend per stage.
+turns a text model into a backend, `staged` has one backend per stage.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Call:
 
     Attributes:
         asked: how often the request was sent until it was answered; 0: answered from memory.
-        seconds: wall time of all of that; tokens are None where nobody counted them.
+        seconds: wall time of all of that; tokens are None if not counted.
         prompt: fingerprint of what was asked.
         answered: whether there was a reply, be it of use or not.
     """
@@ -73,7 +73,7 @@ Account = Callable[[Call], None]
 
 
 def ignore_account(_: Call) -> None:
-    """Nobody counts."""
+    """Ignore what an answer has cost."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,8 @@ class Question:
         facts: everything the answer may build on, as plain JSON values.
         rejections: why earlier answers to the same question were refused, oldest first.
         seed: of the run, for models that can be given one.
-        wording: puts it into words, for whoever answers in words.
-        account: is told what an answer has cost.
+        wording: renders the prompt, for text models.
+        account: called with the cost of an answer.
         can_serve: whether the map has ways for a graph; it decides between readings of a text.
     """
 
@@ -111,10 +111,10 @@ class Backend(Protocol):
     deterministic: bool
 
     def answer(self, question: Question) -> dict[str, Any]:
-        """The reply to a question, to be validated by whoever asked.
+        """Return the reply to a question, to be validated by the caller.
 
         Raises:
-            Rejected: what was said is no answer; the retry is told why.
+            Rejected: the text is no answer; the retry's prompt says why.
             BackendFault: the backend cannot answer at all.
         """
 
@@ -134,7 +134,7 @@ def load_backend(
     Args:
         name: one of BACKENDS (docs/backends.md); or one per stage, as a
             mapping {"planner": ...} or as texts "planner=...". The stages are planner, filter
-            and reasoner; who is not named is `builtin`, or the one text without a stage.
+            and reasoner; stages not named are `builtin`, or the one text without a stage.
         base_url: of an OpenAI-compatible endpoint, such as a server of one's own.
         record: file to keep every answer in; what it holds already is not asked again.
         timeout: longest wait for one reply [s].

@@ -80,7 +80,7 @@ class Engine:
             self._answer(engine, self._collect_batch())
 
     def _collect_batch(self) -> list[_Waiting]:
-        """Whoever waits, and who comes within a moment."""
+        """Collect the waiting questions, and those that arrive within a moment."""
         batch = [self._waiting.get()]
         until = time.monotonic() + _GATHERED_FOR
         while len(batch) < self.at_once:

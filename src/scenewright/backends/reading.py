@@ -18,7 +18,7 @@ _MOST_OBJECTS = 20
 
 
 class Unreadable(ValueError):
-    """The reply is no answer; the message tells whoever wrote it what to mend."""
+    """The reply is no answer; the message says what to mend."""
 
 
 def extract_object(text: str) -> dict[str, Any]:

@@ -102,7 +102,7 @@ class Answers:
         """The answers in a file, which is made if it is not there.
 
         Raises:
-            InputError: it cannot be written, or holds the answers of somebody else.
+            InputError: it cannot be written, or holds the answers of another model.
         """
         target = Path(path)
         try:
@@ -141,7 +141,7 @@ class Answers:
 
 
 class AnswerRecorder:
-    """Somebody whose answers are kept; what the file holds already is not asked again."""
+    """A model whose answers are recorded; answers already in the file are reused."""
 
     def __init__(self, speaker: Speaker, answers: Answers, *, by_facts: bool = False) -> None:
         self.name = speaker.name
@@ -192,7 +192,7 @@ class _Aloud:
 
 
 class _Heard(Spoken):
-    """What answers as somebody else did who was deterministic or not."""
+    """A model that replays the recorded answers of another."""
 
     def __init__(self, speaker: Speaker, *, deterministic: bool) -> None:
         super().__init__(speaker)

@@ -1,4 +1,4 @@
-"""From what somebody says to an answer: whoever speaks in texts becomes a backend here."""
+"""Text models as backends: prompts out, texts in, replies parsed from them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenewright.errors import BackendFault, Rejected
 from scenewright.scene.rejection import Rejection
 
 AT_ONCE = 8
-"""Questions that may be put to somebody at a time who says nothing of it."""
+"""Questions that a model takes at a time unless it says otherwise."""
 
 _REMEMBERED = 256
 
@@ -87,7 +87,7 @@ class Spoken:
         return _read(said, question)
 
     def _ask_model(self, question: Question, wording: Wording, key: str) -> Said:
-        """A fresh reply; what a question has cost that was left open is told as well."""
+        """Ask for a fresh reply; the cost of a question without a reply is reported as well."""
         before = perf_counter()
         try:
             said = self.speaker.say(question, wording)
@@ -114,10 +114,10 @@ class Spoken:
 
 
 def compute_key(model: str, question: Question, wording: Wording, *, by_facts: bool = False) -> str:
-    """Fingerprint of a question: who is asked what, in which words, for which reply, which seed.
+    """Compute the fingerprint of a question: model, prompt, schema of the reply and seed.
 
     Args:
-        by_facts: who answers goes by the facts, of which the words tell but a part.
+        by_facts: whether the model answers from the facts, of which the prompt holds only a part.
     """
     asked = [model, wording.system, wording.user, wording.schema, question.seed]
     asked += [question.facts] if by_facts else []

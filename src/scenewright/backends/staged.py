@@ -21,7 +21,7 @@ class Staged:
         self.deterministic = all(each.deterministic for each in self.speakers.values())
 
     def answer(self, question: Question) -> dict[str, Any]:
-        """The reply of whoever answers such questions (see `Backend`)."""
+        """Return the reply of the task's backend (see `Backend`)."""
         return self.speakers[map_task(question.task)].answer(question)
 
 

@@ -40,9 +40,9 @@ class StopCommand:
     """A standstill: the centre stays at arc length `s` [m] until `release`.
 
     Attributes:
-        release: [s], in the time frame of whoever uses it (local or scene time).
+        release: [s], in local or scene time, as its user has it.
         braking: deceleration towards it [m/s^2]; None = as comfortable as the time law says.
-        speed: driven there [m/s]; above 0 nobody stands, and `release` says nothing.
+        speed: driven there [m/s]; above 0 it is no stop, and `release` has no meaning.
     """
 
     s: float
@@ -138,7 +138,7 @@ def compute_squared_speed_limit(candidate: Candidate) -> FloatArray:
     path, law = candidate.path, candidate.time_law
     speeds = law.speed * get_pace(law, path.s)
     limit = _limit(path.s, path.curvature, speeds, law.lateral, law.acceleration, law.braking)
-    return frozen(limit)  # kept, so nobody may write to it
+    return frozen(limit)  # cached, so it must be read-only
 
 
 def get_pace(law: DrivingProfile, s: FloatArray) -> FloatArray:
@@ -168,7 +168,7 @@ _NOWHERE = np.empty((0, 5))
 
 
 def _build_hold_table(holds: tuple[StopCommand, ...], law: DrivingProfile) -> FloatArray:
-    """[N, 5] place [m], until when [s], braking [m/s^2], speed there [m/s] and 0, by place."""
+    """Build the [N, 5] table: place [m], release [s], braking [m/s^2], speed [m/s], 0; by place."""
     if not holds:
         return _NOWHERE
     rows = [(h.s, h.release, h.braking or law.braking, h.speed, 0.0) for h in holds]
@@ -176,7 +176,7 @@ def _build_hold_table(holds: tuple[StopCommand, ...], law: DrivingProfile) -> Fl
 
 
 def _build_slowing_table(slowings: tuple[Slowing, ...]) -> FloatArray:
-    """[N, 5] as of holds that nobody stands at; last, how far the speed is kept [m]."""
+    """Build the [N, 5] table of slowings; the last column is how far the speed is kept [m]."""
     if not slowings:
         return _NOWHERE
     return np.array([(slow.s, 0.0, slow.braking, slow.speed, slow.kept) for slow in slowings])
@@ -187,7 +187,7 @@ def _build_slowing_table(slowings: tuple[Slowing, ...]) -> FloatArray:
 
 @compiled
 def _find_time_at(moved: FloatArray, s: float) -> float:
-    """First time [s] at which an ascending arc length [m] is reached; inf if it never is."""
+    """Find the first time [s] at which an arc length [m] is reached; inf if it never is."""
     index = np.searchsorted(moved, s - 1e-9)
     if index >= len(moved):
         return np.inf
@@ -234,7 +234,7 @@ def _compute_arc_lengths(
     slowings: FloatArray,
     acceleration: float,
 ) -> FloatArray:
-    """Arc length every 0.1 s; holds and slowings [N, 5], holds in order of place."""
+    """Compute the arc length every 0.1 s; holds and slowings [N, 5], holds in order of place."""
     holds = holds[: _count_within(holds, nodes[-1])]
     s, w = _compute_profile(nodes, limit, holds, slowings, acceleration)
     v, times, took = _compute_times(s, w)
@@ -247,7 +247,7 @@ def _compute_arc_lengths(
 def _find_arrival(
     nodes: FloatArray, limit: FloatArray, holds: FloatArray, acceleration: float, at: float
 ) -> float:
-    """When it stands at the hold at `at`, after those before it."""
+    """Find when the agent stands at the hold at `at`, after those before it."""
     s, w = _compute_profile(nodes, limit, holds, holds[:0], acceleration)
     _, times, _ = _compute_times(s, w)
     for k in range(len(holds)):
@@ -258,7 +258,7 @@ def _find_arrival(
 
 @compiled
 def _count_within(holds: FloatArray, length: float) -> int:
-    """How many of the holds lie on the path."""
+    """Count the holds that lie on the path."""
     count = 0
     while count < len(holds) and holds[count, 0] < length:
         count += 1
@@ -273,7 +273,7 @@ def _compute_profile(
     slowings: FloatArray,
     acceleration: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Nodes and squared speeds there, every hold and slowing on a node of its own."""
+    """Compute nodes and squared speeds, every hold and slowing on a node of its own."""
     s, w = nodes, limit
     for places in (holds, slowings):
         for k in range(len(places)):
@@ -291,7 +291,7 @@ def _compute_profile(
 
 @compiled
 def _insert_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
-    """The nodes with one more among them, unless it is there already; in between w is even."""
+    """Insert a node unless it is there already; w is interpolated linearly."""
     at = min(max(at, 0.0), s[-1])
     k = np.searchsorted(s, at)
     if s[k] == at:
@@ -306,7 +306,7 @@ def _insert_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, F
 
 @compiled
 def _slow_down(s: FloatArray, w: FloatArray, place: FloatArray) -> None:
-    """Slows down in time for a speed at a place, and keeps to it as far as it says."""
+    """Slow down in time for a speed at a place, and keep to it as far as it says."""
     at, braking, speed, kept = place[0], place[2], place[3], place[4]
     for k in range(len(s)):
         if s[k] > at + kept + 1e-9:
@@ -316,7 +316,7 @@ def _slow_down(s: FloatArray, w: FloatArray, place: FloatArray) -> None:
 
 @compiled
 def _compute_times(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Speeds and times at the nodes without dwelling, and the time from each to the next."""
+    """Compute speeds and times at the nodes without dwelling, and the time between nodes."""
     v = np.sqrt(w)
     times, took = np.zeros(len(s)), np.empty(len(s) - 1)
     for k in range(len(took)):
@@ -327,7 +327,7 @@ def _compute_times(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray
 
 @compiled
 def _delay_after_hold(s: FloatArray, times: FloatArray, hold: FloatArray) -> None:
-    """Everything after a hold comes later by how long it still lasts then."""
+    """Delay everything after a hold by its remaining time."""
     if hold[3] > 0.0:
         return
     node = np.searchsorted(s, hold[0] - 1e-9)

@@ -47,7 +47,7 @@ class Landmarks:
         """The last place up to `s` [m] to stand at and block no crosswalk.
 
         Args:
-            own: the one crosswalk that does not count, as somebody is waited for there.
+            own: the crosswalk that does not count, as the agent yields there.
         """
         for name, begins, ends in reversed(self.crosswalks):
             if begins - _CORNER < s < ends + _CORNER and name != own:
@@ -84,7 +84,7 @@ def _stop_line(candidate: Candidate, intersection_map: IntersectionMap) -> float
 
 
 def _find_crossing(path: Path, line: tuple[Point, Point]) -> float | None:
-    """Arc length at which the path crosses the infinite line, nearest to the segment itself."""
+    """Find the arc length at which the path crosses the line, nearest to the segment itself."""
     node, share = _find_crossed_segment(path.xy, *line)
     if node < 0:
         return None
@@ -94,7 +94,7 @@ def _find_crossing(path: Path, line: tuple[Point, Point]) -> float | None:
 
 @compiled
 def _find_crossed_segment(xy: FloatArray, a: Point, b: Point) -> tuple[int, float]:
-    """After which of points [N, 2], and at what share of the way to the next; -1 if nowhere."""
+    """Find the point [N, 2] before the crossing, and the share of the step; -1 if nowhere."""
     length = np.hypot(b[0] - a[0], b[1] - a[1])
     ex, ey = (b[0] - a[0]) / length, (b[1] - a[1]) / length
     node, share, least = -1, 0.0, np.inf
@@ -119,7 +119,7 @@ def _list_crosswalks(
 
 
 def _find_kerb(candidate: Candidate, intersection_map: IntersectionMap) -> float | None:
-    """Where a jaywalker steps onto the roadway: the leg's kerb line, as its crosswalk has it."""
+    """Find where a jaywalker steps onto the roadway: the leg's kerb line at its crosswalk."""
     leg = candidate.route.crosswalk
     crosswalk = next((each for each in intersection_map.crosswalks if each.leg == leg), None)
     if crosswalk is None:

@@ -86,7 +86,7 @@ def _share(inside: NDArray[np.bool_]) -> float:
 def _concatenate_polygons(
     polygons: Iterable[Sequence[Point]],
 ) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """[M, 2] corners of all polygons, [P + 1] where those of each begin, [P, 4] their boxes."""
+    """Concatenate polygons: corners [M, 2], offsets [P + 1] and bounding boxes [P, 4]."""
     each = [np.array(polygon) for polygon in polygons]
     ends = np.cumsum([0, *map(len, each)], dtype=np.intp)
     boxes = [(*corners.min(axis=0), *corners.max(axis=0)) for corners in each]
@@ -120,7 +120,7 @@ def _find_visits(
 
 @compiled
 def _is_inside(corners: FloatArray, x: float, y: float) -> bool:
-    """Whether a point lies in a polygon [M, 2]: a ray from it crosses its sides an odd time."""
+    """Return whether a point lies in a polygon [M, 2], by ray casting."""
     inside = False
     for k in range(len(corners)):
         ax, ay = corners[k - 1, 0], corners[k - 1, 1]

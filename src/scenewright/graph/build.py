@@ -35,7 +35,7 @@ NodeT = TypeVar("NodeT", bound=Callable[..., Any])
 
 
 def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
-    """The graph, not yet compiled, so that whoever runs it may add a checkpointer."""
+    """Build the graph, not yet compiled, so that the caller may add a checkpointer."""
     graph: StateGraph[SceneState, RunContext, Any, Any] = StateGraph(
         SceneState, context_schema=RunContext
     )
@@ -58,7 +58,7 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
 
 
 def _is_transient(error: Exception) -> bool:
-    """A fault of a backend that has not itself insisted as long as makes sense."""
+    """Return whether a retry may mend an error: a backend fault that is not final."""
     return isinstance(error, BackendFault) and not error.final
 
 
@@ -69,7 +69,7 @@ def give_up(state: SceneState) -> SceneState:
 
 
 def _catch_rejection(node: NodeT) -> NodeT:
-    """A refused product becomes a rejection in the state, for the routes to act on."""
+    """Wrap a node: a refused product becomes a rejection in the state, for the routes."""
 
     @wraps(node)
     def run(state: Any, *, runtime: Runtime[RunContext]) -> Any:

@@ -21,7 +21,7 @@ def recall_from(episodes: Episodes) -> ExampleRetriever:
 
 
 def list_examples(episodes: Sequence[Episode]) -> tuple[Example, ...]:
-    """The episodes whose plan is one: the file is data that anybody may have written."""
+    """List the episodes with a valid plan; the file is untrusted data."""
     found = []
     for each in episodes:
         try:

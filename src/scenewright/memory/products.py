@@ -1,6 +1,6 @@
 """What a version is built on, as bytes: arrays exactly, everything else as plain JSON.
 
-Nothing is pickled and no class is named in the bytes: whoever wrote them can put in values, and
+Nothing is pickled and no class is named in the bytes: a forged file can hold values, and
 values alone.
 """
 

@@ -13,7 +13,7 @@ from scenewright.scene.social import CollisionKind
 EventType = Literal["collision", "near_miss", "yielding", "follow"]
 EventZone = Literal["crosswalk", "conflict", "lane", "roadway"]
 """Where an event lies: on a crosswalk; inside the junction; in the lane of two that go one way; on
-the road, and off the crosswalks where somebody walks."""
+the road, and off the crosswalks of pedestrians."""
 
 EVENT_OF_RELATION: dict[str, EventType] = {
     "collide_at": "collision",
@@ -65,7 +65,7 @@ class Proof(Model):
         missing: relations asked for and not observed, in words with evidence.
         interference: certificate of no other interaction, its violations (empty = holds).
         implausible: violations of SEMANTICS section 5.
-        signal_violations: red crossings by agents that nobody named as violators.
+        signal_violations: red crossings by agents not named as violators.
         said: what the words of the instruction became, with the evidence for it.
         scene_digest: names the scene.json that is proven (`scene.digest`); None where none is.
     """

@@ -34,7 +34,7 @@ class PreviousVersion:
     """The products of a verified version that a later one can be built on.
 
     Attributes:
-        agents: everybody in it, by name, in the order of their numbers.
+        agents: all its agents, by name, in the order of their numbers.
         patterns: how its relations are played, by their place in the social graph.
         hour: time of day [h].
         duration: of the scene [s]; signal_offset: scene time 0 in the signal programme [s].
@@ -61,7 +61,7 @@ class FrozenAgents:
 
     Attributes:
         earlier: the version that they come from.
-        fixed: these stay in time and place; who is not `same` has been amended by hand.
+        fixed: these stay in time and place; those not in `same` were changed by hand.
         same: those of `fixed` that stay bit for bit.
         placed: path and entry time stay, standstills and the end are open.
         offered: the path is offered before others, the time is open.
@@ -69,7 +69,7 @@ class FrozenAgents:
         background: how many background agents of each class there shall be.
         hour: time of day [h].
         lights: whether the signal programme keeps its offset, and the scene its length.
-        pace: share of the drawn free speed by name, where somebody was told to be slower or faster.
+        pace: share of the drawn free speed by name, of agents asked to be slower or faster.
     """
 
     earlier: PreviousVersion
@@ -85,7 +85,7 @@ class FrozenAgents:
 
     @property
     def known(self) -> dict[str, SelectedAgent]:
-        """Everybody who keeps a path, by name."""
+        """All agents that keep a path, by name."""
         return {**self.offered, **self.placed, **self.fixed}
 
     @property
@@ -108,6 +108,6 @@ class FrozenAgents:
 
 
 def without_edits(agent: SelectedAgent) -> SelectedAgent:
-    """The agent as it would go if nobody were there: only its red lights hold it."""
+    """Return the agent as it would move alone: only red lights hold it."""
     stops = tuple(each for each in agent.stops if each.at_red)
     return replace(agent, stops=stops, slowings=(), contact=None)

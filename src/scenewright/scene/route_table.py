@@ -1,4 +1,4 @@
-"""The ways through an intersection, as far as words can tell them apart."""
+"""The routes through an intersection, as far as words distinguish them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.uturns import make_route
 
 WAY_FIELDS = ("exit", "movement", "entry", "crosswalk")
-"""What tells an agent's way; of what was so before, what stands first is let go first."""
+"""The fields of an agent's route; of earlier values, those listed first are dropped first."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class RouteDescription:
     movement: str
     crosswalk: str | None = None
 
-    def matches_route(self, kind: str, told: Mapping[str, Any]) -> bool:
-        """Whether somebody of that class of whom this is told, or left open, may take it."""
+    def matches_route(self, kind: str, given: Mapping[str, Any]) -> bool:
+        """Return whether an agent of a class may take it, given fields of its route or None."""
         return self.type == kind and all(
-            told.get(field) in (None, getattr(self, field)) for field in WAY_FIELDS
+            given.get(field) in (None, getattr(self, field)) for field in WAY_FIELDS
         )
 
 
@@ -63,21 +63,21 @@ FOUR_LEGS = _build_four_legs()
 
 
 def resolve_route(
-    kind: str, was: Mapping[str, Any], told: Mapping[str, Any], ways: Sequence[RouteDescription]
+    kind: str, was: Mapping[str, Any], given: Mapping[str, Any], ways: Sequence[RouteDescription]
 ) -> dict[str, Any] | None:
-    """What is told of somebody's way, and of the way before as much as goes with that.
+    """Complete given fields of an agent's route by as many of its earlier ones as fit.
 
     Args:
-        was: WAY_FIELDS as they were; told: those of them that are new.
+        was: WAY_FIELDS as they were; given: the new values among them.
 
     Returns:
-        All of WAY_FIELDS; None if no way goes with what is told.
+        All of WAY_FIELDS; None if no route fits the given ones.
     """
-    kept = [field for field in WAY_FIELDS if field not in told and was.get(field) is not None]
+    kept = [field for field in WAY_FIELDS if field not in given and was.get(field) is not None]
     for many in range(len(kept) + 1):
         for gone in combinations(kept, many):
             found = {field: was.get(field) for field in WAY_FIELDS}
-            found |= dict.fromkeys(gone) | dict(told)
+            found |= dict.fromkeys(gone) | dict(given)
             if any(way.matches_route(kind, found) for way in ways):
                 return found
     return None

@@ -66,7 +66,7 @@ def _summarize_agent(agent: SelectedAgent, duration: float, map_areas: MapAreas)
 def _list_anchors(
     agent: SelectedAgent, prior: Motion, duration: float, map_areas: MapAreas
 ) -> tuple[Anchor, ...]:
-    """Every anchor on the path in order of arc length, timed by the unedited prior."""
+    """List every anchor on the path by arc length, timed by the unedited prior."""
     landmarks = find_landmarks(agent.candidate, map_areas=map_areas)
     places: list[tuple[str, float]] = [
         (name_anchor(stop, agent.candidate, map_areas=map_areas), stop.s) for stop in agent.stops
@@ -91,5 +91,5 @@ def _find_time(agent: SelectedAgent, prior: Motion, s: float, duration: float) -
 
 
 def to_facts(summary: EventSummary) -> dict[str, Any]:
-    """The summary as plain JSON values, for whoever reasons on it."""
+    """Return the summary as plain JSON values, for the event reasoner."""
     return summary.model_dump(mode="json")

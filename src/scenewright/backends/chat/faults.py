@@ -1,6 +1,6 @@
 """What an exception of a model's client amounts to: a fault that may pass, or one that stays.
 
-Clients are told apart by what their exceptions carry, a status and a response, so that none of
+Clients are recognised by what their exceptions carry, a status and a response, so that none of
 their packages has to be there.
 """
 
@@ -113,7 +113,7 @@ def _told(error: Exception, status: int, key: str | None) -> str:
 
 
 def hide_key(text: str, key: str | None) -> str:
-    """The text without the key, should somebody have quoted it."""
+    """Remove the key from a text."""
     return text.replace(key, "[key]") if key and len(key) > 3 else text
 
 

@@ -55,7 +55,7 @@ def build_bounded_client(base_url: str, *, seconds: float, most_bytes: int) -> h
         seconds=seconds, most_bytes=most_bytes, proxy=_find_proxy(base_url)
     )
     client = httpx.Client(transport=transport, timeout=seconds, follow_redirects=False)
-    # Nobody closes a model; its connections go when it does.
+    # Models are never closed; their connections close with them.
     weakref.finalize(client, transport.close)
     return client
 

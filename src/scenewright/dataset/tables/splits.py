@@ -1,6 +1,6 @@
 """Which part of a dataset a row belongs to: train, validation or test, by a hash of its group.
 
-Rows that would tell a learner the answer of one another share a part: those of one intersection
+Rows that would leak one another's answer to a learner share a part: those of one intersection
 whose instructions are worded alike. A row names the voice that worded it, or else the group is its
 text without numbers, so that one sentence at several hours or with several seeds is one group.
 """

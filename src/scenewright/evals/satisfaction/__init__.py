@@ -2,7 +2,7 @@
 
 The instructions are those of `evals.planning`, written by people who had seen no planner. A
 submission may come from any program: scenes of scenewright, or tracks in any format that `verify`
-reads. `seen` tells from tracks who is who, `judge` compares with the label, `report` counts.
+reads. `seen` recognises the agents in tracks, `judge` compares with the label, `report` counts.
 """
 
 from scenewright.evals.satisfaction.collect import read_submission

@@ -1,7 +1,7 @@
 """Windows of a corpus beside the scenes of a dataset: as long, and with as many vehicles.
 
-How much speeds differ and when events happen depends on how many are there and on how long one
-looks: quiet hours of a corpus have 0.6 of the spread of speed that all of its hours have together.
+The spread of speeds and the times of events depend on the number of agents and the length of the
+scene: quiet hours of a corpus have 0.6 of the spread of speed that all of its hours have together.
 What a dataset is compared with therefore has to be cut to its scenes.
 """
 
@@ -21,7 +21,7 @@ from scenewright.tools.relation_checker import RoadUser
 def match_windows(
     scenes: Sequence[SceneTracks], windows: Sequence[SceneTracks], *, least: int
 ) -> list[SceneTracks]:
-    """For every scene a window with as many vehicles, cut to the scene's length.
+    """Find for every scene a window with as many vehicles, cut to the scene's length.
 
     Where no window has as many, one whose number is nearest; of several, the one that was taken
     least often. Few scenes get several windows each, so that there are at least `least` in all.
@@ -47,7 +47,7 @@ def _find_nearest(
 
 
 def shorten_scene(scene: SceneTracks, length: float) -> SceneTracks:
-    """The first seconds of a scene; who is in them for less than two samples is left out."""
+    """Cut a scene to its first seconds; agents with less than two samples are left out."""
     users = (_shorten_user(user, length) for user in scene.users)
     return replace(scene, users=tuple(user for user in users if len(user.track.xy) > 1))
 
@@ -60,7 +60,7 @@ def _shorten_user(user: RoadUser, length: float) -> RoadUser:
 
 
 def _list_starts(scene: SceneTracks) -> FloatArray:
-    """When each vehicle is first seen [s], sorted."""
+    """List when each vehicle is first seen [s], sorted."""
     first = [user.track.start for user in scene.users if user.shape.type == "vehicle"]
     return np.sort(np.array(first, dtype=np.float64))
 

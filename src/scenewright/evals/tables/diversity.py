@@ -1,13 +1,13 @@
 """Whether scenes differ from one another as much as real traffic does: ratios of spreads.
 
-Taking the likeliest candidates alone (Eq. 4) would make everybody drive in the middle of the lane
+Taking the likeliest candidates alone (Eq. 4) would make all agents drive in the middle of the lane
 at the usual speed. Each ratio is a standard deviation in the dataset over that in the corpus; the
 bar is 0.8.
 
 - lateral position: across the mean path of a route, at the stations that tracks pass; within
   routes, pooled over those that have at least five agents in the dataset;
-- speed: 90 % quantile of an agent's speed while it moves, within class; of everybody, which queues
-  widen, and of who is never slow (3 m/s, on foot 0.5);
+- speed: 90 % quantile of an agent's speed while it moves, within class; of all agents, which queues
+  widen, and of those never slow (3 m/s, on foot 0.5);
 - place of events: distance from the mean place of its kind, in both directions;
 - time of events: within the scene; and of those alone that lie between 6 and 20 s, where all
   events that are asked for have to lie (SEMANTICS section 6).

@@ -85,11 +85,11 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
         found, without = score_scene(scene, priors, number=number, group=group)
         scores[dataset.rows[number].backend] += found
         left += without
-    everybody = [score for each in scores.values() for score in each]
+    scores_of_all = [score for each in scores.values() for score in each]
     rng = np.random.default_rng(seed)
     return Fidelity(
-        tuple(_compute_references(everybody, draws, rng)),
-        tuple(_compute_cells(scores, everybody, draws, rng)),
+        tuple(_compute_references(scores_of_all, draws, rng)),
+        tuple(_compute_cells(scores, scores_of_all, draws, rng)),
         left,
         mixed,
     )
@@ -110,12 +110,12 @@ def _compute_references(
 
 def _compute_cells(
     scores: dict[str, list[AgentScore]],
-    everybody: Sequence[AgentScore],
+    scores_of_all: Sequence[AgentScore],
     draws: int,
     rng: np.random.Generator,
 ) -> Iterator[FidelityCell]:
     normal = {
-        kind: list(select_scores(everybody, group="normal", role=None, kind=kind))
+        kind: list(select_scores(scores_of_all, group="normal", role=None, kind=kind))
         for kind in CLASSES
     }
     for backend, mine in scores.items():

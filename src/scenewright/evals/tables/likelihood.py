@@ -56,7 +56,7 @@ class AgentScore:
     Attributes:
         scene: number of its scene; group: event that the scene was made for, or `normal`.
         nll: by reading [nats per ten waypoints].
-        expected: what its own route leads to expect; None where nobody asked.
+        expected: the mean NLL of its route's prior; None if not computed.
     """
 
     scene: int
@@ -168,7 +168,7 @@ def find_nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDA
     places = start + share[..., None] * step
     far = np.hypot(*np.moveaxis(points[:, None, :] - places, 2, 0))
     rows, best = np.arange(len(points)), far.argmin(axis=1)
-    # By distance driven, not by sample: who stands at the end has many samples there.
+    # By distance driven, not by sample: an agent standing at the end has many samples there.
     along = measure_arc_lengths(xy)
     at = along[best] + share[rows, best] * (along[best + 1] - along[best])
     within = (at > _AT_AN_END) & (at < along[-1] - _AT_AN_END)
@@ -206,7 +206,7 @@ def compute_gap(
 def compute_mean_nll(
     scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
 ) -> tuple[float, tuple[float, float]] | None:
-    """Mean NLL and its 95 % interval over scenes; None where there is nobody."""
+    """Compute the mean NLL and its 95 % interval over scenes; None without agents."""
     sums = _sum_by_scene(scores, reading)
     if not len(sums):
         return None

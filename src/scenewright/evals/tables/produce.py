@@ -45,10 +45,10 @@ ROUGH = 1.0
 
 @dataclass(frozen=True)
 class Tables:
-    """Everything that the report tells.
+    """The contents of the report.
 
     Attributes:
-        understanding: rows of Table 3, by method; none where nobody evaluated.
+        understanding: rows of Table 3, by method; empty if not evaluated.
         about: dataset, versions, commit, seed, counts.
     """
 

@@ -108,7 +108,7 @@ def _is_within(angle: FloatArray, centre: float, reach: float) -> NDArray[np.boo
 def _is_grouped(
     primary: FloatArray, others: FloatArray, place: FloatArray, distance: FloatArray
 ) -> NDArray[np.bool_]:
-    """[M] who is at the primary's side at some time and keeps close to it all along."""
+    """Return [M] whether each other is at the primary's side once and close to it all along."""
     side = _is_within(place, 90.0, _SIDE) | _is_within(place, 270.0, _SIDE)
     beside = (side & (distance < _NEAR)).any(axis=1)
     apart = np.linalg.norm(others - primary, axis=-1)

@@ -1,4 +1,4 @@
-"""The benchmark over several recordings: who predicts, told what, and how well."""
+"""The benchmark over several recordings: predictors, their inputs and their errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Evaluated:
     """One predictor over all recordings.
 
     Attributes:
-        predictor: its name; goals: what it was told.
+        predictor: its name; goals: those it was given.
         predicted: of each recording its scenes, in order.
         rows: the scores; empty where no file holds what really happened.
     """

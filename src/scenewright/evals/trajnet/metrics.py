@@ -23,7 +23,7 @@ def find_collisions(primary: FloatArray, others: FloatArray) -> NDArray[np.bool_
     """Which of the others the primary collides with.
 
     Distances are taken at the steps and at the ends of `PARTS` equal parts between them, as if
-    everybody moved straight and evenly within a step. What lies before the first predicted step
+    all agents moved straight and evenly within a step. What lies before the first predicted step
     is not looked at. As in the benchmark, steps at which the other is unseen are left out, its
     next one follows directly, and a single common step is no collision.
 

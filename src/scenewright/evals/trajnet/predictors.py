@@ -27,12 +27,12 @@ class Predictor(Protocol):
         due: float | None = None,
         step: float = 0.4,
     ) -> list[FloatArray]:
-        """Where everybody goes.
+        """Predict the motion of all agents.
 
         Args:
             pasts: of each scene [N, 9, 2] [m], NaN where unseen; all are seen at the last step.
             goals: of each scene [N, 2] where they are headed [m], NaN for none; or None.
-            due: predicted step, from 1, at which everybody is at its goal; None if unknown.
+            due: predicted step, from 1, at which agents are at their goals; None if unknown.
             step: [s] between positions.
 
         Returns:
@@ -48,7 +48,7 @@ def predict_constant_velocity(
     due: float | None = None,
     step: float = 0.4,
 ) -> list[FloatArray]:
-    """Everybody repeats the last step; who was unseen before it stays. Goals are not looked at."""
+    """Repeat each agent's last step; agents unseen before it stay. Goals are ignored."""
     del goals, due, step
     ahead = np.arange(1, PREDICTED + 1)[:, None]
     return [past[:, -1:] + ahead * np.nan_to_num(past[:, -1:] - past[:, -2:-1]) for past in pasts]
@@ -57,7 +57,7 @@ def predict_constant_velocity(
 class Refining:
     """The refiner as a predictor of pedestrians.
 
-    It thinks in steps of its own; where a recording has longer ones, what it is told and what it
+    It has steps of its own; where a recording has longer ones, its inputs and what it
     predicts are drawn in between.
     """
 

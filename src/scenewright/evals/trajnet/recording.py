@@ -2,7 +2,7 @@
 
 A file holds one JSON object per line, scenes `{"scene": {id, p, s, e, fps, tag}}` and rows of
 tracks `{"track": {f, p, x, y}}`. A scene is a primary pedestrian p and a stretch of 21 steps from
-frame s to frame e; whoever has rows in it takes part. Predictions are rows with two keys more,
+frame s to frame e, with all agents that have rows in it. Predictions are rows with two keys more,
 `prediction_number` and `scene_id`, rounded to centimetres.
 """
 
@@ -54,7 +54,7 @@ class BenchmarkRecording:
         scenes: in the order of the file.
         stride: frame numbers per step; step: [s].
         ids: [P] pedestrians, ascending.
-        rows: by frame, the places in `ids` of who is seen then, and where [m].
+        rows: by frame, the indices in `ids` of the agents seen, and their positions [m].
         first: [P, 2] where each pedestrian is first seen [m].
         last: [P, 2] where each is last seen [m], its goal by the benchmark's definition.
     """
@@ -69,7 +69,7 @@ class BenchmarkRecording:
     last: FloatArray
 
     def stretch(self, start: int, *, steps: int = STEPS) -> FloatArray:
-        """[P, steps, 2] everybody from frame `start` on [m]; NaN where there is no row."""
+        """Cut positions [P, steps, 2] [m] of all agents from frame `start` on; NaN without row."""
         out = np.full((len(self.ids), steps, 2), np.nan)
         for k in range(steps):
             who, xy = self.rows.get(start + k * self.stride, (None, None))

@@ -24,7 +24,7 @@ from scenewright.evals.trajnet.recording import (
 from scenewright.scene.base import FloatArray
 
 Goals = Literal["none", "destination", "horizon"]
-"""What a predictor is told: nothing; where each pedestrian is last seen in the file, which is the
+"""What a predictor is given: nothing; where each pedestrian is last seen in the file, which is the
 benchmark's definition; or where it is at the end of the scene, and that it is there then."""
 MEASURES = ("ade", "fde", "col1", "col2")
 _RESAMPLES = 1000
@@ -98,7 +98,7 @@ def predict_scenes(
 
 
 def _extend_gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Who was seen and is gone at the last observed step, and [M, 12, 2] where they go on to."""
+    """Find agents gone at the last observed step, and extend their motion [M, 12, 2]."""
     seen = ~np.isnan(past[..., 0])
     who = np.flatnonzero(seen.any(axis=1) & ~seen[:, -1])
     last = OBSERVED - 1 - np.argmax(seen[who, ::-1], axis=1)

@@ -32,7 +32,7 @@ class Weights:
     Attributes:
         by_type: if it is the primary of a scene that starts there, by that scene's type.
         untyped: if it is not.
-        by_motion: whether who is no primary, but seen all along, counts by how it moves: as in a
+        by_motion: whether an agent seen all along, but no primary, counts by its motion: as in a
             static or linear scene, else as in an interacting one.
     """
 
@@ -52,7 +52,7 @@ def cut_training_windows(
     weights: Weights = EVERYBODY,
     both_ways: bool = False,
 ) -> list[Window]:
-    """Every stretch of the recordings in which somebody's future is known, stride by stride.
+    """Cut every stretch of the recordings in which an agent's future is known, by stride.
 
     Unlike the benchmark's scenes, which have one primary each, a window is learned from for all
     its agents; the scenes only say which of them count how much.

@@ -103,7 +103,7 @@ def _list_files(folder: Path) -> list[Traversable]:
 
 
 def _refuse_shared_phrases(found: dict[str, tuple[str, Pattern]]) -> None:
-    """A phrase names one pattern. Shipped files come first, so a user's file is told."""
+    """Check that a phrase names one pattern. Shipped files come first, so a user's is refused."""
     owners: dict[str, str] = {}
     for name, pattern in found.values():
         for words, _ in pattern.spoken():

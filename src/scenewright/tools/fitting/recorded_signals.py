@@ -191,7 +191,7 @@ def _find_cycle(
 def _derive_walk(
     leg: Compass, shown: Mapping[str, Sequence[Colour]], place: IntersectionMap
 ) -> list[Colour]:
-    """A crosswalk's lights: green while its own leg is red and nobody drives straight over it.
+    """A crosswalk's lights: green while its own leg is red and no vehicle drives straight over it.
 
     Where that is never long enough, while its own leg is red: traffic onto it gives way.
     """

@@ -77,7 +77,7 @@ _FOUR = frozenset({"north", "east", "south", "west"})
 def _drop_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMap) -> SocialGraph:
     """The graph without exits that only the compass demands of a turn.
 
-    Who is said to turn left from the north goes east where legs lie as on a compass. On a map
+    A left turn from the north leads east where legs lie as on a compass. On a map
     with other legs it goes where its movements lead.
     """
     if {leg.name for leg in intersection_map.legs} == _FOUR:
@@ -236,7 +236,7 @@ def _is_admitted(agent: AgentNode, route: Route) -> bool:
     elif agent.type != route.type:
         return False
     if agent.movement is None and route.movement == "jaywalking":
-        return False  # nobody jaywalks unasked
+        return False  # jaywalking only on request
     return all(want is None or want == offer for want, offer in zip(wanted, offered, strict=True))
 
 
@@ -322,7 +322,7 @@ def is_on_side(side: EntrySide, entry: str, *, of: str) -> bool:
             return turn == 4
         case "lateral":
             return turn not in (0, 4)
-        # Who comes from the north drives southwards and has the east on its left.
+        # An agent from the north drives southwards and has the east on its left.
         case "left":
             return 0 < turn < 4
         case "right":
@@ -340,8 +340,8 @@ def _play(
 ) -> Iterator[tuple[dict[str, Route], AssignedPattern]]:
     found = _draw(find_patterns(edge, graph), rng)
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
-    # Who is to run red does so, if it can be, where the other one has green.
-    # Who passes on yellow meets those who had green with it; nobody else runs red for that.
+    # A red-light runner runs red, if possible, while the other one has green.
+    # Passing on yellow it meets agents that had green with it; that is no reason to run red.
     yellow = any(graph.agent(n).motion == "passes_yellow" for n in (edge.from_, edge.to))
     for apart in (False,) if yellow else (True, False) if asked else (None,):
         for pattern in found:
@@ -400,7 +400,7 @@ def _is_struck_side_right(edge: RelationEdge, routes: dict[str, Route]) -> bool:
     }:
         return True
     turn = (_RING.index(striking.entry) - _RING.index(struck.entry)) % 8
-    # Who comes from the north drives southwards and has the east on its left.
+    # An agent from the north drives southwards and has the east on its left.
     return turn in (0, 4) or (edge.point_to == "left") == (turn < 4)
 
 
@@ -432,7 +432,7 @@ def _can_be_so_severe(pattern: Pattern, edge: RelationEdge) -> bool:
 
 
 def _can_run_red(pattern: Pattern, edge: RelationEdge) -> bool:
-    """Whether running a red light could bring it about; who drives behind another needs none."""
+    """Return whether running a red light could cause it; following needs none."""
     by_red = edge.cause == "red_light_run" and edge.kind is None
     return not by_red or pattern.entries != "same"
 
@@ -462,7 +462,7 @@ def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, s
     orders = [(edge.from_, edge.to)]
     told = edge.pattern is not None or edge.manoeuvre is not None
     told = told and pattern.from_.type == pattern.to.type
-    # Who drives into the back or the side of whom is said, and a rider's pattern fixes its roles.
+    # Rear-end and side impacts name the striker, and a rider's pattern fixes its roles.
     ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
     if pattern.relation in _SYMMETRIC and not told and not ridden:
         orders.append((edge.to, edge.from_))  # no phrase says who does it to whom
@@ -480,7 +480,7 @@ def can_serve(pattern: Pattern, a: Route, b: Route, *, intersection_map: Interse
 
 
 def _meet_so(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
-    """Whether two routes lie to one another as the pattern has it, whoever may travel them."""
+    """Return whether two routes lie to one another as the pattern has it."""
     return _do_entries_fit(pattern, a, b) and _is_geometry_fitting(pattern, a, b, intersection_map)
 
 
@@ -594,7 +594,7 @@ def _find_violator(
     if pattern.violator is None or share_green(*routes, intersection_map=intersection_map):
         return None
     usual, other = names if pattern.violator == "from" else names[::-1]
-    # Who gives way at a red light gives way to the light, who drives in line needs one light, and
+    # A giver at a red light gives way to the light, vehicles in line need one light, and
     # who only brakes too late is not the one that ran red.
     late = [edge for edge in graph.relations if edge.cause == "late_brake"]
     bound = {name for edge in late for name in (edge.from_, edge.to) if name.startswith("vehicle")}
@@ -619,7 +619,7 @@ def _report_no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rej
 
 
 def _refuse_two_collisions(graph: SocialGraph) -> None:
-    """Raises Rejected if somebody is to collide twice."""
+    """Refuse a graph in which an agent collides twice."""
     hits: dict[str, list[RelationEdge]] = {}
     for edge in graph.relations:
         if edge.type == "collide_at":
@@ -635,7 +635,7 @@ def _refuse_two_collisions(graph: SocialGraph) -> None:
 
 
 def _refuse_group_hit(graph: SocialGraph) -> None:
-    """Raises Rejected if a group is to be hit."""
+    """Refuse a graph in which a group is hit."""
     for edge in graph.relations:
         for name in (edge.from_, edge.to):
             if edge.type == "collide_at" and graph.agent(name).members is not None:
@@ -647,7 +647,7 @@ def _refuse_group_hit(graph: SocialGraph) -> None:
 
 
 def _refuse_late_braking(graph: SocialGraph) -> None:
-    """Raises Rejected if somebody is to brake too late where nothing comes of it."""
+    """Refuse late braking without a collision or near miss."""
     for edge in graph.relations:
         if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
             detail = (
@@ -658,7 +658,7 @@ def _refuse_late_braking(graph: SocialGraph) -> None:
 
 
 def _refuse_pedestrian_braking(graph: SocialGraph) -> None:
-    """Raises Rejected if a pedestrian is to brake."""
+    """Refuse braking pedestrians."""
     for edge in graph.relations:
         if edge.braker is not None and graph.agent(edge.braker).type != "vehicle":
             detail = (
@@ -669,7 +669,7 @@ def _refuse_pedestrian_braking(graph: SocialGraph) -> None:
 
 
 def _refuse_waiting_for_wreck(graph: SocialGraph) -> None:
-    """Raises Rejected if somebody gives way to a vehicle that comes to a stand on its crosswalk."""
+    """Refuse yielding to a vehicle that stays on the giver's crosswalk after a collision."""
     for wait, hit in _find_waits_and_hits(graph):
         walker, struck = graph.agent(wait.from_), graph.agent(_get_other(hit, wait.to))
         if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
@@ -692,7 +692,7 @@ _REFUSALS = (
 
 
 def _find_waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:
-    """Pairs of edges: a pedestrian waits for somebody, who hits another pedestrian."""
+    """Find pairs of edges: a pedestrian waits for a vehicle that hits another pedestrian."""
     walks = {agent.id for agent in graph.agents if _can_cross(agent)}
     for wait, hit in product(graph.relations, repeat=2):
         if (wait.type, hit.type) != ("yield_to", "collide_at") or wait.from_ not in walks:
@@ -710,7 +710,7 @@ def _get_other(edge: RelationEdge, name: str) -> str:
 
 
 def _is_clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
-    """Whether nobody waits to cross where the vehicle it waits for hits somebody and stays."""
+    """Return whether no pedestrian waits for a vehicle that stays on its crosswalk after a hit."""
     for wait, hit in _find_waits_and_hits(graph):
         named = (wait.from_, wait.to, _get_other(hit, wait.to))
         if set(named) <= routes.keys():

@@ -61,7 +61,7 @@ def refuse_unhidden(
     *,
     playable: Callable[[SocialGraph], bool],
 ) -> None:
-    """Refuse objects for which the map has no room, or that can hide nobody as asked.
+    """Refuse objects for which the map has no room, or that cannot hide an agent as asked.
 
     Raises:
         Rejected: `ungroundable`, with the reason.

@@ -68,7 +68,7 @@ def find_places(
         middle = roadside.edge + offset * roadside.outward
         boxes = _make_boxes(middle, roadside.ahead, length, width)
         fits = _check_ground(boxes, node, intersection_map, in_lane=offset < 0)
-        if offset < 0:  # not beyond the stop line, where nobody stands in a lane
+        if offset < 0:  # not beyond the stop line, where no vehicle waits
             fits &= _STEP * np.arange(len(middle)) >= _BEYOND + length / 2
         found += [_make_record(node, middle[k], roadside.ahead[k]) for k in np.flatnonzero(fits)]
     return tuple(found)

@@ -1,4 +1,4 @@
-"""Who passes first: which relations can say so, and which patterns agree with it (SEMANTICS 8)."""
+"""The order of passing: relations that can state it, and patterns that keep it (SEMANTICS 8)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _ORDERED = ("crossing", "merging", "turn_across")
 """Geometries with a place that two pass one after the other."""
 
 _UNORDERED: tuple[CollisionKind, ...] = ("rear_end", "sideswipe", "head_on")
-"""Collisions along one road, where nobody comes to such a place first."""
+"""Collisions along one road, where there is no order of passing."""
 
 _LONGEST_PET = 1.4
 """A near miss with a longer PET needs a vehicle that brakes hard [s] (SEMANTICS 4)."""
@@ -23,7 +23,7 @@ def can_be_ordered(pattern: Pattern, edge: RelationEdge) -> bool:
 
 
 def keeps_order(edge: RelationEdge, pattern: Pattern, roles: tuple[str, str]) -> bool:
-    """Whether who plays `from` and who plays `to` leaves the order as it is asked for."""
+    """Return whether an assignment of the roles keeps the order asked for."""
     if edge.first is None or pattern.order is None:
         return True
     return edge.first == roles[("from", "to").index(pattern.order)]

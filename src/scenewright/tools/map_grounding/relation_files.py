@@ -1,4 +1,4 @@
-"""Relation files whose clauses have been read, so that a faulty one is told before it is played."""
+"""Relation files with parsed clauses, so that a faulty one is reported before it is solved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings: whole tracks of everybody at one place, on one clock, whoever recorded them.
+"""Recordings: whole tracks of all agents at one place, on one clock, from any source.
 
 `recording` is the value, `archive` its file, `windows` cuts scenes out of it, `taf_bw` reads real
 tracks, `cleaning` frees real tracks of what no road user does.

@@ -20,7 +20,7 @@ from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Track
 
 FASTEST: Mapping[str, float] = {"vehicle": 20.0, "pedestrian": 3.0}
-"""Faster nobody is [m/s] (SEMANTICS section 5); on foot whoever is rides something."""
+"""Highest speeds [m/s] (SEMANTICS section 5); a faster pedestrian rides something."""
 JUMP = 2.0
 """Beyond the way at the fastest, how far noise may move a position in one step [m]."""
 SHORTEST = 2.0
@@ -140,7 +140,7 @@ def find_fault(kind: AgentClass, xy: FloatArray) -> str | None:
 
 
 def compute_course(xy: FloatArray) -> FloatArray:
-    """[T] direction of motion [rad]; held where there is none, east for who never moves."""
+    """Compute the direction of motion [T] [rad]; held while standing, east without motion."""
     step = np.gradient(xy, STEP, axis=0) if len(xy) > 1 else np.zeros_like(xy)
     known = np.hypot(step[:, 0], step[:, 1]) >= COURSE_FROM
     if not known.any():

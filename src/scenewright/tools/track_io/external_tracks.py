@@ -532,11 +532,11 @@ def _find_shape(rows: _Rows) -> Shape:
 
 
 def compute_headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
-    """[T] where somebody faces who moves forwards along positions [T, 2] [rad].
+    """Compute the headings [T] of an agent that moves forwards along positions [T, 2] [rad].
 
     At each sample the direction between the nearest samples before and after it that lie `least`
     metres apart. Where there are none within half a second either way, it stands: the heading is
-    held, before the first motion that of the first motion; 0 for who never moves.
+    held, before the first motion that of the first motion; 0 for one that never moves.
     """
     n = len(xy)
     result, known = np.zeros(n), np.zeros(n, dtype=np.bool_)

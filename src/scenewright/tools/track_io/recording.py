@@ -1,4 +1,4 @@
-"""A recording: whole tracks of everybody at one place over a stretch of time, on one clock."""
+"""A recording: whole tracks of all agents at one place over a stretch of time, on one clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class RecordedAgent:
         track: centre positions every 0.1 s; its start is a time of the recording.
         shape: class and size.
         subtype: of vehicles; also `bicycle`, which our scenes do not know.
-        entry, exit, crosswalk, route: as in the map; None where nobody said.
+        entry, exit, crosswalk, route: as in the map; None if unknown.
         complete: seen from one edge of the map to the other; else the track begins or ends
             inside, or the cleaning of complete tracks refused it.
     """
@@ -47,11 +47,11 @@ class RecordedAgent:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Everybody's tracks at one place from `begin` to `end` [s].
+    """All tracks at one place from `begin` to `end` [s].
 
     Attributes:
         name: which recording this is, such as `amsterdam_120 day 0 hour 08`.
-        begin, end: everybody present in between is recorded, whole or in part.
+        begin, end: all agents present in between are recorded, whole or in part.
         agents: in order of their first sample.
         split: the part of a corpus it belongs to; None for what is no corpus.
         unseen: agents that were there and are not among `agents` (collided in the simulation).

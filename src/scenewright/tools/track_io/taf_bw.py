@@ -57,7 +57,7 @@ class RealTracks:
         recordings: one per file of tracks; no splits, no signals.
         removed: what cleaning took away, by site and date.
         jitter: of the positions before smoothing [m], the upper quartile, by site and date; sites
-            where nobody moves are not in it.
+            without moving agents are not in it.
     """
 
     recordings: tuple[Recording, ...]

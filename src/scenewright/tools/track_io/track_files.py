@@ -86,7 +86,7 @@ def read_track_files(
     Args:
         columns: for a CSV of any kind: its columns by our names t, id, class, x, y; `class` may be
             missing or be a constant such as `=car`, `t` may be a frame as `frame/25`.
-        named: the data set that the files are of, where their names do not tell (`FORMATS`).
+        named: the data set that the files are of, where their names do not show it (`FORMATS`).
         scale: metres per pixel, where positions are pixels of an image whose y points down.
 
     Raises:

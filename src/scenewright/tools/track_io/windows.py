@@ -1,4 +1,4 @@
-"""Windows: scenes of equal length cut from a recording, with everybody who was there."""
+"""Windows: scenes of equal length cut from a recording, with all agents present."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class RecordingWindow:
     Attributes:
         start: time of the first step in the recording [s]; step: between steps [s].
         members: [A] positions of its agents in the recording.
-        xy: [A, T, 2] positions [m]; heading: [A, T] [rad]; both 0 where nobody was seen.
+        xy: [A, T, 2] positions [m]; heading: [A, T] [rad]; both 0 where the agent was not seen.
         present: [A, T] whether the agent was there.
     """
 
@@ -37,7 +37,7 @@ class RecordingWindow:
 
     @property
     def whole(self) -> BoolArray:
-        """[A] who is there at every step."""
+        """[A] whether an agent is present at every step."""
         return np.asarray(self.present.all(axis=1))
 
     def subsample(self, count: int, *, first: int = 0) -> RecordingWindow:
@@ -83,7 +83,7 @@ def cut_windows(
 
 
 def _cut_window(recording: Recording, grid: IntArray, every: int) -> RecordingWindow:
-    """Everybody seen at one sample of `grid` [T] or more."""
+    """Find the agents seen at one sample of `grid` [T] or more."""
     samples = recording.samples
     near = np.flatnonzero((samples.first <= grid[-1]) & (samples.last >= grid[0]))
     present = (grid >= samples.first[near, None]) & (grid <= samples.last[near, None])

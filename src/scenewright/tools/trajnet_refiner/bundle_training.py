@@ -142,7 +142,7 @@ def train_bundle(
 
 
 def find_out_folder(name: str, out: str | None) -> Path:
-    """Where a bundle's refiner is written: where it is told, else into one's own bundle.
+    """Find the folder for a bundle's refiner: `out` if given, else the user's own bundle.
 
     Raises:
         InputError: no such intersection.
@@ -161,7 +161,7 @@ def compute_figures(
 
     Waypoints lie on the agent's way, two to twelve steps apart, the last moment's place not always
     left out. Beside the network stands constant velocity, which has no use for them. The density
-    is that of the first 0.8 s. Of a class that nobody was tried of there is its number, 0, alone.
+    is that of the first 0.8 s. Of a class without test agents there is its number, 0, alone.
     """
     windows = _cut_windows(recordings, net.config, stride)
     rng = np.random.default_rng(seed)
@@ -232,7 +232,7 @@ position of the first 0.8 s. Waypoints are places on the true way, 0.8 to 4.8 s 
 
 
 def _format_row(kind: str, found: Mapping[str, float]) -> str:
-    """A class' figures; dashes where nobody of it could be tried."""
+    """Format a class' figures; dashes without test agents."""
     if not found[f"{kind}_n"]:
         return f"| {kind} | 0 | – | – | – | – |"
     errors = " | ".join(

@@ -1,9 +1,9 @@
 """A scene rolled out under the guidance of its edited priors (paper 3.5, Eq. 7).
 
-Everybody starts on the edited prior, is predicted together with everybody else, and heads for
-places on its prior, each due at its time: segment goals, and waypoints evenly in between. What
-comes out is told as a deviation from the prior in arc length along the agent's own path; moving it
-to the output step and keeping it feasible is the task of the kinematic layer.
+Each agent starts on the edited prior, is predicted together with the others, and heads for
+places on its prior, each due at its time: segment goals, and waypoints evenly in between. The
+result is expressed as a deviation from the prior in arc length along the agent's own path; the
+kinematic layer moves it to the output step and keeps it feasible.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy import interpolate
 
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
@@ -34,7 +35,7 @@ LEAD, STRICT_LEAD = 5, {"vehicle": 3, "pedestrian": 5}
 slow down for no relation, and of all others: a relation depends on when they are where, and who
 drives on wavers less that way."""
 _SLOW = 3.0
-"""Who is never slower than this drives on [m/s]."""
+"""An agent never slower than this drives on [m/s]."""
 BEFORE_STAND = 4.0
 """How long before it stands [s] a vehicle that nothing depends on heads for no waypoint but that
 place: people brake gently first and harder at the end, each in their own way."""
@@ -100,7 +101,7 @@ def compute_deviations(
     fixed: Mapping[str, FloatArray] | None = None,
     temperature: float = TEMPERATURE,
 ) -> dict[str, FloatArray]:
-    """How far ahead of its prior everybody gets, by name: [T] like each guide's samples [m].
+    """Compute how far ahead of its prior each agent gets, by name: [T] at its samples [m].
 
     Args:
         duration: of the scene [s].
@@ -132,7 +133,7 @@ def compute_deviations(
 
 
 def compute_deviation(guide: Guide, track: Track) -> FloatArray:
-    """How far ahead of its prior an agent is on a track of it [m]; 0 where the track is not."""
+    """Compute how far ahead of its prior an agent's track is [m]; 0 where there is none."""
     deviation = np.zeros(len(guide.s))
     k = np.rint((track.times - guide.enters) / STEP).astype(int)
     inside = (k >= 0) & (k < len(guide.s))
@@ -164,7 +165,7 @@ def _run_rollout(
     times: FloatArray,
     noise: FloatArray | None,
 ) -> FloatArray:
-    """[N, T, 2] positions of everybody at the network's steps."""
+    """Roll out positions [N, T, 2] of all agents at the network's steps."""
     there = np.isfinite(prior)
     until = np.where(there.any(axis=1), len(times) - np.argmax(there[:, ::-1], axis=1), 0)
     due = [_list_due_columns(guide, times, there[n]) for n, guide in enumerate(rows)]
@@ -218,7 +219,7 @@ def _compute_times(columns: FloatArray, times: FloatArray) -> FloatArray:
 def _compute_progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:
     """[T] arc length of the place on the path nearest to each position, not far from `near`.
 
-    Beyond its end the path goes straight on: who is ahead of its prior leaves sooner, not slower.
+    Beyond its end the path goes straight on: an agent ahead of its prior leaves sooner, not slower.
     """
     seen = np.isfinite(xy).all(axis=1) & np.isfinite(near)
     progress = np.full(len(xy), np.nan)
@@ -238,8 +239,6 @@ def _compute_progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArra
 
 def _interpolate_deviations(guide: Guide, times: FloatArray, ahead: FloatArray) -> FloatArray:
     """[T] deviations at the network's steps brought to 0.1 s by a spline of smooth acceleration."""
-    from scipy import interpolate
-
     make: Any = interpolate.CubicSpline
     fine = np.zeros(len(guide.s))
     seen = np.flatnonzero(np.isfinite(ahead))

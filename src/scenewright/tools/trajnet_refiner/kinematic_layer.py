@@ -25,7 +25,7 @@ class KinematicLimits:
     """What a refined agent may do at most, unless its edited prior does more just there.
 
     Far less than the gate allows: this is what people do without need. Above 3.4 m/s^2 of braking,
-    who comes close behind another would be in a near miss with it (SEMANTICS section 4).
+    an agent close behind another would be in a near miss with it (SEMANTICS section 4).
 
     Attributes:
         speed [m/s], acceleration, braking, lateral [m/s^2].
@@ -107,7 +107,7 @@ def limit_deviation(
 def _extend_to_end(s: FloatArray, prior: FloatArray, path: Path) -> FloatArray:
     """[T'] arc length, gone on with at an even pace where the prior leaves and it is not there yet.
 
-    Nobody is gone sooner than its path is.
+    No agent leaves before the end of its path.
     """
     if len(s) < 2 or path.length - prior[-1] > prior[-1] - prior[-2] + _AT_END:
         return s
@@ -151,7 +151,7 @@ def _find_joints(kept: BoolArray, count: int) -> BoolArray:
     """[count] third differences that lie just before the prior is kept, or just after it was."""
     about, width = np.zeros(count, dtype=np.bool_), round(_AROUND / STEP)
     for turn in np.flatnonzero(np.diff(kept.astype(np.int8))) + 1:
-        # Every track begins as its prior does: who enters has not stood.
+        # Every track begins as its prior does: an entering agent has not stood.
         if turn > _BEGUN:
             first = max(int(turn) - 2 - width, 0) if kept[turn] else int(turn)
             about[first : first + width] = True

@@ -3,7 +3,7 @@
 Every agent of a scene has an LSTM that reads its motion so far, then writes its motion to come,
 all agents of all scenes of a batch in step. At each step an agent pools what its nearest
 neighbours do (places, velocities, closest approach, their memory) and sees the way to its goal, if
-it has one. What is learned is a change of velocity: without any, everybody would keep going, or,
+it has one. What is learned is a change of velocity: without any, agents would keep going, or,
 with a goal that is due at some time, speed up or turn evenly so as to be there in time.
 
 All of it is expressed in the frame of the agent itself, turned so that it came along +x. Turning
@@ -35,7 +35,7 @@ class RefinerConfig(Model):
 
     Attributes:
         step: [s] between samples; observed, predicted: samples per window.
-        stride: predicted samples per step of the decoder, after which everybody looks again.
+        stride: predicted samples per decoder step, after which all agents are observed again.
         neighbours: how many of the nearest are pooled; reach: up to which distance [m], by class.
         pace: a usual speed [m/s] by class, the unit of every velocity inside.
         dropout: share of what is read and remembered that training leaves out at random.
@@ -82,12 +82,12 @@ class Scenes(NamedTuple):
     due: Tensor | None = None
 
     def to(self, device: torch.device) -> Scenes:
-        """The same on another device."""
+        """Return the same on another device."""
         return Scenes(*(None if each is None else each.to(device) for each in self))  # type: ignore[arg-type]
 
 
 class Prediction(NamedTuple):
-    """Where everybody seen at the last observed step goes; NaN for everybody else.
+    """The predicted motion of all agents seen at the last observed step; NaN for the others.
 
     Attributes:
         xy: [B, N, P, 2] mean positions [m].
@@ -102,7 +102,7 @@ class Prediction(NamedTuple):
 
 
 class _Now(NamedTuple):
-    """Everybody at one step.
+    """All agents at one step.
 
     Attributes:
         xy, move: [B, N, 2] places and moves since the step before [m]; change: how the move has
@@ -213,7 +213,7 @@ class Refiner(nn.Module):
     def _encode(
         self, moves: Tensor, both: Tensor, classes: Tensor, along: Tensor, unit: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Memory of everybody's own past, [B * N, hidden] twice."""
+        """Return the memory of each agent's past, [B * N, hidden] twice."""
         own = turn_back(moves, along[:, :, None]) / unit[:, :, None]
         change = torch.where(both[:, :, 1:, None] & both[:, :, :-1, None], own.diff(dim=2), 0.0)
         change = nn.functional.pad(change, (0, 0, 1, 0))
@@ -257,7 +257,7 @@ class Refiner(nn.Module):
 
 @torch.no_grad()
 def predict(net: Refiner, scenes: Scenes, *, steps: int | None = None) -> Prediction:
-    """Everybody's motion to come, mirrored and kept apart as the configuration says.
+    """Predict all agents' motion, mirrored and kept apart as the configuration says.
 
     Args:
         steps: how many are predicted; as many as the configuration says if None.
@@ -272,7 +272,7 @@ def predict(net: Refiner, scenes: Scenes, *, steps: int | None = None) -> Predic
 
 
 def _build_present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _Now:
-    """The last of the observed steps; moves and both [B, N, T - 1] between each two."""
+    """Build the last observed step; moves and both [B, N, T - 1] between each two."""
     early = -1 - min(_LATE, moves.shape[2] - 1)
     steady = both[:, :, early:].all(-1, keepdim=True)
     change = torch.where(steady, (moves[:, :, -1] - moves[:, :, early]) / (-1.0 - early), 0.0)
@@ -284,27 +284,27 @@ def _build_present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _No
 
 
 def _mirror_scenes(scenes: Scenes) -> Scenes:
-    """The scenes with north and south exchanged."""
+    """Mirror the scenes: north and south exchanged."""
     swap = scenes.xy.new_tensor((1.0, -1.0))
     goal = None if scenes.goal is None else scenes.goal * swap
     return scenes._replace(xy=scenes.xy * swap, goal=goal)
 
 
 def _average_mirrored(one: Prediction, mirrored: Prediction) -> Prediction:
-    """The mean of a prediction and of what was predicted for the mirror image."""
+    """Average a prediction with that of the mirror image."""
     xy = 0.5 * (one.xy + mirrored.xy * one.xy.new_tensor((1.0, -1.0)))
     spread = 0.5 * (one.spread + mirrored.spread * one.spread.new_tensor((1.0, 1.0, -1.0)))
     return one._replace(xy=xy, spread=spread)
 
 
 def select_latest(xy: Tensor, steps: int) -> Tensor:
-    """[B, N, steps, 2] the last of [B, N, T, 2] positions; NaN before the first."""
+    """Select the last [B, N, steps, 2] of positions [B, N, T, 2]; NaN before the first."""
     kept = xy[:, :, -steps:]
     return nn.functional.pad(kept, (0, 0, steps - kept.shape[2], 0), value=torch.nan)
 
 
 def compute_heading(xy: Tensor, seen: Tensor, *, back: int = 4) -> Tensor:
-    """[B, N, 2] unit vector of each agent's motion over its last steps; +x for who stands still.
+    """Compute unit vectors [B, N, 2] of each agent's motion over its last steps; +x if standing.
 
     Args:
         xy: [B, N, T, 2] positions, any finite value where unseen; seen: [B, N, T].
@@ -335,7 +335,7 @@ def turn_back(vector: Tensor, along: Tensor) -> Tensor:
 
 
 def find_nearest(xy: Tensor, here: Tensor, reach: Tensor, most: int) -> tuple[Tensor, Tensor]:
-    """Who is pooled by whom.
+    """Find the neighbours that each agent pools.
 
     Args:
         xy: [B, N, 2]; here: [B, N]; reach: [B, N] of the agent that pools [m].

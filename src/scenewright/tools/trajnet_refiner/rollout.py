@@ -1,8 +1,8 @@
 """Iterated prediction (paper 3.5): x_rf = DNN(x_ob; goals), x_ob <- concat(x_ob, x_rf).
 
-A whole scene is written in one go: whoever has been seen for a step or more is predicted, what was
-predicted is taken for seen, and everybody heads for the next of its waypoints. With noise, what is
-taken for seen is drawn from the predicted Gaussian: nobody moves as evenly as a mean.
+A whole scene is written in one go: agents seen for a step or more are predicted, predictions count
+as observed, and each agent heads for the next of its waypoints. With noise, what counts as observed
+is drawn from the predicted Gaussian: real agents do not move as evenly as a mean.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def run_rollout(
             agent is there from its first known position on; known positions are kept.
         classes: [B, N] places in `model.CLASSES`.
         until: [B, N] first column at which an agent is no longer there; to the end if None.
-        keep: predicted steps that are kept before everybody is observed anew; all if None.
+        keep: predicted steps that are kept before agents are observed anew; all if None.
         lead: steps before a waypoint is due from which the next one counts, for all or [B, N]: who
             must be in a place to the moment gets there with a jerk. The last one counts to the end.
         noise: [B, N, T, 2] standard normal numbers; those of the first column of what is kept
@@ -91,7 +91,7 @@ def _sample_offsets(predicted: Prediction, noise: Tensor) -> Tensor:
 
 
 def _list_ends(known: Tensor) -> list[int]:
-    """Columns behind somebody's last known position: from there on it is predicted afresh."""
+    """List the columns behind an agent's last known position, from which it is predicted."""
     there = ~known.isnan().any(-1)
     columns = torch.arange(1, known.shape[2] + 1, device=known.device)
     return sorted(set(torch.where(there, columns, 0).amax(-1).flatten().tolist()))

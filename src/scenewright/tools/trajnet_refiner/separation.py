@@ -26,11 +26,11 @@ def separate(xy: Tensor, *, among: Tensor, apart: float, rounds: int = ROUNDS) -
 
     Args:
         xy: [B, N, P, 2] predicted positions [m]; NaN for agents that are not predicted.
-        among: [B, N] who is moved; everybody else is neither moved nor avoided.
+        among: [B, N] the agents to move; others are neither moved nor avoided.
         apart: [m].
 
     Returns:
-        [B, N, P, 2]; identical to `xy` where nobody comes too close.
+        [B, N, P, 2]; identical to `xy` where no agents come too close.
     """
     moved = xy.clone()
     flat = moved.flatten(0, 1)

@@ -76,7 +76,7 @@ class Epoch(NamedTuple):
 
 
 ProgressCallback = Callable[[int, int], None]
-"""Is told after every batch how many batches are done, and of how many."""
+"""Called after every batch with the number of batches done, and of how many."""
 
 
 def train(
