@@ -106,14 +106,3 @@ def test_it_comes_when_there_is_room_to_come():
     assert 1.5 < enters < 6.0
     assert drive(driver(10.0), round(enters + 3.0, 1), [slow]) is not None
     assert find_entrance(driver(10.0), 20.0, table) == pytest.approx(20.0)
-
-
-def test_a_queue_goes_at_headways_of_about_two_seconds():
-    queue = [driver(10.0).edited(stops=(Stop("stop_line", 60.0, 7.0, 14.0, "red_light"),))]
-    for n in range(4):
-        others = ReservationTable(queue, foreground=False)
-        enters = round(find_entrance(driver(10.0), 2.0 * (n + 1), others), 1)
-        tried = (drive(driver(10.0), enters, queue, seed=seed) for seed in range(9))
-        queue.append(next(each for each in tried if each is not None).shifted(enters))
-    passed = np.array([each.enters + each.motion.find_time_at(66.0) for each in queue])
-    assert 1.6 < np.diff(passed)[1:].mean() < 2.7

@@ -4,9 +4,8 @@ It enters at its drawn time, or when there is room, follows the vehicle ahead in
 at red and behind queues, and when turning gives way to pedestrians and others; it neither crosses
 the path of a foreground agent near it in time nor gives way to it. Each agent that it meets blocks
 nodes of its path for a time; the blocks that it would run into become walls, behind which it drives
-by the intelligent driver model (Treiber, Hennecke, Helbing 2000). Unless it is faster than the
-vehicle ahead, the lesser of the model's two terms counts (Schakel, van Arem, Netten 2010), as their
-sum makes queues discharge slowly. The motion becomes a pace and stops.
+by the intelligent driver model (Treiber, Hennecke, Helbing 2000). The motion becomes a pace and
+stops.
 """
 
 from __future__ import annotations
@@ -60,8 +59,6 @@ _STANDS, _SHORTEST = 0.3, 0.8
 """Slower than this [m/s] for at least that long [s] is a standstill."""
 _CREEPS = 1.0
 """A vehicle that moves less [m] between two standstills has one standstill."""
-_APPROACHES = 1.5
-"""A vehicle faster than the one ahead by this [m/s] approaches it."""
 _LEAST = 0.7
 """Least speed of a pace [m/s]: standstills are edits of their own."""
 
@@ -156,7 +153,7 @@ def _list_greens(actor: ScheduledAgent, moment: SceneTiming) -> _Greens:
     if actor.landmarks.line is None or group is None or clock is None:
         return np.empty(0), np.empty(0, dtype=np.bool_), 0.0, 1.0
     edges, green = get_phases(clock.program, group, ("green",))
-    return edges, green, clock.offset, clock.program.cycle
+    return edges, green, float(clock.offset), float(clock.program.cycle)
 
 
 def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming) -> bool:
@@ -425,14 +422,12 @@ def _accelerate(
     gap: float,
 ) -> float:
     """Compute acceleration [m/s^2] at speed `v`, `room` [m] behind a wall that may move."""
-    near = (v / limit) ** 4
+    rate = float(acceleration * (1.0 - (v / limit) ** 4))
     if room == np.inf:
-        return float(acceleration * (1.0 - near))
+        return rate
     closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
     wanted = gap + max(0.0, v * headway + closing)
-    # A vehicle that approaches another brakes early.
-    early = near * min(max((v - speed) / _APPROACHES, 0.0), 1.0)
-    return float(acceleration * (1.0 - max(near, early + (wanted / max(room, 0.05)) ** 2)))
+    return rate - float(acceleration * (wanted / max(room, 0.05)) ** 2)
 
 
 @compiled
