@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,7 @@ from scenewright.backends import load_backend
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.trajectory_refiner import NO_WEIGHTS, SHARES, refine_trajectories
+from scenewright.nodes.trajectory_refiner import NO_WALKERS, NO_WEIGHTS, SHARES, refine_trajectories
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
@@ -90,6 +91,17 @@ def test_everybody_moves_a_little_otherwise_and_who_stands_keeps_standing(run, l
     edited, refined = state["edited"][GIVER], state["refined"][GIVER]
     waiting = (edited.times > stop.start + 0.5) & (edited.times < stop.end - 0.5)
     assert np.array_equal(edited.xy[waiting], refined.xy[waiting])
+
+
+def test_weights_that_know_no_real_walkers_move_none(learned):
+    state = dict(synthesize("Ordinary traffic at noon.", seed=4, refiner="none").state)
+    done = first(state, replace(learned, walks=False))
+    kinds = {n: a.candidate.shape.type for n, a in state["selection"].agents.items()}
+    walkers = [name for name in done["refined"] if kinds[name] == "pedestrian"]
+    assert walkers
+    assert all(moved(done, name) == 0.0 for name in walkers)
+    assert {done["refinement"].agents[name].reason for name in walkers} == {NO_WALKERS}
+    assert any(moved(done, name) > 0.05 for name in done["refined"] if name not in walkers)
 
 
 def test_refined_positions_lie_on_the_agents_own_path(run, learned):

@@ -12,7 +12,7 @@ from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock
-from scenewright.tools.solver.car_following import follow_traffic
+from scenewright.tools.solver.car_following import find_entrance, follow_traffic
 from scenewright.tools.solver.entry_times import SceneTiming
 from scenewright.tools.solver.reservation import ReservationTable
 from solver_agents import BARE, EAST, SOUTH, actor, candidate, law, straight
@@ -97,3 +97,12 @@ def test_the_pace_says_the_motion_again():
     again = actor(driven.candidate)
     assert len(driven.candidate.time_law.pace) * PACE_STEP >= 100.0
     assert np.array_equal(again.motion.s[:100], driven.motion.s[:100])
+
+
+def test_it_comes_when_there_is_room_to_come():
+    slow = driver(3.0)
+    table = ReservationTable([slow], foreground=False)
+    enters = find_entrance(driver(10.0), 0.3, table)
+    assert 1.5 < enters < 6.0
+    assert drive(driver(10.0), round(enters + 3.0, 1), [slow]) is not None
+    assert find_entrance(driver(10.0), 20.0, table) == pytest.approx(20.0)

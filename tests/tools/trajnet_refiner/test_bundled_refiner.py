@@ -18,6 +18,7 @@ from scenewright.tools.trajnet_refiner.store import save_refiner
 
 NAME = "own_corner"
 SMALL = RefinerConfig(hidden=8, embedding=8, pooled=8, neighbours=2)
+FIGURES = {"pedestrian_n": 90.0, "pedestrian_ade_alone": 0.6, "pedestrian_ade_even": 0.7}
 
 
 @pytest.fixture
@@ -117,3 +118,22 @@ def test_where_no_weights_serve_a_line_says_so(folder, monkeypatch):
     monkeypatch.setattr("scenewright.graph.run.ships_refiner", lambda _: False)
     assert find_refiner_gap(NAME, "trajnet") == NO_WEIGHTS
     assert find_refiner_gap(NAME, "none") is None
+
+
+@pytest.mark.parametrize(
+    ("about", "walks"),
+    [
+        ({}, False),
+        ({"figures": FIGURES}, False),  # of simulated people
+        ({"walkers_figures": FIGURES}, True),
+        ({"walkers_figures": FIGURES | {"pedestrian_ade_alone": 0.9}}, False),
+        ({"command": "scenewright intersections fit x --train", "figures": FIGURES}, True),
+    ],
+)
+def test_weights_move_pedestrians_only_if_they_predict_real_ones(folder, about, walks):
+    save_refiner(Refiner(SMALL), folder / REFINER_WEIGHTS, about=about)
+    assert load_bundled_refiner(NAME).walks == walks
+
+
+def test_the_shipped_weights_move_no_pedestrians():
+    assert not load_bundled_refiner("amsterdam_120").walks

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, NotRequired, TypedDict
 
+import numpy as np
 from langgraph.runtime import Runtime
 
 from scenewright.geometry.driving_profile import Motion, sample_track
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 NOT_ASKED = "the edited priors are final, no learned model ran"
 NO_WEIGHTS = "there are no weights of a refiner that serve this intersection: " + NOT_ASKED
 NOT_TRAINED = "the network was not trained on its class"
+NO_WALKERS = "of real people on foot the network knows nothing, or less than constant velocity"
 SHARES = (1.0, 0.5, 0.5, 0.25, 0.0)
 """Largest share of the proposed deviation that an agent gets, by how often it was refused."""
 DRAWN_ANEW = 2
@@ -156,11 +158,12 @@ def _refine_motions(
     refusals = _count_refusals(motions, before, state)
     named, recurs = _list_refused_agents(state), before is not None and _has_recurred(state, 2)
     guides = build_guides(motions, state["selection"], state["behavior"])
-    rolled = _roll_out_agents(guides, refusals, before, state, context)
+    even = _list_unpredicted(guides, context)
+    rolled = _roll_out_agents(guides, refusals, before, state, context) | even
     agents: dict[str, AgentRefinement] = {}
     tracks: dict[str, Track] = {}
     for name, guide in guides.items():
-        settled = last or (name in named and recurs)
+        settled = last or name in even or (name in named and recurs)
         most = 0.0 if settled else SHARES[min(refusals[name], len(SHARES) - 1)]
         s, share = limit_deviation(
             guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most
@@ -171,6 +174,8 @@ def _refine_motions(
         agents[name] = _build_refinements(share[free], most, refusals[name], state.get("refused"))
         if state["selection"].agents[name].candidate.shape.type in RIDERS:
             agents[name] = agents[name].model_copy(update={"reason": NOT_TRAINED})
+        elif name in even:
+            agents[name] = agents[name].model_copy(update={"share": 0.0, "reason": NO_WALKERS})
     return agents, rolled, tracks
 
 
@@ -231,9 +236,17 @@ def _roll_out_agents(
         guides,
         duration=state["selection"].duration,
         rng=context.rng("trajectory_refiner", state.get("rejections", [])),
-        fixed=fixed or _list_earlier_deviations(guides, state),
+        fixed=(fixed or _list_earlier_deviations(guides, state))
+        | _list_unpredicted(guides, context),
     )
     return {name: known[name] if name in fixed else each for name, each in drawn.items()}
+
+
+def _list_unpredicted(guides: Mapping[str, Guide], context: RunContext) -> dict[str, FloatArray]:
+    """Pedestrians whom the network may not move, as they are: without any deviation."""
+    if context.learned is None or context.learned.walks:
+        return {}
+    return {n: np.zeros(len(g.s)) for n, g in guides.items() if g.kind == "pedestrian"}
 
 
 def _list_earlier_deviations(

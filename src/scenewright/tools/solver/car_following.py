@@ -1,10 +1,11 @@
 """Car-following of a background vehicle among the agents scheduled before it.
 
-It enters at its drawn time, follows the vehicle ahead in its lane, stops at red and behind
-queues, and when turning gives way to pedestrians and others; it neither crosses the path of a
-foreground agent near it in time nor gives way to it. Each agent that it meets blocks nodes of its
-path for a time; the blocks that it would run into become walls, behind which it drives by the
-intelligent driver model (Treiber, Hennecke, Helbing 2000). The motion becomes a pace and stops.
+It enters at its drawn time, or when there is room, follows the vehicle ahead in its lane, stops
+at red and behind queues, and when turning gives way to pedestrians and others; it neither crosses
+the path of a foreground agent near it in time nor gives way to it. Each agent that it meets blocks
+nodes of its path for a time; the blocks that it would run into become walls, behind which it drives
+by the intelligent driver model (Treiber, Hennecke, Helbing 2000). The motion becomes a pace and
+stops.
 """
 
 from __future__ import annotations
@@ -25,10 +26,11 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import PACE_STEP, DrivingProfile
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
+from scenewright.tools.map_grounding.signal_plan import get_phases, is_showing_at
 from scenewright.tools.segment_editor import make_stop_command
 from scenewright.tools.solver.entry_times import START_LAG, SceneTiming
 from scenewright.tools.solver.path_conflict import IntArray
-from scenewright.tools.solver.reservation import IN_LANE, ReservationTable, get_corridor
+from scenewright.tools.solver.reservation import IN_LANE, Bars, ReservationTable, get_corridor
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
@@ -49,6 +51,8 @@ _HARDEST_DRIVEN = 3.35
 """Hardest braking of the resulting pace [m/s^2]: a pace overstates it a little."""
 _FORESEES = 1.5
 """How far ahead drivers anticipate the motion of others, by brake lights and traffic ahead [s]."""
+_ENTRANCE = 5.0
+"""Within this distance of its entry [m] a vehicle needs a free path."""
 _AFTER = 4.0
 """How long beyond the scene's end the motion is computed [s]."""
 _STANDS, _SHORTEST = 0.3, 0.8
@@ -57,6 +61,9 @@ _CREEPS = 1.0
 """A vehicle that moves less [m] between two standstills has one standstill."""
 _LEAST = 0.7
 """Least speed of a pace [m/s]: standstills are edits of their own."""
+
+_Greens = tuple[FloatArray, NDArray[np.bool_], float, float]
+"""What `_list_greens` gives."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +103,14 @@ def follow_traffic(
     return driven
 
 
+def find_entrance(actor: ScheduledAgent, wished: float, present: ReservationTable) -> float:
+    """Find the first scene time [s] from `wished` on at which the agent has room to enter."""
+    corridor = get_corridor(actor.candidate)
+    bars = present.list_bars(corridor, in_lane=IN_LANE)
+    speed = math.sqrt(compute_squared_speed_limit(actor.candidate)[0])
+    return math.ceil(_find_entrance(corridor.s, bars, speed, wished) / STEP - 1e-6) * STEP
+
+
 def _brakes_hard(driven: ScheduledAgent, usual: float) -> bool:
     """Return whether, by its pace, it brakes harder than allowed for others and for itself.
 
@@ -120,34 +135,25 @@ def _drive(
     """Compute the arc length [T] every 0.1 s from the entry on; None if it cannot be driven."""
     candidate, law = actor.candidate, actor.candidate.time_law
     corridor = get_corridor(candidate)
-    rows, low, high, who, kind = present.list_bars(corridor, in_lane=IN_LANE)
-    low, high = low - enters, high - enters
-    turns = candidate.route.movement != "straight"
-    free = np.sqrt(compute_squared_speed_limit(candidate))
-    walls = np.full(len(corridor.s), -np.inf)
-    line = actor.landmarks.line
-    stop = np.inf if line is None else line - style.line
-    steps = int((moment.duration + _AFTER - enters) / STEP)
-    release = -np.inf
-    for _ in range(_ROUNDS):
-        moved, hardest = _follow(
-            corridor.s, walls, stop, release, candidate.path.s, free, law.acceleration,
-            law.braking, max(style.headway - IN_LANE, 0.1), style.gap, steps,
-        )  # fmt: skip
-        if hardest > _HARDEST:
-            return None
-        red = _find_red(actor, moved, enters, moment, style)
-        if red > release:
-            release = red
-            continue
-        met = _find_met(corridor.s, moved, rows, low, high, moment.duration + _AFTER - enters)
-        if met < 0:
-            return moved
-        if not _can_wait(int(kind[met]), turns):
-            return None
-        if not _raise_walls(walls, rows, high, who, kind, met):
-            return None
-    return None
+    line = np.inf if actor.landmarks.line is None else actor.landmarks.line
+    until = moment.duration + _AFTER - enters
+    moved = _drive_among(
+        corridor.s, present.list_bars(corridor, in_lane=IN_LANE), enters, until,
+        candidate.path.s, np.sqrt(compute_squared_speed_limit(candidate)),
+        law.acceleration, law.braking, style.headway, style.gap,
+        line, line - style.line, style.lag, _list_greens(actor, moment),
+        candidate.route.movement != "straight",
+    )  # fmt: skip
+    return moved if len(moved) else None
+
+
+def _list_greens(actor: ScheduledAgent, moment: SceneTiming) -> _Greens:
+    """List when the phases of its light end [s], which are green, offset and cycle."""
+    group, clock = actor.landmarks.group, moment.clock
+    if actor.landmarks.line is None or group is None or clock is None:
+        return np.empty(0), np.empty(0, dtype=np.bool_), 0.0, 1.0
+    edges, green = get_phases(clock.program, group, ("green",))
+    return edges, green, float(clock.offset), float(clock.program.cycle)
 
 
 def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming) -> bool:
@@ -159,34 +165,9 @@ def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming)
     return all(clock.colour(group, crosses + near) == "green" for near in (-0.15, 0.0, 0.15))
 
 
-def _find_red(
-    actor: ScheduledAgent,
-    moved: FloatArray,
-    enters: float,
-    moment: SceneTiming,
-    style: _Style,
-) -> float:
-    """Find the local time [s] until which its light holds this motion; -inf if not at all."""
-    line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
-    if line is None or group is None or clock is None or moved[-1] < line:
-        return -np.inf
-    crosses = enters + STEP * float(np.searchsorted(moved, line))
-    if all(clock.colour(group, crosses + near) == "green" for near in (-0.35, 0.0, 0.35)):
-        return -np.inf
-    if clock.colour(group, crosses - 0.35) != "green" and (
-        clock.colour(group, crosses + 0.35) == "green"
-    ):
-        return crosses - enters + 0.5
-    return clock.next_green(group, crosses) + style.lag - enters
-
-
 BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)
 """What blocks a node: the clearance to a follower of the same lane or to any agent; the vehicle
 ahead in the lane; a crossing agent; a crossing foreground agent."""
-
-
-def _can_wait(kind: int, turns: bool) -> bool:
-    return kind == AHEAD or (kind == CROSSING and turns)
 
 
 def _convert_to_pace(actor: ScheduledAgent, moved: FloatArray, until: float) -> ScheduledAgent:
@@ -243,6 +224,109 @@ def _list_stops(actor: ScheduledAgent, moved: FloatArray, speed: FloatArray) -> 
 
 
 # ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _drive_among(
+    nodes: FloatArray,
+    bars: Bars,
+    enters: float,
+    until: float,
+    places: FloatArray,
+    free: FloatArray,
+    acceleration: float,
+    braking: float,
+    headway: float,
+    gap: float,
+    line: float,
+    stop: float,
+    lag: float,
+    greens: _Greens,
+    turns: bool,
+) -> FloatArray:
+    """Compute the arc length [T] every 0.1 s behind all it would run into; empty if impossible.
+
+    Args:
+        nodes: arc lengths [N]; bars: see `ReservationTable.list_bars`.
+        enters: scene time of its entry [s]; until: how long the motion is computed [s].
+        places, free: arc lengths [P] and free speed there.
+        line, stop: arc length of its line, and where it stands at red [m].
+    """
+    rows, low, high, who, kind = bars
+    low, high = low - enters, high - enters
+    walls, release, steps = np.full(len(nodes), -np.inf), -np.inf, int(until / STEP)
+    for _ in range(_ROUNDS):
+        moved, hardest = _follow(
+            nodes, walls, stop, release, places, free, acceleration, braking,
+            max(headway - IN_LANE, 0.1), gap, steps,
+        )  # fmt: skip
+        if hardest > _HARDEST:
+            break
+        red = _find_red(moved, line, enters, lag, greens)
+        if red > release:
+            release = red
+            continue
+        met = _find_met(nodes, moved, rows, low, high, until)
+        if met < 0:
+            return moved
+        if kind[met] != AHEAD and not (kind[met] == CROSSING and turns):
+            break
+        if not _raise_walls(walls, rows, high, who, kind, met):
+            break
+    return np.empty(0)
+
+
+@compiled
+def _find_entrance(nodes: FloatArray, bars: Bars, speed: float, wished: float) -> float:
+    """Find the first time [s] from `wished` on at which the beginning of its path is free.
+
+    Args:
+        speed: at which it comes [m/s].
+    """
+    rows, low, high, _, _ = bars
+    at, moved = wished, True
+    while moved:
+        moved = False
+        for k in range(len(rows)):
+            after = nodes[rows[k]] / max(speed, 1.0)
+            if nodes[rows[k]] < _ENTRANCE and low[k] < at + after < high[k] - 1e-6:
+                at, moved = high[k] - after, True
+    return at
+
+
+@compiled
+def _find_red(moved: FloatArray, line: float, enters: float, lag: float, greens: _Greens) -> float:
+    """Find the local time [s] until which its light holds this motion; -inf if not at all."""
+    if len(greens[0]) == 0 or moved[-1] < line:
+        return -np.inf
+    crosses = enters + STEP * float(np.searchsorted(moved, line))
+    before, after = _is_green(crosses - 0.35, greens), _is_green(crosses + 0.35, greens)
+    if before and after and _is_green(crosses, greens):
+        return -np.inf
+    if not before and after:
+        return crosses - enters + 0.5
+    return _find_green(crosses, greens) + lag - enters
+
+
+@compiled
+def _is_green(time: float, greens: _Greens) -> bool:
+    edges, green, offset, cycle = greens
+    return is_showing_at(time + offset, edges, green, cycle)
+
+
+@compiled
+def _find_green(time: float, greens: _Greens) -> float:
+    """Find the first scene time [s] from `time` on at which the light turns, or is, green."""
+    edges, green, offset, cycle = greens
+    if _is_green(time, greens):
+        return time
+    at = (time + offset) % cycle
+    for lap in range(2):
+        for k in range(len(edges)):
+            begins = lap * cycle + (edges[k - 1] if k else 0.0)
+            if begins >= at and green[k]:
+                return time + begins - at
+    return np.inf
 
 
 @compiled

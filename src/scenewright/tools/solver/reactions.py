@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scenewright.geometry.driving_profile import get_pace
+from scenewright.scene.candidates import PACE_STEP
 from scenewright.scene.reaction_behavior import PERCEPTIBLE_TTC, Reaction, sample_reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
@@ -36,8 +38,8 @@ _LEAST_TIME = 0.4
 _BEHIND = np.deg2rad(105.0)
 """An agent from further round than this is not seen from a seat or saddle [rad]."""
 
-_RUNS, _FASTEST, _WALKS_ON = 2.5, 2.85, 40.0
-"""How fast a pedestrian runs out of the way [m/s], and how far it walks before and after [m]."""
+_RUNS, _FASTEST = 2.5, 2.85
+"""How fast a pedestrian runs out of the way [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -126,14 +128,18 @@ def run_on(
     if before < 0.6 or before > _RUNS - 0.4 or until - s < 0.5:
         return None
     law = of.candidate.time_law
-    pace = tuple(min(each, _FASTEST / _RUNS) for each in law.pace)
-    hurried = replace(law, speed=_RUNS, acceleration=acceleration, pace=pace)
-    walked = (
-        Slowing(0.0, law.speed, law.braking, s),
-        Slowing(until, law.speed, law.braking, of.candidate.path.length),
+    places = np.arange(0.0, of.candidate.path.length + PACE_STEP, PACE_STEP)
+    own = get_pace(law, places)
+    runs = (places > s - PACE_STEP) & (places <= until)
+    pace = np.where(runs, np.minimum(own, _FASTEST / _RUNS), own * law.speed / _RUNS)
+    hurried = replace(
+        law, speed=_RUNS, acceleration=acceleration, pace=tuple(pace.round(4).tolist())
     )
+    # A pace has its speeds every metre, and in between it would run before the moment.
+    near = min(s, 2 * PACE_STEP)
+    walks = Slowing(s - near, before, law.braking, near)
     runner = replace(of, candidate=replace(of.candidate, time_law=hurried))
-    return runner.edit(stops=of.stops, slowings=(*of.slowings, *walked))
+    return runner.edit(stops=of.stops, slowings=(*of.slowings, walks))
 
 
 def _find_state(of: ScheduledAgent, time: float) -> tuple[float, float]:

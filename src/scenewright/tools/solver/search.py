@@ -69,7 +69,7 @@ from scenewright.tools.solver.background_assignment import (
     Seated,
     assign_in_turn,
 )
-from scenewright.tools.solver.car_following import follow_traffic
+from scenewright.tools.solver.car_following import find_entrance, follow_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.encounters import (
     Earlier,
@@ -164,6 +164,9 @@ cost [nats] of an arrival at another time altogether."""
 _LATER, _LEAST_SEEN = (0.0, 1.2, 2.6, 4.5, 7.0), 4.0
 """How much later than drawn a vehicle enters among others [s], and how long it is visible at least.
 Vehicles are assigned in order of arrival, so that one without room delays the next."""
+
+_QUEUES = 10.0
+"""How long a vehicle waits for room to enter [s]; it stays away if its lane is full for longer."""
 
 _OFF_KERB = 0.4
 """Least distance from the kerb of an agent that waits with another [m]."""
@@ -851,9 +854,16 @@ class Search:
         moment: SceneTiming,
     ) -> Iterator[Option]:
         """List driving behind and among those present, about the time drawn."""
+        tried = -np.inf
         for late in _LATER:
             each = late * float(self._rng.uniform(0.8, 1.2))
-            enters = round(min(around + each, moment.duration - _LEAST_SEEN), 1)
+            wished = min(around + each, moment.duration - _LEAST_SEEN)
+            enters = round(find_entrance(actor, wished, present), 1)
+            if enters > min(wished + _QUEUES, moment.duration - _LEAST_SEEN):
+                return
+            if enters <= tried:
+                continue
+            tried = enters
             driven = follow_traffic(actor, enters, present, moment, self._rng)
             if driven is not None and enters + STEP * len(driven.motion.s) >= _LEAST_SEEN:
                 step = np.array([round(enters / STEP)], dtype=np.int64)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from scenewright.errors import InputError
 from scenewright.intersections import (
@@ -16,7 +18,7 @@ from scenewright.intersections import (
     ships_refiner,
 )
 from scenewright.tools.trajnet_refiner.model import Refiner
-from scenewright.tools.trajnet_refiner.store import load_refiner
+from scenewright.tools.trajnet_refiner.store import load_refiner, read_about
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +28,14 @@ class BundledRefiner:
     Attributes:
         digest: first digits of its file's SHA-256.
         place: the intersection that its bundle is of; empty where it is of none.
+        walks: it may move pedestrians: of real ones held out it predicted the ways no worse than
+            constant velocity does.
     """
 
     net: Refiner
     digest: str
     place: str = ""
+    walks: bool = True
 
 
 def find_refiner(name: str) -> BundledRefiner | None:
@@ -73,4 +78,14 @@ def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> BundledRefiner
     check_bundle(folder, REFINER_WEIGHTS)
     file = folder / REFINER_WEIGHTS
     digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-    return BundledRefiner(load_refiner(file, task="scenes"), digest, folder.name)
+    net, about = load_refiner(file, task="scenes"), read_about(file)
+    return BundledRefiner(net, digest, folder.name, _predicts_walkers(about))
+
+
+def _predicts_walkers(about: Mapping[str, Any]) -> bool:
+    """Whether real pedestrians held out were predicted no worse than by constant velocity."""
+    recorded = str(about.get("command", "")).startswith("scenewright intersections fit")
+    figures = about.get("walkers_figures") or (about.get("figures") if recorded else None) or {}
+    if not figures.get("pedestrian_n"):
+        return False
+    return bool(figures["pedestrian_ade_alone"] <= figures["pedestrian_ade_even"])

@@ -59,6 +59,16 @@ def load_refiner(path: Path, *, task: Task | None = None) -> Refiner:
     return net.eval()
 
 
+def read_about(path: Path) -> Mapping[str, Any]:
+    """What is kept with the weights about their training.
+
+    Raises:
+        InputError, OSError: as `load_refiner`.
+    """
+    about: Mapping[str, Any] = read_tensors(path)[1].get("about", {})
+    return about
+
+
 def _find_task(about: Mapping[str, Any]) -> Task | None:
     """What a training was for, by what is kept about it."""
     if "intersection" in about:
