@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenewright.dataset.batch.journal import Entry, Journal, lock_journal
+from scenewright.dataset.batch.journal import Journal, JournalEntry, lock_journal
 from scenewright.dataset.batch.publish import publish
 from scenewright.dataset.batch.rows import DatasetRow, choose_folder, choose_seed, read_source
 from scenewright.errors import InputError
@@ -117,8 +117,8 @@ def test_a_rows_seed_comes_from_its_id_and_the_runs_seed_alone() -> None:
     assert choose_seed(DatasetRow(id="a", text="x", seed=11), seed=3) == 11
 
 
-def entry(number: int, status: str = "made") -> Entry:
-    return Entry(number, f"row-{number}", f"row-{number}", status, None, None, {}, 1, 0.0)
+def entry(number: int, status: str = "made") -> JournalEntry:
+    return JournalEntry(number, f"row-{number}", f"row-{number}", status, None, None, {}, 1, 0.0)
 
 
 def test_a_journal_survives_a_torn_line(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenewright.evals.realism.rollout_tasks import Task, build_tasks
+from scenewright.evals.realism.rollout_tasks import RolloutTask, build_tasks
 from scenewright.evals.realism.rollouts import (
     BEFORE_END,
     build_methods,
@@ -77,7 +77,7 @@ def test_who_is_too_short_is_seen_and_not_asked_for():
     (task,) = build_tasks([recording()], before_end=4, most=5)
     short = np.full((1, task.xy.shape[1], 2), np.nan)
     short[0, :10] = 0.0
-    more = Task(
+    more = RolloutTask(
         np.concatenate([task.xy, short]),
         np.concatenate([task.given, np.isfinite(short[..., 0])]),
         np.concatenate([task.goals, np.full_like(short, np.nan)]),

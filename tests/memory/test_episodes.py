@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from scenewright import synthesize
-from scenewright.backends.scripted import ScriptedSpeaker
-from scenewright.backends.spoken import Spoken
+from scenewright.backends.scripted import ScriptedModel
+from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import BackendFault
 from scenewright.graph.examples import recall_from
 from scenewright.memory.episodes import Episodes
@@ -71,11 +71,11 @@ def test_what_others_wrote_into_the_file_does_no_harm(memory: Episodes) -> None:
 
 def prompt(memory: Episodes | None) -> str:
     """What the planner's model is sent."""
-    speaker = ScriptedSpeaker({"plan": []})
+    text_model = ScriptedModel({"plan": []})
     recall = None if memory is None else recall_from(memory)
     with pytest.raises(BackendFault):
-        synthesize(YIELD, backend=Spoken(speaker), refiner="none", recall=recall)
-    return speaker.asked[0][1].user
+        synthesize(YIELD, backend=TextBackend(text_model), refiner="none", recall=recall)
+    return text_model.asked[0][1].user
 
 
 def test_recall_changes_the_prompt_as_meant(memory: Episodes) -> None:

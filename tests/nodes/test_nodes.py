@@ -119,7 +119,7 @@ def test_every_stage_and_attempt_has_randomness_of_its_own():
     once = Rejection(stage="scene_verifier", code="implausible_motion", detail="x")
 
     def first(stage, rejections) -> float:
-        return float(context.rng(stage, rejections).random())
+        return float(context.make_rng(stage, rejections).random())
 
     assert first("agent_generator", []) == first("agent_generator", [])
     drawn = {first("agent_generator", []), first("waypoint_filter", [])}
@@ -279,4 +279,4 @@ def test_a_model_is_told_where_people_drive_on_the_left(
     with pytest.raises(Rejected):
         plan_scene({**run, "rejections": []}, runtime=runs_at)
     [question] = backend.asked
-    assert ("Traffic drives on the left" in question.wording().user) == left_hand
+    assert ("Traffic drives on the left" in question.prompt().user) == left_hand

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from test_wording import drawn, fits
+from test_prompts import drawn, fits
 
 from scenewright.backends import Question
 from scenewright.backends.scripted import build_scripted_backend
-from scenewright.backends.staged import Staged
+from scenewright.backends.staged import StagedBackend
 from scenewright.errors import Rejected
 from scenewright.nodes.revision import Turn, read_by_model
+from scenewright.nodes.revision.prompts import render_edits_prompt
 from scenewright.nodes.revision.reply import EditsReply, list_new_ids, to_reading
-from scenewright.nodes.revision.wording import render_edits_prompt
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.schema import inline_references
 from scenewright.scene.edits import (
@@ -232,11 +232,11 @@ def test_words_stay_data() -> None:
 
 def test_a_model_that_says_nothing_of_use_is_asked_three_times() -> None:
     model = build_scripted_backend({"edits": [{"edits": []}]}, forever=True)
-    backend = Staged(dict.fromkeys(("plan", "constraints", "summary", "behavior"), model))
+    backend = StagedBackend(dict.fromkeys(("plan", "constraints", "summary", "behavior"), model))
     turn = Turn("make it so", SITUATION, "A car yields", FOUR_LEGS)
     paid: list[Any] = []
     assert read_by_model(turn, backend=backend, seed=1, account=paid.append) is None
-    asked: list[tuple[Question, Any]] = model.speaker.asked  # type: ignore[attr-defined]
+    asked: list[tuple[Question, Any]] = model.text_model.asked  # type: ignore[attr-defined]
     assert [question.task for question, _ in asked] == ["edits"] * 3
     assert "say one thing" in asked[2][1].user
     assert len(paid) == 3

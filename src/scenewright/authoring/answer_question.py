@@ -47,7 +47,7 @@ _NOUNS = {word: kind for kind, words in _WORDS.items() for word in words.split()
 
 
 @dataclass(frozen=True, eq=False)
-class _Scene:
+class _SceneFacts:
     record: SceneRecord
     proof: Proof
     intersection_map: IntersectionMap
@@ -59,7 +59,7 @@ class _Scene:
         return [each for each in self.record.agents if each.role == "foreground"]
 
 
-_Answer = Callable[[_Scene, list[AgentRecord]], list[str]]
+_Answer = Callable[[_SceneFacts, list[AgentRecord]], list[str]]
 
 
 def answer_question(
@@ -75,7 +75,7 @@ def answer_question(
     Args:
         topic: as the model of turns names it, such as `q_speed`; None: found by the words alone.
     """
-    scene = _Scene(record, proof, intersection_map)
+    scene = _SceneFacts(record, proof, intersection_map)
     plain = " ".join(words.lower().rstrip(" ?.!").split())
     about = _find_agents(plain, scene)
     if topic in _BY_TOPIC:
@@ -92,7 +92,7 @@ def answer_question(
     return ["The scene has no answer to that.", TOPICS]
 
 
-def _find_agents(plain: str, scene: _Scene) -> list[AgentRecord]:
+def _find_agents(plain: str, scene: _SceneFacts) -> list[AgentRecord]:
     """The agents that a question names by id or noun; those of the instruction if it names none."""
     by_id = [each for each in scene.record.agents if re.search(rf"\b{each.name}\b", plain)]
     nouns = {_NOUNS[word] for word in re.findall(r"[a-z]+", plain) if word in _NOUNS}
@@ -115,20 +115,20 @@ def _compute_speeds(agent: AgentRecord, step: float) -> FloatArray:
     return np.asarray(np.linalg.norm(np.gradient(xy, step, axis=0), axis=1))
 
 
-def _find_time(scene: _Scene, agent: AgentRecord) -> float | None:
+def _find_time(scene: _SceneFacts, agent: AgentRecord) -> float | None:
     """When the first event of this agent happens [s]; that of the scene where it has none."""
     own = [e.time for e in scene.proof.events if agent.id in (e.from_, e.to)]
     return min(own or [e.time for e in scene.proof.events], default=None)
 
 
-def _describe_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_events(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     lines = [_describe_event(scene, event) for event in scene.proof.events]
     return lines or [
         "Nothing happens: no collision, near miss or giving way, only ordinary traffic."
     ]
 
 
-def _describe_event(scene: _Scene, event: Event) -> str:
+def _describe_event(scene: _SceneFacts, event: Event) -> str:
     first, second = (_name(scene.get_agent(n), n) for n in (event.from_, event.to))
     kind = f" ({event.kind.replace('_', ' ')})" if event.kind else ""
     where = _describe_place(event.location, scene.intersection_map)
@@ -147,7 +147,7 @@ def _describe_place(spot: tuple[float, float], intersection_map: IntersectionMap
     return "in the junction"
 
 
-def _describe_closeness(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_closeness(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     lines = []
     for event in scene.proof.events:
         figures = [_FIGURES[key].format(event.evidence[key]) for key in _FIGURES
@@ -157,11 +157,11 @@ def _describe_closeness(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     return lines or _describe_events(scene, [])
 
 
-def _describe_speeds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_speeds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [_describe_speed(scene, agent) for agent in about]
 
 
-def _describe_speed(scene: _Scene, agent: AgentRecord) -> str:
+def _describe_speed(scene: _SceneFacts, agent: AgentRecord) -> str:
     speed, time = _compute_speeds(agent, scene.record.meta.step), _find_time(scene, agent)
     line = f"{_name(agent)} goes at {_format_speed(speed.max())} at the most"
     if time is not None:
@@ -175,11 +175,11 @@ def _format_speed(value: float) -> str:
     return f"{value:.1f} m/s ({value * KMH:.0f} km/h)"
 
 
-def _describe_braking(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_braking(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [_describe_agent_braking(scene, agent) for agent in about]
 
 
-def _describe_agent_braking(scene: _Scene, agent: AgentRecord) -> str:
+def _describe_agent_braking(scene: _SceneFacts, agent: AgentRecord) -> str:
     step = scene.record.meta.step
     speed = _compute_speeds(agent, step)
     change = (speed[6:] - speed[:-6]) / (6 * step) if len(speed) > 6 else np.zeros(1)
@@ -191,7 +191,7 @@ def _describe_agent_braking(scene: _Scene, agent: AgentRecord) -> str:
     return f"{_name(agent)} {brakes}; it stands for {still:.1f} s."
 
 
-def _describe_routes(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_routes(_scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     lines = []
     for agent in about:
         way = f"comes from the {agent.entry}, goes to the {agent.exit} ({agent.movement})"
@@ -200,13 +200,13 @@ def _describe_routes(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines
 
 
-def _describe_lights(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_lights(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     if not scene.record.signals:
         return ["There are no traffic lights here."]
     return [line for agent in about for line in _describe_light(scene, agent)]
 
 
-def _describe_light(scene: _Scene, agent: AgentRecord) -> list[str]:
+def _describe_light(scene: _SceneFacts, agent: AgentRecord) -> list[str]:
     names = _find_light_names(scene.intersection_map, agent)
     rows = [row for row in scene.record.signals if (row.crosswalk or row.stop_line) in names]
     if not rows:
@@ -226,27 +226,27 @@ def _find_light_names(intersection_map: IntersectionMap, agent: AgentRecord) -> 
     return {walk.id for walk in intersection_map.crosswalks if walk.leg == agent.crosswalk}
 
 
-def _describe_counts(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_counts(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     named = ", ".join(_name(each) for each in scene.list_named()) or "none"
     kinds = Counter(e.subtype or e.type for e in scene.record.agents if e.role == "background")
     others = ", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"
     return [f"In the event: {named}.", f"Besides: {others}; {len(scene.record.agents)} in all."]
 
 
-def _describe_time(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_time(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     meta = scene.record.meta
     clock = f"The scene is at {meta.time_of_day} and lasts {meta.duration:g} s."
     return [*_describe_events(scene, about), clock]
 
 
-def _describe_fault(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_fault(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     if not scene.proof.events:
         return _describe_events(scene, [])
     return [line for event in scene.proof.events for line in (_describe_event(scene, event),
             f"  {_find_fault(scene, event)}")]  # fmt: skip
 
 
-def _find_fault(scene: _Scene, event: Event) -> str:
+def _find_fault(scene: _SceneFacts, event: Event) -> str:
     """Agents that broke a rule of the road as the tracks show; lawyers may see it otherwise."""
     pair = [each for n in (event.from_, event.to) if (each := scene.get_agent(n)) is not None]
     for agent in pair:
@@ -267,11 +267,11 @@ def _find_fault(scene: _Scene, event: Event) -> str:
     return "The tracks show no rule broken."
 
 
-def _describe_scene(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_scene(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [*_describe_closeness(scene, about), *_describe_counts(scene, about)]
 
 
-def _describe_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_danger(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     kinds = {event.type for event in scene.proof.events}
     first = (
         "Yes: they collide." if "collision" in kinds
@@ -281,24 +281,24 @@ def _describe_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [first, *_describe_closeness(scene, about)]
 
 
-def _describe_speed_limit(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_speed_limit(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     limits = sorted({lane.speed_limit for lane in scene.intersection_map.lanelets})
     limit = " to ".join(_format_speed(each) for each in (limits[0], limits[-1])[: len(limits)])
     return [f"The speed limit here is {limit}.", *_describe_speeds(scene, about)]
 
 
-def _explain_no_weather(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _explain_no_weather(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return ["There is no weather here: the road is dry and all agents see equally far."]
 
 
-def _explain_no_age(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _explain_no_age(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [
         "Pedestrians have no age or sex here; all are about as wide.",
         *_describe_counts(scene, about),
     ]
 
 
-def _describe_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_kinds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     kinds = [f"{each.name} is a {each.subtype or each.type}." for each in about]
     return [*kinds, *_describe_routes(scene, about)]
 
@@ -313,17 +313,17 @@ def define_terms() -> list[str]:
     ]
 
 
-def _define_figures(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _define_figures(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return define_terms()
 
 
-def _describe_causes(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_causes(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """Causes: the event, the agents that broke a rule, the motion of each."""
     lines = _describe_fault(scene, about)
     return [*lines, *_describe_braking(scene, about)]
 
 
-def _describe_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_sight(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     seen = [
         f"{_name(scene.get_agent(each['observer']))} first sees "
         f"{_name(scene.get_agent(each['subject']))} at {each['first_visible']:.1f} s."
@@ -334,7 +334,7 @@ def _describe_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [*_describe_events(scene, about), *(seen or ([] if hidden else [free]))]
 
 
-def _describe_proof(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_proof(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return [
         "A checker that shares no code with the generator found this on the finished tracks:",
         *_describe_closeness(scene, []),
@@ -342,18 +342,18 @@ def _describe_proof(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     ]
 
 
-def _describe_counts_and_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_counts_and_kinds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [
         *_describe_counts(scene, about),
         *(f"{each.name} is a {each.subtype or each.type}." for each in about),
     ]
 
 
-def _describe_places(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_places(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [*_describe_routes(scene, about), *_describe_events(scene, about)]
 
 
-def _list_topics(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _list_topics(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return [
         TOPICS,
         'Or say what shall be different: "make the car a truck", "have it be a collision".',

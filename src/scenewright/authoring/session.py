@@ -57,13 +57,13 @@ from scenewright.graph.run import (
     check_time_limit,
     encode_proof,
     encode_scene,
-    json_bytes,
+    format_json_line,
     sum_costs_by_task,
 )
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
 from scenewright.memory.threads import Threads
-from scenewright.nodes.wording import ExampleRetriever, recall_nothing
+from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import (
     Clarification,
     DeclinedTurn,
@@ -621,7 +621,9 @@ def _enter_version(
         "pace": dict(made.pace),
         "scene": keep(encode_scene(scene.record)),
         "proof": keep(encode_proof(scene.proof)),
-        "provenance": keep(json_bytes(_build_provenance(scene, edits, state.get("models", {})))),
+        "provenance": keep(
+            format_json_line(_build_provenance(scene, edits, state.get("models", {})))
+        ),
         "earlier": keep(serialize_version(made.earlier)),
         "moved": list(made.moved),
         "gone": list(made.gone),

@@ -49,11 +49,11 @@ def author(
 
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=False)
-    speaker, hide = _load_model(model, base_url, timeout)
+    chat_model, hide = _load_model(model, base_url, timeout)
     with show_progress(quiet=quiet) as log:
         made = authored(
             instruction,
-            model=speaker,
+            model=chat_model,
             intersection=intersection,
             seed=seed,
             most_calls=most_calls,

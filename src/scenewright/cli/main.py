@@ -223,10 +223,10 @@ def plan(
     if as_json and out == "-":
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     check_out(out)
-    speaker = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
-    planned = plan_all(read_rows(rows), speaker, calls, intersection_map=intersection_map)
+    planned = plan_all(read_rows(rows), chosen_backend, calls, intersection_map=intersection_map)
     write_rows(out, planned)
     refused = sum(row["refused"] for row in planned)
     paid = sum_costs(calls)

@@ -1,4 +1,4 @@
-"""A leaderboard: a JSON file into which anybody's figures are entered, and a page drawn from it."""
+"""A leaderboard: a JSON file of figures of any program, and a page drawn from it."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ _CHASES = ("chas", "pursu", "stalk")
 _ALONG = (["on"], ["from"], ["along"])
 
 
-class Reader(Naming):
+class ClauseReader(Naming):
     """Reads items from left to right into a Draft."""
 
     def read(self, items: Sequence[Item]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clauses import ClauseReader
 from scenewright.backends.builtin.clock import Clock
 from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
@@ -42,7 +42,10 @@ def is_edit(text: str) -> bool:
 
 
 def apply(
-    draft: Draft, chunks: Sequence[Chunk], read: Callable[[Sequence[Chunk]], Reader], clock: Clock
+    draft: Draft,
+    chunks: Sequence[Chunk],
+    read: Callable[[Sequence[Chunk]], ClauseReader],
+    clock: Clock,
 ) -> None:
     """Change the draft in place as the chunks say."""
     text = " ".join(chunk.text for chunk in chunks)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from copy import deepcopy
 
 from scenewright.backends.builtin import edits
-from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clauses import ClauseReader
 from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import Draft, Refused, RelationDraft, Site
@@ -79,7 +79,7 @@ def _base(previous: str) -> Draft | None:
         return None
 
 
-def _draft(text: str) -> tuple[Draft, Reader]:
+def _draft(text: str) -> tuple[Draft, ClauseReader]:
     """What a full instruction says, before entailments."""
     check_text(text)
     plain, impacts = read_impacts(expand(clean(text)))
@@ -127,8 +127,10 @@ def _edited(text: str, base: Draft) -> Draft:
     return draft
 
 
-def _read(draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = False) -> Reader:
-    reader = Reader(draft, editing=editing)
+def _read(
+    draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = False
+) -> ClauseReader:
+    reader = ClauseReader(draft, editing=editing)
     reader.read(noun_phrases(modifiers(chunks), text=text))
     settle_failed_yields(draft, reader)
     if "late_brake" in reader.said:
@@ -155,7 +157,7 @@ def _too_late(draft: Draft) -> None:
         draft.relations.append(RelationDraft("collide_at", draft.agents[1], draft.agents[0]))
 
 
-def settle_failed_yields(draft: Draft, reader: Reader) -> None:
+def settle_failed_yields(draft: Draft, reader: ClauseReader) -> None:
     """A yield denied: contradicts the same yield, and alone amounts to a near miss."""
     for edge in reader.failed:
         same = [r for r in draft.relations if r.pair() == edge.pair()]
@@ -171,7 +173,7 @@ def settle_failed_yields(draft: Draft, reader: Reader) -> None:
         draft.relations.append(RelationDraft("near_miss", denied[0].from_, denied[0].to))
 
 
-def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> None:
+def _settle_normal(draft: Draft, reader: ClauseReader, chunks: Sequence[Chunk]) -> None:
     if draft.denied & {relation.type for relation in draft.relations}:
         raise Refused(
             "contradictory", "The text both asks for an event and denies it; keep one of the two."

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from scenewright.backends.builtin import edits as grammar_of_edits
 from scenewright.backends.builtin import grammar_plan, graph_making
-from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clauses import ClauseReader
 from scenewright.backends.builtin.clock import Clock, read_clock
 from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import (
@@ -139,7 +139,7 @@ class _Base:
         # A crosswalk told before does not hold a pedestrian who now comes from another side.
         for agent in self._agents.values():
             agent.crosswalk = None
-        reader = Reader(draft, editing=True)
+        reader = ClauseReader(draft, editing=True)
         reader.read(items)
         grammar_plan.settle_failed_yields(draft, reader)
         if "late_brake" in reader.said:

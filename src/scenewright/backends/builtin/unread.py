@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import dropwhile, takewhile
 
-from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clauses import ClauseReader
 from scenewright.backends.builtin.cursor import NOUNS, PARTS, Group, is_pronoun, words_of
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused
 from scenewright.backends.builtin.grammar import Modifier
@@ -122,7 +122,7 @@ _NO_DEEDS = frozenset(
 """Words between two agents after which nothing has happened yet, and some that are no verbs."""
 
 
-def check_read(draft: Draft, reader: Reader) -> None:
+def check_read(draft: Draft, reader: ClauseReader) -> None:
     """Refused where an event of the text is in no relation of the draft."""
     for word in (*_strangers(reader.items), *_actors(reader.items)):
         raise Refused(
@@ -221,7 +221,7 @@ def _unknown_noun(items: Sequence[Item]) -> str | None:
     return " ".join(words)
 
 
-def _nobody(reader: Reader) -> str | None:
+def _nobody(reader: ClauseReader) -> str | None:
     """ "a swan walks by, drivers stop for it": a pronoun for somebody that was not understood."""
     items = reader.items
     for at, item in enumerate(items):
@@ -236,7 +236,7 @@ def _nobody(reader: Reader) -> str | None:
     return None
 
 
-def _everybody(draft: Draft, reader: Reader) -> str | None:
+def _everybody(draft: Draft, reader: ClauseReader) -> str | None:
     """ "an ambulance passes, everyone yields": nobody in particular gives way."""
     known = {id(agent) for group in reader.named.values() for agent in group}
     yields = [edge for edge in draft.relations if edge.type == "yield_to"]
@@ -249,7 +249,7 @@ def _everybody(draft: Draft, reader: Reader) -> str | None:
     return None
 
 
-def _deeds(draft: Draft, reader: Reader) -> Iterator[str]:
+def _deeds(draft: Draft, reader: ClauseReader) -> Iterator[str]:
     items = reader.items
     for at, item in enumerate(items):
         if not isinstance(item, Chunk) or item.mark or item.tags.keys() - {"EDIT"}:
@@ -265,12 +265,12 @@ def _deeds(draft: Draft, reader: Reader) -> Iterator[str]:
                 yield item.text
 
 
-def _related(draft: Draft, reader: Reader, first: Group, second: Group) -> bool:
+def _related(draft: Draft, reader: ClauseReader, first: Group, second: Group) -> bool:
     pairs = {edge.pair() for edge in (*draft.relations, *reader.failed)}
     return any(frozenset((id(a), id(b))) in pairs for a in first for b in second)
 
 
-def _unsaid(draft: Draft, reader: Reader) -> Iterator[str]:
+def _unsaid(draft: Draft, reader: ClauseReader) -> Iterator[str]:
     """Words for an event, in a text that has come to none."""
     if _eventless(draft, reader):
         for item in reader.items:
@@ -278,7 +278,7 @@ def _unsaid(draft: Draft, reader: Reader) -> Iterator[str]:
                 yield item.text
 
 
-def _passed_over(draft: Draft, reader: Reader) -> list[str]:
+def _passed_over(draft: Draft, reader: ClauseReader) -> list[str]:
     """Words of no meaning here between agents to whom nothing happens, verbs first."""
     if not _eventless(draft, reader) or len(draft.agents) < 2:
         return []
@@ -289,14 +289,14 @@ def _passed_over(draft: Draft, reader: Reader) -> list[str]:
     return sorted(deeds, key=lambda word: not word.endswith(("s", "ed")))
 
 
-def _eventless(draft: Draft, reader: Reader) -> bool:
+def _eventless(draft: Draft, reader: ClauseReader) -> bool:
     """Agents, but no relation, and nothing is said to be normal or denied."""
     told = draft.relations or reader.failed or draft.normal or draft.denied
     lights = any(isinstance(item, Chunk) and item.has("SIGNAL") for item in reader.items)
     return bool(draft.agents) and not told and not lights
 
 
-def _loners(draft: Draft, reader: Reader) -> Iterator[AgentDraft]:
+def _loners(draft: Draft, reader: ClauseReader) -> Iterator[AgentDraft]:
     if not draft.relations:
         return
     bound = {id(a) for edge in (*draft.relations, *reader.failed) for a in (edge.from_, edge.to)}
@@ -309,7 +309,7 @@ def _loners(draft: Draft, reader: Reader) -> Iterator[AgentDraft]:
             yield agent
 
 
-def _around(reader: Reader, at: int) -> bool:
+def _around(reader: ClauseReader, at: int) -> bool:
     """ "with a truck nearby": it is there, and that is all."""
     after = reader.items[at + 1] if at + 1 < len(reader.items) else None
     return isinstance(after, Chunk) and after.has("BACKGROUND", "NEARBY")

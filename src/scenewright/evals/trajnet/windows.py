@@ -76,12 +76,12 @@ def _cut_windows(recording: BenchmarkRecording, weights: Weights, back: bool) ->
         now = seen[:, OBSERVED - 1]
         if not (now & seen[:, OBSERVED - 2] & seen[:, OBSERVED:].any(axis=1)).any():
             continue
-        who = np.flatnonzero(now)
-        types = np.array([kinds.get((int(p), start)) or 0 for p in recording.ids[who]])
+        present = np.flatnonzero(now)
+        types = np.array([kinds.get((int(p), start)) or 0 for p in recording.ids[present]])
         if weights.by_motion:
-            types = np.where(types == 0, _classify_by_motion(xy[who]), types)
+            types = np.where(types == 0, _classify_by_motion(xy[present]), types)
         weight = np.array([weights.by_type[t] if t else weights.untyped for t in types.tolist()])
-        yield Window(xy[who], np.zeros(len(who), np.int64), goals[who], weight)
+        yield Window(xy[present], np.zeros(len(present), np.int64), goals[present], weight)
 
 
 def _classify_by_motion(xy: FloatArray) -> NDArray[np.int64]:

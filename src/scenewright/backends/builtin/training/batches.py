@@ -31,7 +31,7 @@ _COMPASS_WORD = re.compile(r"(?<![a-z])(north|east|south|west)(?!-?(?:east|west)
 
 
 @dataclass(frozen=True)
-class TokenSpan:
+class LabelSpan:
     """A span in tokens: first and last token, its label, and the annotation it comes from."""
 
     first: int
@@ -46,7 +46,7 @@ class EncodedRow:
 
     ids: tuple[int, ...]
     parts: tuple[int, ...]
-    spans: tuple[TokenSpan, ...]
+    spans: tuple[LabelSpan, ...]
     kind: int
 
 
@@ -65,18 +65,18 @@ def encode_row(row: AnnotatedText, tokenizer: Any) -> EncodedRow:
     )
 
 
-def _locate(span: Span, offsets: Sequence[tuple[int, int]]) -> TokenSpan | None:
+def _locate(span: Span, offsets: Sequence[tuple[int, int]]) -> LabelSpan | None:
     inside = [
         at for at, (start, end) in enumerate(offsets)
         if end > start and min(end, span.end) - max(start, span.start) > (end - start) / 2
     ]  # fmt: skip
     if not inside:
         return None
-    return TokenSpan(inside[0], inside[-1], LABEL_INDEX[label_of(span)], span)
+    return LabelSpan(inside[0], inside[-1], LABEL_INDEX[label_of(span)], span)
 
 
 @dataclass(frozen=True)
-class Batch:
+class TokenBatch:
     """Tensors of several rows; spans and road users are listed across rows.
 
     Attributes:
@@ -105,7 +105,7 @@ class Batch:
     distances: Tensor
 
 
-def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> Batch:
+def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> TokenBatch:
     """The tensors of some rows; `texts` are theirs, in order."""
     width = max(len(row.ids) for row in rows)
     ids = torch.zeros(len(rows), width, dtype=torch.long)
@@ -136,7 +136,7 @@ def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> Batch:
             labels.append(token_span.label)
             negated.append(int(token_span.span.negated))
         pairs += _pair(row, base)
-    return Batch(
+    return TokenBatch(
         ids, parts, mask, tags, torch.tensor([row.kind for row in rows]),
         torch.tensor(spans).view(-1, 3), torch.tensor(labels, dtype=torch.long),
         torch.tensor(negated, dtype=torch.long),
@@ -166,7 +166,7 @@ def _side_of(span: Span, text: str) -> int | None:
 
 def _pair(row: EncodedRow, base: int) -> list[tuple[int, int, int, int, int]]:
     """Span, mention, member, link and distance bucket for every span and road user of a row."""
-    users: list[tuple[int, TokenSpan, int, int]] = []
+    users: list[tuple[int, LabelSpan, int, int]] = []
     for at, each in enumerate(row.spans):
         if is_mention(label_of(each.span)):
             many = len(each.span.subjects) > 1

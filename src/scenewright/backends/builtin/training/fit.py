@@ -21,7 +21,7 @@ from scenewright.backends.builtin.training.augmentation import (
     collect_spans,
     drop_duplicates,
 )
-from scenewright.backends.builtin.training.batches import Batch, encode_row, make_batch
+from scenewright.backends.builtin.training.batches import TokenBatch, encode_row, make_batch
 from scenewright.backends.builtin.training.corpus import read_corpus
 from scenewright.backends.builtin.training.export import export_weights, load_exported
 from scenewright.backends.builtin.training.model import ReaderNetwork, load_minilm
@@ -33,7 +33,7 @@ BATCH, WINDOW = 32, 20
 ENCODER_RATE, HEAD_RATE = 2.5e-4, 1e-3
 
 
-def total_loss(network: ReaderNetwork, batch: Batch) -> Tensor:
+def total_loss(network: ReaderNetwork, batch: TokenBatch) -> Tensor:
     """The sum of the losses of tags, links and span attributes, each a mean over its items."""
     x = network.encode(batch.ids, batch.parts, batch.mask)
     tags = network.tags(x).float()
@@ -56,7 +56,7 @@ def total_loss(network: ReaderNetwork, batch: Batch) -> Tensor:
     return loss
 
 
-def draw_batches(rows: Sequence[AnnotatedText], tokenizer: Any, seed: int) -> Iterator[Batch]:
+def draw_batches(rows: Sequence[AnnotatedText], tokenizer: Any, seed: int) -> Iterator[TokenBatch]:
     """Batches of varied rows without end; every row once before any comes again."""
     rng, bank = random.Random(seed), collect_spans(rows)
     order: list[int] = []

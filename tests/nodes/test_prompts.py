@@ -13,14 +13,26 @@ import pytest
 from pydantic import ValidationError
 
 from scenewright import synthesize
-from scenewright.backends import TASKS, Question, Wording, load_backend
-from scenewright.backends.scripted import ScriptedSpeaker, build_scripted_backend
-from scenewright.backends.spoken import Spoken
-from scenewright.backends.staged import Staged
+from scenewright.backends import TASKS, Prompt, Question, load_backend
+from scenewright.backends.scripted import ScriptedModel, build_scripted_backend
+from scenewright.backends.staged import StagedBackend
+from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.nodes.event_reasoner.reply import StopsReply
+from scenewright.nodes.prompts import (
+    MOST_TOKENS,
+    Example,
+    count_tokens,
+    format_examples,
+    format_json,
+)
 from scenewright.nodes.scene_planner import FOUR_LEGS, ask_for_plan, describe_routes
+from scenewright.nodes.scene_planner.prompts import (
+    describe_objects,
+    describe_times,
+    render_plan_prompt,
+)
 from scenewright.nodes.scene_planner.reply import (
     ID,
     TIME,
@@ -28,20 +40,8 @@ from scenewright.nodes.scene_planner.reply import (
     complete_plan,
     find_similar_patterns,
 )
-from scenewright.nodes.scene_planner.wording import (
-    describe_objects,
-    describe_times,
-    render_plan_prompt,
-)
 from scenewright.nodes.schema import inline_references
 from scenewright.nodes.waypoint_filter.reply import ClausesReply
-from scenewright.nodes.wording import (
-    MOST_TOKENS,
-    Example,
-    count_tokens,
-    format_examples,
-    format_json,
-)
 from scenewright.scene.social import Refusal, SocialGraph
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -62,12 +62,12 @@ class Listening:
     name, deterministic = "listening", False
 
     def __init__(self) -> None:
-        self.words: dict[str, Wording] = {}
+        self.words: dict[str, Prompt] = {}
         self.facts: dict[str, Any] = {}
         self._rule = load_backend("builtin")
 
     def answer(self, question: Question) -> dict[str, Any]:
-        self.words[question.task] = question.wording()
+        self.words[question.task] = question.prompt()
         self.facts[question.task] = question.facts
         reply = self._rule.answer(question)
         if question.task == "plan":
@@ -236,7 +236,7 @@ def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
     question = Question(
         "plan",
         {"instruction": request_, "previous": None},
-        wording=lambda: render_plan_prompt(request_, None, FOUR_LEGS),
+        prompt=lambda: render_plan_prompt(request_, None, FOUR_LEGS),
     )
     if empty_is_a_plan:
         assert ask_for_plan(backend, question, FOUR_LEGS) == SocialGraph(agents=())
@@ -333,12 +333,12 @@ def test_whatever_fits_the_schema_is_read_or_refused_with_a_reason(
     rule = load_backend("builtin")
     for _ in range(12):
         reply = drawn(inline_references(heard.words[task].schema), rng)
-        speaker = ScriptedSpeaker({task: [reply]}, forever=True)
-        speakers = {each: Spoken(speaker) if each == task else rule for each in TASKS}
+        text_model = ScriptedModel({task: [reply]}, forever=True)
+        speakers = {each: TextBackend(text_model) if each == task else rule for each in TASKS}
         answer = speakers[task].answer(_asked(task, heard))
         told = _fault_of(task, answer)
         assert told is None or told
-        assert Staged(speakers).deterministic is False
+        assert StagedBackend(speakers).deterministic is False
 
 
 def _fault_of(task: str, answer: dict[str, Any]) -> str | None:
@@ -353,7 +353,7 @@ def _fault_of(task: str, answer: dict[str, Any]) -> str | None:
 
 
 def _asked(task: str, heard: Listening) -> Question:
-    return Question(task, {}, wording=lambda: heard.words[task])  # type: ignore[arg-type]
+    return Question(task, {}, prompt=lambda: heard.words[task])  # type: ignore[arg-type]
 
 
 def _read(task: str, answer: dict[str, Any]) -> None:
