@@ -241,7 +241,7 @@ def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
     if empty_is_a_plan:
         assert ask_for_plan(backend, question, FOUR_LEGS) == SocialGraph(agents=())
         return
-    with pytest.raises(Rejected, match="tells of collide_at"):
+    with pytest.raises(Rejected, match="names collide_at"):
         ask_for_plan(backend, question, FOUR_LEGS)
 
 

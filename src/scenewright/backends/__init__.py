@@ -1,4 +1,4 @@
-"""Who answers the questions of the pipeline: a grammar, any language model, or a file of answers.
+"""Backends that answer the pipeline's questions: a grammar, a language model, a file of answers.
 
 `builtin` is the grammar, `chat` any chat model that LangChain reaches, `engine` a model that vLLM
 runs in this process, `recorded` answers from a file, `scripted` says what it is handed. `spoken`
@@ -152,11 +152,11 @@ def load_backend(
 
 
 def get_backend_of_task(backend: Backend, task: Task) -> Backend:
-    """Who answers questions of a task: a backend may be several, one per stage."""
+    """The backend for questions of a task: a backend may combine several, one per stage."""
     speakers: Mapping[Task, Backend] | None = getattr(backend, "by_task", None)
     return backend if speakers is None else speakers[map_task(task)]
 
 
 def map_task(task: Task) -> Task:
-    """The task by which it is chosen who answers: edits are planning."""
+    """The task by which the backend is chosen: edits are planning."""
     return "plan" if task == "edits" else task

@@ -49,7 +49,7 @@ def choose_backend(
 
 
 def _parse_by_task(name: Named) -> dict[Task, str | Backend]:
-    """Task -> who answers it."""
+    """Task -> its backend."""
     if isinstance(name, Mapping):
         pairs: list[tuple[str | None, str | Backend]] = [*name.items()]
     else:
@@ -61,15 +61,15 @@ def _parse_by_task(name: Named) -> dict[Task, str | Backend]:
             "as planner=NAME"
         )
     found: dict[Task, str | Backend] = dict.fromkeys(TASKS, plain[0] if plain else DEFAULT)
-    told: set[str] = set()
+    seen: set[str] = set()
     for stage, each in pairs:
         if stage is None:
             continue
         if stage not in STAGES:
             raise InputError(f"there is no stage {stage!r} to ask; there are {', '.join(STAGES)}")
-        if stage in told:
+        if stage in seen:
             raise InputError(f"two backends for the stage {stage}; name one")
-        told.add(stage)
+        seen.add(stage)
         found.update(dict.fromkeys(STAGES[stage], each))
     return found
 

@@ -1,6 +1,6 @@
 """Answers kept in a file, and answers given from it: a run is replayed bit for bit.
 
-The file is JSON lines: a head that says who answered which task, then one line per answer with the
+The file is JSON lines: a head that names the model of each task, then one line per answer with the
 key of its question (model, prompt, schema and seed). Each line is appended whole, under a lock, so
 that several runs may share a file and one that is killed costs at most its own last line.
 """
@@ -25,7 +25,7 @@ _MOST_BYTES = 512_000_000
 
 
 class ModelIdentity(BaseModel):
-    """Who answers a task."""
+    """The model that answers a task."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -205,11 +205,11 @@ def record_answers(speakers: Mapping[Task, Backend], path: str | Path) -> dict[T
     Raises:
         InputError: the file cannot be used.
     """
-    who = {
+    identities = {
         task: ModelIdentity(name=each.name, deterministic=each.deterministic)
         for task, each in speakers.items()
     }
-    answers = Answers.open_or_create(path, AnswersHead(speakers=who))
+    answers = Answers.open_or_create(path, AnswersHead(speakers=identities))
     found: dict[Task, Backend] = {}
     for task, each in speakers.items():
         rule = each.deterministic
@@ -226,9 +226,9 @@ def replay_answers(path: str | Path) -> dict[Task, Backend]:
     """
     answers = Answers.read(path)
     found: dict[Task, Backend] = {}
-    for task, who in answers.head.speakers.items():
-        replay = ReplaySource(who.name, answers, by_facts=who.deterministic)
-        found[task] = _ReplayBackend(replay, deterministic=who.deterministic)
+    for task, identity in answers.head.speakers.items():
+        replay = ReplaySource(identity.name, answers, by_facts=identity.deterministic)
+        found[task] = _ReplayBackend(replay, deterministic=identity.deterministic)
     return found
 
 
@@ -322,7 +322,7 @@ def _lock(file: IO[bytes]) -> Iterator[None]:
 
 
 def _list_asked_tasks(head: AnswersHead) -> dict[Task, ModelIdentity]:
-    """Who answers the tasks that are still asked: files of earlier versions name one more."""
+    """Models of the tasks that are still asked: files of earlier versions name one more."""
     return {task: head.speakers[task] for task in TASKS}
 
 

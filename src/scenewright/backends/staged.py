@@ -12,7 +12,7 @@ class StagedBackend:
     """Hands every question to the backend of its stage.
 
     Attributes:
-        by_task: task -> who answers it; every task has one.
+        by_task: task -> its backend; every task has one.
     """
 
     def __init__(self, by_task: Mapping[Task, Backend]) -> None:

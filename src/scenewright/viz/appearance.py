@@ -23,7 +23,7 @@ FOREGROUND = (
     "#5B3A9E",
     "#8C564B",
 )
-"""Colours that colour-blind readers can tell apart, in this order (after Okabe and Ito)."""
+"""Colours that colour-blind readers can distinguish, in this order (after Okabe and Ito)."""
 BACKGROUND_VEHICLE = "#8A94A3"
 BACKGROUND_PEDESTRIAN = "#A39382"
 BACKGROUND_RIDER = "#93927F"

@@ -58,7 +58,7 @@ VEHICLE_HEIGHTS = {
 PAPER, PAVING, ASPHALT = (246, 244, 239), (228, 222, 210), (205, 209, 214)
 PAINT, MEDIAN = (255, 255, 255), (224, 178, 60)
 _LAYERS = {"walkable": -0.30, "road": -0.24, "crosswalks": -0.18, "lanes": -0.12}
-"""Heights [m] of the painted layers; the viewer needs them apart to tell which is on top."""
+"""Heights [m] of the painted layers; the viewer needs them apart to order them."""
 
 
 def record_scene(
@@ -428,8 +428,8 @@ def _log_events(stream: rr.RecordingStream, scene: SceneRecord) -> None:
 
 
 def _describe_event(event: EventRecord | Event, names: Mapping[int, str]) -> str:
-    first = names.get(event.from_ or 0, "nobody")
-    second = names.get(event.to or 0, "nobody")
+    first = names.get(event.from_ or 0, "no agent")
+    second = names.get(event.to or 0, "no agent")
     return f"{event.type.replace('_', ' ')}: {first} → {second}"
 
 

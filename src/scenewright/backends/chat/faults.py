@@ -59,12 +59,12 @@ def convert_fault(error: Exception, *, model: str, key: str | None) -> Exception
     names = _list_class_names(error)
     status = _get_status(error)
     if status is not None:
-        told = _format_reason(error, status, key)
+        reason = _format_reason(error, status, key)
         if status in _MAY_PASS:
             return TransientError(
-                f"{model} answered {status}{told}", after=_parse_retry_after(error)
+                f"{model} answered {status}{reason}", after=_parse_retry_after(error)
             )
-        return BackendFault(f"{model} answered {status}{told}", final=True)
+        return BackendFault(f"{model} answered {status}{reason}", final=True)
     if _TIMED_OUT in names or isinstance(error, httpx.TimeoutException):
         return TransientError(f"{model} did not answer in time")
     if _UNREACHED in names or isinstance(error, httpx.TransportError):

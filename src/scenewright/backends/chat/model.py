@@ -106,17 +106,17 @@ class ChatModel:
         if forms:
             options["response_format"] = _build_format(forms[0], question.task, prompt.schema)
         if self.name.startswith("openai:"):
-            # At no temperature a model that is told of a fault often makes the same one again.
+            # At no temperature a model that is shown a fault often makes the same one again.
             options["temperature"] = _AGAIN if question.rejections else 0.0
             options["seed"] = question.seed % 2**31
         return {key: each for key, each in options.items() if key not in self._unknown}
 
-    def _leave_out(self, option: str, told: Mapping[str, Any]) -> None:
+    def _leave_out(self, option: str, fields: Mapping[str, Any]) -> None:
         """What this endpoint does not take is not sent again; of a schema, in that form."""
         if option != "response_format":
             self._unknown.add(option)
             return
-        sent = told[option]["type"]
+        sent = fields[option]["type"]
         self._forms = tuple(each for each in self._forms if each != sent)
 
     def _cut_off(self, error: Exception) -> Completion:
@@ -131,8 +131,8 @@ class ChatModel:
 
 def _build_format(kind: str, task: str, schema: dict[str, Any]) -> dict[str, Any]:
     """A reply's schema as an option of the request."""
-    told = {"name": task, "schema": schema}
-    return {"type": kind, **({kind: told} if kind == "json_schema" else {"schema": schema})}
+    fields = {"name": task, "schema": schema}
+    return {"type": kind, **({kind: fields} if kind == "json_schema" else {"schema": schema})}
 
 
 def _read_message(message: Any) -> Completion:
@@ -147,8 +147,8 @@ def _read_message(message: Any) -> Completion:
 
 def _find_fault(message: Any) -> str | None:
     """Why a reply is none, whatever it says."""
-    told: Mapping[str, Any] = message.response_metadata or {}
-    ended = told.get("finish_reason") or told.get("stop_reason")
+    fields: Mapping[str, Any] = message.response_metadata or {}
+    ended = fields.get("finish_reason") or fields.get("stop_reason")
     refused = (message.additional_kwargs or {}).get("refusal")
     if ended in _CUT_OFF:
         return _describe_too_long()

@@ -246,7 +246,7 @@ def _format_tests(tests: Sequence[SeparationTest]) -> str:
          t.separability.groups]
         for t in tests
     ]  # fmt: skip
-    head = ("class", "told apart", "part", "from", "situation", "AUC", "95 %", "n a side", "groups")
+    head = ("class", "separated", "part", "from", "situation", "AUC", "95 %", "n a side", "groups")
     return "### Two-sample test\n\n" + format_table(head, rows)
 
 

@@ -24,7 +24,7 @@ def draw_assessment(report: Assessment) -> bytes:
     axes = page.subplots(2, 2)
     for ax, kind in zip(axes[0], CLASSES, strict=True):
         _draw_tests(ax, [t for t in report.tests if t.type == kind and t.situation == "all"])
-        ax.set_title(f"{kind}s: how well they are told apart (0.5: not at all)")
+        ax.set_title(f"{kind}s: how well they are separated (0.5: not at all)")
     _draw_measures(axes[1][0], [m for m in report.measures if m.part == "all"])
     _draw_likelihoods(axes[1][1], report)
     buffer = io.BytesIO()

@@ -216,7 +216,7 @@ def _format_understanding(tables: Tables) -> Iterator[str]:
         yield "Not measured here; `scenewright evals understanding` does that."
     else:
         yield (
-            f"Test half. Exits told after {INTENT_AT:g} s, relations after {RELATION_AT:g} s of "
+            f"Test half. Exits after {INTENT_AT:g} s, relations after {RELATION_AT:g} s of "
             "observation; *overall* F1 is the mean of the three. The paper states no window, and "
             "its overall is not the mean of its columns. All windows, methods and definitions: "
             "`scenewright evals understanding`."

@@ -1,4 +1,4 @@
-"""Who predicts: constant velocity, the refiner, and boosted trees as a rival of another family."""
+"""Predictors: constant velocity, the refiner, and boosted trees as a rival of another family."""
 
 from __future__ import annotations
 

@@ -78,10 +78,10 @@ def predict_scenes(
     places, pasts, given, gone = [], [], [], []
     for start in starts:
         xy = recording.stretch(start)
-        who = np.flatnonzero(~np.isnan(xy[:, OBSERVED - 1, 0]))
-        places.append(who)
-        pasts.append(xy[who, :OBSERVED])
-        given.append(recording.last[who] if goals == "destination" else xy[who, -1])
+        seen_places = np.flatnonzero(~np.isnan(xy[:, OBSERVED - 1, 0]))
+        places.append(seen_places)
+        pasts.append(xy[seen_places, :OBSERVED])
+        given.append(recording.last[seen_places] if goals == "destination" else xy[seen_places, -1])
         gone.append(_extend_gone(xy[:, :OBSERVED]))
     ahead = predictor(
         pasts,
@@ -89,40 +89,40 @@ def predict_scenes(
         due=PREDICTED if goals == "horizon" else None,
         step=recording.step,
     )
-    everybody = [
-        (np.concatenate((who, left)), np.concatenate((xy, beyond)), len(who))
-        for who, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
+    all_futures = [
+        (np.concatenate((seen_places, left)), np.concatenate((xy, beyond)), len(seen_places))
+        for seen_places, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
     ]
-    by_start = dict(zip(starts, everybody, strict=True))
+    by_start = dict(zip(starts, all_futures, strict=True))
     return [_build_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
 
 
 def _extend_gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """Find agents gone at the last observed step, and extend their motion [M, 12, 2]."""
     seen = ~np.isnan(past[..., 0])
-    who = np.flatnonzero(seen.any(axis=1) & ~seen[:, -1])
-    last = OBSERVED - 1 - np.argmax(seen[who, ::-1], axis=1)
-    at = past[who, last]
-    move = np.nan_to_num(at - past[who, np.maximum(last - 1, 0)])
+    seen_places = np.flatnonzero(seen.any(axis=1) & ~seen[:, -1])
+    last = OBSERVED - 1 - np.argmax(seen[seen_places, ::-1], axis=1)
+    at = past[seen_places, last]
+    move = np.nan_to_num(at - past[seen_places, np.maximum(last - 1, 0)])
     steps = (OBSERVED - last)[:, None] + np.arange(PREDICTED)
-    return who, at[:, None] + steps[..., None] * move[:, None]
+    return seen_places, at[:, None] + steps[..., None] * move[:, None]
 
 
 def _build_scene(
     recording: BenchmarkRecording,
     row: SceneRow,
-    who: NDArray[np.int64],
+    seen_places: NDArray[np.int64],
     ahead: FloatArray,
     present: int,
 ) -> PredictedScene:
-    is_primary = recording.ids[who] == row.primary
+    is_primary = recording.ids[seen_places] == row.primary
     if not is_primary[:present].any():
         raise InputError(
             f"{recording.name}.ndjson: the primary of scene {row.id}, pedestrian {row.primary}, "
             "is not there at the ninth step"
         )
     order = np.argsort(~is_primary, kind="stable")
-    return PredictedScene(row, who[order], ahead[order].round(2))
+    return PredictedScene(row, seen_places[order], ahead[order].round(2))
 
 
 def score_scenes(

@@ -43,7 +43,7 @@ class Weights:
 
 EVERYBODY = Weights()
 BENDING = Weights({1: 0.1, 2: 0.1, 3: 1.0, 4: 0.8}, untyped=0.4, by_motion=True)
-"""Most for those who do not simply keep going, as in the scenes that the benchmark looks at."""
+"""Most for agents that do not simply keep going, as in the scenes that the benchmark uses."""
 
 
 def cut_training_windows(

@@ -95,7 +95,7 @@ def read_source(folder: Path) -> ClipSource:
     tracks = {track.id: track for track in build_trajectories(read_users(case.record))}
     found = [e for e in (*proof.events, *proof.incidental) if e.type in RELATIONS]
     events = tuple(
-        ForeseenEvent(e, find_told_from(e, tracks[e.from_], tracks[e.to])) for e in found
+        ForeseenEvent(e, find_decision_time(e, tracks[e.from_], tracks[e.to])) for e in found
     )
     asked = [e for e in events if e.event in proof.events]
     named = min(asked, key=lambda e: RELATIONS.index(e.event.type), default=None)
@@ -103,7 +103,7 @@ def read_source(folder: Path) -> ClipSource:
     return ClipSource(case, proof, events, named, spans, _find_near_pairs(list(tracks.values())))
 
 
-def find_told_from(event: Event, one: Trajectory, two: Trajectory) -> float:
+def find_decision_time(event: Event, one: Trajectory, two: Trajectory) -> float:
     """Time [s] from which an event can be seen coming: path TTC below 3 s, or slowing for it."""
     times = find_common_times(one, two)
     times = times[(times >= event.time - LOOK_BACK) & (times <= event.time + 1e-6)]

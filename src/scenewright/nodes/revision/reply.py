@@ -218,7 +218,7 @@ def build_edits_schema(
         named: ids of those that the words may mean.
         words: figures and places on a vehicle are asked for where they may speak of them.
     """
-    who, side = build_reference("agent"), build_reference("side")
+    agent, side = build_reference("agent"), build_reference("side")
     node = {
         "subtype": build_subtype_schema(words),
         "entry": side,
@@ -231,10 +231,10 @@ def build_edits_schema(
     relation: dict[str, Schema] = {
         "kind": build_enum(get_args(CollisionKind)),
         "cause": build_enum(get_args(Cause)),
-        **build_order_schema(words, who),
+        **build_order_schema(words, agent),
     }
     relation |= build_severity_schema(words) | build_manoeuvre_schema(words)
-    ends = {"from": who, "to": who, "type": build_enum((*get_args(RelationType), "none"))}
+    ends = {"from": agent, "to": agent, "type": build_enum((*get_args(RelationType), "none"))}
     context = {
         "density": build_enum(get_args(Density)),
         "time_of_day": build_text(TIME),
@@ -242,20 +242,21 @@ def build_edits_schema(
         "pedestrians": build_integer(0, MOST_BACKGROUND),
     }
     forms = [
-        _build_edit_schema(("change_agent", "add_agent"), {"agent": who}, node),
-        _build_edit_schema(("remove_agent", "redraw"), {}, {"agent": who}),
+        _build_edit_schema(("change_agent", "add_agent"), {"agent": agent}, node),
+        _build_edit_schema(("remove_agent", "redraw"), {}, {"agent": agent}),
         _build_edit_schema(("relate",), ends, relation),
         _build_edit_schema(
             ("set_pace",),
-            {"agent": who},
+            {"agent": agent},
             {"factor": build_number(0.3, 2), "speed": build_number(0.1, 20)},
         ),
         _build_edit_schema(
-            ("move_stop", "wait_longer", "come_later"), {"agent": who, "by": build_number(-20, 20)}
+            ("move_stop", "wait_longer", "come_later"),
+            {"agent": agent, "by": build_number(-20, 20)},
         ),
         _build_edit_schema(("change_context",), {}, context),
     ]
-    asked = {"about": build_reference("text"), "among": build_array(who, least=2, most=6)}
+    asked = {"about": build_reference("text"), "among": build_array(agent, least=2, most=6)}
     return build_object(
         {
             "edits": build_array({"anyOf": forms}, most=_MOST_EDITS),
@@ -406,9 +407,7 @@ class _ReplyReader:
         if name in {each.id for each in self._graph.agents}:
             return
         if name in self._present:
-            raise _build_rejection(
-                f"{name} is one of the others; add_agent somebody who takes part"
-            )
+            raise _build_rejection(f"{name} is one of the others; add_agent an agent of an event")
         raise _build_rejection(f"there is no {name} in the scene; add_agent comes first")
 
     def _build_context_edits(self, line: ContextLine) -> list[Edit]:

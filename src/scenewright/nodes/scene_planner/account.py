@@ -31,12 +31,12 @@ def complete_account(plan: SocialGraph, question: Question) -> tuple[SaidSpan, .
     """The account of a model's plan, with the words that it leaves out.
 
     A model that gives no account at all is not asked for one: the words that nothing in a scene
-    can stand for, or that are left to later stages, are then those in which the offline planner
+    can express, or that are left to later stages, are then those in which the offline planner
     sees such a thing.
 
     Raises:
         Rejected: `malformed_reply`, once, for an account that leaves out a number, a negation, a
-            quantifier or words that nothing in a scene can stand for, or that calls words a part
+            quantifier or words that nothing in a scene can express, or that calls words a part
             of the plan which the plan lacks.
     """
     text = str(question.facts["instruction"])

@@ -117,7 +117,7 @@ class PlanReply(
         rest = {key: each for key, each in value.items() if key not in ("refused", "reason")}
         code = value.get("refused")
         if code is None and not rest:
-            raise ValueError("say who takes part and what happens, or refuse")
+            raise ValueError("name the agents and what happens, or refuse")
         if code is None:  # of a plan the reason is not asked, and does no harm
             return _read_account(_add_classes(rest))
         if rest.get("agents") or rest.get("relations"):
@@ -192,9 +192,9 @@ def build_plan_schema(
     """
     legs = build_enum(side for way in ways for side in (way.entry, way.exit))
     crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
-    who, side = build_reference("id"), build_reference("side")
+    agent, side = build_reference("id"), build_reference("side")
     agent = {
-        "id": who,
+        "id": agent,
         "subtype": build_subtype_schema(words),
         "entry": side,
         "exit": side,
@@ -205,17 +205,17 @@ def build_plan_schema(
     }
     relation = {
         "type": build_enum(get_args(RelationType)),
-        "from": who,
-        "to": who,
+        "from": agent,
+        "to": agent,
         "kind": build_enum(get_args(CollisionKind)),
         "cause": build_enum(get_args(Cause)),
-        "braker": who,
-        **build_order_schema(words, who),
+        "braker": agent,
+        **build_order_schema(words, agent),
         **build_manoeuvre_schema(words),
         **({"pattern": build_enum(each.id for each in patterns)} if patterns else {}),
         **build_severity_schema(words),
     }
-    tie = {"agent": who, "of": who, "side": build_enum(get_args(EntrySide))}
+    tie = {"agent": agent, "of": agent, "side": build_enum(get_args(EntrySide))}
     count = build_integer(0, MOST_BACKGROUND)
     context = {
         "density": build_enum(get_args(Density)),
@@ -272,14 +272,14 @@ def build_object_schema(words: str, side: Schema) -> Schema:
     """What stands, as a key of the reply, where the words may speak of it."""
     if not _STANDING.search(words):
         return {}
-    who = build_reference("id")
+    agent = build_reference("id")
     node = {
         "id": build_text(r"object-[1-9]"),
         "kind": build_enum(get_args(ObjectKind)),
         "subtype": build_subtype_schema(words),
         "leg": side,
-        "hides": who,
-        "hidden_from": who,
+        "hides": agent,
+        "hidden_from": agent,
         "lead": {"type": "array", "items": build_number(0, 10), "minItems": 2, "maxItems": 2},
     }
     return {"objects": build_array(build_object(node, required=("id", "kind")), most=MOST_OBJECTS)}
@@ -293,10 +293,10 @@ _STANDING = re.compile(
 )
 
 
-def build_order_schema(words: str, who: Schema) -> Schema:
+def build_order_schema(words: str, agent: Schema) -> Schema:
     """The key of a relation that names the agent passing first, where the words may speak of
     that."""
-    return {"first": who} if _IN_ORDER.search(words) else {}
+    return {"first": agent} if _IN_ORDER.search(words) else {}
 
 
 _YELLOW = re.compile(r"yellow|amber|dilemma", re.IGNORECASE)
