@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
-from scenewright.backends.builtin.references import answered
+from scenewright.backends.builtin.references import read_choice
 from scenewright.backends.builtin.revising import read
 from scenewright.scene.edits import (
     AgentView,
@@ -278,7 +278,7 @@ def test_who_is_told_apart_is_not_asked_for(words: str, agent: str) -> None:
 def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> None:
     asked = read("slow the vehicle down", TWO)
     assert isinstance(asked, Clarification)
-    choice = answered(answer, asked)
+    choice = read_choice(answer, asked)
     assert (None if choice is None else choice.answer) == name
 
 
@@ -330,7 +330,7 @@ def test_who_gives_way_without_standing_is_meant_where_somebody_is_to_stop(
     ("words", "where", "says"),
     [
         ("make it stop", ONE, "vehicle-1 stands already"),
-        ("make vehicle-2 stop", ROLLING, "vehicle-2 gives way to no agent"),
+        ("make vehicle-2 stop", ROLLING, "vehicle-2 gives way to nobody"),
     ],
 )
 def test_who_stands_or_has_no_reason_to_cannot_be_made_to(

@@ -67,9 +67,9 @@ def read_words(
         chosen: answers to questions about the words: phrase -> agent id.
         account: called with what every answer of a model has cost.
     """
-    from scenewright.backends.offline import begins_anew, read, site_of
+    from scenewright.backends.offline import begins_anew, build_site, read
 
-    by_rule = read(words, situation, chosen=chosen, site=site_of(intersection_map))
+    by_rule = read(words, situation, chosen=chosen, site=build_site(intersection_map))
     asked = not get_backend_of_task(backend, "edits").deterministic
     if situation is None or begins_anew(words) or not asked:
         return by_rule
@@ -97,11 +97,11 @@ SENTENCE = "sentence"
 
 def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarification | None:
     """A question with the sentences that the offline planner takes doubtful words to mean."""
-    from scenewright.backends.offline import plan, site_of
+    from scenewright.backends.offline import build_site, plan
     from scenewright.tools.map_grounding.grounding import can_ground
 
     serves = partial(can_ground, intersection_map=intersection_map)
-    found = plan(words, site=replace(site_of(intersection_map), can_serve=serves))
+    found = plan(words, site=replace(build_site(intersection_map), can_serve=serves))
     if not isinstance(found, Refusal) or not found.did_you_mean:
         return None
     offered = enumerate(found.did_you_mean, start=1)

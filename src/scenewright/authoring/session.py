@@ -48,7 +48,7 @@ from scenewright.authoring.thread_state import (
 from scenewright.authoring.turn_kind import TurnKind
 from scenewright.authoring.versions import EditResult, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
-from scenewright.backends.offline import answered, begins_anew
+from scenewright.backends.offline import begins_anew, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     ProgressCallback,
@@ -432,7 +432,7 @@ def _resolve_answer(state: ThreadState) -> tuple[str, dict[str, str]]:
     choice = (
         None
         if pending is None
-        else answered(state["words"], Clarification.model_validate(pending["ask"]))
+        else read_choice(state["words"], Clarification.model_validate(pending["ask"]))
     )
     if pending is None or choice is None:
         return state["words"], {}

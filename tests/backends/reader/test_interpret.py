@@ -9,15 +9,15 @@ from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import count_in, number_in
-from scenewright.backends.builtin.reader.reading import reading_of
-from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
+from scenewright.backends.builtin.reader.reading import build_reading
+from scenewright.backends.builtin.reader.words import find_subtype, time_words_in
 from scenewright.scene.measures import format_measure
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 
 def plan_of(line: str) -> Plan:
     row = parse_annotation(line)
-    return plan_reading(reading_of(row), Site(), row.text).plan
+    return plan_reading(build_reading(row), Site(), row.text).plan
 
 
 def graph_of(line: str) -> SocialGraph:
@@ -237,7 +237,7 @@ def test_a_number_that_names_counts_nobody() -> None:
      ("a school bus", "bus"), ("a motorcyclist", "motorcycle"), ("the vehicle", None)],
 )  # fmt: skip
 def test_subtypes_by_noun(words: str, subtype: str | None) -> None:
-    assert subtype_in(words) == subtype
+    assert find_subtype(words) == subtype
 
 
 def test_the_most_specific_time_of_day_comes_first() -> None:
@@ -253,7 +253,7 @@ ROADS = (
 
 def plan_at(line: str) -> Plan:
     row = parse_annotation(line)
-    return plan_reading(reading_of(row), Site(roads=ROADS), row.text).plan
+    return plan_reading(build_reading(row), Site(roads=ROADS), row.text).plan
 
 
 @pytest.mark.parametrize(
@@ -501,7 +501,7 @@ def test_a_later_mention_says_what_vehicle_it_is() -> None:
 
 def test_a_later_mention_of_another_vehicle_is_in_doubt() -> None:
     row = parse_annotation("[veh:1 A car] [hit:1>2 hit] [ped:2 a man]; [ref:1 the bus] left")
-    assert plan_reading(reading_of(row), Site(), row.text).confidence == 0
+    assert plan_reading(build_reading(row), Site(), row.text).confidence == 0
 
 
 def test_who_rides_a_vehicle_is_one_road_user_with_it() -> None:

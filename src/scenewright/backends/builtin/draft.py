@@ -60,7 +60,7 @@ def is_compass(legs: Iterable[str]) -> bool:
     return _FOUR.issuperset(legs)
 
 
-def site_of(intersection_map: IntersectionMap) -> Site:
+def build_site(intersection_map: IntersectionMap) -> Site:
     """What must be known of a map."""
     return Site(
         compass=is_compass(leg.name for leg in intersection_map.legs),
@@ -173,7 +173,7 @@ class MeasureDraft:
     low: float
     high: float
 
-    def named(self, ids: Mapping[int, str]) -> Measure | None:
+    def name_agents(self, ids: Mapping[int, str]) -> Measure | None:
         """The measure with agents by name (id of a draft -> name); None if one has gone."""
         agents = (self.agent,) if self.other is None else (self.agent, self.other)
         if any(id(agent) not in ids for agent in agents):

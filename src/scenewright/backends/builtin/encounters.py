@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.words import subtype_in
+from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.backends.builtin.standing import (
     AT_REST,
     PLACE,
@@ -19,8 +19,8 @@ from scenewright.backends.builtin.standing import (
     STATE,
     THE,
     VEHICLE,
-    any_of,
-    maybe,
+    allow,
+    join_any,
 )
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import Compass
@@ -33,7 +33,7 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
-_MOVES = any_of(
+_MOVES = join_any(
     "go(?:es|ing)?", "went", "driv(?:es?|ing)", "drove", "steer(?:s|ing|ed)?",
     "swerv(?:es?|ing|ed)",
     "pull(?:s|ing|ed)?",
@@ -45,28 +45,28 @@ _MOVES = any_of(
     "mak(?:es?|ing) its way", "chang(?:es?|ing|ed) lanes?",
     "cross(?:es|ing|ed)? (?:over )?the (?:cent(?:er|re) ?|lane ?)line", "slip(?:s|ping|ped)?",
 )  # fmt: skip
-_OVER = maybe(
-    " " + any_of("out", "over", "aside", "left", "right", "wide", "slightly", "carefully", "slowly",
+_OVER = allow(
+    " " + join_any("out", "over", "aside", "left", "right", "wide", "slightly", "carefully", "slowly",
                  "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
 )  # fmt: skip
 _VERBS: dict[Encounter, str] = {
-    "goes_round": any_of(
+    "goes_round": join_any(
         f"{_MOVES}{_OVER} (?:a?round|past|by|clear of)",
         f"{_MOVES}{_OVER} (?:and|to) "
         "(?:avoids?|pass(?:es)?|clears?|overtakes?|(?:gets?|goes?) (?:a?round|past))",
         "pass(?:es|ing|ed)?(?: by)?", "overtak(?:es?|ing)", "overtook", "avoid(?:s|ing|ed)?",
         "bypass(?:es|ing|ed)?",
     ),
-    "waits_behind": maybe("(?:slows?(?: down)?|brak(?:es?|ing)|slowing) and ")
-    + any_of(
+    "waits_behind": allow("(?:slows?(?: down)?|brak(?:es?|ing)|slowing) and ")
+    + join_any(
         "stop(?:s|ping|ped)?", "halt(?:s|ing|ed)?", "wait(?:s|ing|ed)?", "stand(?:s|ing)?",
         "queu(?:es?|ing|ed)", "(?:is|gets?|was|got|being) (?:stuck|held up|trapped|stopped)",
         "com(?:es?|ing) to (?:a )?(?:complete |full )?(?:stop|halt|standstill|rest)",
         "brak(?:es?|ing|ed) to (?:a )?(?:stop|halt|standstill)", "(?:pulls?|pulling) up",
     )
-    + maybe(" and (?:waits?|stays|stands|stops|queues)")
+    + allow(" and (?:waits?|stays|stands|stops|queues)")
     + " (?:short of|behind|for|because of|due to|before)",
-    "hits": any_of(
+    "hits": join_any(
         "hit(?:s|ting)?", "str(?:ikes?|iking|uck)", "collid(?:es?|ing|ed) with",
         "(?:crash(?:es|ing|ed)?|runs?|running|ran|driv(?:es?|ing)|drove|slam(?:s|ming|med)?|"
         "ram(?:s|ming|med)?|smash(?:es|ing|ed)?|plough(?:s|ing|ed)?|plow(?:s|ing|ed)?|"
@@ -83,7 +83,7 @@ _PASSIVE: dict[Encounter, str] = {
     "hits": "(?:hit|struck|rear[- ]?ended|rammed|side-?swiped|scraped|clipped|crashed into|"
     "run into|driven into)",
 }
-_HAS_TO = maybe(any_of("(?:has|had|have) to", "must", "manages to", "needs to", "is", "was",
+_HAS_TO = allow(join_any("(?:has|had|have) to", "must", "manages to", "needs to", "is", "was",
                        "safely", "then", "slowly", "carefully", then=" "))  # fmt: skip
 _BROKEN = f"{THE}{VEHICLE} (?:that |which )?(?:has|had) (?:broken down|stalled|stopped|died)"
 _AT_LIGHT = (
@@ -91,24 +91,24 @@ _AT_LIGHT = (
     "(?:red|amber|light|signal|stop line|cross|zebra|queue|pedestrian|junction|line))"
 )
 """Who stands there takes part in the traffic."""
-_STOOD = any_of(STATE, "stationary", "standing", "stopped", "halted")
+_STOOD = join_any(STATE, "stationary", "standing", "stopped", "halted")
 _THING = (
-    any_of(
+    join_any(
         _BROKEN, STANDING_VEHICLE, f"{THE}(?:[\\w-]+ ){{0,2}}?{_STOOD} {VEHICLE}",
         f"{THE}{VEHICLE} (?:that (?:is|was) )?{_STOOD}",
     )
     + _AT_LIGHT
 )  # fmt: skip
 _TAIL = (
-    maybe(" (?:right |directly |straight )?ahead(?: of (?:it|him|her))?")
-    + maybe(" (?:standing |stopped |stuck )?(?:in|blocking|obstructing) "
+    allow(" (?:right |directly |straight )?ahead(?: of (?:it|him|her))?")
+    + allow(" (?:standing |stopped |stuck )?(?:in|blocking|obstructing) "
             "(?:its|his|her|the|one|a) (?:\\w+ )?(?:lane|way|path|road)")
     + PLACE
 )  # fmt: skip
-_STOPS = maybe(" and (?:just |then )?(?:waits?|stays|stops|stands)(?: there| behind it)?")
+_STOPS = allow(" and (?:just |then )?(?:waits?|stays|stops|stands)(?: there| behind it)?")
 _HALTS = (
     "(?:stops|waits|halts|comes to a (?:stop|halt|standstill))"
-    + maybe(" and (?:waits|stays|stands)")
+    + allow(" and (?:waits|stays|stands)")
     + "(?! (?:for|behind|before|at))"
 )
 _NOT = re.compile(
@@ -116,16 +116,16 @@ _NOT = re.compile(
     r"(?: \w+)? $",
     re.IGNORECASE,
 )
-_MEETS = any_of(
+_MEETS = join_any(
     "com(?:es?|ing) (?:up )?(?:to|up(?: |)on|across|behind|towards?)", "approach(?:es|ing|ed)?",
     "encounter(?:s|ing|ed)?", "meet(?:s|ing)?", "finds", "reach(?:es|ing)?", "sees",
     "driv(?:es?|ing) (?:up to|towards?)",
 )  # fmt: skip
 _AND = ",? (?:and |but |then |so |and so |and then )?(?:it |he |she )?"
 _IT = f"(?:it|the (?:obstacle|obstruction|{AT_REST} )?(?:{VEHICLE}|obstacle|obstruction)|them)"
-_BLOCKS = maybe(
+_BLOCKS = allow(
     " "
-    + any_of("(?:is|stands|sits|waits|lies)" + maybe(f" {AT_REST}"),
+    + join_any("(?:is|stands|sits|waits|lies)" + allow(f" {AT_REST}"),
              "(?:partly |partially )?(?:blocks|obstructs|is blocking|blocking)"
              " (?:the |a |one |its )?(?:\\w+ )?(?:lane|road|way|street|traffic)")
 )  # fmt: skip
@@ -141,7 +141,7 @@ _ACTIVE = {
 _MET_FIRST = {
     how: re.compile(
         rf"(?P<verb>{_MEETS}) (?P<object>{_THING}){_TAIL}{_AND}{_HAS_TO}"
-        + (any_of(f"{verb} {_IT}{_STOPS}", _HALTS) if how == "waits_behind" else f"{verb} {_IT}"),
+        + (join_any(f"{verb} {_IT}{_STOPS}", _HALTS) if how == "waits_behind" else f"{verb} {_IT}"),
         re.IGNORECASE,
     )
     for how, verb in _VERBS.items()
@@ -285,7 +285,7 @@ def add_encounters(
         name = _find_agent(graph, phrase)
         node = _make_node(phrase, f"object-{len(nodes) + 1}", name)
         own = next(k for k, each in enumerate(agents) if each.id == name)
-        agents[own] = _bring_to(agents[own], node)
+        agents[own] = _reroute_agent(agents[own], node)
         node = node if node.leg is None else node.model_copy(update=_find_side(agents[own], node))
         told = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
         value = f"{node.id} {node.kind} {node.subtype or ''}".strip()
@@ -337,7 +337,7 @@ def _make_node(phrase: EncounterPhrase, name: str, agent: str) -> ObjectNode:
         {
             "id": name,
             "kind": _find_kind(phrase.object, phrase.how),
-            "subtype": subtype_in(phrase.object),
+            "subtype": find_subtype(phrase.object),
             "leg": leg[1].lower() if leg else None,
             "side": "exit" if _EXIT.search(phrase.object) else None,
             "met_by": agent,
@@ -361,7 +361,7 @@ def _find_side(agent: AgentNode, node: ObjectNode) -> dict[str, str]:
     return {"side": "entry" if agent.entry == node.leg else "exit"}
 
 
-def _bring_to(agent: AgentNode, node: ObjectNode) -> AgentNode:
+def _reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
     """The agent with a route by the leg on which the object stands.
 
     Raises:

@@ -15,24 +15,24 @@ from scenewright.backends.builtin.clauses import ClauseReader
 from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import Draft, Refused, RelationDraft, Site
-from scenewright.backends.builtin.grammar import modifiers
+from scenewright.backends.builtin.grammar import build_modifiers
 from scenewright.backends.builtin.graph_making import (
     finish_draft,
     make_graph,
     place_impacts,
     set_cause,
 )
-from scenewright.backends.builtin.impacts import brakes_hard, read_impacts
-from scenewright.backends.builtin.lexicon import Chunk, lexicon
-from scenewright.backends.builtin.mentions import noun_phrases
-from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.impacts import has_hard_braking, read_impacts
+from scenewright.backends.builtin.lexicon import Chunk, load_lexicon
+from scenewright.backends.builtin.mentions import build_noun_phrases
+from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.scope import (
+    build_nothing_planned,
     check_language,
     check_scope,
     check_text,
-    nothing_planned,
 )
-from scenewright.backends.builtin.shorthand import denied, expand
+from scenewright.backends.builtin.shorthand import expand, find_denied
 from scenewright.backends.builtin.unread import check_read
 from scenewright.scene.base import RIDERS
 from scenewright.scene.social import (
@@ -52,61 +52,61 @@ _NOTHING = (
 def read_by_grammar(text: str, previous: str | None = None, site: Site | None = None) -> Plan:
     """The social graph that the grammar reads in a text, or why it reads none."""
     try:
-        return make_graph(_understand(text, previous, site or Site()))
+        return make_graph(_read_draft(text, previous, site or Site()))
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
 
-def _understand(text: str, previous: str | None, site: Site) -> Draft:
+def _read_draft(text: str, previous: str | None, site: Site) -> Draft:
     base = None
     if previous is not None and previous.strip() and edits.is_edit(text):
-        base = _base(previous)
+        base = _build_base(previous)
     if base is not None:
-        draft = _edited(text, base)
+        draft = _edit_draft(text, base)
         draft.site = site
         return finish_draft(draft)
-    draft, reader = _draft(text)
+    draft, reader = _build_draft(text)
     draft.site = site
     finish_draft(draft)
     check_read(draft, reader)
     return draft
 
 
-def _base(previous: str) -> Draft | None:
+def _build_base(previous: str) -> Draft | None:
     try:
-        return _draft(previous)[0]
+        return _build_draft(previous)[0]
     except Refused:
         return None
 
 
-def _draft(text: str) -> tuple[Draft, ClauseReader]:
+def _build_draft(text: str) -> tuple[Draft, ClauseReader]:
     """What a full instruction says, before entailments."""
     check_text(text)
     plain, impacts = read_impacts(expand(clean(text)))
-    check_language(text, tokenise(plain))
+    check_language(text, split_tokens(plain))
     without_figures, clock = read_clock(plain)
-    chunks = lexicon().chunks(tokenise(without_figures))
+    chunks = load_lexicon().split_chunks(split_tokens(without_figures))
     check_scope(plain, chunks, measured=clock.pet is not None or clock.ttc is not None)
     draft = Draft(
         normal=any(chunk.has("NORMAL") and chunk.tags["NORMAL"] == "normal" for chunk in chunks)
     )
     reader = _read(draft, chunks, without_figures)
     read_context(draft, chunks, clock)
-    _told_by_figures(draft, chunks)
-    if brakes_hard(plain):
-        _brakes(draft)
+    _infer_from_figures(draft, chunks)
+    if has_hard_braking(plain):
+        _infer_braking(draft)
     place_impacts(draft, impacts)
     _settle_normal(draft, reader, chunks)
-    _check_denied(draft, denied(plain))
+    _check_denied(draft, find_denied(plain))
     if draft.agents and any(chunk.has("EMPTY") for chunk in chunks):
         raise Refused(
             "contradictory", "The scene cannot be empty and hold agents; drop one of the two."
         )
-    _class_riders(draft)
+    _classify_riders(draft)
     return draft, reader
 
 
-def _class_riders(draft: Draft) -> None:
+def _classify_riders(draft: Draft) -> None:
     """Cyclists and scooters, read like subtypes of vehicles, become agents of their own classes."""
     for agent in draft.agents:
         for kind in RIDERS:
@@ -114,16 +114,16 @@ def _class_riders(draft: Draft) -> None:
                 agent.type, agent.subtype = kind, None
 
 
-def _edited(text: str, base: Draft) -> Draft:
+def _edit_draft(text: str, base: Draft) -> Draft:
     check_text(text)
     whole = expand(clean(text))
-    check_language(text, tokenise(whole))
+    check_language(text, split_tokens(whole))
     plain, clock = read_clock(whole)
-    chunks = lexicon().chunks(tokenise(plain))
+    chunks = load_lexicon().split_chunks(split_tokens(plain))
     check_scope(whole, chunks, editing=True)
     draft = deepcopy(base)
     edits.apply(draft, chunks, lambda words: _read(draft, words, plain, editing=True), clock)
-    _class_riders(draft)
+    _classify_riders(draft)
     return draft
 
 
@@ -131,15 +131,15 @@ def _read(
     draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = False
 ) -> ClauseReader:
     reader = ClauseReader(draft, editing=editing)
-    reader.read(noun_phrases(modifiers(chunks), text=text))
+    reader.read(build_noun_phrases(build_modifiers(chunks), text=text))
     settle_failed_yields(draft, reader)
     if "late_brake" in reader.said:
-        _too_late(draft)
+        _infer_too_late(draft)
         set_cause(draft, "late_brake")
     return reader
 
 
-def _told_by_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
+def _infer_from_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
     """A PET or TTC alone asks for a near miss, "truck versus pedestrian" for a collision."""
     if draft.relations or draft.normal or draft.denied - {"collide_at"} or len(draft.agents) != 2:
         return
@@ -151,7 +151,7 @@ def _told_by_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
         draft.relations.append(RelationDraft(type_, first, second))
 
 
-def _too_late(draft: Draft) -> None:
+def _infer_too_late(draft: Draft) -> None:
     """ "cannot stop in time" means a collision where the text names no other event."""
     if not draft.relations and not draft.normal and not draft.denied and len(draft.agents) == 2:
         draft.relations.append(RelationDraft("collide_at", draft.agents[1], draft.agents[0]))
@@ -189,7 +189,7 @@ def _settle_normal(draft: Draft, reader: ClauseReader, chunks: Sequence[Chunk]) 
     _drop_generic(draft)
     for group in list(reader.counted):
         if not any(a.entry or a.exit or a.movement for a in group):
-            reader.to_background(group)
+            reader.move_to_background(group)
     said = draft.normal or draft.denied or draft.agents
     context = draft.context
     traffic = any(
@@ -197,7 +197,7 @@ def _settle_normal(draft: Draft, reader: ClauseReader, chunks: Sequence[Chunk]) 
     )
     counted = context.vehicles is not None or context.pedestrians is not None
     if not said and not (traffic and (context.density or context.time_of_day)) and not counted:
-        raise nothing_planned()
+        raise build_nothing_planned()
 
 
 def _check_denied(draft: Draft, none: frozenset[str]) -> None:
@@ -224,7 +224,7 @@ def _drop_generic(draft: Draft) -> None:
     ]
 
 
-def _brakes(draft: Draft) -> None:
+def _infer_braking(draft: Draft) -> None:
     """A near miss with hard braking is caused by it."""
     for relation in draft.relations:
         if relation.type == "near_miss" and not (relation.from_.runs_red or relation.to.runs_red):

@@ -43,13 +43,13 @@ _HAPPENING = (
 )
 
 
-def _way(match: re.Match[str]) -> str:
+def _rewrite_way(match: re.Match[str]) -> str:
     """ "N-S" between words that name a vehicle."""
     first, second = (letter for letter in match.groups() if letter is not None)
     return f"{_SIDES[first]} to {_SIDES[second]}"
 
 
-def _entry(match: re.Match[str]) -> str:
+def _rewrite_entry(match: re.Match[str]) -> str:
     """ "car (N, left)"."""
     return f"{match[1]} (from the {_SIDES.get(match[2], match[2])}"
 
@@ -479,11 +479,11 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         ),
         (
             rf"\b({_VEHICLE}(?: \w)?) \((?:from )?({SIDE}|[nsew])(?=\s*[,;)])",
-            _entry,
+            _rewrite_entry,
         ),
         (
             rf"\b([nsew])-([nsew])(?= (?:\w+ )?{_VEHICLE}\b)|(?<=[a-z\d] )([nsew])-([nsew])\b",
-            _way,
+            _rewrite_way,
         ),
     )
 )
@@ -498,7 +498,7 @@ _YOU = re.compile(
 )
 
 
-def plain(text: str) -> str:
+def rewrite_idioms(text: str) -> str:
     """Clean text with idioms in words that the lexicon knows."""
     if _YOU.search(text):
         text = re.sub(r"\byou(?: (?:are|were)\b)?(?=\s+[a-z]+ing\b)", "i was", text)

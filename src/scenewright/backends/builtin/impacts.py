@@ -76,19 +76,19 @@ def read_impacts(text: str) -> tuple[str, Impacts]:
         match = pattern.search(text)
         if match is None or whose in found:
             continue
-        found[whose] = _named(match)
+        found[whose] = _name_impact(match)
         # "into the back of a bus" is a rear-end, which the words themselves must go on saying.
         if not (match["plain"] and found[whose] == "rear"):
             text = f"{text[: match.start()]}{match['before']}{text[match.end() :]}"
     return text, Impacts(found.get("striking"), found.get("struck"))
 
 
-def brakes_hard(text: str) -> bool:
+def has_hard_braking(text: str) -> bool:
     """Whether somebody in the text brakes hard."""
     return _HARD_BRAKING.search(text) is not None
 
 
-def _named(match: re.Match[str]) -> ImpactPoint:
+def _name_impact(match: re.Match[str]) -> ImpactPoint:
     end, hand = match["end"] or match["end2"], match["hand"] or match["hand2"]
     corners: dict[tuple[str, str], ImpactPoint] = {
         ("front", "left"): "front_left", ("front", "right"): "front_right",

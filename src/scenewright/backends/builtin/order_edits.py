@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.mentions import Item, Mention
-from scenewright.backends.builtin.redraft import next_item
+from scenewright.backends.builtin.redraft import get_next_item
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, Edit, Relate, Situation
 from scenewright.scene.social import RelationEdge
@@ -58,7 +58,7 @@ def reorder(edge: RelationEdge, *, first: str, second: str) -> RelationEdge:
 
 def _list_named(items: Sequence[Item], people: People) -> list[AgentView]:
     found = (
-        people.named(item, next_item(items, at))
+        people.find_named(item, get_next_item(items, at))
         for at, item in enumerate(items)
         if isinstance(item, Mention)
     )
@@ -79,5 +79,7 @@ def _find_edge(named: list[AgentView], situation: Situation, people: People) -> 
     if len(edges) == 1:
         return edges[0]
     others = {name for each in edges for name in (each.from_, each.to)} - ids
-    partner = people.pick([e for e in people.foreground() if e.id in others], "other of the two")
+    partner = people.pick(
+        [e for e in people.list_foreground() if e.id in others], "other of the two"
+    )
     return next(each for each in edges if partner.id in (each.from_, each.to))

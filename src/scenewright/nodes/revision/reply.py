@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from scenewright.backends.offline import which
+from scenewright.backends.offline import build_clarification
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner.reply import (
     TIME,
@@ -299,7 +299,7 @@ def to_reading(
     if reply.fresh:
         return NewScene()
     if reply.ask is not None:
-        return which(_list_candidates(reply.ask, situation, chosen), reply.ask.about)
+        return build_clarification(_list_candidates(reply.ask, situation, chosen), reply.ask.about)
     reader = _ReplyReader(situation, ways)
     for line in reply.edits:
         reader.take(line)

@@ -90,7 +90,15 @@ def parse_annotation(line: str) -> AnnotatedText:
         start = length + len(before)
         length = start + len(words)
         spans.append(
-            Span(start, length, match[2], match[3], bool(match[1]), _ids(match[4]), _ids(match[5]))
+            Span(
+                start,
+                length,
+                match[2],
+                match[3],
+                bool(match[1]),
+                _parse_ids(match[4]),
+                _parse_ids(match[5]),
+            )
         )
         pieces += [before, words]
         at = match.end()
@@ -100,7 +108,7 @@ def parse_annotation(line: str) -> AnnotatedText:
     return AnnotatedText(text.replace("\\n", " \n"), tuple(spans), kind)  # as long as before
 
 
-def _ids(text: str | None) -> tuple[int, ...]:
+def _parse_ids(text: str | None) -> tuple[int, ...]:
     return tuple(int(each) for each in text.split(",") if each) if text else ()
 
 

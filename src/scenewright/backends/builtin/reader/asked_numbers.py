@@ -14,7 +14,7 @@ from scenewright.backends.builtin.draft import (
     RelationDraft,
 )
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
-from scenewright.backends.builtin.reader.measures import range_in
+from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import ReadSpan
 from scenewright.scene.measures import UNITS, MeasureKind
 
@@ -83,27 +83,29 @@ def read_number(
     Raises:
         Refused: a figure that no scene can have, with the most that it can.
     """
-    span = _as_driven(span, text, spans)
-    before = _words_before(span, text)
-    unit = range_in(span.words, before, 0.0)
-    kind = _find_kind(span, users, spans, _words_after(span, text))
+    span = _make_driven(span, text, spans)
+    before = _get_words_before(span, text)
+    unit = parse_range(span.words, before, 0.0)
+    kind = _find_kind(span, users, spans, _get_words_after(span, text))
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft)
     if span.negated or kind is None:
         return None
-    found = range_in(span.words, before, UNITS[kind].tolerance)
+    found = parse_range(span.words, before, UNITS[kind].tolerance)
     if found is None:
         return None
     low, high, _ = found
     if kind in _SEVERITY and unit is not None and unit[0] == unit[1]:
         return AskedNumber(severity=(kind, unit[0]))
     ends = _find_ends(kind, span, draft, users, spans)
-    bounded = [(*_limit(kind, agent, low, high, span.words), agent, other) for agent, other in ends]
+    bounded = [
+        (*_limit_bounds(kind, agent, low, high, span.words), agent, other) for agent, other in ends
+    ]
     if not bounded:
         return None
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
 
 
-def _as_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
+def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
     """A speed "driving at" which somebody is said to be is that one's, and not of the impact."""
     if span.tag != "impact" or not _DRIVING.search(text[: span.start] + span.words.split()[0]):
         return span
@@ -118,7 +120,7 @@ _DRIVING = re.compile(
 )
 
 
-def _words_before(span: ReadSpan, text: str) -> str:
+def _get_words_before(span: ReadSpan, text: str) -> str:
     """What stands before the words in their own clause, and touches them."""
     tail = _TAIL.search(text[max(0, span.start - _NEAR) : span.start])
     match = _TOUCHES.search(tail[0]) if tail else None
@@ -133,7 +135,7 @@ _TOUCHES = re.compile(
 """Words of a bound that a figure may follow."""
 
 
-def _words_after(span: ReadSpan, text: str) -> str:
+def _get_words_after(span: ReadSpan, text: str) -> str:
     return text[span.end : span.end + _NEAR].partition(",")[0]
 
 
@@ -230,7 +232,7 @@ def _find_relation(
     return None
 
 
-def _limit(
+def _limit_bounds(
     kind: MeasureKind, agent: AgentDraft, low: float, high: float | None, words: str
 ) -> tuple[float, float]:
     """The bounds, within what a scene can have.

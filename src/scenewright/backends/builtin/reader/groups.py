@@ -46,11 +46,11 @@ def _read_together(reading: Reading) -> Reading:
     match = _TOGETHER.search(reading.text)
     if match is None or not any((s.value or "").startswith(GROUP) for s in reading.spans):
         return reading
-    spans = tuple(_without_event(span, match) for span in reading.spans)
+    spans = tuple(_drop_event(span, match) for span in reading.spans)
     return replace(reading, spans=spans)
 
 
-def _without_event(span: ReadSpan, match: re.Match[str]) -> ReadSpan:
+def _drop_event(span: ReadSpan, match: re.Match[str]) -> ReadSpan:
     inside = span.start < match.end() and match.start() < span.end
     if not inside or span.tag in ("ped", "veh", "ref"):
         return span
@@ -76,8 +76,8 @@ def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
     spans = tuple(
         replace(
             span,
-            subjects=_without(span.subjects, first, others),
-            objects=_without(span.objects, first, others),
+            subjects=_drop_users(span.subjects, first, others),
+            objects=_drop_users(span.objects, first, others),
             value=f"{GROUP}{count}" if span is group else span.value,
             confidence=max(span.confidence, _KNOWN) if span is group else span.confidence,
         )
@@ -87,5 +87,5 @@ def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
     return replace(reading, spans=spans, users=users)
 
 
-def _without(users: tuple[int, ...], first: int, others: list[int]) -> tuple[int, ...]:
+def _drop_users(users: tuple[int, ...], first: int, others: list[int]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(first if user in others else user for user in users))

@@ -52,7 +52,7 @@ def split_label(label: str) -> tuple[str, str | None]:
     return tag, value or None
 
 
-def names_side(label: str) -> bool:
+def is_side_label(label: str) -> bool:
     """Whether the words of such a span name a direction of the compass or a leg."""
     return label in SIDES
 

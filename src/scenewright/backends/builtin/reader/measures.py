@@ -114,7 +114,9 @@ _PERCENT = re.compile(r"%|\bper ?cent\b|\bpct\b")
 _MIDDLE = re.compile(r"\b(?:middle|centre|center|dead[- ]cent(?:re|er)|half ?way|midpoint)\b")
 
 
-def range_in(words: str, before: str, tolerance: float) -> tuple[float, float | None, str] | None:
+def parse_range(
+    words: str, before: str, tolerance: float
+) -> tuple[float, float | None, str] | None:
     """The bounds that words give a figure, in SI units, and its unit; None without a number.
 
     Args:
@@ -143,7 +145,7 @@ def range_in(words: str, before: str, tolerance: float) -> tuple[float, float | 
     return max(measure.value - tolerance, 0.0), measure.value + tolerance, measure.unit
 
 
-def speed_range(words: str, agent: str) -> tuple[float, float] | None:
+def parse_speed_range(words: str, agent: str) -> tuple[float, float] | None:
     """The speeds [m/s] that words such as "at 30 km/h" allow an agent; None where they give none.
 
     A speed that no agent of the class drives or walks at, and a bound ("over 30 km/h") are none.

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import names_user
+from scenewright.backends.builtin.reader.words import has_user_noun
 
 _EARLY = re.compile(
     r"\b(?:first|1st|before|ahead|in front|precede[sd]?|beat(?:s|en)?|prior|leads?|earlier)\b",
@@ -61,11 +61,11 @@ def orient_orders(reading: Reading) -> Reading:
         *(
             (span.subjects, span.objects)
             for at, span in enumerate(reading.spans)
-            if span.tag == "first" and at not in settled and says_order(span.words)
+            if span.tag == "first" and at not in settled and has_order_words(span.words)
         ),
     ]
     for at, span in enumerate(reading.spans):
-        if span.tag == "first" and at not in settled and not says_order(span.words):
+        if span.tag == "first" and at not in settled and not has_order_words(span.words):
             same = [each for each in told if set(each) == {span.subjects, span.objects}]
             settled |= {at: same[0]} if same else {}
     spans = tuple(
@@ -84,7 +84,7 @@ def _name_both(reading: Reading, span: ReadSpan) -> ReadSpan:
     return replace(span, subjects=others) if not span.subjects else span
 
 
-def says_order(words: str) -> bool:
+def has_order_words(words: str) -> bool:
     """Whether the words themselves speak of an order; "goes" and "crosses" do not."""
     return any(each.search(words) for each in (_EARLY, _LATE, _THEN))
 
@@ -98,7 +98,7 @@ def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
     """Who goes first and who second by the words of a span; None where they leave it open."""
     early, late = _EARLY.search(span.words), _LATE.search(span.words)
     parties = (span.subjects, span.objects)
-    unclear = bool(early) == bool(late) or not all(parties) or names_user(span.words)
+    unclear = bool(early) == bool(late) or not all(parties) or has_user_noun(span.words)
     if unclear or _ELSEWHERE.search(span.words) or _is_in_a_chain(reading, span):
         return None
     complement = _find_complement(reading, span, parties)
@@ -123,7 +123,7 @@ def _find_complement(reading: Reading, span: ReadSpan, parties: Parties) -> tupl
     to = re.match(r"\s+to\b", reading.text[span.end :])
     if not governed and not (to and span.words.lower().endswith("second")):
         return None
-    found = _next_party(reading, span, parties)
+    found = _find_next_party(reading, span, parties)
     if found is None:
         return None
     between = reading.text[span.end : found[0].start]
@@ -152,7 +152,7 @@ def _find_late_subject(
     reading: Reading, span: ReadSpan, parties: Parties
 ) -> tuple[int, ...] | None:
     """Who is named right after "first through is"."""
-    found = _next_party(reading, span, parties) if _IS.search(span.words) else None
+    found = _find_next_party(reading, span, parties) if _IS.search(span.words) else None
     if found is None or _BREAK.search(reading.text[span.end : found[0].start]):
         return None
     return found[1]
@@ -168,7 +168,7 @@ def _is_object(reading: Reading, mention: ReadSpan) -> bool:
     )
 
 
-def _next_party(
+def _find_next_party(
     reading: Reading, span: ReadSpan, parties: Parties
 ) -> tuple[ReadSpan, tuple[int, ...]] | None:
     later = [each for each in _list_parties(reading, parties) if each[0].start >= span.end]

@@ -127,7 +127,7 @@ def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> TokenBatch:
         for token_span in row.spans:
             tags[at, token_span.first] = 1 + 2 * token_span.label
             tags[at, token_span.first + 1 : token_span.last + 1] = 2 + 2 * token_span.label
-            side = _side_of(token_span.span, texts[at])
+            side = _get_side(token_span.span, texts[at])
             if side is not None:
                 sided.append((len(spans), side))
             if token_span.span.subjects and is_mention(label_of(token_span.span)):
@@ -140,19 +140,19 @@ def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> TokenBatch:
         ids, parts, mask, tags, torch.tensor([row.kind for row in rows]),
         torch.tensor(spans).view(-1, 3), torch.tensor(labels, dtype=torch.long),
         torch.tensor(negated, dtype=torch.long),
-        *_columns(sided), *_columns(counted),
+        *_build_columns(sided), *_build_columns(counted),
         torch.tensor([p[:3] for p in pairs]).view(-1, 3),
         torch.tensor([p[3] for p in pairs], dtype=torch.long),
         torch.tensor([p[4] for p in pairs], dtype=torch.long),
     )  # fmt: skip
 
 
-def _columns(rows: Sequence[tuple[int, int]]) -> tuple[Tensor, Tensor]:
+def _build_columns(rows: Sequence[tuple[int, int]]) -> tuple[Tensor, Tensor]:
     table = torch.tensor(rows, dtype=torch.long).view(-1, 2)
     return table[:, 0], table[:, 1]
 
 
-def _side_of(span: Span, text: str) -> int | None:
+def _get_side(span: Span, text: str) -> int | None:
     """Index into COMPASS of the leg or direction that the words of a span name."""
     if span.tag not in SIDES or span.value in ("opp", "left", "right", "same", "lateral", "other"):
         return None

@@ -122,8 +122,8 @@ def fit(
     """Train for so many steps, saving every 200, and go on from the checkpoint if there is one."""
     torch.manual_seed(seed)
     network.train()
-    optimizer, schedule = _optimizer(network, steps)
-    done = _resume(checkpoint, network, optimizer, schedule)
+    optimizer, schedule = _make_optimizer(network, steps)
+    done = _resume_training(checkpoint, network, optimizer, schedule)
     batches, average, began = draw_batches(rows, load_tokenizer(), seed + done), None, time.time()
     for step in range(done + 1, steps + 1):
         with torch.autocast("cpu", torch.bfloat16):
@@ -140,7 +140,7 @@ def fit(
             _save(checkpoint, network, optimizer, schedule, step)
 
 
-def _optimizer(network: ReaderNetwork, steps: int) -> tuple[Any, Any]:
+def _make_optimizer(network: ReaderNetwork, steps: int) -> tuple[Any, Any]:
     trained = [(n, p) for n, p in network.named_parameters() if p.requires_grad]
     encoder = [p for n, p in trained if n.startswith(("layers.", "norm", "part"))]
     heads = [p for n, p in trained if not n.startswith(("layers.", "norm", "part"))]
@@ -162,7 +162,7 @@ def _save(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any, step
     )
 
 
-def _resume(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any) -> int:
+def _resume_training(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any) -> int:
     if not out.exists():
         return 0
     state = torch.load(out, weights_only=True)
