@@ -57,7 +57,7 @@ def test_who_waits_in_traffic_is_no_object() -> None:
     ("text", "words"),
     [
         ("A car hits a parked truck at 30 km/h", "How fast"),
-        ("A pedestrian goes around a stalled car", "not clear who"),
+        ("A pedestrian goes around a stalled car", "not clear which"),
         ("A car waits behind a stalled van and hits a pedestrian", "no relation can bind it"),
     ],
 )

@@ -51,7 +51,7 @@ def read_figure(
     """The figure that a turn asks for; None if it asks for none.
 
     Args:
-        agent: whom the words name; None if nobody.
+        agent: the agent that the words name; None if none.
 
     Raises:
         Refused: a figure of what does not happen in the scene.
@@ -80,7 +80,7 @@ def read_figure(
 def _choose_ends(
     kind: MeasureKind, situation: Situation, people: People, agent: AgentView | None
 ) -> tuple[str, str | None]:
-    """Of whom the figure is: the one named, or the only one that it can be of."""
+    """The agent of the figure: the one named, or the only one that it can be of."""
     if not UNITS[kind].of_two:
         here = [each for each in people.list_foreground() if each.type == "vehicle"]
         return (agent or people.pick(here or people.list_foreground(), "vehicle")).id, None

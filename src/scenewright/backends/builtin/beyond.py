@@ -11,12 +11,12 @@ _BEYOND = (
     (
         r"\b(?:the )?wrong[- ](?:way|direction)(?: driver)?\b|"
         r"\bagainst (?:the )?(?:flow of )?traffic\b",
-        "nobody drives against the direction of a lane; ask for a head-on collision",
+        "no vehicle drives against the direction of a lane; ask for a head-on collision",
     ),
     (
         r"\b(?:push(?:es|ed|ing)?|shov(?:es|ed|ing)|shunt(?:s|ed|ing)?) (?:it |her |him )?into\b|"
         r"\bpile-?up\b|\bchain reaction\b",
-        "who is in a collision stays there; ask for one collision of each",
+        "agents of a collision stay there; ask for one collision of each",
     ),
 )  # fmt: skip
 _COMPILED = tuple((re.compile(words, re.IGNORECASE), note) for words, note in _BEYOND)

@@ -71,7 +71,7 @@ class ClauseReader(Naming):
     """Reads items from left to right into a Draft."""
 
     def read(self, items: Sequence[Item]) -> None:
-        """Read all items; relations that name nobody are settled at the end."""
+        """Read all items; relations that name no agent are settled at the end."""
         self.items = items
         for at, item in enumerate(items):
             if isinstance(item, Mention):
@@ -116,8 +116,8 @@ class ClauseReader(Naming):
             self._start(OpenRelation("collide_at", None, at, self.subject or None, tag="COLLIDE"))
         elif chunk.has("LATE"):
             self._read_late_brake(at)
-        elif (who := self._stands_for(at, chunk)) is not None:
-            self._read_pronoun(at, who)
+        elif (pronoun := self._stands_for(at, chunk)) is not None:
+            self._read_pronoun(at, pronoun)
         elif chunk.tags.get("ALMOST") == "avoid" and self._is_avoiding(at):
             self._start(OpenRelation("near_miss", None, at, self.subject or None, tag="NEAR"))
         elif chunk.has("LET") and self._is_letting_pass(at, chunk):
@@ -139,7 +139,7 @@ class ClauseReader(Naming):
         return _OWNERS[chunk.text] if owns else None
 
     def _is_part_after(self, at: int) -> bool:
-        """ "hits its bumper": a part stands for the whole."""
+        """ "hits its bumper": a part means the whole."""
         words: list[str] = []
         for item in self.items[at + 1 : at + 4]:
             if not isinstance(item, Chunk) or item.mark:
@@ -150,16 +150,16 @@ class ClauseReader(Naming):
     def _is_repeated_between(self, at: int) -> bool:
         """ "two near misses, one between ... and one between ...": a second one of the kind."""
         before = self._get_item(at - 1)
-        told = self.open[-1] if self.open else None
+        relation = self.open[-1] if self.open else None
         one = isinstance(before, Mention) and before.type is None
-        if told is None or not (told.nominal and one):
+        if relation is None or not (relation.nominal and one):
             return False
-        if not told.between:
-            told.between = told.explicit = True
-            told.object, told.closed, self.awaiting = None, False, told
+        if not relation.between:
+            relation.between = relation.explicit = True
+            relation.object, relation.closed, self.awaiting = None, False, relation
             return True
-        told.object = (told.object or [])[:2]
-        again = OpenRelation(told.type, told.kind, at, None, nominal=True, tag=told.tag)
+        relation.object = (relation.object or [])[:2]
+        again = OpenRelation(relation.type, relation.kind, at, None, nominal=True, tag=relation.tag)
         again.between = again.explicit = True
         self._start(again)
         return True
@@ -184,7 +184,7 @@ class ClauseReader(Naming):
             self.last = self.subject or self.last
 
     def _is_mere_place(self, at: int, chunk: Chunk) -> bool:
-        """ "the car behind", "stops ahead of the pedestrian": nobody drives after anybody."""
+        """ "the car behind", "stops ahead of the pedestrian": no agent follows another."""
         if chunk.text == "behind":
             verb = self._get_item(at + 1)
             acts = isinstance(verb, Chunk) and verb.has("LATE", "NEGATION", "BE")
@@ -218,8 +218,8 @@ class ClauseReader(Naming):
             moved = isinstance(before, Chunk) and before.has("HEAD")
         path = self._get_item(at + 2)
         way = isinstance(path, Chunk) and path.words[0] in {"path", "way", "lane"}
-        whom = isinstance(after, Mention) and after.type is not None and not after.mass
-        return moved and not way and (whom or is_pronoun(after))
+        is_agent = isinstance(after, Mention) and after.type is not None and not after.mass
+        return moved and not way and (is_agent or is_pronoun(after))
 
     def _read_minor(self, at: int, chunk: Chunk) -> None:
         if chunk.has("GO_FIRST") and self._has_priority(at, chunk):

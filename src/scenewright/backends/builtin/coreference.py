@@ -1,4 +1,4 @@
-"""Who a mention stands for: new agents, or agents the text has introduced."""
+"""The agents that a mention means: new ones, or ones that the text has introduced."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Discourse:
     def resolve(
         self, mention: Mention, *, avoid: Sequence[AgentDraft] = (), same_clause: bool = False
     ) -> list[AgentDraft]:
-        """The agents that the mention stands for; new ones are entered."""
+        """The agents that the mention means; new ones are entered."""
         found = self._find_existing(mention, avoid, same_clause)
         group = found if found is not None else self._introduce_agents(mention)
         self.groups.append(group)
@@ -122,14 +122,14 @@ class Discourse:
     def _is_met(self, agent: AgentDraft) -> bool:
         """The agent comes towards another one."""
         entries = {other.entry for other in self.draft.agents if other is not agent}
-        told = any(word in {"opposite", "mutual"} for word, _ in agent.relatives)
-        return told or (agent.entry is not None and OPPOSITE[agent.entry] in entries)
+        known = any(word in {"opposite", "mutual"} for word, _ in agent.relatives)
+        return known or (agent.entry is not None and OPPOSITE[agent.entry] in entries)
 
     def _is_unnamed(self, agent: AgentDraft) -> bool:
         """ "the two vehicles ...: the van ... the oncoming car": one of the two, so far unnamed."""
-        told = agent.entry or agent.exit or agent.movement or agent.relatives
+        known = agent.entry or agent.exit or agent.movement or agent.relatives
         pairs = [group for group in self.groups if len(group) == 2 and agent in group]
-        return agent.head == "vehicles" and bool(pairs) and not told
+        return agent.head == "vehicles" and bool(pairs) and not known
 
     def _name_at_last(self, group: list[AgentDraft], mention: Mention) -> list[AgentDraft]:
         for agent in group:
@@ -184,8 +184,8 @@ class Discourse:
         if mention.det == "another" and pair is None:
             return self._find_twin(self._get_last()[-1] if self._get_last() else group[-1])
         described = [agent for agent in self.draft.agents if _score_affinity(agent, mention) >= 4]
-        told = mention.premods or mention.words or mention.post
-        if told and described and mention.det != "one":
+        known = mention.premods or mention.words or mention.post
+        if known and described and mention.det != "one":
             return described[-1:]
         if mention.det in _ORDINALS:
             index = _ORDINALS[mention.det]
@@ -221,7 +221,7 @@ class Discourse:
         return []
 
     def _find_like(self, acting: Sequence[AgentDraft]) -> list[AgentDraft]:
-        """ "a third car collides with the second": everybody of the class of who acts."""
+        """ "a third car collides with the second": all agents of the actor's class."""
         kinds = {agent.type for agent in acting}
         return [agent for agent in self.draft.agents if {agent.type} == kinds]
 
@@ -247,7 +247,8 @@ class Discourse:
         return self._find_nth(mention)
 
     def _find_nth(self, mention: Mention) -> list[AgentDraft] | None:
-        """ "two cars: car 1 ..., car 2 ...": the labels tell a counted group apart."""
+        """ "two cars: car 1 ..., car 2 ...": the labels distinguish the members of a counted
+        group."""
         place = _LABELS.find(mention.label or " ") % 4
         for group in reversed(self.groups):
             if not (len(group) > 1 and place < len(group)):

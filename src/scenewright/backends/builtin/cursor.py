@@ -96,7 +96,7 @@ PARTS = frozenset(
         "panel",
     ]
 )
-"""Nouns for parts of a road user, which stand for the whole."""
+"""Nouns for parts of a road user, which mean the whole."""
 
 _NO_VERBS = frozenset({"across", "straight", "thru"})
 
@@ -194,7 +194,7 @@ class Cursor:
         )
 
     def _find_actors(self) -> Group:
-        """Whoever acts in the relation that still wants its object."""
+        """The actors of the relation that still lacks its object."""
         if self.awaiting is None or not self._takes_object() or self._is_said_of_both():
             return []
         return self.awaiting.subject or []
@@ -468,7 +468,7 @@ def get_words(item: Item | None) -> str:
 
 
 def is_pronoun(item: Item | None) -> bool:
-    """True for a pronoun that can stand for an agent."""
+    """True for a pronoun that can mean an agent."""
     return (
         isinstance(item, Chunk)
         and item.has("PRONOUN")

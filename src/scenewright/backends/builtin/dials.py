@@ -1,4 +1,4 @@
-"""Edits that turn a dial: where somebody stops, how long, how fast, when, how many others."""
+"""Edits of one value: where an agent stops, how long, how fast, when, how many others."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BACK = r"(?:earlier|sooner|before|back|short|behind|shorter)"
 _STOPS = r"\b(?:stops?|stopping|stopped|halts?|stands?|standing|waits?|waiting|pulls? up|brakes?)\b"
 
 _STAND = 2.0
-"""How long who slowed down stands, where nobody says for how long [s]."""
+"""Default time that an agent that slowed down stands [s]."""
 
 _FASTEST_SHARE, _SLOWEST_SHARE = 2.0, 0.3
 
@@ -44,7 +44,7 @@ def build_motion_edit(text: str, people: People, agent: AgentView | None) -> Edi
 
     Args:
         text: the words, in lower case.
-        agent: whom they name; None if nobody.
+        agent: the agent that they name; None if none.
     """
     for dial in _DIALS:
         found = dial.pattern.search(text)
@@ -54,7 +54,7 @@ def build_motion_edit(text: str, people: People, agent: AgentView | None) -> Edi
 
 
 def number(word: str) -> float:
-    """What a number stands for, in figures or in words."""
+    """The value of a number in figures or in words."""
     return _NUMBERS[word] if word in _NUMBERS else float(word)
 
 
@@ -66,26 +66,26 @@ def _parse_amount(found: re.Match[str], default: float) -> float:
 def _stop(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     metres = _check_bounds(_parse_amount(found, 1.0), 15.0, "m")
     back = re.search(rf"\b{_BACK}\b", text) is not None
-    who = agent or _find_stopping(people)
-    return MoveStop(agent=who.id, metres=-metres if back else metres)
+    chosen = agent or _find_stopping(people)
+    return MoveStop(agent=chosen.id, metres=-metres if back else metres)
 
 
 def _wait(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     seconds = _check_bounds(_parse_amount(found, 1.0), 20.0, "s")
     less = re.search(r"\b(?:less|shorter)\b", text) is not None
-    who = agent or _find_stopping(people)
-    return WaitLonger(agent=who.id, seconds=-seconds if less else seconds)
+    chosen = agent or _find_stopping(people)
+    return WaitLonger(agent=chosen.id, seconds=-seconds if less else seconds)
 
 
 def _edit_time(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     seconds = _check_bounds(_parse_amount(found, 1.0), 20.0, "s")
     sooner = re.search(r"\b(?:earlier|sooner|before)\b", text) is not None
-    who = agent or people.pick(people.list_foreground(), "agent")
-    return ComeLater(agent=who.id, seconds=-seconds if sooner else seconds)
+    chosen = agent or people.pick(people.list_foreground(), "agent")
+    return ComeLater(agent=chosen.id, seconds=-seconds if sooner else seconds)
 
 
 def _edit_pace(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    who = agent or _find_driving(people)
+    chosen = agent or _find_driving(people)
     slower = found.group("slower") is not None
     percent = re.search(r"(\d+(?:\.\d+)?) ?(?:%|percent|per cent)", text)
     if percent is not None:
@@ -99,17 +99,17 @@ def _edit_pace(found: re.Match[str], text: str, people: People, agent: AgentView
         factor = 0.5 if slower or "half" in text else 2.0
     else:
         factor = 0.8 if slower else 1.25
-    return SetPace(agent=who.id, factor=_share(factor))
+    return SetPace(agent=chosen.id, factor=_share(factor))
 
 
 def _edit_speed(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     del text
-    who = agent or _find_driving(people)
+    chosen = agent or _find_driving(people)
     unit = found.group("unit")
     scale = 1.0 if unit.startswith("m/") or unit.startswith("met") else 1 / 3.6
     scale = 0.44704 if unit.startswith(("mph", "mile")) else scale
     wanted = float(found.group("speed")) * scale
-    return SetPace(agent=who.id, factor=_share(wanted / max(who.speed, 0.1)))
+    return SetPace(agent=chosen.id, factor=_share(wanted / max(chosen.speed, 0.1)))
 
 
 def _share(factor: float) -> float:
@@ -129,27 +129,30 @@ def _check_bounds(amount: float, most: float, unit: str) -> float:
 
 
 def _edit_stop(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    """Who slows down shall stand."""
+    """An agent that slows down shall stand."""
     del text
-    who = agent or _find_stopping(people)
+    chosen = agent or _find_stopping(people)
     seconds = _check_bounds(_parse_amount(found, _STAND), 20.0, "s")
-    if who.stops:
+    if chosen.stops:
         raise Refused(
             "no_change",
-            f"{who.id} stands already; say how much longer, or how far from there.",
+            f"{chosen.id} stands already; say how much longer, or how far from there.",
         )
-    if who.slows_to is None:
+    if chosen.slows_to is None:
         raise Refused(
-            "impossible", f"{who.id} gives way to nobody here; say to whom it shall yield."
+            "impossible",
+            f"{chosen.id} gives way to no agent here; say which one it shall yield to.",
         )
-    return WaitLonger(agent=who.id, seconds=seconds)
+    return WaitLonger(agent=chosen.id, seconds=seconds)
 
 
 def _find_stopping(people: People) -> AgentView:
     here = people.list_foreground()
     stopping = [each for each in here if each.stops] or [e for e in here if e.slows_to is not None]
     if not stopping:
-        raise Refused("impossible", "Nobody of those named stops in this scene; say who.")
+        raise Refused(
+            "impossible", "None of the agents named stops in this scene; say which one shall."
+        )
     return people.pick(stopping, "agent")
 
 
@@ -157,7 +160,7 @@ def _find_driving(people: People) -> AgentView:
     here = people.list_foreground()
     vehicles = [each for each in here if each.type == "vehicle"]
     if not here:
-        raise Refused("impossible", "Nobody in particular takes part; say whom you mean.")
+        raise Refused("impossible", "There is no foreground agent; say which agent you mean.")
     return people.pick(vehicles or here, "vehicle" if vehicles else "pedestrian")
 
 

@@ -1,4 +1,4 @@
-"""Words about a vehicle in somebody's way: read by a small grammar, before the readings.
+"""Words about a vehicle in an agent's way: read by a small grammar, before the readings.
 
 "A car goes around a stalled van" is read as "A car drives"; the van becomes an object of the plan
 that the car goes round.
@@ -46,8 +46,8 @@ _MOVES = join_any(
     "cross(?:es|ing|ed)? (?:over )?the (?:cent(?:er|re) ?|lane ?)line", "slip(?:s|ping|ped)?",
 )  # fmt: skip
 _OVER = allow(
-    " " + join_any("out", "over", "aside", "left", "right", "wide", "slightly", "carefully", "slowly",
-                 "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
+    " " + join_any("out", "over", "aside", "left", "right", "wide", "slightly", "carefully",
+                 "slowly", "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
 )  # fmt: skip
 _VERBS: dict[Encounter, str] = {
     "goes_round": join_any(
@@ -90,7 +90,7 @@ _AT_LIGHT = (
     r"(?! (?:at|for|by|behind|before|in front of) (?:an?|the)?(?: \w+)? ?"
     "(?:red|amber|light|signal|stop line|cross|zebra|queue|pedestrian|junction|line))"
 )
-"""Who stands there takes part in the traffic."""
+"""Objects that stand there take part in the traffic."""
 _STOOD = join_any(STATE, "stationary", "standing", "stopped", "halted")
 _THING = (
     join_any(
@@ -184,7 +184,7 @@ class EncounterPhrase:
 
     Attributes:
         start, end: characters of the text; words: those; object: the words that name it.
-        agent_follows: whether who meets it is named after the words, not before.
+        agent_follows: whether the agent that meets it is named after the words, not before.
         named: characters of the words that name the object elsewhere in the text.
     """
 
@@ -275,7 +275,7 @@ def add_encounters(
     """The graph with the objects that agents meet, and the account of their words.
 
     Raises:
-        Refused: it is not clear who meets an object, or it cannot.
+        Refused: it is not clear which agent meets an object, or it cannot.
     """
     if len(graph.objects) + len(phrases) > MOST_OBJECTS:
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
@@ -287,16 +287,16 @@ def add_encounters(
         own = next(k for k, each in enumerate(agents) if each.id == name)
         agents[own] = _reroute_agent(agents[own], node)
         node = node if node.leg is None else node.model_copy(update=_find_side(agents[own], node))
-        told = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
+        fields = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
         value = f"{node.id} {node.kind} {node.subtype or ''}".strip()
         said = [each for each in said if not phrase.start <= each.start < phrase.end]
         named = phrase.named or (phrase.start, phrase.end)
         thing = {"start": named[0], "end": named[1], "words": phrase.object}
         if phrase.named is None:
-            thing = told
+            thing = fields
         said.append(SaidSpan.model_validate({**thing, "became": "object", "value": value}))
         meets = {"became": "encounter", "agents": (name,), "value": f"{node.id} {phrase.how}"}
-        said.append(SaidSpan.model_validate({**told, **meets}))
+        said.append(SaidSpan.model_validate({**fields, **meets}))
         nodes.append(node)
     said.sort(key=lambda each: each.start)
     parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
@@ -326,7 +326,8 @@ def _find_agent(graph: SocialGraph, phrase: EncounterPhrase) -> str:
     if found is None:
         raise Refused(
             "out_of_scope",
-            f"It is not clear who '{phrase.words}' is said of; name the vehicle or rider first.",
+            f"It is not clear which agent '{phrase.words}' is said of; "
+            "name the vehicle or rider first.",
         )
     return found.agents[0]
 

@@ -187,7 +187,7 @@ _TURN_CRASHES = {"left_turn": "left", "right_turn": "right"}
 
 
 def _turn_across(relation: RelationDraft, site: Site) -> None:
-    """A left-turn crash has somebody turning left, a right-turn crash right.
+    """A left-turn crash has an agent turning left, a right-turn crash right.
 
     It is of the kind `left_turn` if that turn crosses the way of oncoming traffic.
     """
@@ -255,7 +255,7 @@ def _check_crosswalk(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:
 
 
 def _check_strike(relation: RelationDraft) -> None:
-    """A car may hit a pedestrian head-on; a pedestrian rear-ends nobody."""
+    """A car may hit a pedestrian head-on; a pedestrian never rear-ends."""
     if relation.kind in _VEHICLE_TAKES and relation.from_.type == "pedestrian":
         raise Refused(
             "impossible",

@@ -201,7 +201,7 @@ def _settle_normal(draft: Draft, reader: ClauseReader, chunks: Sequence[Chunk]) 
 
 
 def _check_denied(draft: Draft, none: frozenset[str]) -> None:
-    """ "no vehicles at all in which a truck ...": the text denies what it then tells."""
+    """ "no vehicles at all in which a truck ...": the text denies what it then describes."""
     events = "event" in none and bool(draft.relations)
     if events or any(agent.type in none for agent in draft.agents):
         raise Refused(
@@ -210,7 +210,7 @@ def _check_denied(draft: Draft, none: frozenset[str]) -> None:
 
 
 def _drop_generic(draft: Draft) -> None:
-    """Drop agents that stand for all traffic: "cars and people move on as usual"."""
+    """Drop agents that mean all traffic: "cars and people move on as usual"."""
     bound = [agent for edge in draft.relations for agent in (edge.from_, edge.to)]
     draft.agents[:] = [
         agent

@@ -54,7 +54,7 @@ _LABELLED = re.compile(r"\b(?:car|vehicle|truck|bus|cab|taxi|driver|unit|agent|p
 
 @dataclass(slots=True)
 class Mention:
-    """A noun phrase that stands for agents.
+    """A noun phrase that means agents.
 
     Attributes:
         type: None for "one", "the other", "the first".
@@ -234,7 +234,7 @@ class _NounPhrases:
         return opened
 
     def _is_after_be(self, at: int) -> bool:
-        """ "was following vehicle 1" tells what somebody does."""
+        """ "was following vehicle 1" says what an agent does."""
         before = self.nodes[at - 1] if at else None
         return isinstance(before, Chunk) and before.has("BE")
 
@@ -335,7 +335,7 @@ class _NounPhrases:
             mention.count, mention.counted = 2, True
 
     def _read_traffic(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
-        """ "Oncoming traffic" and "eastbound through traffic" stand for a vehicle."""
+        """ "Oncoming traffic" and "eastbound through traffic" mean a vehicle."""
         if not self._is_introduced(at, mention) or not any(
             _has_direction(premod) for premod in mention.premods
         ):

@@ -157,14 +157,14 @@ class Modifying(Settling):
     def _is_said_of_all(self, at: int) -> bool:
         """ "a truck and a sedan are going straight": the verb belongs to both."""
         before = self._get_item(at - 1)
-        told = self._get_item(at)
-        first = told.first if isinstance(told, Modifier) else ""
+        earlier = self._get_item(at)
+        first = earlier.first if isinstance(earlier, Modifier) else ""
         plural = isinstance(before, Chunk) and before.text in {"are", "were"}
         plural |= first in {"are", "were"}
         return plural and len(self.subject) > 1 and not self.relative
 
     def _mark_as_driver(self, *, finite: bool) -> None:
-        """ "some guy turned left", "a man ran the light": whoever does that is driving."""
+        """ "some guy turned left", "a man ran the light": that agent is driving."""
         group = (self.subject if finite else self.last) or self.last
         for agent in group if len(group) == 1 else []:
             on_foot = agent.movement or agent.crosswalk or agent.head not in _ANYBODY
@@ -263,9 +263,9 @@ class Modifying(Settling):
         first = self._get_item(at - 2)
         opens = isinstance(before, Chunk) and (before.mark == "," or before.has("AND"))
         named = isinstance(after, Mention) and after.type is not None
-        told = isinstance(first, Mention) and isinstance(self._get_item(at - 3), Modifier)
+        earlier = isinstance(first, Mention) and isinstance(self._get_item(at - 3), Modifier)
         new = named and isinstance(after, Mention) and after.det in {"indefinite", "bare"}
-        return modifier.means in {"from", "from_to"} and opens and new and told
+        return modifier.means in {"from", "from_to"} and opens and new and earlier
 
     def _is_introduction(self, at: int, modifier: Modifier) -> bool:
         """ "From the south comes a bus": a new sentence brings in a new agent."""
@@ -431,7 +431,8 @@ class Modifying(Settling):
         return True
 
     def _is_walking_on_red(self, at: int, chunk: Chunk, *, finite: bool) -> bool:
-        """ "a pedestrian ignores the light", "crossing against the signal": said of who walks."""
+        """ "a pedestrian ignores the light", "crossing against the signal": said of a
+        pedestrian."""
         placed = chunk.words[0] in {"against", "on", "in", "through"}
         if finite and not placed:
             self._mark_as_driver(finite=True)
@@ -474,14 +475,14 @@ class Modifying(Settling):
                 cross(agent)
 
     def _repeat_movement(self) -> None:
-        """ "... and the SUV does the same": the movement of whoever was told of before."""
+        """ "... and the SUV does the same": the movement of the agent mentioned before."""
         open_ = [agent for agent in self.subject if not agent.movement]
-        told = open_ or [agent for agent in self.last if not agent.movement]
-        others = [a for a in self.draft.agents if a not in told and a.type == "vehicle"]
+        earlier = open_ or [agent for agent in self.last if not agent.movement]
+        others = [a for a in self.draft.agents if a not in earlier and a.type == "vehicle"]
         model = next((a for a in reversed(others) if a.movement or a.exit or a.entry), None)
         self.verb_seen = True
-        yields = self._is_giving_way_too(told)
-        for agent in told:
+        yields = self._is_giving_way_too(earlier)
+        for agent in earlier:
             if model is None or agent.type != "vehicle":
                 continue
             agent.movement = model.movement
@@ -489,14 +490,14 @@ class Modifying(Settling):
                 agent.exit = agent.exit or model.exit
                 agent.entry = agent.entry or model.entry
 
-    def _is_giving_way_too(self, told: Group) -> bool:
+    def _is_giving_way_too(self, earlier: Group) -> bool:
         """ "yields to a pedestrian, and so does the bus"."""
         for relation in reversed(self.open):
             bound = [*(relation.subject or []), *(relation.object or [])]
             same = relation.type == "yield_to" and relation.object and relation.subject
-            if same and not (relation.negated or relation.passive) and told:
-                if not any(agent in bound for agent in told):
-                    relation.subject = [*(relation.subject or []), *told]
+            if same and not (relation.negated or relation.passive) and earlier:
+                if not any(agent in bound for agent in earlier):
+                    relation.subject = [*(relation.subject or []), *earlier]
                 return True
         return False
 
@@ -560,7 +561,7 @@ class Modifying(Settling):
         agent.relatives.append((word, other))
 
     def _spread_hints(self) -> None:
-        """Directions said of nobody in particular hold for everyone who can have them."""
+        """Directions said of no agent in particular hold for all agents that can have them."""
         for hint in self.hints:
             fits = [a for a in self.draft.agents if can_hold(a, hint)]
             if isinstance(hint, Modifier):

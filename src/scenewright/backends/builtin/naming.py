@@ -167,8 +167,8 @@ class Naming(Relating):
     def _is_echo(self, at: int, mention: Mention) -> bool:
         """ "..., truck at fault": a bare noun that names a known agent once more."""
         after = self._get_item(at + 1)
-        told = any(r.object for r in self.open) and self._is_after_comma(at)
-        if told and not mention.premods and self._is_only_namesake(mention):
+        known = any(r.object for r in self.open) and self._is_after_comma(at)
+        if known and not mention.premods and self._is_only_namesake(mention):
             return True
         plain = (
             isinstance(after, Chunk)
@@ -227,8 +227,8 @@ class Naming(Relating):
         if named.counted and named.count > 1:
             return False
         if link.mark == ":":
-            told = named.label or named.role or named.head in _STAND_INS
-            return bool(told) and mention.det in {"indefinite", "bare"} and not mention.label
+            known = named.label or named.role or named.head in _STAND_INS
+            return bool(known) and mention.det in {"indefinite", "bare"} and not mention.label
         before = self._get_item(at - 3)
         place = isinstance(before, Chunk) and (
             before.has("SAME", "FOLLOW", "NEARBY", "TO", "OF_OTHER") or before.text == "of"
@@ -247,7 +247,7 @@ class Naming(Relating):
         return mention.type is None and self._is_ahead_of(at) and len(vehicles) == 1
 
     def _list_described_after(self, at: int) -> list[Modifier]:
-        """Entries and -ing turns right after the noun, which tell one agent from another."""
+        """Entries and -ing turns right after the noun, which distinguish agents."""
         found: list[Modifier] = []
         for item in self.items[at + 1 : at + 6]:
             if isinstance(item, Modifier):
@@ -473,7 +473,7 @@ class Naming(Relating):
         return plural or self.draft.agents[-2:]
 
     def _find_unnamed(self, at: int) -> AgentDraft | None:
-        """ "She was crossing when ...": nobody was named before."""
+        """ "She was crossing when ...": no agent was named before."""
         kind = None if self._takes_object() else self._own_way(at)
         after = self._get_item(at + 1)
         if kind == "vehicle" and not (isinstance(after, Chunk) and after.has("BE", "DRIVING")):
@@ -548,9 +548,9 @@ class Naming(Relating):
         if isinstance(after, Chunk) and after.has("CROSS"):
             return "pedestrian"
         for then, item in enumerate(self.items[at + 1 :], start=at + 1):
-            told = self._own_way(then) if get_words(item) == "i" else None
-            if told is not None:
-                return told
+            known = self._own_way(then) if get_words(item) == "i" else None
+            if known is not None:
+                return known
         return "vehicle" if self._takes_object() else None
 
     def _own_way(self, at: int) -> AgentClass | None:
@@ -623,7 +623,7 @@ class Naming(Relating):
         return bool(others) and not self._takes_object()
 
     def _is_some_others(self, at: int, mention: Mention) -> bool:
-        """ "with other cars around": nobody in particular."""
+        """ "with other cars around": no agent in particular."""
         some = mention.plural and not mention.counted and mention.det == "other"
         return some and self._has_background_ahead(at) and not self._takes_object()
 

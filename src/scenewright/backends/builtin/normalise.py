@@ -143,7 +143,7 @@ def clean(text: str) -> str:
 
 
 def _mark_letters(text: str) -> str:
-    """ "A (northbound) hits B": capital letters that stand for road users."""
+    """ "A (northbound) hits B": capital letters that name road users."""
     text = _SLASHED.sub(r"\1\2", text)
     if text.isupper() or not _SECOND.search(text):
         return text

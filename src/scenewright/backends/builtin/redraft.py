@@ -1,7 +1,7 @@
 """The scene as a draft that the planner's own grammar changes, and back to a social graph.
 
-Whoever the words name carries its id as a label, so that the grammar speaks of the right one; the
-agents keep their ids, and relations that nobody speaks of keep their figures.
+An agent that the words name carries its id as a label, so that the grammar means the right one;
+agents keep their ids, and relations that are not mentioned keep their figures.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class _Base:
         grammar_of_edits._forget(draft)
         self._keep_fitting_fields()
         if not draft.agents and (draft.context.vehicles, draft.context.pedestrians) == (0, 0):
-            raise Refused("impossible", "Then nobody would be left; add somebody first.")
+            raise Refused("impossible", "Then no agent would be left; add one first.")
         graph_making.finish_draft(draft)
 
     def _read(self, plain: str, chunks: Sequence[Chunk], people: People) -> None:
@@ -138,7 +138,7 @@ class _Base:
         draft.relations.clear()
         items = build_noun_phrases(build_modifiers(rest), text=plain)
         self._label(items, people)
-        # A crosswalk told before does not hold a pedestrian who now comes from another side.
+        # A crosswalk given before does not bind a pedestrian that now comes from another side.
         for agent in self._agents.values():
             agent.crosswalk = None
         reader = ClauseReader(draft, editing=True)
@@ -161,20 +161,20 @@ class _Base:
             else:
                 raise Refused(
                     "impossible",
-                    f"{agent.id} is one of the others, who do nothing in particular; it can be "
+                    f"{agent.id} is a background agent without a role; it can be "
                     "removed, slowed down or moved in time, or an agent of its own can be added.",
                 )
 
     def _keep_fitting_fields(self) -> None:
-        """Who now goes another way keeps of the one before what goes with that."""
+        """An agent with a new route keeps the fields of the former one that fit it."""
         for name, agent in self._agents.items():
             now = {each: getattr(agent, each) for each in WAY_FIELDS}
             was = {each: getattr(self._before.agent(name), each) for each in WAY_FIELDS}
-            told = {key: each for key, each in now.items() if each not in (None, was[key])}
-            if told.get("movement") == "jaywalking":
+            given = {key: each for key, each in now.items() if each not in (None, was[key])}
+            if given.get("movement") == "jaywalking":
                 was["crosswalk"] = None
-            found = resolve_route(agent.type, was, told, self._draft.site.ways)
-            # Where no way goes with what is told, it is said of the words as they are.
+            found = resolve_route(agent.type, was, given, self._draft.site.ways)
+            # Where no route fits what is given, the words are reported as they are.
             found = found or {**now, "crosswalk": now["crosswalk"] or was["crosswalk"]}
             for key, each in found.items():
                 setattr(agent, key, each)
@@ -192,12 +192,12 @@ class _Base:
             EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
             for agent, other, side in list_ties(self._draft)
         ]
-        told = {frozenset((each.agent, each.of)) for each in tied}
+        given = {frozenset((each.agent, each.of)) for each in tied}
         moved = {n.id for n in nodes if n.id in self._agents and n.entry != self._get_entry(n.id)}
         kept = [
             each
             for each in self._before.ties
-            if frozenset((each.agent, each.of)) not in told and not {each.agent, each.of} & moved
+            if frozenset((each.agent, each.of)) not in given and not {each.agent, each.of} & moved
         ]
         present = {node.id for node in nodes}
         return SocialGraph(
@@ -224,7 +224,7 @@ class _Base:
             for name in ("from_", "to", "kind", "cause", "pattern", "first")
         }
         if relation.type == "follow" and (clock.pet, clock.ttc) != (None, None):
-            raise Refused("impossible", "Who follows keeps a headway; it has no PET and no TTC.")
+            raise Refused("impossible", "A follower keeps a headway; it has no PET and no TTC.")
         for name, figure in (
             ("target_pet", clock.pet), ("target_ttc", clock.ttc), ("impact_speed", clock.speed),
         ):  # fmt: skip
@@ -248,7 +248,7 @@ def _choose_id_head(subtype: str | None, kind: str) -> str:
 
 
 def free_name(kind: str, taken: set[str]) -> str:
-    """The first id of a class that nobody has."""
+    """The first unused id of a class."""
     count = 1
     while f"{kind}-{count}" in taken:
         count += 1

@@ -1,4 +1,4 @@
-"""Whom words of a conversation speak of: one agent of the scene, several, or nobody."""
+"""The agents that words of a conversation mean: one agent of the scene, several, or none."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _PLAIN_WORDS = frozenset(
     ]
 )
 _RESTRICTS = frozenset({"from", "leg", "crosswalk"})
-"""What may follow a noun to say which one; turns are what somebody shall do."""
+"""What may follow a noun to say which one; turns are movements asked for."""
 
 _SIDE_OF = {"northbound": "south", "southbound": "north", "eastbound": "west", "westbound": "east"}
 
@@ -81,14 +81,14 @@ class People:
         self._chosen = chosen
 
     def find_named(self, mention: Mention, after: Item | None = None) -> AgentView | None:
-        """The agent that the mention means; None where it introduces one or stands for a group.
+        """The agent that the mention means; None where it introduces one or means a group.
 
         Args:
             after: what follows it, such as "from the north".
 
         Raises:
             Unclear: it may be any of several.
-            Refused: nobody in the scene is like that.
+            Refused: no agent of the scene is like that.
         """
         if mention.type is None or mention.det in _NEW or mention.mass:
             return None
@@ -105,7 +105,7 @@ class People:
         """The agent whose id stands in the text, such as vehicle-12.
 
         Raises:
-            Refused: there is an id in it, but nobody has it.
+            Refused: there is an id in it, but no agent has it.
         """
         found = re.search(
             r"\b(vehicle|pedestrian)([ -])(\d+)\b(?! (?:m|s|metre|meter|sec))", text.lower()
@@ -136,16 +136,16 @@ class People:
         alike = [each for each in self._present.values() if _is_alike(each, mention)]
         front = [each for each in alike if each.role == "foreground"]
         if not front and mention.type == "vehicle":
-            # Whoever said "a vehicle" calls it a car, whatever was drawn for it.
+            # A user that said "a vehicle" calls it a car, whatever was drawn for it.
             only = [each for each in self.list_foreground() if each.type == "vehicle"]
             if mention.head in {"car", "vehicle"} and len(only) == 1:
                 front = only
         found = front or alike
         if mention.det in _ORDINALS:
             return found[_ORDINALS[mention.det] :][:1] if found else []
-        told = [each for each in mention.premods if isinstance(each, Modifier)]
+        given = [each for each in mention.premods if isinstance(each, Modifier)]
         narrowed = [
-            each for each in found if all(_is_as_described(each, premod) for premod in told)
+            each for each in found if all(_is_as_described(each, premod) for premod in given)
         ]
         if len(narrowed) > 1 and isinstance(after, Modifier) and after.means in _RESTRICTS:
             narrowed = [each for each in narrowed if _is_as_described(each, after)] or narrowed
@@ -160,7 +160,7 @@ class People:
             return None
         here = (
             ", ".join(describe_agent(each) for each in self.list_foreground())
-            or "nobody in particular"
+            or "no foreground agent"
         )
         raise Refused("impossible", f"There is no {key} in this scene; there is {here}.")
 
@@ -174,8 +174,8 @@ def format_phrase(mention: Mention) -> str:
 def build_clarification(found: Sequence[AgentView], noun: str) -> Clarification:
     """The question which of several is meant."""
     shown = found[:6]
-    told = [describe_agent(each) for each in shown]
-    options = f"{', '.join(told[:-1])} or {told[-1]}"
+    given = [describe_agent(each) for each in shown]
+    options = f"{', '.join(given[:-1])} or {given[-1]}"
     return Clarification(
         question=f"Which {noun}: {options}?",
         choices=tuple(
@@ -186,7 +186,7 @@ def build_clarification(found: Sequence[AgentView], noun: str) -> Clarification:
 
 
 def describe_agent(agent: AgentView) -> str:
-    """An agent with what tells it apart, and its id."""
+    """An agent with what distinguishes it, and its id."""
     if agent.type == "pedestrian":
         where = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
         return f"the pedestrian {where}, from the {agent.entry} ({agent.id})"
@@ -224,11 +224,11 @@ def _is_alike(agent: AgentView, mention: Mention) -> bool:
     return named not in _SUBTYPES or named in (agent.subtype, COARSE.get(agent.subtype or ""))
 
 
-def _is_as_described(agent: AgentView, told: Modifier) -> bool:
-    if not told.values:
-        return told.means != "straight" or agent.movement == "straight"
-    value = told.values[0]
-    match told.means:
+def _is_as_described(agent: AgentView, given: Modifier) -> bool:
+    if not given.values:
+        return given.means != "straight" or agent.movement == "straight"
+    value = given.values[0]
+    match given.means:
         case "from" | "from_to" | "leg" if agent.type == "vehicle":
             return agent.entry == value
         case "from":

@@ -58,7 +58,7 @@ _EVASIONS = (
     "hard",
     "panic",
 )
-"""What somebody who does not do so may well collide for."""
+"""Verbs whose denial may be the cause of a collision."""
 
 _PRIORITY = frozenset(["way", "priority", "precedence", "room", "space", "ahead"])
 
@@ -352,7 +352,7 @@ class Relating(Modifying):
         return self.subject or None
 
     def _find_waited_for(self, at: int) -> int | None:
-        """Index of the one waited for; None where the text names nobody."""
+        """Index of the one waited for; None where the text names no agent."""
         marker = turning = False
         for step in range(1, 12):
             item = self._get_item(at + step)

@@ -1,7 +1,7 @@
 """What a turn of a conversation means: words, and the scene as it is -> a reading of them.
 
 Dials, removals and numbers are read here. Everything else is read by the planner's own grammar,
-against a draft made of the social graph, in which whoever the words name is labelled.
+against a draft made of the social graph, in which agents that the words name are labelled.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ def _build_edits(
 
 
 def _is_about_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bool:
-    """Whether the words, though they tell an event, name agents that are there."""
+    """Whether the words, though they describe an event, name agents of the scene."""
     people = People(situation, chosen)
     try:
         items = _build_items(clean(words))
@@ -170,13 +170,13 @@ def _is_about_scene(words: str, situation: Situation, chosen: Mapping[str, str])
 
 
 def _redraw(found: re.Match[str], situation: Situation, chosen: Mapping[str, str]) -> Redraw:
-    who = found.group("who")
-    if not who:
+    name = found.group("who")
+    if not name:
         return Redraw()
     people = People(situation, chosen)
-    agent = _find_subject(_build_items(clean(who)), people) or people.find_by_id(who)
+    agent = _find_subject(_build_items(clean(name)), people) or people.find_by_id(name)
     if agent is None:
-        raise Refused("impossible", f"I do not see who is meant by {who!r}.")
+        raise Refused("impossible", f"I do not see which agent {name!r} means.")
     return Redraw(agent=agent.id)
 
 
@@ -204,7 +204,7 @@ def _read_part(
 
 
 def _has_figures(plain: str) -> bool:
-    """Whether the words tell how severe it shall be: those are for the grammar."""
+    """Whether the words say how severe it shall be: those are for the grammar."""
     clock = read_clock(plain)[1]
     return any(each is not None for each in (clock.pet, clock.ttc, clock.speed))
 
@@ -220,9 +220,9 @@ def _read_figure(
 def _choose_events(
     items: Sequence[Item], situation: Situation, people: People
 ) -> tuple[Relate, ...] | None:
-    """The relations as they shall be, where there are several and nobody is named.
+    """The relations as they shall be, where there are several and no agent is named.
 
-    Who does the same to several does something else to all of them, but can hit only one.
+    An agent of several equal relations changes all of them, but can hit only one other agent.
 
     Raises:
         Unclear: the answer is the agent that acts.
@@ -319,7 +319,7 @@ def _read_removal(
 
 
 def _remove_kind(group: Mention, situation: Situation) -> tuple[Edit, ...]:
-    """ "remove the buses": all of that kind in the background, and nobody else."""
+    """ "remove the buses": all of that kind in the background, and no other agent."""
     kind = _get_kind(group)
     others = [each for each in situation.present if each.role == "background"]
     gone = [each.id for each in others if each.subtype == kind]
@@ -334,8 +334,8 @@ def _read_count_change(
     """ "add three cars", "two more pedestrians", "fewer cars"; kinds of vehicles by name."""
     more, fewer = _ADDS.search(plain) is not None, _FEWER.search(plain) is not None
     groups = [each for each in items if isinstance(each, Mention) and each.type is not None]
-    told = [each for each in items if isinstance(each, Modifier)]
-    if not groups or not (more or fewer) or told:
+    modifiers = [each for each in items if isinstance(each, Modifier)]
+    if not groups or not (more or fewer) or modifiers:
         return None
     if any(each.det == "definite" or each.premods for each in groups if not each.counted):
         return None

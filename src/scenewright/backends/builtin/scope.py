@@ -142,7 +142,7 @@ def build_not_english() -> Refused:
     """The verdict on a text in another language."""
     return Refused(
         "out_of_scope",
-        "The text is not English as far as the planner can tell; describe the scene in English.",
+        "The text does not seem to be English; describe the scene in English.",
     )
 
 

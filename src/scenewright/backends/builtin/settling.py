@@ -193,13 +193,13 @@ class Settling(Cursor):
 
     def _find_other_vehicle(self, relation: OpenRelation, subject: Group) -> Group | None:
         """ "brakes for a jaywalker and nearly gets hit from behind": not by the jaywalker."""
-        told = [(at, a) for at, group in self.sentence for a in group if a not in subject]
-        vehicles = [(at, a) for at, a in told if a.type == "vehicle"]
+        earlier = [(at, a) for at, group in self.sentence for a in group if a not in subject]
+        vehicles = [(at, a) for at, a in earlier if a.type == "vehicle"]
         after = _drop_duplicates(a for at, a in vehicles if at > relation.at)
         before = _drop_duplicates(a for at, a in vehicles if at < relation.at)
         found = (before[-1:] or after[:1]) if relation.passive else (after[:1] or before[-1:])
         known = [a for a in self.draft.agents if a.type == "vehicle" and a not in subject]
-        if found or known or not told:
+        if found or known or not earlier:
             return found or None
         return [self.discourse.create("vehicle")]
 
@@ -234,7 +234,7 @@ class Settling(Cursor):
                     self._add_edge(edge)
 
     def _find_driver_of(self, actor: AgentDraft, target: AgentDraft) -> AgentDraft:
-        """ "he struck the pedestrian": he is the one who drives, not a second pedestrian."""
+        """ "he struck the pedestrian": he is the driver, not a second pedestrian."""
         vehicles = [agent for agent in self.draft.agents if agent.type == "vehicle"]
         both = actor.type == target.type == "pedestrian"
         return vehicles[0] if both and len(vehicles) == 1 else actor
@@ -252,7 +252,8 @@ class Settling(Cursor):
                         return
                     raise Refused(
                         "contradictory",
-                        "Two agents cannot each give way to, or follow, the other; say who does.",
+                        "Two agents cannot each give way to, or follow, the other; "
+                        "say which one does.",
                     )
                 known.kind = known.kind or edge.kind
                 known.pattern = known.pattern or edge.pattern
@@ -260,7 +261,7 @@ class Settling(Cursor):
         self.draft.relations.append(edge)
 
     def _turn_row(self) -> None:
-        """ "three cars in a row, the last follows ...": the row is told from behind."""
+        """ "three cars in a row, the last follows ...": the row is listed from behind."""
         for edge in self.draft.relations:
             if edge.type == "follow" and edge.soft:
                 edge.from_, edge.to = edge.to, edge.from_
@@ -284,7 +285,7 @@ class Settling(Cursor):
         self._settle_weak([r for r in self.deferred if r.weak and r.subject])
 
     def _settle_weak(self, weak: list[OpenRelation]) -> None:
-        """ "a car waits; a pedestrian crosses": whoever stops does it for the others."""
+        """ "a car waits; a pedestrian crosses": the agent that stops does it for the others."""
         stopping = [agent for relation in weak for agent in relation.subject or []]
         others = [agent for agent in self.draft.agents if agent not in stopping]
         together = len(others) == 1 or {a.type for a in others} == {"pedestrian"}
@@ -306,7 +307,7 @@ class Settling(Cursor):
                 self._add("follow", agent, ahead[0])
 
     def _check_about_traffic(self, relation: OpenRelation) -> None:
-        """ "two galaxies collide": the verb's subject is nobody we know."""
+        """ "two galaxies collide": the verb's subject is no agent."""
         chunk = self._get_item(relation.at)
         verb = (
             isinstance(chunk, Chunk)
@@ -315,7 +316,7 @@ class Settling(Cursor):
         )
         if not self.draft.agents and relation.kind is None and verb:
             raise Refused(
-                "out_of_scope", "The text names no vehicle and no pedestrian; say who takes part."
+                "out_of_scope", "The text names no vehicle and no pedestrian; name the agents."
             )
 
     def _find_text_pair(self, relation: OpenRelation) -> tuple[Group, Group]:

@@ -312,7 +312,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
     """The graph with the objects that a text speaks of, and the account of their words.
 
     Raises:
-        Refused: it is not clear whom an object hides from whom, or there are too many.
+        Refused: it is not clear which agents an object hides from which, or there are too many.
     """
     if len(phrases) > MOST_OBJECTS:
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
@@ -351,7 +351,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
 
 
 def _let_jaywalk(graph: SocialGraph, walker: str) -> SocialGraph:
-    """Nobody parks on a crosswalk: who comes out between two vehicles crosses beside it."""
+    """No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it."""
     agents = tuple(
         each.model_copy(update={"movement": "jaywalking"})
         if each.id == walker and each.crosswalk is None
@@ -387,11 +387,13 @@ def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
         raise Refused(
             "out_of_scope",
             f"'{phrase.words}' seems to hide {named}, and only pedestrians can be hidden; say "
-            "who comes out: 'a pedestrian steps out from behind a parked truck'.",
+            "the agent that comes out: 'a pedestrian steps out from behind a parked truck'.",
         )
     walker = named if named in walkers else next(iter(walkers))
     if named not in walkers and len(walkers) > 1:
-        raise Refused("out_of_scope", f"It is not clear whom '{phrase.words}' hides; say who.")
+        raise Refused(
+            "out_of_scope", f"It is not clear which agent '{phrase.words}' hides; name it."
+        )
     return next(pair for pair in pairs if pair[1] == walker)
 
 
@@ -406,7 +408,7 @@ def _list_pairs(graph: SocialGraph) -> Iterator[tuple[str, str]]:
 def _find_nearest(graph: SocialGraph, phrase: StandingPhrase) -> str | None:
     """The agent mentioned last before the words, if they say that it comes out or is hidden.
 
-    What blocks a view is said of nobody in particular.
+    What blocks a view is said of no agent in particular.
     """
     if re.match(r".*\b(?:view|sight|sightline|see|vision)\b", phrase.words, re.IGNORECASE):
         return None

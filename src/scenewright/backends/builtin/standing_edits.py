@@ -34,7 +34,7 @@ def read_standing_edits(words: str, situation: Situation) -> tuple[Edit, ...]:
     """The edits that the words ask for, if they speak of nothing but what stands; else none.
 
     Raises:
-        Refused: it is not clear whom an object is to hide, or there would be too many.
+        Refused: it is not clear which agent an object is to hide, or there would be too many.
     """
     removed = _find_removed(words, situation)
     if removed:

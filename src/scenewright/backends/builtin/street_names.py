@@ -294,7 +294,7 @@ def _rewrite_leg(
 
 
 def _stands_last(text: str) -> bool:
-    """Whether the last road user told of is on foot."""
+    """Whether the last road user mentioned is on foot."""
     drives = re.compile(
         r"\b(?:car|van|truck|bus|taxi|vehicle|motorcycle|cyclist|scooter)\b", re.IGNORECASE
     )

@@ -30,7 +30,7 @@ def list_ties(draft: Draft) -> list[Tie]:
 
 
 def name_turns_across(draft: Draft) -> None:
-    """Who turns across the way of an oncoming vehicle and hits it has a left-turn collision.
+    """An agent that turns across an oncoming vehicle and hits it has a left-turn collision.
 
     In left-hand traffic it turns right; the kind has one name.
     """

@@ -1,8 +1,8 @@
 """What a reading leaves out: a deed or a road user that came to nothing is asked back, not dropped.
 
-A word of no meaning here is passed over, as colours and adverbs are. Where it stands for what one
-road user does to another, or for somebody who is hit or waited for, the graph would lack what the
-text tells, so the text is refused with that word.
+A word of no meaning here is passed over, as colours and adverbs are. Where it means what one
+road user does to another, or an agent that is hit or waited for, the graph would lack a part of the
+text, so the text is refused with that word.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _PARTS = PARTS | frozenset(
         "line",
     ]
 )
-"""Nouns that are a place or a part of somebody."""
+"""Nouns that are a place or a part of an agent."""
 
 _TALK = frozenset(
     [
@@ -132,7 +132,7 @@ def check_read(draft: Draft, reader: ClauseReader) -> None:
     if (pronoun := _find_unresolved_pronoun(reader)) is not None:
         raise Refused(
             "out_of_scope",
-            f"It is not clear whom '{pronoun}' stands for; name the vehicle or the pedestrian.",
+            f"It is not clear which agent '{pronoun}' means; name the vehicle or the pedestrian.",
         )
     if (crowd := _find_unresolved_plural(draft, reader)) is not None:
         raise Refused(
@@ -149,7 +149,7 @@ def check_read(draft: Draft, reader: ClauseReader) -> None:
     for word in _list_unread_events(draft, reader):
         raise Refused(
             "out_of_scope",
-            f"The text says '{word}', but not who does it to whom; say which road user collides "
+            f"The text says '{word}', but not between which agents; say which road user collides "
             "with, nearly hits, gives way to or follows which other.",
         )
     for agent in _list_unrelated(draft, reader):
@@ -161,7 +161,7 @@ def check_read(draft: Draft, reader: ClauseReader) -> None:
 
 
 def _find_unknown_objects(items: Sequence[Item]) -> Iterator[str]:
-    """ "hits a wombat", "stops for a parade": somebody of whom nothing is known."""
+    """ "hits a wombat", "stops for a parade": an agent of unknown kind."""
     for at, item in enumerate(items):
         if not (isinstance(item, Chunk) and (item.has(*_EVENTS) or _is_driving_after(item))):
             continue
@@ -180,12 +180,12 @@ def _find_unknown_objects(items: Sequence[Item]) -> Iterator[str]:
 
 
 def _is_driving_after(chunk: Chunk) -> bool:
-    """ "follows", "chases"; not "behind", which may tell of a place only."""
+    """ "follows", "chases"; not "behind", which may be a place only."""
     return chunk.has("FOLLOW") and chunk.words[0].startswith(("follow", "chas", "tail", "trail"))
 
 
 def _find_unknown_actors(items: Sequence[Item]) -> Iterator[str]:
-    """ "a wombat from the east hits": somebody of whom nothing is known acts."""
+    """ "a wombat from the east hits": an agent of unknown kind acts."""
     for at, item in enumerate(items):
         if not (isinstance(item, Chunk) and item.text in _ARTICLES):
             continue
@@ -222,7 +222,7 @@ def _find_unknown_noun(items: Sequence[Item]) -> str | None:
 
 
 def _find_unresolved_pronoun(reader: ClauseReader) -> str | None:
-    """ "a swan walks by, drivers stop for it": a pronoun for somebody that was not understood."""
+    """ "a swan walks by, drivers stop for it": a pronoun for an agent that was not understood."""
     items = reader.items
     for at, item in enumerate(items):
         if not (isinstance(item, Chunk) and item.has(*_EVENTS)):
@@ -230,14 +230,14 @@ def _find_unresolved_pronoun(reader: ClauseReader) -> str | None:
         then = at + 1
         if then < len(items) and get_words(items[then]) in _LINKS:
             then += 1
-        whom = items[then] if then < len(items) else None
-        if is_pronoun(whom) and then not in reader.named:
-            return get_words(whom)
+        following = items[then] if then < len(items) else None
+        if is_pronoun(following) and then not in reader.named:
+            return get_words(following)
     return None
 
 
 def _find_unresolved_plural(draft: Draft, reader: ClauseReader) -> str | None:
-    """ "an ambulance passes, everyone yields": nobody in particular gives way."""
+    """ "an ambulance passes, everyone yields": no agent in particular gives way."""
     known = {id(agent) for group in reader.named.values() for agent in group}
     yields = [edge for edge in draft.relations if edge.type == "yield_to"]
     if yields and all({id(edge.from_), id(edge.to)} <= known for edge in yields):
@@ -279,21 +279,21 @@ def _list_unread_events(draft: Draft, reader: ClauseReader) -> Iterator[str]:
 
 
 def _list_unread_words(draft: Draft, reader: ClauseReader) -> list[str]:
-    """Words of no meaning here between agents to whom nothing happens, verbs first."""
+    """Words of no meaning here between agents without events, verbs first."""
     if not _is_eventless(draft, reader) or len(draft.agents) < 2:
         return []
     chunks = [item for item in reader.items if isinstance(item, Chunk)]
     words = [chunk.text for chunk in chunks if not chunk.tags.keys() - {"EDIT"}]
-    told = [word for word in words if len(word) > 3 and word.isalpha() and word[-2:] != "ly"]
-    deeds = [word for word in told if word not in _FILLERS | _NO_DEEDS]
+    given = [word for word in words if len(word) > 3 and word.isalpha() and word[-2:] != "ly"]
+    deeds = [word for word in given if word not in _FILLERS | _NO_DEEDS]
     return sorted(deeds, key=lambda word: not word.endswith(("s", "ed")))
 
 
 def _is_eventless(draft: Draft, reader: ClauseReader) -> bool:
     """Agents, but no relation, and nothing is said to be normal or denied."""
-    told = draft.relations or reader.failed or draft.normal or draft.denied
+    given = draft.relations or reader.failed or draft.normal or draft.denied
     lights = any(isinstance(item, Chunk) and item.has("SIGNAL") for item in reader.items)
-    return bool(draft.agents) and not told and not lights
+    return bool(draft.agents) and not given and not lights
 
 
 def _list_unrelated(draft: Draft, reader: ClauseReader) -> Iterator[AgentDraft]:

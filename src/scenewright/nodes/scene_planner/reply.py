@@ -192,9 +192,9 @@ def build_plan_schema(
     """
     legs = build_enum(side for way in ways for side in (way.entry, way.exit))
     crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
-    agent, side = build_reference("id"), build_reference("side")
+    agent_id, side = build_reference("id"), build_reference("side")
     agent = {
-        "id": agent,
+        "id": agent_id,
         "subtype": build_subtype_schema(words),
         "entry": side,
         "exit": side,
@@ -205,17 +205,17 @@ def build_plan_schema(
     }
     relation = {
         "type": build_enum(get_args(RelationType)),
-        "from": agent,
-        "to": agent,
+        "from": agent_id,
+        "to": agent_id,
         "kind": build_enum(get_args(CollisionKind)),
         "cause": build_enum(get_args(Cause)),
-        "braker": agent,
-        **build_order_schema(words, agent),
+        "braker": agent_id,
+        **build_order_schema(words, agent_id),
         **build_manoeuvre_schema(words),
         **({"pattern": build_enum(each.id for each in patterns)} if patterns else {}),
         **build_severity_schema(words),
     }
-    tie = {"agent": agent, "of": agent, "side": build_enum(get_args(EntrySide))}
+    tie = {"agent": agent_id, "of": agent_id, "side": build_enum(get_args(EntrySide))}
     count = build_integer(0, MOST_BACKGROUND)
     context = {
         "density": build_enum(get_args(Density)),

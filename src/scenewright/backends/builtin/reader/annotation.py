@@ -124,10 +124,10 @@ def format_annotation(annotated: AnnotatedText) -> str:
 
 def _format_span(text: str, span: Span) -> str:
     value = "" if span.value is None else f"={span.value}"
-    who = f":{_join(span.subjects)}" if span.subjects else ""
-    whom = f">{_join(span.objects)}" if span.objects else ""
+    subjects = f":{_join(span.subjects)}" if span.subjects else ""
+    objects = f">{_join(span.objects)}" if span.objects else ""
     words = text[span.start : span.end]
-    return f"[{'!' if span.negated else ''}{span.tag}{value}{who}{whom} {words}]"
+    return f"[{'!' if span.negated else ''}{span.tag}{value}{subjects}{objects} {words}]"
 
 
 def _join(ids: Sequence[int]) -> str:

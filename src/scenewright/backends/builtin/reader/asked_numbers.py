@@ -106,7 +106,7 @@ def read_number(
 
 
 def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
-    """A speed "driving at" which somebody is said to be is that one's, and not of the impact."""
+    """The speed of "driving at" is the agent's own, and not that of the impact."""
     if span.tag != "impact" or not _DRIVING.search(text[: span.start] + span.words.split()[0]):
         return span
     mentions = [s for s in spans if s.start < span.start and s.tag in ("ref", *MENTIONS)]
@@ -192,7 +192,7 @@ def _find_ends(
     users: dict[int, AgentDraft],
     spans: Sequence[ReadSpan],
 ) -> Iterator[tuple[AgentDraft, AgentDraft | None]]:
-    """Of whom the figure is asked."""
+    """The agent that the figure is asked of."""
     subjects = [users[n] for n in span.subjects if n in users]
     if not UNITS[kind].of_two:
         vehicles = [agent for agent in draft.agents if agent.type == "vehicle"]
@@ -216,15 +216,15 @@ def _find_relation(
     users: dict[int, AgentDraft],
     spans: Sequence[ReadSpan],
 ) -> RelationDraft | None:
-    """The event whose figure it is: of the agents named, else the last one told before."""
+    """The event whose figure it is: of the agents named, else the last one described before."""
     wanted = ("collide_at",) if "_point" in kind else _EVENTS_OF.get(kind, tuple(_EVENTS))
     fitting = [each for each in draft.relations if each.type in wanted]
     named = [e for e in fitting if any(a in (e.from_, e.to) for a in subjects)] if subjects else []
     named = named or fitting
     if len(named) <= 1:
         return named[0] if named else None
-    told = [s for s in spans if s.tag in EVENTS and s.start < span.start]
-    for event in reversed(told):
+    earlier = [s for s in spans if s.tag in EVENTS and s.start < span.start]
+    for event in reversed(earlier):
         pair = {id(users[n]) for n in (*event.subjects, *event.objects) if n in users}
         found = [each for each in named if each.pair() <= pair]
         if found:

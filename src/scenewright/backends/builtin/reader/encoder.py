@@ -68,7 +68,7 @@ class Encoder:
         return np.asarray(means + self._weights["label.weight"][labels], np.float32)
 
     def compute_members(self, which: Ints) -> Floats:
-        """Vectors that tell the members of a group apart; 0: not in a group."""
+        """Vectors that distinguish the members of a group; 0: not in a group."""
         return self._weights["member.weight"][which]
 
     def score_links(self, spans: Floats, users: Floats, distances: Ints) -> Floats:

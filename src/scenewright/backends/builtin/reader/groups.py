@@ -1,4 +1,4 @@
-"""Pedestrians who walk together: "a couple", "a mother with a child", "a class"."""
+"""Pedestrians that walk together: "a couple", "a mother with a child", "a class"."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TOGETHER = re.compile(
 
 
 def join_groups(reading: Reading) -> Reading:
-    """The reading with those who walk together as one road user."""
+    """The reading with pedestrians that walk together as one road user."""
     for span in reading.spans:
         if span.tag == "ped" and not span.negated:
             count = _count_members(span, reading.text)
@@ -42,7 +42,8 @@ def join_groups(reading: Reading) -> Reading:
 
 
 def _read_together(reading: Reading) -> Reading:
-    """ "Side by side" is no event: those who walk so are a group already, or drive."""
+    """ "Side by side" is no event: pedestrians side by side are a group already, or it is said of
+    drivers."""
     match = _TOGETHER.search(reading.text)
     if match is None or not any((s.value or "").startswith(GROUP) for s in reading.spans):
         return reading
@@ -71,7 +72,7 @@ def _count_members(span: ReadSpan, text: str) -> int | None:
 
 
 def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
-    """The reading in which the first of a group stands for all of it."""
+    """The reading in which the first of a group represents all of it."""
     first, *others = group.subjects
     spans = tuple(
         replace(

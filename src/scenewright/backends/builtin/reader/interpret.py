@@ -59,13 +59,13 @@ _UNKNOWN_CLASS = {
 }
 _BEYOND = {
     "weather": "weather is not modelled", "act": "this is not among the things agents can do",
-    "sight": "who sees whom is not modelled", "broken": "defects are not modelled",
+    "sight": "sight between agents is not modelled", "broken": "defects are not modelled",
     "thing": "this object is not modelled", "speed": "speeds cannot be asked for",
     "headway": "headways cannot be asked for", "gap": "distances cannot be asked for",
     "dist": "distances cannot be asked for", "wait": "waiting times cannot be asked for",
     "when": "the time of the event cannot be asked for",
     "decel": "braking rates cannot be asked for", "accel": "accelerations cannot be asked for",
-    "first": "who passes first cannot be asked for",
+    "first": "the order of passing cannot be asked for",
 }  # fmt: skip
 LATER_STAGE: dict[str, Became] = {
     **{_BEYOND[tag]: "constraint" for tag in ("speed", "headway", "gap", "dist", "first")},
@@ -143,10 +143,10 @@ class AccountEntry:
 
     def format_entry(self, names: dict[int, str]) -> str | None:
         """The value with agents by name (id of a draft -> name in the social graph)."""
-        told = [
+        given = [
             measure for each in self.measures if (measure := each.name_agents(names)) is not None
         ]
-        return "; ".join(map(format_measure, told)) if told else self.value
+        return "; ".join(map(format_measure, given)) if given else self.value
 
 
 @dataclass
@@ -154,9 +154,10 @@ class Interpretation:
     """A draft, the road users by number, and what every span became.
 
     Attributes:
-        braking: who brakes hard; times: the spans that say the time of day; first: those that say
-            who passes first; behind: those that say either this or who follows; roads: those that
-            name a street; absent: those that say that a class is not in the scene at all.
+        braking: agents that brake hard; times: spans that say the time of day; first: those that
+            say which agent passes first; behind: those that say this or which one follows; roads:
+            those that name a street; absent: those that say that a class is not in the scene at
+            all.
         eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time; settling: whether all spans have been read.
@@ -274,7 +275,7 @@ def _has_entry(span: ReadSpan, users: Sequence[int]) -> bool:
 
 
 def _assign_owners(result: Interpretation, reading: Reading) -> tuple[ReadSpan, ...]:
-    """The spans; ways that nobody goes are those of a vehicle that no word names ("drive west")."""
+    """The spans; routes without an agent get a vehicle that no word names ("drive west")."""
     ways = [s for s in reading.spans if s.tag in _DRIVEN and not (s.negated or s.subjects)]
     if result.users or not ways:
         return reading.spans
@@ -360,8 +361,8 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
         return
     if match := _BOUND.search(span.words):
         bound = match[1].lower()
-        told = [get_side(each) for each in result.spans if _has_entry(each, (number,))]
-        if told and told[0] not in (None, OPPOSITE[bound], bound):
+        given = [get_side(each) for each in result.spans if _has_entry(each, (number,))]
+        if given and given[0] not in (None, OPPOSITE[bound], bound):
             agent.exit = bound
             result.enter(span, "exit", (number,), bound)
         else:
@@ -404,7 +405,7 @@ def _apply(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _turn_yield(span: ReadSpan) -> ReadSpan:
-    """ "Lets nobody go first" is no yield; "does not move until" is one."""
+    """ "Lets nobody go first" is no yield;  "does not move until" is one."""
     waits = span.negated and _UNTIL.search(span.words) is not None
     if waits or (not span.negated and _TO_NOBODY.search(span.words)):
         return replace(span, negated=not span.negated)
@@ -639,7 +640,7 @@ def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _is_own_side(result: Interpretation, span: ReadSpan) -> bool:
-    """Whether the words and what follows tell of the leg by which the other road user comes."""
+    """Whether the words and what follows name the leg by which the other road user comes."""
     following = _CLAUSE.match(result.text, span.end)
     words = span.words + (following[0] if following else "")
     if _THAT_LEG.search(words):
@@ -719,7 +720,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
     if not pairs:
         raise Refused(
             "out_of_scope",
-            f"The text says '{span.words}', but not who does it to whom; say which road user "
+            f"The text says '{span.words}', but not between which agents; say which road user "
             "collides with, nearly hits, gives way to or follows which other.",
         )
     for first, second in _keep_fitting_classes(span.tag, pairs, users):
@@ -748,7 +749,7 @@ def _is_near_miss(result: Interpretation, first: AgentDraft, second: AgentDraft)
 
 
 def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
-    """The pair of a vehicle that is hit from behind, by nobody that is named."""
+    """The pair of a vehicle that is hit from behind by an unnamed one."""
     struck = [n for n in span.objects if n in result.users]
     if span.tag != "hit" or span.value != "rear" or span.subjects or len(struck) != 1:
         return []
@@ -767,7 +768,7 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _do_not_react(result: Interpretation, span: ReadSpan) -> None:
-    """Who does not react to the threat."""
+    """The agent that does not react to the threat."""
     for number in span.subjects:
         agent = result.users.get(number)
         if agent is not None:
@@ -806,7 +807,7 @@ def _add_implied_vehicle(result: Interpretation) -> int:
 
 
 def _chain_followers(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Several who follow one leader do so one behind the other: "seven cars follow a bus"."""
+    """Several followers of one leader drive one behind the other: "seven cars follow a bus"."""
     followers, leaders = [a for a, _ in pairs], {b for _, b in pairs}
     if len(leaders) != 1:
         return pairs
@@ -1072,7 +1073,8 @@ def _settle(result: Interpretation) -> None:
 
 
 def _read_order(result: Interpretation) -> None:
-    """Who goes first does so in the event of the two; where there is none, it is given way to."""
+    """The agent that goes first does so in the pair's event; without one, the other yields to
+    it."""
     for span in result.first:
         users = (span.objects, span.subjects) if span.negated else (span.subjects, span.objects)
         pairs = [
@@ -1089,7 +1091,8 @@ def _read_order(result: Interpretation) -> None:
 
 
 def _read_behind(result: Interpretation) -> None:
-    """ "Passes behind" is a follow of two in one lane; of two who cross it says who comes first."""
+    """ "Passes behind" is a follow of two in one lane; of two that cross it says which one comes
+    first."""
     for span in result.behind:
         one, two = (result.list_agents(each)[:1] for each in (span.subjects, span.objects))
         entries = {agent.entry for agent in (*one, *two)} - {None}
@@ -1136,8 +1139,8 @@ def _describe_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
     if edge.ahead is None:
         return f"The text has either of the two pass first ('{span.words}'); keep one of the two."
     return (
-        f"Who {does} comes second, so '{span.words}' contradicts it; keep one of the two, or say "
-        "that the two nearly collide."
+        f"The agent that {does} comes second, so '{span.words}' contradicts it; keep one of the "
+        "two, or say that the two nearly collide."
     )
 
 
@@ -1158,7 +1161,7 @@ def _check_absent(result: Interpretation, span: ReadSpan) -> None:
     if named and (denied is not None or span.tag == "bgall") and not result.changing:
         raise Refused(
             "contradictory",
-            f"'{span.words}' says that there is none, and the text tells of one; drop one of the "
+            f"'{span.words}' says that there is none, and the text describes one; drop one of the "
             "two.",
         )
 

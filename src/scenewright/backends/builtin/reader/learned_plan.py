@@ -138,7 +138,7 @@ def _stands_alone(reading: Reading, previous: str) -> bool:
 
 
 def _is_known(words: str, previous: str) -> bool:
-    """Whether a mention is of somebody in an earlier instruction: "he", "the van" after "a van"."""
+    """Whether a mention is of an agent of an earlier instruction: "he", "the van" after "a van"."""
     if _PRONOUN.fullmatch(words):
         return True
     noun = re.fullmatch(r"(?:the|that|this) (?:\w+ )*?(\w+)", words, re.IGNORECASE)

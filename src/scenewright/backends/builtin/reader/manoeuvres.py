@@ -147,7 +147,7 @@ _FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
 
 def correct_manoeuvres(reading: Reading) -> Reading:
     """The reading with spans made sure, or read otherwise, whose words leave no doubt."""
-    # Who stops for a pedestrian gives way; only behind another vehicle is it a manoeuvre.
+    # An agent that stops for a pedestrian gives way; only behind another vehicle is it a manoeuvre.
     driving = all(span.tag != "ped" for span in reading.spans)
     spans = [_correct_span(span, driving=driving) for span in reading.spans]
     for n, span in enumerate(spans[:-1]):
@@ -175,7 +175,7 @@ def _weaken_hooks(spans: list[ReadSpan]) -> None:
 
 
 def _separate_yellow_from_red(spans: list[ReadSpan]) -> None:
-    """Who runs a light that the words call yellow runs no red one."""
+    """An agent that runs a light called yellow runs no red one."""
     for n, span in enumerate(spans):
         if span.tag == "red" and _CALLED_YELLOW.search(span.words) and not span.negated:
             spans[n] = replace(span, tag="motion", value="passes_yellow")
@@ -189,14 +189,15 @@ def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
             s.tag == "red" and _is_overlapping(s, match) for s in spans
         ):
             start, end = match.span("red")
-            told = ReadSpan(
+            added = ReadSpan(
                 start, end, match["red"], "red", None, False, None, (owner,), (), _KNOWN
             )
-            spans.append(told)
+            spans.append(added)
 
 
 def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
-    """ "Is hit from behind": by a vehicle that nothing else is said of; who braked, gave way."""
+    """ "Is hit from behind": by a vehicle without other relations; the agent that braked gave
+    way."""
     passive = _PASSIVE_REAR.search(reading.text)
     if passive is None:
         return
@@ -225,10 +226,10 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
                 if _is_overlapping(span, match) and (inside or span.tag in _OF_THE_WAY):
                     spans[n] = _settle_way(span, match, motion)
             start, end = match.span()
-            told = ReadSpan(
+            added = ReadSpan(
                 start, end, match[0], "motion", motion, False, None, (owner,), (), _KNOWN
             )
-            spans.append(told)
+            spans.append(added)
 
 
 _OF_THE_WAY = (
@@ -267,7 +268,7 @@ def _settle_way(span: ReadSpan, match: re.Match[str], motion: str) -> ReadSpan:
 
 
 def _find_owner(spans: list[ReadSpan], match: re.Match[str], *, drives: bool = False) -> int | None:
-    """The road user of whom it is said: of the span there, else the last one named before."""
+    """The road user that the words describe: that of the span there, else the last one named."""
     walkers = {user for span in spans if span.tag == "ped" for user in span.subjects}
     vehicles = {user for span in spans if span.tag == "veh" for user in span.subjects}
     if drives:
@@ -367,7 +368,7 @@ _CHANGES: dict[str, Manoeuvre] = {"near_miss": "cuts_in", "collide_at": "changes
 
 
 def settle_lead_braking(result: Interpretation) -> None:
-    """Who brakes hard ahead of another in its lane does so as a manoeuvre of their relation."""
+    """Hard braking ahead of another agent in its lane is a manoeuvre of their relation."""
     for user in sorted(result.braking):
         agent = result.users.get(user)
         for edge in list(result.draft.relations):
@@ -422,7 +423,7 @@ def _list_words_between(
 
 
 def _turn_round(edge: RelationDraft, leader: AgentDraft) -> None:
-    """`from` is who drives behind."""
+    """`from` is the agent that drives behind."""
     if edge.from_ is leader:
         edge.from_, edge.to = edge.to, leader
 
@@ -435,7 +436,7 @@ def _take_in(result: Interpretation, edge: RelationDraft, user: int) -> None:
 
 
 def _drop_follows(result: Interpretation) -> None:
-    """Who hits or nearly hits a braking leader follows it: one relation says both."""
+    """An agent that hits or nearly hits a braking leader follows it: one relation says both."""
     relations = result.draft.relations
     others = {e.pair() for e in relations if e.manoeuvre == "lead_brakes" and e.type != "follow"}
     dropped = [e for e in relations if e.type == "follow" and e.pair() in others]

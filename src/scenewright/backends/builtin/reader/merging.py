@@ -56,7 +56,7 @@ _NOUN = re.compile(
 def merge_mentions(reading: Reading) -> Reading:
     """The reading with mentions of one road user made one: "I ... my moped", "oncoming truck".
 
-    "Another pedestrian" is the other way round: somebody new where the encoder sees a known one.
+    "Another pedestrian" is the other way round: a new agent where the encoder sees a known one.
     """
     reading = _drop_function_words(reading)
     for at, span in enumerate(reading.spans):
@@ -140,7 +140,7 @@ def _find_touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tu
 
 
 def _find_driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
-    """A vehicle and who drives it: "the rider of a motorbike", "a woman on a moped"."""
+    """A vehicle and its driver: "the rider of a motorbike", "a woman on a moped"."""
     for user, span in single.items():
         for other, later in single.items():
             if not 0 <= later.start - span.end <= _MOST_BETWEEN or span.tag == "obj":
@@ -148,8 +148,8 @@ def _find_driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tupl
             match = _RIDES.search(reading.text[span.start : later.start].strip())
             if match is None:
                 continue
-            who = reading.text[span.start : span.start + match.start()].strip()
-            named = _DRIVER.search(who) if match[0].lower().startswith("of") else _is_one(who)
+            words = reading.text[span.start : span.start + match.start()].strip()
+            named = _DRIVER.search(words) if match[0].lower().startswith("of") else _is_one(words)
             if named and later.tag in ("veh", "cyc", "scoot"):
                 yield other, user
 
@@ -170,7 +170,7 @@ def _has_noun(words: str) -> bool:
 
 
 def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
-    """The reading without one road user, of whom all is said that was said of another."""
+    """The reading without one road user, whose spans now belong to another."""
     first, second = reading.spans[reading.users[kept]], reading.spans[reading.users[dropped]]
     spans = tuple(_renumber_span(span, kept, dropped) for span in reading.spans)
     at_kept, at_dropped = reading.users[kept], reading.users[dropped]

@@ -29,7 +29,7 @@ _OF_REACTING = ("brake", "decel", "manner", "act", "sight", "thing", "pace", "yi
 
 
 def read_reactions(reading: Reading) -> Reading:
-    """The reading with spans of their own for words that say that somebody does not react."""
+    """The reading with spans of their own for words that say that an agent does not react."""
     spans = list(reading.spans)
     for match in _UNREACTING.finditer(reading.text):
         owner = _find_owner(spans, match)
@@ -58,7 +58,7 @@ def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
 
 
 def _find_owner(spans: list[ReadSpan], match: re.Match[str]) -> int | None:
-    """Of whom it is said: whom the words name or are read of, else who was named last before."""
+    """The agent described: the one that the words name or belong to, else the last one named."""
     for span in spans:
         if (
             _is_overlapping(span, match)

@@ -1,4 +1,4 @@
-"""What the encoder reads in a text: spans with labels, whose they are, and how sure that is."""
+"""What the encoder reads in a text: spans with labels, their agents, and their certainty."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _UNOWNED = frozenset(
         *("speed", "impact", "pet", "ttc", "gap", "headway", "light", "point", "decel", "accel"),
     )
 )
-"""Tags that may be said of nobody in particular."""
+"""Tags that need no agent."""
 
 _VEHICLE_ONLY = frozenset({"left", "right", "straight", "uturn"})
 
@@ -183,11 +183,11 @@ def _describe(
         tag, value = split_label(label)
         start, end, said = words[at]
         if is_mention(label):
-            who = tuple(user for user, span in users.items() if span == at)
-            whom: tuple[int, ...] = ()
+            subjects = tuple(user for user, span in users.items() if span == at)
+            objects: tuple[int, ...] = ()
             sure = 1.0
         else:
-            who, whom, sure = _choose(links[at], tag, value, members, found)
+            subjects, objects, sure = _choose(links[at], tag, value, members, found)
         side = COMPASS[int(sides[at].argmax())] if is_side_label(label) else None
         denied = bool(negated[at] > 0.5)
         sure = min(sure, each.confidence, float(max(negated[at], 1 - negated[at])))
@@ -200,8 +200,8 @@ def _describe(
                 value,
                 denied,
                 side,
-                who,
-                whom,
+                subjects,
+                objects,
                 round(sure, 4),
                 round(each.confidence, 4),
             )
@@ -276,9 +276,9 @@ def _choose(
         free = int(cost.argmin())
         sure = min(sure, float(chances[free, 2]))
         picked[free] = 2
-    who = tuple(int(user) + 1 for user in np.flatnonzero(picked == 1))
-    whom = tuple(int(user) + 1 for user in np.flatnonzero(picked == 2))
-    return who, whom, sure
+    subjects = tuple(int(user) + 1 for user in np.flatnonzero(picked == 1))
+    objects = tuple(int(user) + 1 for user in np.flatnonzero(picked == 2))
+    return subjects, objects, sure
 
 
 def build_reading(annotated: AnnotatedText) -> Reading:

@@ -1,4 +1,4 @@
-"""Words that rules read where the encoder marks none of them: clock figures, people who stand."""
+"""Words that rules read where the encoder marks none of them: clock figures, standing people."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def is_no_clock(text: str, start: int, words: str) -> bool:
 
 
 def _find_standing(reading: Reading) -> list[ReadSpan]:
-    """ "Stands" right after people who are no party: others walk in a scene, they do not stand."""
+    """ "Stands" right after people that are no party: others walk in a scene, they do not stand."""
     found = []
     for span in reading.spans:
         match = _STANDING.search(reading.text[span.end : span.end + 30])

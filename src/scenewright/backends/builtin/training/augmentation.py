@@ -66,7 +66,7 @@ def augment(
 
 
 def collect_spans(rows: Iterable[AnnotatedText]) -> dict[tuple[str, ...], list[tuple[str, Span]]]:
-    """Spans whose words may stand for one another, by tag, value and size of the group."""
+    """Spans whose words can be exchanged, by tag, value and size of the group."""
     bank: dict[tuple[str, ...], list[tuple[str, Span]]] = defaultdict(list)
     for row in rows:
         for span in row.spans:

@@ -86,6 +86,6 @@ def _find_faults(row: AnnotatedText) -> Iterator[str]:
             yield f"[{span.tag} {words}] needs who>whom, as in [{span.tag}:1>2 {words}]"
     said = {number for span in row.spans for number in (*span.subjects, *span.objects)}
     if unknown := sorted(said - set(known)):
-        yield f"nobody introduces {', '.join(map(str, unknown))}; tag its first mention"
+        yield f"no mention introduces {', '.join(map(str, unknown))}; tag its first mention"
     if len(set(known)) < len(known):
         yield "a number is introduced twice; later mentions are [ref:1 ...]"
