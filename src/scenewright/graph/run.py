@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -196,6 +197,7 @@ def synthesize(
         "pinned": pinned,
         "rejections": [],
     }
+    _load_stages(refined=context.learned is not None)
     try:
         with limit_time(time_limit):
             state, seconds = _run(start, context)
@@ -391,6 +393,14 @@ def ground_of(name: str) -> MapAreas:
     if known is None or known.intersection_map is not place:
         known = _grounds[name] = MapAreas(place)
     return known
+
+
+@cache
+def _load_stages(*, refined: bool) -> None:
+    """Load before the clock runs what stages need once a process: a busy machine takes long."""
+    _compile_graph()
+    if refined:
+        import_module("scenewright.tools.trajnet_refiner.guided")
 
 
 @cache

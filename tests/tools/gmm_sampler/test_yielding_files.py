@@ -71,7 +71,7 @@ def stagings(yielding_model, *, seed=0, clauses=(GIVES_WAY,), most=3):
             candidates, dict.fromkeys(candidates, BARE), rng, yielding_model=yielding_model
         )
     )
-    found = list(islice(stage.play(tuple(clauses), PartialSchedule()), most))
+    found = list(islice(stage.schedule_all(tuple(clauses), PartialSchedule()), most))
     assert found
     return found
 
@@ -104,7 +104,7 @@ def test_on_whose_stop_others_depend_never_rolls():
             yielding_model={PAIR: get_yielding(rolls=1.0)},
         )
     )
-    found = next(stage.play((GIVES_WAY, follow), PartialSchedule()))
+    found = next(stage.schedule_all((GIVES_WAY, follow), PartialSchedule()))
     assert not any(stop.rolls for stop in found.actors[CAR_1].stops)
 
 
@@ -165,7 +165,7 @@ def test_who_turns_on_green_waits_past_the_crosswalk_it_came_by(group):
             candidates, landmarks, np.random.default_rng(0), yielding_model=yielding_model
         )
     )
-    [stop] = next(stage.play((GIVES_WAY,), PartialSchedule())).actors[CAR_1].stops
+    [stop] = next(stage.schedule_all((GIVES_WAY,), PartialSchedule())).actors[CAR_1].stops
     front = stop.s + CAR.length / 2
     if group is None:
         # Somebody may be walking: its rear is off the crosswalk too, or it waits at its line.

@@ -116,7 +116,7 @@ def test_what_is_forbidden_is_what_would_break_the_certificate(a, b, strict):
 def test_nobody_gives_a_second_cause_to_who_gives_seat_in_turn():
     """Where an unheld driver would have been, nobody else is within 2 s."""
     stop = Stop("yield_point", 30.0, 5.0, 15.0, "gives_way")
-    held = EASTWARDS.edited(stops=(stop,))
+    held = EASTWARDS.edit(stops=(stop,))
     as_held = find_blocked_offsets(held, NORTHWARDS, strict=True)
     [(low, high)] = [
         (low, high)
@@ -127,8 +127,8 @@ def test_nobody_gives_a_second_cause_to_who_gives_seat_in_turn():
     assert high * STEP >= 2.4
 
 
-GIVES_WAY = EASTWARDS.edited(stops=(Stop("yield_point", 30.0, 5.0, 15.0, "gives_way"),))
-ACTORS = (EASTWARDS, NORTHWARDS, ON_FOOT, SLOWLY, AWAY, GIVES_WAY, EASTWARDS.ended(6.0))
+GIVES_WAY = EASTWARDS.edit(stops=(Stop("yield_point", 30.0, 5.0, 15.0, "gives_way"),))
+ACTORS = (EASTWARDS, NORTHWARDS, ON_FOOT, SLOWLY, AWAY, GIVES_WAY, EASTWARDS.end_at(6.0))
 
 
 @given(
@@ -139,7 +139,7 @@ ACTORS = (EASTWARDS, NORTHWARDS, ON_FOOT, SLOWLY, AWAY, GIVES_WAY, EASTWARDS.end
 @settings(max_examples=60)
 def test_one_time_is_looked_at_as_all_of_them_are(there, newcomer, strict):
     present = ReservationTable(
-        [each.shifted(STEP * steps) for each, steps in there], foreground=strict
+        [each.shift(STEP * steps) for each, steps in there], foreground=strict
     )
     starts = np.arange(-150, 150)
     free = present.find_free_times(newcomer, starts, foreground=strict)

@@ -58,7 +58,7 @@ def test_the_faster_one_follows_the_slower_one(seed):
 
 def test_who_comes_upon_a_queue_stands_behind_it():
     stop = Stop("queue", 60.0, 6.0, 60.0, "red_light")
-    ahead = driver(9.0).edited(stops=(stop,))
+    ahead = driver(9.0).edit(stops=(stop,))
     driven = drive(driver(10.0), 3.0, [ahead])
     apart = gaps(driven, 3.0, ahead)
     assert len(driven.stops) == 1

@@ -44,7 +44,7 @@ def test_a_line_is_passed_on_green_alone(enters, allowed):
 
 
 def test_who_never_gets_to_the_line_and_who_has_none_may_come_at_any_time():
-    stops_short = actor(TEN_M_PER_S, landmarks=AT_20_M).until(1.5)
+    stops_short = actor(TEN_M_PER_S, landmarks=AT_20_M).cut_after(1.5)
     assert passes_on_green(stops_short, MOMENT, 15.0)
     assert passes_on_green(actor(TEN_M_PER_S, landmarks=BARE), MOMENT, 15.0)
 
@@ -136,7 +136,7 @@ def test_nobody_goes_faster_than_who_is_ahead_in_the_queue():
 
 def test_who_stands_at_another_time_is_no_queue():
     stop = Stop("stop_line", 18.0, 2.0, 8.0, "red_light")
-    stands = actor(TEN_M_PER_S, landmarks=AT_20_M).edited(stops=(stop,))
+    stands = actor(TEN_M_PER_S, landmarks=AT_20_M).edit(stops=(stop,))
     behind = candidate(straight((0.0, 0.5), EAST, 80.0))
     assert find_queue_tail(behind, [stands], (5.0, 20.0)) is not None
     assert find_queue_tail(behind, [stands], (9.0, 20.0)) is None

@@ -53,7 +53,7 @@ ON_FOOT = walker(straight((5.0, 12.0), SOUTH, 24.0))
 def stagings(clauses, candidates, *, landmarks=None, seed=0, most=4):
     landmarks = landmarks or dict.fromkeys(candidates, BARE)
     stage = ForegroundSolver(SolverContext(candidates, landmarks, np.random.default_rng(seed)))
-    found = list(islice(stage.play(tuple(clauses), PartialSchedule()), most))
+    found = list(islice(stage.schedule_all(tuple(clauses), PartialSchedule()), most))
     assert found, "nothing was staged"
     return found
 
@@ -88,7 +88,8 @@ def test_contact_begins_when_it_says_and_not_before(seed):
             assert each.contact == event.time
             assert event.time - 1e-6 <= each.leaves <= event.time + STEP
         touching = shapely.intersection(
-            footprints(a.at(np.array([a.leaves])), CAR), footprints(b.at(np.array([b.leaves])), CAR)
+            footprints(a.get_poses(np.array([a.leaves])), CAR),
+            footprints(b.get_poses(np.array([b.leaves])), CAR),
         )[0]
         assert touching.distance(shapely.Point(event.location)) < 1.0
 
@@ -101,7 +102,7 @@ def test_a_pedestrian_is_struck_by_a_moving_car():
         times, apart = clearances(a, b, step=0.01)
         assert (apart[times < time - 0.03] > 0).all()
         assert (apart[times > time + 0.01] <= 0).all()
-        speed = np.ptp(a.at(np.array([time - 0.1, time]))[:, 0]) / 0.1
+        speed = np.ptp(a.get_poses(np.array([time - 0.1, time]))[:, 0]) / 0.1
         assert 2.0 <= speed <= 10.0 + 1e-6
 
 
@@ -134,7 +135,7 @@ def test_a_speed_asked_for_is_braked_down_to():
     wanted = Contact(first=CAR_1, second=CAR_2, speed=6.0)
     for schedule in stagings([wanted], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}):
         a, time = schedule.actors[CAR_1], schedule.events[0].time
-        speed = np.ptp(a.at(np.array([time - 0.05, time]))[:, 0]) / 0.05
+        speed = np.ptp(a.get_poses(np.array([time - 0.05, time]))[:, 0]) / 0.05
         assert speed == pytest.approx(6.0, abs=1.0)
 
 
@@ -145,8 +146,8 @@ def refused(clauses, candidates, *, seed=0, most=1) -> NearestMiss:
     stage = ForegroundSolver(
         SolverContext(candidates, landmarks, np.random.default_rng(seed), misses=misses)
     )
-    assert list(islice(stage.play(tuple(clauses), PartialSchedule()), most)) == []
-    found = misses.culprit(clauses)
+    assert list(islice(stage.schedule_all(tuple(clauses), PartialSchedule()), most)) == []
+    found = misses.find_culprit(clauses)
     assert found is not None
     return found
 
@@ -213,9 +214,9 @@ def test_nearer_is_who_failed_later_or_by_less():
         kept = NearestMisses()
         for each in order:
             kept.note(each)
-        assert kept.culprit([clause]) == misses[2]
-    kept.served(clause)
-    assert kept.culprit([clause]) is None
+        assert kept.find_culprit([clause]) == misses[2]
+    kept.note_met(clause)
+    assert kept.find_culprit([clause]) is None
 
 
 BUS = vehicle_shape("bus")
@@ -241,7 +242,7 @@ def test_places_on_a_car_have_the_names_that_people_give_them(along, across, nam
 def local(of, schedule) -> tuple[float, float]:
     """Where the contact lies, ahead of and to the left of the centre of one actor [m]."""
     [event] = schedule.events
-    x, y, heading = of.at(np.array([event.time]))[0]
+    x, y, heading = of.get_poses(np.array([event.time]))[0]
     dx, dy = np.subtract(event.location, (x, y))
     return (
         float(dx * np.cos(heading) + dy * np.sin(heading)),
@@ -326,7 +327,10 @@ def test_a_rear_end_is_the_follower_running_into_a_leader_that_stops():
         time = schedule.events[0].time
         reasons.add(b.stops[0].reason)
         around = np.array([time - 0.1, time])
-        front, rear = a.at(around)[:, 0] + CAR.length / 2, b.at(around)[:, 0] - CAR.length / 2
+        front, rear = (
+            a.get_poses(around)[:, 0] + CAR.length / 2,
+            b.get_poses(around)[:, 0] - CAR.length / 2,
+        )
         assert front[1] == pytest.approx(rear[1], abs=0.15)
         assert (np.ptp(front) - np.ptp(rear)) / 0.1 >= 1.2
         seen_standing += np.ptp(rear) < 1e-6
@@ -357,7 +361,7 @@ def test_headway_is_the_time_between_rear_and_front_at_one_place(seed):
         assert 0.9 <= a.enters - (b.enters + CAR.length / 10.0) <= 2.1
         times, apart = clearances(a, b)
         assert apart.min() > 0.5
-        assert (a.at(times)[:, 0] < b.at(times)[:, 0]).all()
+        assert (a.get_poses(times)[:, 0] < b.get_poses(times)[:, 0]).all()
         assert np.ptp(times) >= 3.0
 
 
@@ -379,7 +383,7 @@ def test_who_gives_way_stands_upstream_until_the_other_has_left(first, second, b
         zone = shapely.intersection(swept(a), swept(b))
         times = np.arange(max(a.enters, b.enters), min(a.leaves, b.leaves), 0.05)
         in_zone = [
-            shapely.distance(footprints(each.at(times), each.candidate.shape), zone)
+            shapely.distance(footprints(each.get_poses(times), each.candidate.shape), zone)
             <= (0.3 if each.candidate.shape.type == "pedestrian" else 0.0)
             for each in (a, b)
         ]
@@ -439,12 +443,14 @@ def test_everybody_obeys_but_who_runs_the_light():
 def test_shifting_a_staging_shifts_everything(steps):
     clause = GivesWay(first=CAR_1, second=CAR_2)
     [schedule] = stagings([clause], {CAR_1: NORTHWARDS, CAR_2: EASTWARDS}, most=1)
-    later = schedule.shifted(steps * STEP)
+    later = schedule.shift(steps * STEP)
     for name, before in schedule.actors.items():
         after = later.actors[name]
         assert after.enters == pytest.approx(before.enters + steps * STEP)
         times = np.arange(before.enters, before.leaves, 0.5)
-        assert after.at(times + steps * STEP) == pytest.approx(before.at(times), abs=1e-6)
+        assert after.get_poses(times + steps * STEP) == pytest.approx(
+            before.get_poses(times), abs=1e-6
+        )
         for one, other in zip(before.stops, after.stops, strict=True):
             assert other.until - one.until == pytest.approx(steps * STEP)
     assert later.events[0].time - schedule.events[0].time == pytest.approx(steps * STEP)

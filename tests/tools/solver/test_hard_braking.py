@@ -65,7 +65,11 @@ def staged(second, low, high, *, seed, first=EASTWARDS, more=(), most=3):
             candidates, dict.fromkeys(candidates, BARE), np.random.default_rng(seed), misses=misses
         )
     )
-    return list(islice(stage.play((clause, *more), PartialSchedule()), most)), misses, clause
+    return (
+        list(islice(stage.schedule_all((clause, *more), PartialSchedule()), most)),
+        misses,
+        clause,
+    )
 
 
 def test_at_constant_speeds_the_path_ttc_counts_down_to_the_contact():
@@ -132,7 +136,7 @@ def test_strictly_staged_the_braking_is_sudden_and_just_before(seed):
     stage = ForegroundSolver(
         SolverContext(candidates, landmarks, np.random.default_rng(seed), lenient=False)
     )
-    for schedule in islice(stage.play((clause,), PartialSchedule()), 3):
+    for schedule in islice(stage.schedule_all((clause,), PartialSchedule()), 3):
         a, [event] = schedule.actors[CAR_1], schedule.events
         change = np.gradient(a.motion.speed, STEP)
         hard = np.nonzero(change < -3.4)[0]
@@ -154,14 +158,14 @@ def test_who_drives_slowly_cannot_brake_hard_and_the_refusal_says_so():
     slow = candidate(straight((-60.0, 0.0), EAST, 120.0), time_law=law(3.0), shape=CAR)
     found, misses, clause = staged(WALKER, 0.8, 1.2, seed=0, first=slow)
     assert found == []
-    assert "is too slow on this movement" in misses.culprit((clause,)).words
+    assert "is too slow on this movement" in misses.find_culprit((clause,)).words
 
 
 def test_a_ttc_that_is_no_near_miss_is_refused_with_what_one_needs():
     gap = TimeGap(first=CAR_1, second=CAR_2, low=2.0, high=5.0)
     found, misses, clause = staged(CAR_2, 1.9, 2.1, seed=0, more=(gap,))
     assert found == []
-    words = misses.culprit((clause,)).words
+    words = misses.find_culprit((clause,)).words
     assert words.startswith("a near miss needs a PET of at most 1.5 s, or a path TTC of at most")
 
 
@@ -169,4 +173,4 @@ def test_a_ttc_longer_than_the_way_is_refused():
     found, misses, clause = staged(CAR_2, 6.9, 7.1, seed=0)
     assert found == []
     words = "a path TTC of 7 s: the way of vehicle-1 begins too late for it"
-    assert misses.culprit((clause,)).words == words
+    assert misses.find_culprit((clause,)).words == words

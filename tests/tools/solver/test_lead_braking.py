@@ -23,7 +23,7 @@ BEHIND = candidate(straight((-60.0, 0.2), EAST, 120.0), time_law=law(11.0))
 def play(clause: StopsBehind | Contact, *, seed: int = 0) -> list[PartialSchedule]:
     both = {"vehicle-1": BEHIND, "vehicle-2": AHEAD}
     context = SolverContext(both, dict.fromkeys(both, BARE), np.random.default_rng(seed))
-    return list(islice(ForegroundSolver(context).play((clause,), PartialSchedule()), 4))
+    return list(islice(ForegroundSolver(context).schedule_all((clause,), PartialSchedule()), 4))
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.8, 1.35), (1.3, 6.0)])

@@ -200,7 +200,7 @@ def test_the_safe_set_misses_no_meeting_with_somebody_who_waits(release, stands)
 def test_only_the_start_of_a_shared_lane_is_the_conflict():
     lane = straight((0.0, 0.0), EAST, 100.0)
     pair = find_path_conflict(lane, lane, shapes=(CAR, CAR), reach=0.0)
-    first = pair.first_metres(5.0)
+    first = pair.keep_first_metres(5.0)
     assert first.s_a[first.i].max() <= 5.0
     assert pair.s_a[pair.i].max() == 100.0
 

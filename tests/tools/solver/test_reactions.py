@@ -80,7 +80,7 @@ def test_a_near_miss_is_missed_because_of_the_reaction(seed: int) -> None:
         people, dict.fromkeys(people, BARE), np.random.default_rng(seed), lenient=False
     )
 
-    staged = next(ForegroundSolver(context).play((clause,), PartialSchedule()))
+    staged = next(ForegroundSolver(context).schedule_all((clause,), PartialSchedule()))
 
     a, b = staged.actors[CAR], staged.actors[OTHER]
     delta = b.enters - a.enters
@@ -99,7 +99,9 @@ def test_who_does_not_react_keeps_its_motion() -> None:
     )  # fmt: skip
 
     staged = next(
-        ForegroundSolver(context).play((Contact(first=CAR, second=OTHER),), PartialSchedule())
+        ForegroundSolver(context).schedule_all(
+            (Contact(first=CAR, second=OTHER),), PartialSchedule()
+        )
     )
 
     assert not staged.actors[CAR].slowings

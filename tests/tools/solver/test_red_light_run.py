@@ -40,7 +40,7 @@ def test_the_line_is_passed_when_the_motion_gets_there():
     assert compute_line_time(actor(CAR, enters=2.0, landmarks=LIT)) == pytest.approx(5.0, abs=0.1)
     assert compute_line_time(actor(CAR, landmarks=BARE)) == np.inf
     assert compute_line_time(actor(CAR, landmarks=replace(LIT, line=None))) == np.inf
-    assert compute_line_time(actor(CAR, landmarks=LIT).ended(2.0)) == np.inf
+    assert compute_line_time(actor(CAR, landmarks=LIT).end_at(2.0)) == np.inf
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ def staged(seed):
     stage = ForegroundSolver(
         SolverContext(CANDIDATES, MARKS, rng, red_light_starts=opened(seed=seed))
     )
-    return list(islice(stage.play(YIELD, PartialSchedule()), 2))
+    return list(islice(stage.schedule_all(YIELD, PartialSchedule()), 2))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -120,7 +120,7 @@ def test_it_gives_way_on_its_way_from_the_light(seed):
 def test_who_is_hit_later_has_a_light_that_allows_it():
     for schedule in staged(0):
         giver = schedule.actors[GIVER]
-        hit = giver.ended(giver.stops[1].start + 1.0)
+        hit = giver.end_at(giver.stops[1].start + 1.0)
         assert len(
             find_feasible_offsets(CYCLE, list_signal_demands(hit, violates=False, until=60.0))
         )
@@ -132,7 +132,7 @@ def test_its_light_is_red_until_shortly_before_it_starts(seed, shift):
     """Also where it has started before the scene begins."""
     for schedule in staged(seed):
         light = schedule.actors[GIVER].stops[0]
-        giver = schedule.actors[GIVER].shifted(round(shift - light.until, 1))
+        giver = schedule.actors[GIVER].shift(round(shift - light.until, 1))
         light = giver.stops[0]
         crosses = giver.enters + giver.motion.find_time_at(40.0)
         offsets = find_feasible_offsets(

@@ -135,7 +135,7 @@ def test_a_yielder_stands_at_its_planned_stop():
     [stop] = selection.agents["vehicle-1"].stops
     a, b = (placed(selection, name) for name in ("vehicle-1", "vehicle-2"))
     times = np.arange(stop.start + 0.5, stop.until - 0.4, 0.1)
-    assert np.ptp(a.at(times)[:, 1]) < 1e-4
+    assert np.ptp(a.get_poses(times)[:, 1]) < 1e-4
     assert 0.5 <= brute_pet(a, b) <= 7.2
 
 

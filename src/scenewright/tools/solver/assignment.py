@@ -1,18 +1,18 @@
-"""Everybody else at once: the least-cost combination, exactly (paper Eq. 4).
+"""Assignment of all background agents at once: the least-cost combination, exactly (paper Eq. 4).
 
-Every guest offers candidates, each with the options (time laws, edits, entry times) that it allows;
-the summed cost is least subject to the certificate of no other interaction. Three steps, each of
-which may already prove the optimum:
+Each background agent offers candidates, each with the options (driving profile, edits, entry
+times) that it allows; the summed cost is least subject to the certificate of no other interaction.
+Three steps, each of which may already prove the optimum:
 
-1. In turn: each guest takes its cheapest option, at the free moment nearest to its wish. Nothing
-   can cost less.
-2. Windows: of each guest only options that cost little more than its cheapest. Whoever takes an
-   option from outside pays for it alone more than the window is wide, so an optimum that costs no
-   more than the narrowest window is the optimum of all. Else the windows grow, where nobody finds
-   room only those of the guests that are in one another's way.
-3. In the windows, lazy CP-SAT: one Boolean per option, one integer entry time per guest. What two
-   options forbid of one another is computed and added only once a solution breaks it, until none
-   does, so that the optimum is that of the full model without building it.
+1. Sequential: each agent takes its cheapest option, at the free entry time nearest to the drawn
+   one. Nothing can cost less.
+2. Windows: of each agent only options that cost little more than its cheapest. An option from
+   outside alone costs more than the window is wide, so an optimum that costs no more than the
+   narrowest window is the optimum of all. Otherwise the windows grow; where the problem is
+   infeasible only those of the agents in conflict with one another.
+3. Within the windows, lazy CP-SAT: one Boolean per option, one integer entry time per agent. What
+   two options forbid of one another is computed and added only once a solution breaks it, until
+   none does, so that the optimum is that of the full model without building it.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from scenewright.tools.solver.reservation import ReservationTable
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _WINDOW, _WIDER = 1.0, 2
-"""First window [nats], and by how much one grows that is too narrow."""
+"""First window [nats], and the factor by which a window grows that is too narrow."""
 
 _MOST_SECONDS, _MOST_PAIRS = 1.0, 4000
 """The solver's deterministic time, and pairs of options looked at, that one search may take."""
 
 _KIN = 8
-"""Options of either guest that are compared with the other's when two are in each other's way."""
+"""Options of either agent that are compared with the other's when two are in conflict."""
 
 _CLEAR_STEPS = 30
-"""Whoever leaves this long before another comes [steps] is out of its way: the widest gap."""
+"""An agent that leaves this long before another comes [steps] cannot meet it: the widest gap."""
 
 
 def assign_min_cost(
@@ -60,11 +60,11 @@ def assign_min_cost(
     *,
     effort: float = 1.0,
 ) -> Assignment | str:
-    """The least-cost seating around the fixed actors, or why there is none.
+    """Find the least-cost assignment around the fixed agents, or the reason why there is none.
 
     Args:
-        table: of the fixed actors; knows what earlier seatings around them found out.
-        wanted: how many background guests of each class take part.
+        table: of the fixed agents; keeps what earlier assignments around them computed.
+        wanted: how many background agents of each class take part.
         effort: share of the bounds of the search that may be spent before it settles for what it
             has, or gives up.
     """
@@ -74,12 +74,12 @@ def assign_min_cost(
 def assign_cheapest(
     agents: Sequence[AgentOffers], table: ConflictTable, wanted: Mapping[AgentClass, int]
 ) -> Assignment | None:
-    """Step 1 alone: everybody on its cheapest option, at once; None if that does not come off."""
-    return _Search(agents, table, wanted, 0.0).at_a_glance()
+    """Run step 1 alone: each agent's cheapest option; None if these conflict."""
+    return _Search(agents, table, wanted, 0.0).assign_cheapest_options()
 
 
 class _Search:
-    """One call of `assign_min_cost`."""
+    """State of one call of `assign_min_cost`."""
 
     def __init__(
         self,
@@ -89,45 +89,51 @@ class _Search:
         effort: float,
     ) -> None:
         menus = [OptionWindow(agent) for agent in agents]
-        self._state = SearchState(table, menus, _needs(agents, wanted), effort * _MOST_SECONDS)
-        self._table, self._menus, self._option = table, menus, self._state.option
+        self._state = SearchState(
+            table, menus, _list_quotas(agents, wanted), effort * _MOST_SECONDS
+        )
+        self._table, self._menus, self._option = table, menus, self._state.get_option
         self._most_pairs = table.evaluated + effort * _MOST_PAIRS
         self._rounds = 0
 
-    def at_a_glance(self) -> Assignment | None:
-        """Everybody on its cheapest option, if it comes off in turn."""
-        best = None if self._short() else self._in_turn()
-        if best is None or best.cost > self._floor():
+    def assign_cheapest_options(self) -> Assignment | None:
+        """Assign each agent its cheapest option; None if these conflict."""
+        best = None if self._find_short_class() else self._assign_sequentially()
+        if best is None or best.cost > self._compute_lower_bound():
             return None
-        return self._seating(best, optimal=True)
+        return self._build_assignment(best, optimal=True)
 
     def run(self) -> Assignment | str:
-        """The least-cost seating, or why there is none."""
-        if self._short():
-            return self._short()
-        assignment = self.at_a_glance()
+        """Find the least-cost assignment, or the reason why there is none."""
+        if self._find_short_class():
+            return self._find_short_class()
+        assignment = self.assign_cheapest_options()
         if assignment is not None:
             return assignment
         self._widen(range(len(self._menus)), round(SCALE * _WINDOW))
-        best = self._in_turn()
-        answer = WindowResult(best, proven=best is not None and best.cost <= self._floor())
+        best = self._assign_sequentially()
+        answer = WindowResult(
+            best, proven=best is not None and best.cost <= self._compute_lower_bound()
+        )
         while not answer.proven:
-            answer = self._in_window(best)
+            answer = self._solve_in_window(best)
             best = answer.found or best
             if not answer.proven:
                 break
-            answer = self._judged(answer, best)
+            answer = self._extend_to_full_problem(answer, best)
         if best is None:
-            return self._reason(answer)
-        return self._seating(best, optimal=answer.proven)
+            return self._describe_failure(answer)
+        return self._build_assignment(best, optimal=answer.proven)
 
-    def _short(self) -> str:
-        """Which class has too few guests; empty if none has."""
+    def _find_short_class(self) -> str:
+        """Return the class with too few agents; empty if there is none."""
         short = (need for need in self._state.needs if len(need.agents) < need.count)
         return "".join(f"only {len(each.agents)} of {each.count} agents came" for each in short)
 
-    def _judged(self, answer: WindowResult, best: FoundAssignment | None) -> WindowResult:
-        """The answer as one for everything; unproven, and windows wider, if it is not."""
+    def _extend_to_full_problem(
+        self, answer: WindowResult, best: FoundAssignment | None
+    ) -> WindowResult:
+        """Turn a window's result into one of the full problem; if it is none, widen the windows."""
         everybody = range(len(self._menus))
         if best is not None:
             narrow = [g for g in everybody if self._menus[g].width < best.cost - 1]
@@ -148,142 +154,148 @@ class _Search:
         for g in agents:
             self._menus[g].widen(width)
 
-    def _floor(self) -> int:
-        """What any arrangement costs at least [units]."""
+    def _compute_lower_bound(self) -> int:
+        """Compute a lower bound on the cost of any assignment [units]."""
         return sum(
             sum(sorted(self._menus[g].least for g in need.agents)[: need.count])
             for need in self._state.needs
         )
 
-    def _in_turn(self, only: Mapping[int, int] | None = None) -> FoundAssignment | None:
-        """Everybody's cheapest way with room beside those before it; None if that fails.
+    def _assign_sequentially(self, only: Mapping[int, int] | None = None) -> FoundAssignment | None:
+        """Give each agent its cheapest feasible option, in order; None if one has none.
 
         Args:
-            only: the way that each guest shall take, if it is settled.
+            only: the option that each agent shall take, if it is settled.
         """
         present, places = ReservationTable(self._table.fixed), list[Placement]()
         for need in self._state.needs:
             left = need.count
             for g in sorted(need.agents, key=lambda g: self._menus[g].least):
-                room = self._room(g, present, only) if left else None
+                room = self._find_free_option(g, present, only) if left else None
                 if room is not None:
                     places.append((g, *room))
                     left -= 1
-                    actor = self._option(g, room[0]).actor.shifted(STEP * room[1])
+                    actor = self._option(g, room[0]).actor.shift(STEP * room[1])
                     present.add(actor, foreground=self._menus[g].agent.foreground)
             if left:
                 return None
         return FoundAssignment(places, sum(self._menus[g].ways[k].cost for g, k, _ in places))
 
-    def _room(
+    def _find_free_option(
         self, g: int, present: ReservationTable, only: Mapping[int, int] | None
     ) -> tuple[int, int] | None:
         menu = self._menus[g]
         settled = None if only is None else [only[g]] if g in only else []
-        for k in menu.window() if settled is None else settled:
+        for k in menu.list_in_window() if settled is None else settled:
             option = menu.ways[k].option
-            free = self._table.clear_of_fixed(option)
+            free = self._table.list_clear_times(option)
             if len(free):
                 free = present.find_free_times(option.actor, free, foreground=menu.agent.foreground)
             if len(free):
                 return k, int(free[np.argmin(np.abs(free - option.drawn_time))])
         return None
 
-    def _in_window(self, best: FoundAssignment | None) -> WindowResult:
-        """The least-cost arrangement within the windows that costs less than `best`."""
+    def _solve_in_window(self, best: FoundAssignment | None) -> WindowResult:
+        """Find the least-cost assignment within the windows that costs less than `best`."""
         model = AssignmentModel(self._state, best)
         while self._state.seconds > 0.0 and self._table.evaluated < self._most_pairs:
             self._rounds += 1
             answer = model.solve()
             if answer.found is None:
-                return answer if best is not None else self._blamed(answer)
-            blocked = self._bar(answer.found.places, model)
-            broken = self._broken(answer.found.places)
+                return answer if best is not None else self._add_core(answer)
+            blocked = self._forbid_blocked_option(answer.found.places, model)
+            broken = self._find_broken_conflicts(answer.found.places)
             for conflict in broken:
-                model.forbid(conflict)
+                model.add_conflict(conflict)
             if not blocked and not broken:
                 return answer
         return WindowResult(None, proven=False)
 
-    def _blamed(self, answer: WindowResult) -> WindowResult:
-        """With the needs that cannot be met together within the windows."""
+    def _add_core(self, answer: WindowResult) -> WindowResult:
+        """Add the quotas that cannot be met together within the windows."""
         if not answer.proven:
             return answer
-        return replace(answer, core=AssignmentModel(self._state, None, explain=True).core())
+        return replace(
+            answer, core=AssignmentModel(self._state, None, explain=True).find_core_quotas()
+        )
 
-    def _bar(self, places: list[Placement], model: AssignmentModel) -> bool:
-        """Whether one of the options taken meets a fixed actor after all; if so, all its like."""
-        wrong = [g for g, k, _ in places if not len(self._table.clear_of_fixed(self._option(g, k)))]
+    def _forbid_blocked_option(self, places: list[Placement], model: AssignmentModel) -> bool:
+        """Return whether an option taken meets a fixed agent; if so, forbid all options like it."""
+        wrong = [
+            g for g, k, _ in places if not len(self._table.list_clear_times(self._option(g, k)))
+        ]
         for g in wrong:
-            for k in self._menus[g].window():
+            for k in self._menus[g].list_in_window():
                 option = self._option(g, k)
-                if len(option.starts) == 1 and not len(self._table.clear_of_fixed(option)):
+                if len(option.starts) == 1 and not len(self._table.list_clear_times(option)):
                     self._state.blocked.add((g, k))
-                    model.bar(g, k)
+                    model.forbid_option(g, k)
         return bool(wrong)
 
-    def _broken(self, places: list[Placement]) -> list[OptionConflict]:
-        """Separations that the arrangement breaks, and their kin: either option with all others."""
+    def _find_broken_conflicts(self, places: list[Placement]) -> list[OptionConflict]:
+        """Find conflicts that the assignment breaks, and those of similar option pairs."""
         return [
             conflict
             for n, one in enumerate(places)
             for other in places[:n]
-            if self._breaks(one, other)
-            for key in self._kin(one, other)
-            for conflict in self._learned(key)
+            if self._are_in_conflict(one, other)
+            for key in self._list_similar_pairs(one, other)
+            for conflict in self._compute_conflicts(key)
         ]
 
-    def _breaks(self, one: Placement, other: Placement) -> bool:
+    def _are_in_conflict(self, one: Placement, other: Placement) -> bool:
         (i, k, start_i), (j, m, start_j) = one, other
         a, b = self._option(i, k), self._option(j, m)
-        if _far_apart(a.actor, b.actor, start_j - start_i):
+        if _comes_too_late(a.actor, b.actor, start_j - start_i):
             return False
-        if _far_apart(b.actor, a.actor, start_i - start_j):
+        if _comes_too_late(b.actor, a.actor, start_i - start_j):
             return False
-        forbidden = self._table.between(b, a, self._strict(i, j))
+        forbidden = self._table.compute_conflicts(b, a, self._needs_strict_margin(i, j))
         return any(low < start_i - start_j < high for low, high in forbidden)
 
-    def _kin(self, one: Placement, other: Placement) -> list[OptionPair]:
-        """The pair of options, and the cheapest unknown pairs of either with others."""
+    def _list_similar_pairs(self, one: Placement, other: Placement) -> list[OptionPair]:
+        """List the pair of options, and the cheapest unknown pairs of either with others."""
         (i, k, _), (j, m, _) = one, other
-        mine = ((i, x, j, m) for x in self._menus[i].window())
-        theirs = ((i, k, j, y) for y in self._menus[j].window())
+        mine = ((i, x, j, m) for x in self._menus[i].list_in_window())
+        theirs = ((i, k, j, y) for y in self._menus[j].list_in_window())
         new = [
             itertools.islice((key for key in keys if key not in self._state.conflicts), _KIN)
             for keys in (mine, theirs)
         ]
         return [(i, k, j, m), *itertools.chain.from_iterable(new)]
 
-    def _learned(self, key: OptionPair) -> list[OptionConflict]:
-        """What the pair of options forbids of the entry times that they have; nothing if known."""
+    def _compute_conflicts(self, key: OptionPair) -> list[OptionConflict]:
+        """Compute what a pair of options forbids of their entry times; empty if known already."""
         if key in self._state.conflicts:
             return []
         i, k, j, m = key
         a, b = self._option(i, k), self._option(j, m)
-        free_a, free_b = self._table.open_starts(a), self._table.open_starts(b)
+        free_a, free_b = self._table.list_open_times(a), self._table.list_open_times(b)
         found: list[OptionConflict] = []
         if len(free_a) and len(free_b):
             least, most = int(free_a[0] - free_b[-1]), int(free_a[-1] - free_b[0])
             found = [
                 OptionConflict(key, low, high, below=least <= low, above=high <= most)
-                for low, high in self._table.between(b, a, self._strict(i, j))
+                for low, high in self._table.compute_conflicts(
+                    b, a, self._needs_strict_margin(i, j)
+                )
                 if low < most and least < high
             ]
         self._state.conflicts[key] = found
         return found
 
-    def _strict(self, i: int, j: int) -> bool:
+    def _needs_strict_margin(self, i: int, j: int) -> bool:
         return self._menus[i].agent.foreground or self._menus[j].agent.foreground
 
-    def _seating(self, best: FoundAssignment, *, optimal: bool) -> Assignment:
+    def _build_assignment(self, best: FoundAssignment, *, optimal: bool) -> Assignment:
         if self._rounds:
-            best = self._in_turn({g: k for g, k, _ in best.places}) or best
+            best = self._assign_sequentially({g: k for g, k, _ in best.places}) or best
         chosen = {
             self._menus[g].agent.name: (self._option(g, k), start) for g, k, start in best.places
         }
         return Assignment(chosen, optimal, self._rounds, self._table.evaluated)
 
-    def _reason(self, answer: WindowResult) -> str:
+    def _describe_failure(self, answer: WindowResult) -> str:
         if not answer.proven:
             return "no arrangement of the further agents was found within the bounds of the search"
         names = [self._menus[g].agent.name for need in answer.core for g in need.agents]
@@ -294,10 +306,10 @@ class _Search:
         return f"no arrangement keeps {few}{', '.join(sorted(names))} apart"
 
 
-def _needs(
+def _list_quotas(
     agents: Sequence[AgentOffers], wanted: Mapping[AgentClass, int]
 ) -> tuple[AgentQuota, ...]:
-    """The foreground, and so many of each class; each guest by itself where all are needed."""
+    """List the quotas: the foreground, so many of each class; each agent if all are needed."""
     needs = [AgentQuota((g,), 1) for g, agent in enumerate(agents) if agent.foreground]
     for kind, count in wanted.items():
         crowd = [g for g, agent in enumerate(agents) if agent.type == kind and not agent.foreground]
@@ -308,8 +320,8 @@ def _needs(
     return tuple(needs)
 
 
-def _far_apart(one: ScheduledAgent, other: ScheduledAgent, steps: int) -> bool:
-    """Whether `other`, who comes `steps` after `one`, comes too late to meet it."""
+def _comes_too_late(one: ScheduledAgent, other: ScheduledAgent, steps: int) -> bool:
+    """Return whether `other`, which comes `steps` after `one`, comes too late to meet it."""
     gives_way = any(stop.reason == "gives_way" for stop in (*one.stops, *other.stops))
     if one.motion.ended or gives_way:
         return False

@@ -1,4 +1,4 @@
-"""The CP-SAT model of a seating: who takes which option, and when each enters."""
+"""The CP-SAT model of an assignment: the option of each agent, and when it enters."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from scenewright.tools.solver.offers import OptionWindow
 from scenewright.tools.solver.reservation import Steps
 
 Placement = tuple[int, int, int]
-"""Guest, option and entry time [steps]."""
+"""Agent, option and entry time [steps]."""
 
 OptionPair = tuple[int, int, int, int]
-"""Guest and option of one, guest and option of another."""
+"""Agent and option of one, agent and option of another."""
 
 
 @dataclass(frozen=True)
 class AgentQuota:
-    """So many of these guests must take part."""
+    """So many of these agents must take part."""
 
     agents: tuple[int, ...]
     count: int
@@ -30,7 +30,7 @@ class AgentQuota:
 
 @dataclass(frozen=True)
 class FoundAssignment:
-    """An arrangement and what it costs [units]."""
+    """An assignment and its cost [units]."""
 
     places: list[Placement]
     cost: int
@@ -41,7 +41,7 @@ class OptionConflict:
     """Forbids low < start_i - start_j < high [steps] while both options are taken.
 
     Attributes:
-        key: of guests i and j.
+        key: of agents i and j.
         below, above: whether the two have entry times left on that side.
     """
 
@@ -54,10 +54,10 @@ class OptionConflict:
 
 @dataclass(frozen=True)
 class WindowResult:
-    """What one window has to say.
+    """The result of one window.
 
     Attributes:
-        found: the least-cost arrangement in it; None if there is none.
+        found: the least-cost assignment in it; None if there is none.
         proven: whether that is certain.
         core: needs that cannot be met together; of no meaning where something was found.
     """
@@ -69,11 +69,11 @@ class WindowResult:
 
 @dataclass
 class SearchState:
-    """What a search knows.
+    """State of a search.
 
     Attributes:
-        menus: by guest.
-        conflicts: what pairs of options forbid, as far as it was computed.
+        menus: by agent.
+        conflicts: what pairs of options forbid, as far as computed.
         blocked: (agent, option) that conflict with an agent scheduled already.
         seconds: deterministic time that the solver may still spend.
     """
@@ -85,16 +85,16 @@ class SearchState:
     conflicts: dict[OptionPair, list[OptionConflict]] = field(default_factory=dict)
     blocked: set[tuple[int, int]] = field(default_factory=set)
 
-    def option(self, g: int, k: int) -> Option:
-        """The k-th option of a guest."""
+    def get_option(self, g: int, k: int) -> Option:
+        """Return the k-th option of an agent."""
         return self.menus[g].ways[k].option
 
-    def open_ways(self, g: int) -> list[int]:
-        """The ways within a guest's window that have entry times left."""
+    def list_open_options(self, g: int) -> list[int]:
+        """List the options within an agent's window that have entry times left."""
         return [
             k
-            for k in self.menus[g].window()
-            if (g, k) not in self.blocked and len(self.table.open_starts(self.option(g, k)))
+            for k in self.menus[g].list_in_window()
+            if (g, k) not in self.blocked and len(self.table.list_open_times(self.get_option(g, k)))
         ]
 
 
@@ -102,7 +102,7 @@ class AssignmentModel:
     """The CP-SAT model of the windows, growing by one round of conflicts at a time.
 
     Args:
-        best: what an arrangement must cost less than.
+        best: an assignment must cost less.
         explain: ask only which needs cannot be met together, if they cannot; costs do not matter.
     """
 
@@ -113,24 +113,27 @@ class AssignmentModel:
 
         self._cp, self._state = cp_model, state
         self._model: Any = cp_model.CpModel()
-        ways = [state.open_ways(g) for g in range(len(state.menus))]
+        ways = [state.list_open_options(g) for g in range(len(state.menus))]
         self._takes = [{k: self._model.new_bool_var("") for k in each} for each in ways]
-        self._starts = [self._start(g) for g in range(len(ways))]
+        self._starts = [self._add_entry_time(g) for g in range(len(ways))]
         self._literals: dict[int, AgentQuota] = {}
         for takes in self._takes:
             self._model.add_at_most_one(takes.values())
         for need in state.needs:
-            self._meet(need, explain=explain)
+            self._add_quota(need, explain=explain)
         if not explain:
-            self._economise(best)
+            self._minimize_cost(best)
         for conflicts in state.conflicts.values():
             for conflict in conflicts:
-                self.forbid(conflict)
+                self.add_conflict(conflict)
 
-    def _start(self, g: int) -> Any:
-        """The guest's entry time; options with a choice of it already keep clear of the fixed."""
+    def _add_entry_time(self, g: int) -> Any:
+        """Add the agent's entry time; options with several already avoid the fixed agents."""
         table, takes = self._state.table, self._takes[g]
-        domains = {k: self._domain(table.open_starts(self._state.option(g, k))) for k in takes}
+        domains = {
+            k: self._build_domain(table.list_open_times(self._state.get_option(g, k)))
+            for k in takes
+        }
         if not domains:
             return self._model.new_constant(0)
         everything = reduce(lambda one, other: one.union_with(other), domains.values())
@@ -139,12 +142,12 @@ class AssignmentModel:
             self._model.add_linear_expression_in_domain(start, domain).only_enforce_if(takes[k])
         return start
 
-    def _domain(self, starts: Steps) -> Any:
+    def _build_domain(self, starts: Steps) -> Any:
         gaps = np.flatnonzero(np.diff(starts) > 1)
         low, high = starts[np.append(0, gaps + 1)], starts[np.append(gaps, len(starts) - 1)]
         return self._cp.Domain.from_intervals(np.column_stack([low, high]).tolist())
 
-    def _meet(self, need: AgentQuota, *, explain: bool) -> None:
+    def _add_quota(self, need: AgentQuota, *, explain: bool) -> None:
         met = self._model.add(
             sum(take for g in need.agents for take in self._takes[g].values()) == need.count
         )
@@ -154,7 +157,7 @@ class AssignmentModel:
             self._literals[literal.index] = need
             self._model.add_assumption(literal)
 
-    def _economise(self, best: FoundAssignment | None) -> None:
+    def _minimize_cost(self, best: FoundAssignment | None) -> None:
         total = sum(
             self._state.menus[g].ways[k].cost * take
             for g, takes in enumerate(self._takes)
@@ -165,7 +168,7 @@ class AssignmentModel:
             self._model.add(total <= best.cost - 1)
 
     def solve(self) -> WindowResult:
-        """The least-cost arrangement that breaks nothing known so far."""
+        """Find the least-cost assignment that breaks no known conflict."""
         solver, status = self._run()
         if status == self._cp.INFEASIBLE:
             return WindowResult(None, proven=True)
@@ -180,8 +183,8 @@ class AssignmentModel:
         cost = sum(self._state.menus[g].ways[k].cost for g, k, _ in places)
         return WindowResult(FoundAssignment(places, cost), proven=status == self._cp.OPTIMAL)
 
-    def core(self) -> tuple[AgentQuota, ...]:
-        """Needs that cannot be met together; all of them if that is not known better."""
+    def find_core_quotas(self) -> tuple[AgentQuota, ...]:
+        """Find quotas that cannot be met together; all of them if nothing better is known."""
         solver, status = self._run()
         if status != self._cp.INFEASIBLE:
             return self._state.needs
@@ -203,13 +206,13 @@ class AssignmentModel:
         self._state.seconds -= solver.response_proto.deterministic_time
         return solver, status
 
-    def bar(self, agent: int, option: int) -> None:
-        """Takes an option out of the choice, if it is in the model."""
+    def forbid_option(self, agent: int, option: int) -> None:
+        """Forbid an option, if it is in the model."""
         if option in self._takes[agent]:
             self._model.add(self._takes[agent][option] == 0)
 
-    def forbid(self, conflict: OptionConflict) -> None:
-        """Adds one separation, if both options are in the model."""
+    def add_conflict(self, conflict: OptionConflict) -> None:
+        """Add one conflict, if both options are in the model."""
         i, k, j, m = conflict.key
         if k not in self._takes[i] or m not in self._takes[j]:
             return

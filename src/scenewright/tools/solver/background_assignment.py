@@ -1,8 +1,8 @@
-"""Everybody else in time: candidate and entry time of agents that no relation binds.
+"""Candidate and entry time of background agents, which no relation binds.
 
-Two ways. In turn (`assign_in_turn`): each agent takes the first of its options that keeps clear of
-those seated before it, as near to the time it was drawn for as may be; who finds no room makes way
-for a spare. That is a draw among the surviving combinations, one agent after the other.
+Two ways. Sequentially (`assign_in_turn`): each agent takes the first of its options that keeps
+clear of those assigned before it, as near to its drawn entry time as possible; an agent without a
+free option is replaced by a reserve agent. That is a draw among the surviving combinations.
 
 At once, at least cost: see `assignment`.
 """
@@ -23,14 +23,14 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """One way in which an agent may take part.
+    """One option of an agent: a candidate with its allowed entry times.
 
     Attributes:
         make: builds candidate and motion, entering at time 0, when first looked at.
         starts: [N] allowed entry times in steps of 0.1 s, ascending.
         cost: -log density of it [nats].
-        drawn_time: entry time [steps] that it was drawn for.
-        follows: it drives behind who is ahead of it.
+        drawn_time: the entry time [steps] drawn for it.
+        follows: whether it drives behind the vehicle ahead.
     """
 
     make: Callable[[], ScheduledAgent]
@@ -42,16 +42,16 @@ class Option:
 
     @cached_property
     def actor(self) -> ScheduledAgent:
-        """The agent as this option has it; its entry time is a placeholder."""
+        """Build the agent with this option; its entry time is a placeholder."""
         return self.make()
 
 
 @dataclass(eq=False)
 class Seated:
-    """Who has a place already, in scene time.
+    """The agents assigned so far, in scene time.
 
     Attributes:
-        standing: everybody; present: the same as reservations; None where all are seated at once.
+        standing: all of them; present: their reservations; None where all are assigned at once.
         chosen: option and entry time [steps] of those in the background, by name.
     """
 
@@ -62,11 +62,11 @@ class Seated:
 
 @dataclass(frozen=True, eq=False)
 class BackgroundAgent:
-    """An agent to be placed.
+    """A background agent to be placed.
 
     Attributes:
-        make: builds its options, lazily, the likeliest of a candidate first, given those in whose
-            way or behind whom it may come to stand, or whom it walks with.
+        make: builds its options, lazily, the likeliest of a candidate first, given the agents that
+            it may meet, queue behind or walk with.
         foreground: keeps the stricter distance to all, and must take part.
         reserve: drawn beyond the number wanted; takes part only if another agent cannot.
     """
@@ -79,13 +79,13 @@ class BackgroundAgent:
 
     @cached_property
     def options(self) -> tuple[Option, ...]:
-        """The ways in which it may take part, if nobody stands anywhere."""
+        """List its options with no other agent present."""
         return tuple(self.make(Seated()))
 
 
 @dataclass(frozen=True, eq=False)
 class Assignment:
-    """Chosen option and entry time [steps] of every guest that takes part."""
+    """Chosen option and entry time [steps] of every background agent that takes part."""
 
     chosen: Mapping[str, tuple[Option, int]]
     optimal: bool
@@ -99,10 +99,10 @@ def assign_in_turn(
     wanted: Mapping[AgentClass, int],
     least: Mapping[AgentClass, int] | None = None,
 ) -> Assignment | str:
-    """Guests seated in the order given until every class has as many as wanted.
+    """Assign agents in the order given until every class has as many as wanted.
 
     Args:
-        least: how many of each class suffice where no more find room; None for as many as wanted.
+        least: how many of each class suffice if no more fit; None for as many as wanted.
     """
     left = dict(wanted)
     present = ReservationTable(table.fixed)
@@ -110,10 +110,10 @@ def assign_in_turn(
     for agent in sorted(agents, key=lambda each: not each.foreground):
         if not agent.foreground and left[agent.type] <= 0:
             continue
-        found = _first_room(agent, present, seated)
+        found = _find_free_option(agent, present, seated)
         if found is not None:
             option, start = seated.chosen[agent.name] = found
-            seated.standing.append(option.actor.shifted(STEP * start))
+            seated.standing.append(option.actor.shift(STEP * start))
             present.add(seated.standing[-1], foreground=agent.foreground)
             left[agent.type] -= not agent.foreground
         elif agent.foreground:
@@ -124,10 +124,10 @@ def assign_in_turn(
     return Assignment(seated.chosen, optimal=False, rounds=1, pairs=len(seated.chosen))
 
 
-def _first_room(
+def _find_free_option(
     agent: BackgroundAgent, present: ReservationTable, seated: Seated
 ) -> tuple[Option, int] | None:
-    """The guest's first way with room, and its entry time nearest to the one wished for."""
+    """Find the agent's first feasible option, and its entry time nearest to the drawn one."""
     for option in agent.make(seated):
         free = present.find_free_times(
             option.actor, option.starts, foreground=agent.foreground, follows=option.follows
@@ -141,7 +141,7 @@ class ConflictTable:
     """Forbidden differences of entry times, computed once per pair of options that meet.
 
     Args:
-        fixed: actors whose times are settled. Options are known by identity: keep them alive.
+        fixed: agents whose times are settled. Options are known by identity: keep them alive.
     """
 
     def __init__(self, fixed: Iterable[ScheduledAgent]) -> None:
@@ -154,8 +154,8 @@ class ConflictTable:
     def _present(self) -> ReservationTable:
         return ReservationTable(self.fixed)
 
-    def clear_of_fixed(self, option: Option) -> Steps:
-        """The option's entry times [steps] that keep clear of every fixed actor."""
+    def list_clear_times(self, option: Option) -> Steps:
+        """List the option's entry times [steps] that keep clear of every fixed agent."""
         key = id(option)
         if key not in self._free:
             self._free[key] = self._present.find_free_times(
@@ -163,12 +163,12 @@ class ConflictTable:
             )
         return self._free[key]
 
-    def open_starts(self, option: Option) -> Steps:
-        """Entry times to choose among; a single one is checked only once it is chosen."""
-        return option.starts if len(option.starts) == 1 else self.clear_of_fixed(option)
+    def list_open_times(self, option: Option) -> Steps:
+        """List the entry times to choose among; a single one is checked only once it is chosen."""
+        return option.starts if len(option.starts) == 1 else self.list_clear_times(option)
 
-    def between(self, a: Option, b: Option, strict: bool) -> list[tuple[int, int]]:
-        """What the two options forbid of the difference of their entry times [steps]."""
+    def compute_conflicts(self, a: Option, b: Option, strict: bool) -> list[tuple[int, int]]:
+        """Compute which differences of entry times [steps] the two options forbid."""
         key = (id(a), id(b))
         if key not in self._pairs:
             self.evaluated += 1

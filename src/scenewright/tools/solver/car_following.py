@@ -1,10 +1,10 @@
-"""How a background vehicle drives among those who are there already.
+"""Car-following of a background vehicle among the agents scheduled before it.
 
-It enters when it was drawn to, follows the vehicle ahead in its lane, stops at red and behind
-queues, and turning it lets pedestrians and others pass; it neither crosses the way of the
-foreground near it in time nor gives way to it. Whom it meets bars nodes of its path for a time;
-those bars that it would run into become walls, behind which it drives by the intelligent driver
-model (Treiber, Hennecke, Helbing 2000). The motion is kept as a pace and standstills.
+It enters at its drawn time, follows the vehicle ahead in its lane, stops at red and behind
+queues, and when turning gives way to pedestrians and others; it neither crosses the path of a
+foreground agent near it in time nor gives way to it. Each agent that it meets blocks nodes of its
+path for a time; the blocks that it would run into become walls, behind which it drives by the
+intelligent driver model (Treiber, Hennecke, Helbing 2000). The motion becomes a pace and stops.
 """
 
 from __future__ import annotations
@@ -32,36 +32,36 @@ from scenewright.tools.solver.reservation import IN_LANE, ReservationTable, get_
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
-"""From the rear ahead to one's own front [s]: median and spread of the logarithm. At 9 m/s that is
+"""From the rear ahead to its own front [s]: median and spread of the logarithm. At 9 m/s that is
 about 2 s from front to front with the gap at standstill, as queues discharge."""
 _GAP = (0.9, 1.8)
 _FURTHER = 0.4
 """At standstill, on top of the clearance of 0.8 m [m]; behind others, than before a line [m]."""
 _LINE = (0.4, 1.6)
-"""From the front of who stops first to the line [m]."""
+"""From the front of the first in the queue to the line [m]."""
 _ROUNDS = 12
 _HARDEST = 3.2
-"""Who would brake harder [m/s^2] than this for others comes at another time: from 3.4 on, close
-behind another, it would count as a near miss."""
+"""A vehicle that would brake harder [m/s^2] than this for others enters at another time: from 3.4
+on, close behind another, it would count as a near miss."""
 _HARDEST_AT_LINE = 3.6
 """The same before a line [m/s^2]."""
 _HARDEST_DRIVEN = 3.35
-"""What the pace of one who drives like that may come to [m/s^2]: a pace says it a little harder."""
+"""Hardest braking of the resulting pace [m/s^2]: a pace overstates it a little."""
 _FORESEES = 1.5
-"""How far ahead drivers see how others will go on, by brake lights and those further ahead [s]."""
+"""How far ahead drivers anticipate the motion of others, by brake lights and traffic ahead [s]."""
 _AFTER = 4.0
-"""How long beyond the scene's end the way is looked at [s]."""
+"""How long beyond the scene's end the motion is computed [s]."""
 _STANDS, _SHORTEST = 0.3, 0.8
 """Slower than this [m/s] for at least that long [s] is a standstill."""
 _CREEPS = 1.0
-"""Who moves up by less [m] between two standstills stands once."""
+"""A vehicle that moves less [m] between two standstills has one standstill."""
 _LEAST = 0.7
 """Least speed of a pace [m/s]: standstills are edits of their own."""
 
 
 @dataclass(frozen=True)
 class _Style:
-    """How one drives behind others: time headway [s], gap at standstill and to a line [m]."""
+    """Car-following parameters: time headway [s], gap at standstill and to a line [m]."""
 
     headway: float
     gap: float
@@ -76,10 +76,10 @@ def follow_traffic(
     moment: SceneTiming,
     rng: np.random.Generator,
 ) -> ScheduledAgent | None:
-    """The actor as it drives among those present if it enters at scene time `enters` [s].
+    """Compute the vehicle's motion among those present if it enters at scene time `enters` [s].
 
     Returns:
-        It in motion, entering at local time 0; None where it could not drive like that.
+        Its motion, entering at local time 0; None where it cannot be driven.
     """
     style = _Style(
         min(_HEADWAY * math.exp(_HEADWAY_SPREAD * rng.standard_normal()), 2.6),
@@ -88,7 +88,7 @@ def follow_traffic(
     moved = _drive(actor, enters, present, moment, style)
     if moved is None:
         return None
-    driven = _as_scheduled(actor, moved, moment.duration - enters)
+    driven = _convert_to_pace(actor, moved, moment.duration - enters)
     if _brakes_hard(driven, actor.candidate.time_law.braking) or not _passes_on_green(
         driven, enters, moment
     ):
@@ -97,7 +97,7 @@ def follow_traffic(
 
 
 def _brakes_hard(driven: ScheduledAgent, usual: float) -> bool:
-    """Whether, by its pace, it brakes harder than others may make it, and than it brakes itself.
+    """Return whether, by its pace, it brakes harder than allowed for others and for itself.
 
     Args:
         usual: its own comfortable braking [m/s^2]; measured over 0.3 s, as the checker does.
@@ -117,7 +117,7 @@ def _drive(
     moment: SceneTiming,
     style: _Style,
 ) -> FloatArray | None:
-    """[T] arc length every 0.1 s from the entry on; None if it cannot be driven."""
+    """Compute the arc length [T] every 0.1 s from the entry on; None if it cannot be driven."""
     candidate, law = actor.candidate, actor.candidate.time_law
     corridor = get_corridor(candidate)
     rows, low, high, who, kind = present.list_bars(corridor, in_lane=IN_LANE)
@@ -143,7 +143,7 @@ def _drive(
         met = _find_met(corridor.s, moved, rows, low, high, moment.duration + _AFTER - enters)
         if met < 0:
             return moved
-        if not _may_wait(int(kind[met]), turns):
+        if not _can_wait(int(kind[met]), turns):
             return None
         if not _raise_walls(walls, rows, high, who, kind, met):
             return None
@@ -151,7 +151,7 @@ def _drive(
 
 
 def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming) -> bool:
-    """Whether its light is green when it passes it; what a pace says is exact to about 0.1 s."""
+    """Return whether its light is green when it passes; a pace is exact to about 0.1 s."""
     line, group, clock = driven.landmarks.line, driven.landmarks.group, moment.clock
     crosses = np.inf if line is None else enters + driven.motion.find_time_at(line)
     if group is None or clock is None or math.isinf(crosses):
@@ -166,7 +166,7 @@ def _find_red(
     moment: SceneTiming,
     style: _Style,
 ) -> float:
-    """Local time [s] until which its light holds one who moves like that; -inf if not at all."""
+    """Find the local time [s] until which its light holds this motion; -inf if not at all."""
     line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
     if line is None or group is None or clock is None or moved[-1] < line:
         return -np.inf
@@ -181,16 +181,16 @@ def _find_red(
 
 
 BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)
-"""What bars a node: the clearance to a follower of the same lane or to anybody; who drives ahead in
-the lane; who crosses; and who of the foreground crosses."""
+"""What blocks a node: the clearance to a follower of the same lane or to any agent; the vehicle
+ahead in the lane; a crossing agent; a crossing foreground agent."""
 
 
-def _may_wait(kind: int, turns: bool) -> bool:
+def _can_wait(kind: int, turns: bool) -> bool:
     return kind == AHEAD or (kind == CROSSING and turns)
 
 
-def _as_scheduled(actor: ScheduledAgent, moved: FloatArray, until: float) -> ScheduledAgent:
-    """The motion as a pace and standstills of the actor."""
+def _convert_to_pace(actor: ScheduledAgent, moved: FloatArray, until: float) -> ScheduledAgent:
+    """Convert the motion to a pace and stops of the agent."""
     candidate, law = actor.candidate, actor.candidate.time_law
     speed = np.gradient(moved, STEP)
     stops = _list_stops(actor, moved, speed)
@@ -207,13 +207,13 @@ def _as_scheduled(actor: ScheduledAgent, moved: FloatArray, until: float) -> Sch
         law.lateral,
         tuple(pace.round(4).tolist()),
     )
-    driven = ScheduledAgent.unplaced(replace(candidate, time_law=own), actor.landmarks)
-    # Who comes behind must see how it goes on after the scene.
-    return driven.edited(stops=_time_stops(driven, stops)).until(until + _AFTER)
+    driven = ScheduledAgent.build_unplaced(replace(candidate, time_law=own), actor.landmarks)
+    # A vehicle behind must see how it continues after the scene.
+    return driven.edit(stops=_time_stops(driven, stops)).cut_after(until + _AFTER)
 
 
 def _time_stops(driven: ScheduledAgent, stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
-    """The standstills, each from when one of that pace comes to stand there."""
+    """Time each stop from when a vehicle of that pace stands there."""
     timed: list[Stop] = []
     for stop in stops:
         held = tuple(make_stop_command(each, 0.0) for each in timed)
@@ -223,14 +223,14 @@ def _time_stops(driven: ScheduledAgent, stops: tuple[Stop, ...]) -> tuple[Stop, 
 
 
 def _list_stops(actor: ScheduledAgent, moved: FloatArray, speed: FloatArray) -> tuple[Stop, ...]:
-    """Where and when [local s] one who moves like that stands."""
+    """List where and when [local s] this motion stands."""
     stands = np.concatenate(([False], speed < _STANDS, [False]))
     edges = np.flatnonzero(np.diff(stands))
     found: list[Stop] = []
     for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
         if STEP * (last - first) < _SHORTEST:
             continue
-        # Who still creeps up a little stands where it first has all but stopped.
+        # A vehicle that still creeps stands where it first has all but stopped.
         s, line = float(moved[min(first + 4, last)]), actor.landmarks.line
         at_line = line is not None and 0.0 <= line - s < _LINE[1] + 0.5
         anchor = "stop_line" if at_line else "queue"
@@ -259,13 +259,13 @@ def _follow(
     gap: float,
     steps: int,
 ) -> tuple[FloatArray, float]:
-    """[T] arc length every 0.1 s behind walls, and the hardest braking [m/s^2], less for a line.
+    """Compute arc length [T] every 0.1 s behind walls, and the hardest braking [m/s^2].
 
     It ends where a vehicle would brake too hard.
 
     Args:
         nodes, walls: arc lengths [N] and until when each may not be reached [s].
-        line, release: where it stands until then, too.
+        line, release: where it stands until then as well.
         places, free: arc lengths [P] and free speed there.
     """
     moved, s, v, hardest = np.empty(steps + 1), 0.0, free[0], 0.0
@@ -294,7 +294,7 @@ def _follow(
             return moved[: k + 1], np.inf
         rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, apart)
         while k == 0 and rate < -0.8 * braking and v > speed + 0.3:
-            v *= 0.95  # it has seen the one ahead before it came
+            v *= 0.95  # it anticipated the vehicle ahead before it entered
             rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, apart)
         rate = max(rate, -9.0)
         after = min(max(v + rate * STEP, 0.0), max(limit, v - braking * STEP))
@@ -311,7 +311,7 @@ def _follow(
 
 @compiled
 def _find_wall(nodes: FloatArray, walls: FloatArray, n: int, t: float) -> float:
-    """How far [m] one may have come at a time [s]; between nodes as one ahead would go on.
+    """Find how far [m] it may have come at a time [s]; between nodes extrapolated.
 
     Args:
         n: the first node that may not be reached then; `len(nodes)` for none.
@@ -337,7 +337,7 @@ def _accelerate(
     headway: float,
     gap: float,
 ) -> float:
-    """Acceleration [m/s^2] at speed `v` behind a wall that is `room` [m] away and moves, too."""
+    """Compute acceleration [m/s^2] at speed `v`, `room` [m] behind a wall that may move."""
     rate = float(acceleration * (1.0 - (v / limit) ** 4))
     if room == np.inf:
         return rate
@@ -378,7 +378,7 @@ def _find_met(
     high: FloatArray,
     until: float,
 ) -> int:
-    """The bar [index] that one who moves like that meets first along its way; -1 if none."""
+    """Find the index of the block that this motion meets first along its path; -1 if none."""
     reach = 0.5 * (nodes[1] - nodes[0])
     come, leave = np.full(len(nodes), np.inf), np.full(len(nodes), np.inf)
     k = 0

@@ -11,7 +11,7 @@ from scenewright.scene.base import FloatArray
 
 
 def enumerate_best_first(costs: Sequence[FloatArray]) -> Iterator[tuple[int, ...]]:
-    """Every choice of one index per array, by ascending sum of what it stands for.
+    """Enumerate choices of one index per array by ascending sum of their costs.
 
     Args:
         costs: one array per agent: the cost of each of its candidates [nats].
@@ -19,7 +19,7 @@ def enumerate_best_first(costs: Sequence[FloatArray]) -> Iterator[tuple[int, ...
     orders = [np.argsort(each, kind="stable") for each in costs]
     ranked = [each[order] for each, order in zip(costs, orders, strict=True)]
     start = (0,) * len(costs)
-    heap, seen = [(_sum(ranked, start), start)], {start}
+    heap, seen = [(_sum_costs(ranked, start), start)], {start}
     while heap:
         _, ranks = heapq.heappop(heap)
         yield tuple(int(order[rank]) for order, rank in zip(orders, ranks, strict=True))
@@ -27,8 +27,8 @@ def enumerate_best_first(costs: Sequence[FloatArray]) -> Iterator[tuple[int, ...
             step = (*ranks[:axis], rank + 1, *ranks[axis + 1 :])
             if rank + 1 < len(ranked[axis]) and step not in seen:
                 seen.add(step)
-                heapq.heappush(heap, (_sum(ranked, step), step))
+                heapq.heappush(heap, (_sum_costs(ranked, step), step))
 
 
-def _sum(costs: Sequence[FloatArray], ranks: tuple[int, ...]) -> float:
+def _sum_costs(costs: Sequence[FloatArray], ranks: tuple[int, ...]) -> float:
     return float(sum(cost[rank] for cost, rank in zip(costs, ranks, strict=True)))

@@ -1,4 +1,4 @@
-"""`contact`: two agents touch for the first time, in the way, at the speed and place asked for."""
+"""`contact`: two agents collide with the conflict type, speed and impact point asked for."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _TRIES = 6
 _SMOOTHED = 0.4
-"""By how much the smoothing of motion keeps a short slowing above its speed [m/s]."""
+"""How much smoothing keeps a short slowing above its speed [m/s]."""
 
 _LATE = (0.4, 0.7)
-"""What speed is left at the impact of who brakes late, as a share."""
+"""Share of the speed left at the impact when braking late."""
 
 _SPEED_OFF = 0.4
-"""How far the speed at impact may be from the one asked for [m/s]."""
+"""How far the speed at impact may lie from the one asked for [m/s]."""
 
 
 def schedule_contacts(
     clause: Contact, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
-    """Every staging (lazily) in which the clause's two agents touch as it says."""
-    a, b = context.both(clause, schedule)
+    """List every schedule (lazily) in which the clause's two agents collide as asked."""
+    a, b = context.get_pair(clause, schedule)
     if a.contact is not None or b.contact is not None:
         words = f"one of {clause.first} and {clause.second} has been in a collision before"
         context.note_miss(clause, FailureStage.PATHS, words)
@@ -50,52 +50,52 @@ def schedule_contacts(
         if not len(meetings):
             words = f"the paths of {clause.first} and {clause.second} never touch"
             context.note_miss(clause, FailureStage.PATHS, words)
-        some = _inside(clause, meetings, context)
-        turned_round = yield from _touching(clause, schedule, context, (a, b), some)
+        some = _draw_offsets_inside(clause, meetings, context)
+        turned_round = yield from _schedule_offsets(clause, schedule, context, (a, b), some)
         if turned_round:
-            # Who strikes turns on a tenth of a second where one is short, such as a motorcycle.
-            every = _everywhere(meetings, context)
-            yield from _touching(clause, schedule, context, (a, b), every)
+            # Which one strikes depends on 0.1 s where one is short, such as a motorcycle.
+            every = _draw_offsets_everywhere(meetings, context)
+            yield from _schedule_offsets(clause, schedule, context, (a, b), every)
         return
     if clause.cause == "lead_brakes":
         for follower, leader, deltas in plan_lead_braking(a, b, clause, context):
-            yield from _touching(clause, schedule, context, (follower, leader), deltas)
+            yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
         return
     for follower, leader in plan_rear_ends(a, b, clause, context):
         deltas = draw_rear_end_offsets(follower, leader, context.rng)
-        yield from _touching(clause, schedule, context, (follower, leader), deltas)
+        yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
 
 
-def _touching(
+def _schedule_offsets(
     clause: Contact,
     schedule: PartialSchedule,
     context: SolverContext,
     pair: tuple[ScheduledAgent, ScheduledAgent],
     deltas: list[float],
 ) -> Generator[PartialSchedule, None, bool]:
-    """Those of the offsets that will do; returns whether none did, one but for who strikes."""
+    """Schedule those offsets that fit; returns whether all failed, but for the striking agent."""
     staged = turned_round = False
-    # Drawn once: who is drawn anew for every offset would be slow in the end, as that one collides.
+    # Drawn once: a new draw for every offset would favour slow ones, as those collide.
     drawn = (
         context.reactions.draw(pair[0], context.rng),
         context.reactions.draw(pair[1], context.rng),
     )
     for delta in deltas:
-        a, b = schedule.placed(clause, *pair, delta)
+        a, b = schedule.place(clause, *pair, delta)
         found = find_first_contact(a, b, left_hand=context.left_hand)
         if found is not None and clause.speed is not None and not a.slowings:
-            a, found = _down_to(clause, a, b, found, context)
+            a, found = _brake_to_impact_speed(clause, a, b, found, context)
         if found is None:
             continue
-        fault = _fault(found, clause, a, b)
+        fault = _find_fault(found, clause, a, b)
         if fault is not None:
             reached, words, off = fault
             context.note_miss(clause, reached, words, off=off)
             turned_round |= reached is FailureStage.ROLES
             continue
-        if not _in_time(found, clause, b, schedule, context):
+        if not _is_in_time(found, clause, b, schedule, context):
             continue
-        a, found = _startled(clause, a, b, found, context)
+        a, found = _brake_in_last_moment(clause, a, b, found, context)
         if clause.cause == "late_brake" and not a.slowings:
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             context.note_miss(clause, FailureStage.COMPANY, words)
@@ -107,41 +107,43 @@ def _touching(
             continue
         threat = find_threat(context.find_path_conflict(clause), a, b, until=found.time)
         a, b_hit, found = reacted or (a, b, found)
-        end_a, end_b = a.ended(found.time), b_hit.ended(found.time)
+        end_a, end_b = a.end_at(found.time), b_hit.end_at(found.time)
         time = found.time
         begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
         event = ScheduledEvent(clause, time, begins, time, time, found.location)
         staged = True
-        yield schedule.with_event(event, end_a, end_b)
+        yield schedule.add_event(event, end_a, end_b)
     return turned_round and not staged
 
 
-def _inside(clause: Contact, meetings: Intervals, context: SolverContext) -> list[float]:
-    """Offsets inside the intervals, those near the middle first more often.
+def _draw_offsets_inside(
+    clause: Contact, meetings: Intervals, context: SolverContext
+) -> list[float]:
+    """Draw offsets inside the intervals, those near the middle first more often.
 
     Where the vehicles strike follows from the offset, so a point asked for has all of them tried.
     """
     rng = context.rng
     if clause.point_first or clause.point_second or context.wants_impact_point(clause):
-        return _everywhere(meetings, context)
+        return _draw_offsets_everywhere(meetings, context)
     share = 0.5 + 0.45 * np.sort(rng.uniform(-1, 1, _TRIES))[np.argsort(rng.random(_TRIES))]
     return [float(low + (high - low) * x) for low, high in meetings for x in share]
 
 
-def _everywhere(meetings: Intervals, context: SolverContext) -> list[float]:
-    """Offsets all over the intervals, in any order."""
+def _draw_offsets_everywhere(meetings: Intervals, context: SolverContext) -> list[float]:
+    """Draw offsets all over the intervals, in any order."""
     every = [np.arange(low, high, STEP) for low, high in meetings]
     return context.rng.permutation(np.concatenate(every)).tolist() if every else []
 
 
-def _in_time(
+def _is_in_time(
     found: FirstContact,
     clause: Contact,
     b: ScheduledAgent,
     schedule: PartialSchedule,
     context: SolverContext,
 ) -> bool:
-    earliest, latest = _window(clause, b, schedule)
+    earliest, latest = _find_time_window(clause, b, schedule)
     if earliest <= found.time <= latest:
         return True
     late = earliest - found.time
@@ -152,48 +154,50 @@ def _in_time(
     return False
 
 
-def _window(clause: Contact, b: ScheduledAgent, schedule: PartialSchedule) -> tuple[float, float]:
-    """When [s] the contact may come: after what its agents did before.
+def _find_time_window(
+    clause: Contact, b: ScheduledAgent, schedule: PartialSchedule
+) -> tuple[float, float]:
+    """Find when [s] the contact may come: after earlier events of its agents.
 
     A leader that gives way is hit where it stands, once the other has passed.
     """
     if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
         until = b.stops[-1].until
-        return max(schedule.busy_until(clause.first) + 0.5, compute_passing_time(b)), until + 0.2
-    busy = max(schedule.busy_until(name) for name in get_pair(clause))
+        return max(schedule.find_busy_end(clause.first) + 0.5, compute_passing_time(b)), until + 0.2
+    busy = max(schedule.find_busy_end(name) for name in get_pair(clause))
     return busy + 0.5, float("inf")
 
 
-def _startled(
+def _brake_in_last_moment(
     clause: Contact,
     a: ScheduledAgent,
     b: ScheduledAgent,
     found: FirstContact,
     context: SolverContext,
 ) -> tuple[ScheduledAgent, FirstContact]:
-    """The striking vehicle brakes hard in the last moment where that is asked for."""
+    """Make the striking vehicle brake hard in the last moment where that is asked for."""
     kind, asked, rng = a.candidate.shape.type, clause.cause == "late_brake", context.rng
     if kind != "vehicle" or a.slowings or not asked:
         return a, found
     speed = found.speed * float(rng.uniform(*_LATE))
-    braked, again = _braked(a, b, found, speed, context)
+    braked, again = _brake_late(a, b, found, speed, context)
     if (
         again is None
-        or _fault(again, clause, a, b) is not None
+        or _find_fault(again, clause, a, b) is not None
         or abs(again.time - found.time) > 0.6
     ):
         return a, found
     return braked, again
 
 
-def _down_to(
+def _brake_to_impact_speed(
     clause: Contact,
     a: ScheduledAgent,
     b: ScheduledAgent,
     found: FirstContact,
     context: SolverContext,
 ) -> tuple[ScheduledAgent, FirstContact | None]:
-    """The striking vehicle braked to the speed asked for, if it would be faster.
+    """Brake the striking vehicle to the speed asked for, if it would be faster.
 
     It reacts to the other, where the reaction time leaves as much braking as that takes.
     """
@@ -202,10 +206,10 @@ def _down_to(
         return a, found
     aim = max(speed - _SMOOTHED, 0.5)
     braking = draw_braking_to(clause, context, (a, b), found, aim)
-    return _braked(a, b, found, aim, context, braking)
+    return _brake_late(a, b, found, aim, context, braking)
 
 
-def _braked(
+def _brake_late(
     a: ScheduledAgent,
     b: ScheduledAgent,
     found: FirstContact,
@@ -213,30 +217,30 @@ def _braked(
     context: SolverContext,
     braking: float | None = None,
 ) -> tuple[ScheduledAgent, FirstContact | None]:
-    """`a` braking late to `speed` where it would have touched, and its contact then."""
+    """Return `a` braking late to `speed` where it would have touched, and its contact then."""
     at = float(a.motion.compute_positions(np.array([found.time - a.enters]))[0])
     slow = Slowing(at, speed, braking or float(context.rng.uniform(4.0, 6.0)))
-    braked = a.edited(stops=a.stops, slowings=(slow,))
+    braked = a.edit(stops=a.stops, slowings=(slow,))
     return braked, find_first_contact(braked, b, left_hand=context.left_hand)
 
 
 def _make_test(clause: Contact) -> Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool]:
-    """Whether a contact of two placed agents is the one that the clause asks for."""
+    """Build a test of whether the contact of two placed agents is the one asked for."""
 
     def is_wanted(a: ScheduledAgent, b: ScheduledAgent, found: FirstContact) -> bool:
-        return _fault(found, clause, a, b) is None
+        return _find_fault(found, clause, a, b) is None
 
     return is_wanted
 
 
-def _fault(
+def _find_fault(
     found: FirstContact, clause: Contact, a: ScheduledAgent, b: ScheduledAgent
 ) -> tuple[FailureStage, str, float] | None:
-    """Why a contact is not the one that the clause asks for, and by how much; None if it is."""
+    """Find why a contact is not the one asked for, and by how much; None if it is."""
     first, second = get_pair(clause)
     if clause.kind not in (None, found.kind):
         return FailureStage.KIND, f"{first} and {second} touch as {found.kind}", 0.0
-    if not _strikes(found, clause) and not _turns_across(a, b):
+    if not _strikes_with_front(found, clause) and not _turns_across(a, b):
         return FailureStage.ROLES, f"{second} strikes {first}, not the other way round", 0.0
     for name, point, seen in (
         (first, clause.point_first, found.points[0]),
@@ -261,19 +265,19 @@ def _fault(
     return None
 
 
-def _strikes(found: FirstContact, clause: Contact) -> bool:
-    """Whether `first`, which is named as the one who strikes, does so: as a rule with its front."""
-    return found.frontal or not _striker_matters(clause)
+def _strikes_with_front(found: FirstContact, clause: Contact) -> bool:
+    """Return whether `first`, named as the striking agent, strikes: as a rule with its front."""
+    return found.frontal or not _needs_striker(clause)
 
 
 def _turns_across(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Whether `a` turns across the way of a rider beside it, who may run into its side then."""
+    """Return whether `a` turns across the path of a rider beside it that may then hit its side."""
     one, two = a.candidate, b.candidate
     beside = two.shape.type in RIDERS and one.route.entry == two.route.entry
     return beside and one.route.movement != two.route.movement
 
 
-def _striker_matters(clause: Contact) -> bool:
-    """Whether `first` must be the one who strikes."""
+def _needs_striker(clause: Contact) -> bool:
+    """Return whether `first` must be the striking agent."""
     with_front = clause.point_first is None or clause.point_first.startswith("front")
     return with_front and clause.kind not in ("sideswipe", "head_on")

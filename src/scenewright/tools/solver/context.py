@@ -1,4 +1,4 @@
-"""What the serving of every kind of clause works with: one tuple of candidates and its meetings."""
+"""Shared context of scheduling every kind of clause: one tuple of candidates, its conflicts."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from scenewright.tools.solver.schedule import Pairing, PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _APART = (-9.0, 9.0)
-"""How much later than others a pair comes that has nothing to do with them [s]."""
+"""How much later than others a pair without earlier events comes [s]."""
 
 SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
 """Distance between nodes of a path [m] where a PET is measured."""
 
 
 class SolverContext:
-    """One tuple of candidates, with chance and a memory of what failed.
+    """One tuple of candidates, with a random generator and a record of failures.
 
     Args:
         candidates, landmarks: by agent.
-        rng: draws among the many placements that serve a clause.
+        rng: draws among the many placements that satisfy a clause.
         lenient: agents may also wait in the middle of the road, or as long as fits best.
         misses: where the nearest miss of every clause is noted.
         yielding_model: how agents give way here; without one they stand a while near the zone.
@@ -70,32 +70,32 @@ class SolverContext:
         self._marks = landmarks
         self._encounters: dict[Pairing, PathConflict] = {}
 
-    def actor(self, name: str, schedule: PartialSchedule) -> ScheduledAgent:
-        """As placed; else as it opens: its time law's motion, or first a wait at red."""
+    def get_agent(self, name: str, schedule: PartialSchedule) -> ScheduledAgent:
+        """Return the agent as placed; else its free motion, or first a wait at red."""
         if name in schedule.actors:
             return schedule.actors[name]
         if name in self.red_light_starts:
             return self.red_light_starts[name]
-        return ScheduledAgent.unplaced(self.candidates[name], self._marks[name])
+        return ScheduledAgent.build_unplaced(self.candidates[name], self._marks[name])
 
-    def both(
+    def get_pair(
         self, clause: PairClause, schedule: PartialSchedule
     ) -> tuple[ScheduledAgent, ScheduledAgent]:
-        """The clause's two agents."""
+        """Return the clause's two agents."""
         first, second = get_pair(clause)
-        a, b = self.actor(first, schedule), self.actor(second, schedule)
+        a, b = self.get_agent(first, schedule), self.get_agent(second, schedule)
         if schedule.actors and not {first, second} & set(schedule.actors):
-            # The two have nothing to do with those on stage, so they may come at any time.
-            a = a.shifted(float(self.rng.uniform(*_APART)))
+            # Neither is bound to a placed agent, so they may come at any time.
+            a = a.shift(float(self.rng.uniform(*_APART)))
         return a, b
 
     def get_yielding(self, clause: PairClause) -> YieldingBehavior | None:
-        """How those of the class of `first` give way to those of the class of `second`."""
+        """Return how agents of `first`'s class give way to those of `second`'s class."""
         first, second = (self.candidates[name].route.type for name in get_pair(clause))
         return self.yielding_model.get((first, second))
 
     def find_path_conflict(self, clause: PairClause) -> PathConflict:
-        """Where the two paths come close."""
+        """Find where the two paths come close."""
         key = get_pair(clause)
         if key not in self._encounters:
             a, b = (self.candidates[name] for name in key)
@@ -105,17 +105,17 @@ class SolverContext:
     def find_meeting_intervals(
         self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
     ) -> Intervals:
-        """Offsets o_b - o_a [s] that bring the two together."""
+        """Find offsets o_b - o_a [s] at which the two meet."""
         return find_conflict_intervals(
             self.find_path_conflict(clause), a.motion, b.motion, c=0.0, exact=True
         )
 
     def get_requested_pet(self, clause: PairClause) -> TimeGap | None:
-        """The PET asked for between the clause's two agents, by a clause of its own."""
+        """Return the PET asked for between the clause's two agents, by a clause of its own."""
         return self.pets.get(get_pair(clause)) or self.pets.get(get_pair(clause)[::-1])
 
     def find_figure(self, name: str, *agents: str) -> AgentFigure | PairFigure | None:
-        """The figure of this name that is asked for of these agents."""
+        """Find the figure of this name that is asked for of these agents."""
         for each in self.figures:
             of = (each.agent,) if isinstance(each, AgentFigure) else (each.first, each.second)
             if each.clause == name and of == agents:
@@ -123,7 +123,7 @@ class SolverContext:
         return None
 
     def wants_impact_point(self, clause: PairClause) -> bool:
-        """Whether it is asked where on an agent the contact lies, in per cent."""
+        """Return whether an impact point in per cent is asked for."""
         pair = set(get_pair(clause))
         points = (c for c in self.figures if isinstance(c, PairFigure) and "_point" in c.clause)
         return any({each.first, each.second} == pair for each in points)
@@ -131,21 +131,21 @@ class SolverContext:
     def note_miss(
         self, clause: PairClause, reached: FailureStage, words: str, *, off: float = 0.0
     ) -> None:
-        """Notes a miss of the clause."""
+        """Note a miss of the clause."""
         self.misses.note(NearestMiss(clause, reached, words, off))
 
 
 def find_contact_nodes(a: Candidate, b: Candidate) -> PathConflict:
-    """Where two paths come within 0.1 m, as finely as a PET wants it."""
+    """Find where two paths come within 0.1 m, with the resolution of a PET."""
     spacing = (SPACING[a.route.type], SPACING[b.route.type])
     return find_path_conflict(a.path, b.path, shapes=(a.shape, b.shape), reach=0.0, spacing=spacing)
 
 
 def is_in_range(low: float, high: float, value: float) -> bool:
-    """Whether the value is as asked, to the step; one between two already placed may not be."""
+    """Return whether the value is as asked, to the step; between placed agents it may not be."""
     return low - STEP <= value <= high + STEP
 
 
 def compute_excess(low: float, high: float, value: float) -> float:
-    """How far the value lies outside of the range."""
+    """Compute how far the value lies outside of the range."""
     return max(low - value, value - high, 0.0)

@@ -1,7 +1,7 @@
-"""Standing objects in an agent's way: it goes round one, waits behind it, or drives into it.
+"""Standing objects in an agent's path: it passes one, waits behind it, or drives into it.
 
-The object is placed on the agent's own path. Who goes round gets a path that leads past it; who
-waits stops behind it for good; who hits it brakes too late and ends there.
+The object is placed on the agent's own path. To pass it, the agent gets a path that leads round
+it; to wait, it stops behind it for good; to hit it, it brakes too late and ends there.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 geos: Any = import_module("shapely")
 
 _ASIDE = (0.5, 1.0)
-"""How far from an object who goes round it keeps [m]."""
+"""Distance from an object when passing it [m]."""
 
 _RUN, _WIDEST, _STEP = (14.0, 20.0), 4.6, 0.2
-"""Way on which an agent moves over [m]; how far it does at most, and in which steps it is tried."""
+"""Distance over which an agent moves aside [m]; how far at most, and the step of the search."""
 
 _SHARPEST = 0.12
-"""Sharpest bend of a way round [1/m]."""
+"""Largest curvature of a path round an object [1/m]."""
 
 _HEADS_FOR = 5.0
-"""Least way that leads straight at an object before the agent moves over [m]."""
+"""Least distance straight towards an object before the agent moves aside [m]."""
 
 _GAP = (1.2, 3.0)
-"""How far behind an object who waits stands [m]."""
+"""Gap behind an object when waiting [m]."""
 
 _STRIKES, _BRAKES = (3.0, 7.0), (3.5, 6.5)
 """Speed [m/s] at which an object is hit, and braking before that [m/s^2]."""
 
 _SCRAPES = (0.15, 0.45)
-"""How far an agent drifts into what stands beside its way [m]."""
+"""How far an agent drifts into an object beside its path [m]."""
 
 _WHEN = (7.0, 18.0)
-"""When who meets an object and nobody else gets there [s]."""
+"""When an agent without other relations reaches its object [s]."""
 
 _COMES = 12.0
-"""Least way before an object [m]."""
+"""Least distance driven before an object [m]."""
 
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
@@ -64,7 +64,7 @@ _PLACES = 12
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """A candidate that meets an object, which stands at a place.
+    """A candidate that meets an object, and the place of the object.
 
     Attributes:
         touch: arc length of its centre [m] at which it touches the object; where it goes round,
@@ -80,7 +80,7 @@ class Meeting:
 def find_meeting(
     node: ObjectNode, candidate: Candidate, ground: MapAreas, rng: np.random.Generator
 ) -> Meeting | None:
-    """The candidate, meeting the object at a place drawn; None where it fits nowhere."""
+    """Draw a place of the object at which the candidate meets it; None if there is none."""
     places = [
         each
         for leg, side in _list_sides(node, candidate)
@@ -124,7 +124,7 @@ def _meet(
 
 
 def _find_touch(candidate: Candidate, place: ObjectRecord) -> float | None:
-    """Arc length [m] of the centre at which the agent first touches the object."""
+    """Find the arc length [m] of the centre at which the agent first touches the object."""
     s = np.arange(0.0, candidate.path.length, 0.1)
     gaps = make_sweep(candidate, place, s)
     touching = np.flatnonzero(gaps <= 0.0)
@@ -138,7 +138,7 @@ def _lead_round(
     ground: MapAreas,
     rng: np.random.Generator,
 ) -> Candidate | None:
-    """The candidate on a path past the object, on the side that takes it less far."""
+    """Lead the candidate past the object, on the side with the shorter detour."""
     keeps, run = float(rng.uniform(*_ASIDE)), float(rng.uniform(*_RUN))
     beside = touch, touch + candidate.shape.length + place.length
     left = -1.0 if ground.intersection_map.left_hand_traffic else 1.0
@@ -147,7 +147,9 @@ def _lead_round(
     for wide in np.arange(_STEP, _WIDEST, _STEP):
         for side in (left, -left):
             path = shift_aside(candidate.path, float(side * wide), *beside, run=run)
-            if np.abs(path.curvature).max() > max(_SHARPEST, _bend(candidate.path)):
+            if np.abs(path.curvature).max() > max(
+                _SHARPEST, _compute_largest_curvature(candidate.path)
+            ):
                 continue
             own = _follow(candidate, path)
             clear = not is_in_way(own, (place,), margin=keeps)
@@ -156,14 +158,14 @@ def _lead_round(
     return None
 
 
-def _bend(path: Path) -> float:
+def _compute_largest_curvature(path: Path) -> float:
     return float(np.abs(path.curvature).max())
 
 
 def _draw_drift(
     place: ObjectRecord, candidate: Candidate, rng: np.random.Generator
 ) -> Candidate | None:
-    """The candidate on a path that drifts into the side of what stands beside it."""
+    """Draw a path of the candidate that drifts into the side of the object beside it."""
     s = sample_evenly(candidate.path.length, 200)
     gaps = make_sweep(candidate, place, s)
     k = int(gaps.argmin())
@@ -177,32 +179,32 @@ def _draw_drift(
 
 
 def shift_aside(path: Path, wide: float, begins: float, ends: float, *, run: float) -> Path:
-    """The path moved to its left by `wide` [m] from `begins` to `ends` [m].
+    """Shift the path to its left by `wide` [m] from `begins` to `ends` [m].
 
     Args:
-        run: way on which it goes over, and back again [m].
+        run: distance over which it moves aside, and back again [m].
     """
-    out = _ease((path.s - begins + run) / run)
-    back = _ease((ends + run - path.s) / run)
+    out = _smooth_step((path.s - begins + run) / run)
+    back = _smooth_step((ends + run - path.s) / run)
     leftward = np.stack((-np.sin(path.heading), np.cos(path.heading)), axis=1)
     return build_even_path(path.xy + (wide * out * back)[:, None] * leftward)
 
 
-def _ease(x: FloatArray) -> FloatArray:
-    """[N] 0 to 1 without a jerk."""
+def _smooth_step(x: FloatArray) -> FloatArray:
+    """Smooth step [N] from 0 to 1 without a jerk."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x**3 * (10 - 15 * x + 6 * x**2))
 
 
 def _follow(candidate: Candidate, path: Path) -> Candidate:
-    """The candidate on another path, its waypoints at equal arc length on that."""
+    """Put the candidate on another path, its waypoints at equal arc length on that."""
     s = sample_evenly(path.length, K)
     waypoints = np.stack([np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=1)
     return replace(candidate, path=path, waypoints=waypoints)
 
 
 def _stays_on_road(candidate: Candidate, ground: MapAreas) -> bool:
-    """Whether both sides of the vehicle keep to the road."""
+    """Return whether both sides of the vehicle keep to the road."""
     path, half = candidate.path, candidate.shape.width / 2
     leftward = np.stack((-np.sin(path.heading), np.cos(path.heading)), axis=1)
     return all(
@@ -213,8 +215,8 @@ def _stays_on_road(candidate: Candidate, ground: MapAreas) -> bool:
 def place_encounter(
     meeting: Meeting, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent | None:
-    """Who meets an object and nobody else, in time; None if it cannot stop, or is too slow."""
-    actor = ScheduledAgent.unplaced(meeting.candidate, landmarks)
+    """Time an agent that meets only an object; None if it cannot stop, or is too slow."""
+    actor = ScheduledAgent.build_unplaced(meeting.candidate, landmarks)
     match meeting.node.encounter:
         case "waits_behind":
             stopping = _wait(actor, meeting, rng)
@@ -222,12 +224,12 @@ def place_encounter(
                 return None
             actor, there = stopping
         case "hits":
-            actor, there = _strike(actor, meeting, rng)
+            actor, there = _brake_too_late(actor, meeting, rng)
         case _:
             there = actor.motion.find_time_at(meeting.touch)
     if not np.isfinite(there):
         return None
-    return actor.shifted(round(float(rng.uniform(*_WHEN)) - there, 1))
+    return actor.shift(round(float(rng.uniform(*_WHEN)) - there, 1))
 
 
 def _wait(
@@ -239,19 +241,19 @@ def _wait(
         return None
     stands = compute_arrival(meeting.candidate, StopCommand(s, 0.0))
     stop = Stop("stopping_point", s, stands, stands + _FOR_GOOD, "waits")
-    return actor.edited(stops=(stop,)), stands
+    return actor.edit(stops=(stop,)), stands
 
 
-def _strike(
+def _brake_too_late(
     actor: ScheduledAgent, meeting: Meeting, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float]:
-    """It brakes too late, and ends where it touches the object."""
+    """Brake it too late, ending where it touches the object."""
     slowing = Slowing(meeting.touch, float(rng.uniform(*_STRIKES)), float(rng.uniform(*_BRAKES)))
-    braking = actor.edited(stops=(), slowings=(slowing,))
+    braking = actor.edit(stops=(), slowings=(slowing,))
     touches = braking.motion.find_time_at(meeting.touch)
-    return braking.ended(touches), touches
+    return braking.end_at(touches), touches
 
 
 def list_meetings(nodes: Sequence[ObjectNode]) -> dict[str, ObjectNode]:
-    """The objects that agents meet, by agent."""
+    """List the objects that agents meet, by agent."""
     return {str(each.met_by): each for each in nodes if each.met_by is not None}

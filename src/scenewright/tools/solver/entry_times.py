@@ -1,4 +1,4 @@
-"""When agents that no relation binds may come: on green, waiting at red, or behind others."""
+"""Entry times of agents that no relation binds: on green, waiting at red, or in a queue."""
 
 from __future__ import annotations
 
@@ -34,17 +34,18 @@ KERB_GAP, KERB_ROW = 0.45, (0.7, 1.0)
 """Waiting pedestrians: from the kerb, and from one row of them to the next [m]."""
 
 START_LAG, FOLLOW_LAG, STOP_LAG = (0.8, 1.5), (1.05, 1.7), (1.2, 4.0)
-"""From green to the first one's start, from the next ahead's start to one's own, and from its
-standing to one's own [s]: whoever follows sooner than that comes too near on the way."""
+"""From green to the first one's start, from the start of the next ahead to its own, and from its
+standstill to its own [s]: a follower with less lag comes too near on the way."""
 
 _LANE_OFFSET, _ONE_WAY = 2.6, 0.85
-"""Who stands within 2.6 m of a path, facing its way (cosine), leaves no room to stand beside it."""
+"""A standing vehicle within 2.6 m of a path, with a heading this close (cosine), blocks it."""
 
 _SEEN, _GRID = 4.0, 0.5
-"""How long everybody is seen at least; how finely moments to come at are told apart [s]."""
+"""How long every agent is visible at least; spacing of the entry times tried [s]."""
 
 STARTED = -6.0
-"""Who started longer before the scene than this has hardly anything of its start left [s]."""
+"""An agent that set off longer before the scene than this has hardly anything of its start left
+[s]."""
 
 Span = tuple[float, float]
 
@@ -63,7 +64,7 @@ class SceneTiming:
 
 @dataclass(frozen=True, eq=False)
 class RedLightWait:
-    """An agent that comes upon red, first in its lane, and waits.
+    """An agent that arrives first in its lane at red, and waits.
 
     Attributes:
         gap: from its front, or on foot its middle, to the line [m].
@@ -90,7 +91,8 @@ class RedLightWait:
 
     @property
     def holds(self) -> bool:
-        """Whether there is a red light to wait at, its end seen in the scene, and room to stand."""
+        """Return whether it can wait at red light, its end visible in the scene, with room to
+        stand."""
         group, clock = self.free.landmarks.group, self.moment.clock
         if clock is None or self.free.landmarks.line is None or group is None or self.s < 3.0:
             return False
@@ -108,22 +110,22 @@ class RedLightWait:
         return green + self.lag
 
     def actor(self) -> ScheduledAgent:
-        """It in motion, entering at time 0."""
+        """The agent in motion, entering at time 0."""
         stop = build_red_light_stop(self.free, self.s)
         until = max(self.release - self.enters, stop.start)
-        held = self.free.edited(stops=(replace(stop, until=until),))
-        return held.until(self.moment.duration - self.enters)
+        held = self.free.edit(stops=(replace(stop, until=until),))
+        return held.cut_after(self.moment.duration - self.enters)
 
 
 def build_red_light_stop(actor: ScheduledAgent, s: float) -> Stop:
-    """Its standstill at `s` [m], before its light, until the moment in which it begins."""
+    """Build its stop at `s` [m], before its light, until the moment in which it begins."""
     anchor = "kerb" if actor.candidate.route.type == "pedestrian" else "stop_line"
     start = actor.enters + compute_arrival(actor.candidate, StopCommand(s, 0.0))
     return Stop(anchor, s, start, start, "red_light")
 
 
 def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.int64]:
-    """Entry times [steps] at which the agent is seen for 4 s and obeys its light."""
+    """Find entry times [steps] at which the agent is visible for 4 s and obeys its light."""
     first, last = 4.0 - STEP * len(actor.motion.s), moment.duration - 4.0
     steps = np.arange(int(np.ceil(first / STEP)), int(last / STEP) + 1, dtype=np.int64)
     line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
@@ -138,7 +140,7 @@ def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.i
 
 
 def _is_on_crosswalk(actor: ScheduledAgent, times: FloatArray) -> NDArray[np.bool_]:
-    """[N] whether a pedestrian is on its crosswalk at local times [s]."""
+    """Return [N] whether a pedestrian is on its crosswalk at local times [s]."""
     own = [each for each in actor.landmarks.crosswalks if each[0] == actor.landmarks.own_crosswalk]
     s = np.where(times > 0.0, actor.motion.compute_positions(times), -np.inf)
     inside = [(begin - 0.5 < s) & (s < end + 0.5) for _, begin, end in own]
@@ -146,7 +148,7 @@ def _is_on_crosswalk(actor: ScheduledAgent, times: FloatArray) -> NDArray[np.boo
 
 
 def starts_on_red(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> bool:
-    """Whether a pedestrian is on its crosswalk when the scene begins, and its light is red then."""
+    """Return whether a pedestrian starts the scene on its crosswalk while its light is red."""
     group, clock = actor.landmarks.group, moment.clock
     if clock is None or group is None or clock.colour(group, 0.0) != "red":
         return False
@@ -154,11 +156,12 @@ def starts_on_red(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> 
 
 
 def compute_arrival_entry(free: ScheduledAgent, moment: SceneTiming, chance: float) -> float:
-    """When a chance arrival enters [s], given that it is seen: `chance` picks among all moments.
+    """Compute when a random arrival enters [s], given that it is visible; `chance` picks the
+    quantile.
 
-    Arrivals are uniform in time. Who came to a green light long before the scene has gone; who came
-    to a red one then still stands there when the scene begins. So the moments to pick from reach
-    back as far as the light has been red.
+    Arrivals are uniform in time. An agent that came to a green light long before the scene has
+    gone; one that came to a red light then still stands there when the scene begins. So the entry
+    times reach back as far as the light has been red.
     """
     first, last = _SEEN - STEP * len(free.motion.s), moment.duration - _SEEN
     line, group, clock = free.landmarks.line, free.landmarks.group, moment.clock
@@ -168,12 +171,12 @@ def compute_arrival_entry(free: ScheduledAgent, moment: SceneTiming, chance: flo
     enters = np.arange(min(first, -cycle), last, _GRID)
     edges, green = get_phases(clock.program, group, ("green",))
     way = free.motion.find_time_at(line)
-    moments = _seen(enters, way, first, edges, green, cycle, clock.offset)
+    moments = _select_visible(enters, way, first, edges, green, cycle, clock.offset)
     return float(moments[int(chance * len(moments))]) if len(moments) else first
 
 
 @compiled
-def _seen(
+def _select_visible(
     enters: FloatArray,
     way: float,
     first: float,
@@ -182,10 +185,11 @@ def _seen(
     cycle: float,
     offset: float,
 ) -> FloatArray:
-    """Of evenly spaced times to enter at, those of who is seen: on its way or at its light [s].
+    """Select, of evenly spaced entry times, those at which the agent is on its way or at its light
+    [s].
 
     Args:
-        way: time to the light; first: from when on who meets green is seen [s].
+        way: time to the light; first: from when on an agent that meets green is visible [s].
         edges, green: phases of the light; cycle, offset: of its programme [s].
     """
     goes, seen, count = np.inf, np.empty(len(enters)), 0
@@ -209,14 +213,14 @@ def count_visible_agents(
     duration: float,
     intersection_map: IntersectionMap,
 ) -> FloatArray:
-    """[N] how many of those who come by chance there are to see under each offset, relatively.
+    """Count the random arrivals [N] visible under each signal offset, relatively.
 
-    Arrivals are even in time, and a scene shows those of its own length [s] and whoever still waits
-    at a light that was red before. A scene shows as many under every offset; under one that brings
-    a queue there are more to show.
+    Arrivals are uniform in time; a scene shows those of its own duration [s] and those still
+    waiting at a light that was red before. A scene shows as many under every offset; under one that
+    brings a queue more are visible.
     """
     people = list(crowd)
-    return duration * max(len(people), 1) + _red_of_all(
+    return duration * max(len(people), 1) + _compute_total_red(
         program, offsets, people, intersection_map=intersection_map
     )
 
@@ -229,27 +233,27 @@ def compute_queue_growth(
     duration: float,
     intersection_map: IntersectionMap,
 ) -> FloatArray:
-    """[N] how much longer queues are at a scene's end than at its beginning, by offset [s of red].
+    """Compute how much queues [N] grow during a scene, by signal offset [s of red].
 
-    The mean over the vehicles of a crowd of how long their lights have not been green. Below 0,
+    The mean over the vehicles of how long their lights have not been green. Below 0,
     more set off in the scene than come to stand; over all moments of a programme it is 0.
     """
     drivers = [route for route in crowd if route.type == "vehicle"]
     begin, end = (
-        _red_of_all(program, moments, drivers, intersection_map=intersection_map)
+        _compute_total_red(program, moments, drivers, intersection_map=intersection_map)
         for moments in (offsets, offsets + duration)
     )
     return np.asarray((end - begin) / max(len(drivers), 1))
 
 
-def _red_of_all(
+def _compute_total_red(
     program: SignalProgram,
     offsets: FloatArray,
     crowd: Iterable[Route],
     *,
     intersection_map: IntersectionMap,
 ) -> FloatArray:
-    """[N] for how long the lights of a crowd have not been green, summed over its members [s]."""
+    """Compute the summed time [N] since the lights of several agents were last green [s]."""
     groups = Counter(intersection_map.signal_group_of(route) for route in crowd)
     red = np.zeros(len(offsets))
     for group, count in groups.items():
@@ -259,9 +263,10 @@ def _red_of_all(
 
 
 def passes_on_green(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> bool:
-    """Whether an actor that enters at scene time [s] has green at its line, or never gets there.
+    """Return whether an agent that enters at scene time [s] has green at its line, or never
+    arrives.
 
-    The light may have changed again since whoever it queues behind went.
+    The light may have changed again since the vehicle ahead in its queue left.
     """
     line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
     if clock is None or line is None or group is None:
@@ -271,7 +276,7 @@ def passes_on_green(actor: ScheduledAgent, moment: SceneTiming, enters: float) -
 
 
 def compute_red_span(free: ScheduledAgent, moment: SceneTiming, enters: float) -> Span:
-    """From when until when [s] the light keeps who enters then; no time at all if it is green."""
+    """Compute when [s] the light holds an agent that enters then; an empty span if it is green."""
     line, group, clock = free.landmarks.line, free.landmarks.group, moment.clock
     reaches = enters + free.motion.find_time_at(line or 0.0)
     if clock is None or group is None or line is None:
@@ -281,10 +286,10 @@ def compute_red_span(free: ScheduledAgent, moment: SceneTiming, enters: float) -
 
 @dataclass(frozen=True)
 class QueueTail:
-    """The last who stands in a lane.
+    """The last vehicle of a queue.
 
     Attributes:
-        rear: arc length [m] of its rear on the path of who comes behind it.
+        rear: arc length [m] of its rear on the path of a follower.
         start, until: [s] of its standstill; law: how it drives.
     """
 
@@ -297,15 +302,15 @@ class QueueTail:
 def find_queue_tail(
     candidate: Candidate, standing: Sequence[ScheduledAgent], span: Span = (-np.inf, np.inf)
 ) -> QueueTail | None:
-    """The last who stands on the candidate's path at some time of a span [s]."""
+    """Find the last vehicle standing on the candidate's path at some time of a span [s]."""
     found: QueueTail | None = None
     for actor in standing:
-        for s, start, until in _standstills(actor):
+        for s, start, until in _list_standstills(actor):
             if until < span[0] or start > span[1]:
                 continue
-            x, y, heading = actor.pose(s)
+            x, y, heading = actor.get_pose(s)
             path = candidate.path
-            node, away = _nearest(path.xy, x, y)
+            node, away = _find_nearest(path.xy, x, y)
             if away > _LANE_OFFSET or math.cos(path.heading[node] - heading) < _ONE_WAY:
                 continue
             rear = float(path.s[node]) - actor.candidate.shape.length / 2
@@ -315,8 +320,8 @@ def find_queue_tail(
 
 
 @compiled
-def _nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
-    """Which of points [N, 2] is nearest to (x, y), and how far away it is [m]."""
+def _find_nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
+    """Find the point [N, 2] nearest to (x, y), and its distance [m]."""
     node, least = 0, np.inf
     for n in range(len(xy)):
         away = np.hypot(xy[n, 0] - x, xy[n, 1] - y)
@@ -326,7 +331,7 @@ def _nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
 
 
 def limit_to_leader(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
-    """The candidate at the pace of who goes ahead of it: nobody drives through its leader."""
+    """Limit the candidate's pace to its leader's, as it cannot drive through it."""
     law = candidate.time_law
     pace = replace(
         law,
@@ -340,8 +345,9 @@ def _stands(stop: Stop, last: float) -> bool:
     return not stop.rolls and stop.s <= last + 0.5
 
 
-def _standstills(actor: ScheduledAgent) -> Iterator[tuple[float, float, float]]:
-    """Arc length [m], start and end [s] of every stay of a vehicle, its wreck included."""
+def _list_standstills(actor: ScheduledAgent) -> Iterator[tuple[float, float, float]]:
+    """List arc length [m], start and end [s] of every standstill of a vehicle, its wreck
+    included."""
     if actor.candidate.route.type == "pedestrian":
         return
     last = float(actor.motion.s[-1])

@@ -1,4 +1,4 @@
-"""Figures of a staging that a program asks for: what they are, and whether they are as asked."""
+"""Figures asked for of a schedule: how they are measured, and whether they are in range."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_
 FigureClause = AgentFigure | PairFigure
 
 _STANDING, _BRIEF = 0.3, 0.5
-"""Slower is standing [m/s]; shorter is no standstill [s]."""
+"""Slower than this is standing [m/s]; a shorter standstill does not count [s]."""
 
 _FOLLOWS = (0.5, 4.0)
-"""Headways of one who follows [s] (SEMANTICS 4)."""
+"""Headways of a follower [s] (SEMANTICS 4)."""
 
 _FRONT = 0.3
-"""How far behind the foremost point a contact still is at the front [m]."""
+"""How far behind the foremost point a contact still counts as frontal [m]."""
 
 
 def find_unmet_figure(
     figures: Iterable[FigureClause], schedule: PartialSchedule, *, timed: bool
 ) -> tuple[FigureClause, float] | None:
-    """The first figure that is not as asked, and by how much; infinite if there is none.
+    """Find the first figure out of range, and by how much; infinite if it does not occur.
 
     Args:
-        timed: the schedule is in scene time; figures of scene time are looked at.
+        timed: the schedule is in scene time, so figures of scene time are measured too.
     """
     for clause in figures:
         if clause.clause == "time" and not timed:
@@ -45,7 +45,7 @@ def find_unmet_figure(
 
 
 def describe_miss(clause: FigureClause, off: float) -> str:
-    """What cannot be met, and by how much."""
+    """Describe which figure cannot be met, and by how much."""
     if not np.isfinite(off):
         return f"{format_clause(clause)}: there is no such moment in the scene"
     unit = get_unit(clause.clause)
@@ -55,10 +55,10 @@ def describe_miss(clause: FigureClause, off: float) -> str:
 def compute_figures(
     clause: FigureClause, schedule: PartialSchedule, *, timed: bool
 ) -> tuple[float, ...]:
-    """The values that must lie in the clause's range; none where nothing of the kind happens."""
+    """Compute the values that must lie in the clause's range; none where no such event occurs."""
     if isinstance(clause, AgentFigure):
         actor = schedule.actors.get(clause.agent)
-        return () if actor is None else _of_agent(clause, actor, timed=timed)
+        return () if actor is None else _compute_agent_figure(clause, actor, timed=timed)
     a, b = (schedule.actors.get(name) for name in (clause.first, clause.second))
     event = _find_event(schedule, clause)
     if a is None or b is None or event is None:
@@ -77,21 +77,23 @@ def compute_figures(
 
 
 def _find_event(schedule: PartialSchedule, clause: PairFigure) -> ScheduledEvent | None:
-    """What happens between the two; their collision, if there is one."""
+    """Find the event between the two; their collision, if there is one."""
     pair = {clause.first, clause.second}
     found = [e for e in schedule.events if {e.clause.first, e.clause.second} == pair]
     found.sort(key=lambda each: not isinstance(each.clause, Contact))
     return found[0] if found else None
 
 
-def _of_agent(clause: AgentFigure, actor: ScheduledAgent, *, timed: bool) -> tuple[float, ...]:
+def _compute_agent_figure(
+    clause: AgentFigure, actor: ScheduledAgent, *, timed: bool
+) -> tuple[float, ...]:
     line = actor.landmarks.line
     match clause.clause:
         case "kept_speed":
             return _compute_kept_speed(actor, timed=timed)
         case "line_speed":
             at = np.inf if line is None else actor.motion.find_time_at(line)
-            return (_speed_at(actor, at),) if np.isfinite(at) else ()
+            return (_compute_speed_at(actor, at),) if np.isfinite(at) else ()
         case "braking" | "acceleration":
             change = _compute_seen_change(actor, timed=timed)
             return (float((-change if clause.clause == "braking" else change).max(initial=0.0)),)
@@ -104,7 +106,7 @@ def _of_agent(clause: AgentFigure, actor: ScheduledAgent, *, timed: bool) -> tup
 
 
 def _compute_kept_speed(actor: ScheduledAgent, *, timed: bool) -> tuple[float, ...]:
-    """The highest speed that is kept for a second while the agent is seen [m/s]."""
+    """Compute the highest speed kept for a second while the agent is visible [m/s]."""
     first = max(round(-actor.enters / STEP), 0) if timed else 0
     speed, window = actor.motion.speed[first:], round(1.0 / STEP)
     if len(speed) <= window:
@@ -113,25 +115,26 @@ def _compute_kept_speed(actor: ScheduledAgent, *, timed: bool) -> tuple[float, .
     return (float(kept.max()),)
 
 
-def _speed_at(actor: ScheduledAgent, local: float) -> float:
+def _compute_speed_at(actor: ScheduledAgent, local: float) -> float:
     return float(np.interp(local, STEP * np.arange(len(actor.motion.s)), actor.motion.speed))
 
 
 def _compute_last_speed(actor: ScheduledAgent) -> float:
-    """Speed over the last tenth of a second of a motion that ends in a contact [m/s]."""
+    """Compute the speed over the last tenth of a second of a motion that ends in a contact
+    [m/s]."""
     s = actor.motion.s
     return float((s[-2] - s[-3]) / STEP) if len(s) > 2 else 0.0
 
 
 def _compute_seen_change(actor: ScheduledAgent, *, timed: bool) -> FloatArray:
-    """[T] acceleration over 0.3 s [m/s^2] while the agent is seen."""
+    """Compute the acceleration [T] over 0.3 s [m/s^2] while the agent is visible."""
     change = np.convolve(np.gradient(actor.motion.speed, STEP), np.full(3, 1 / 3), mode="same")
     first = max(round(-actor.enters / STEP), 0) if timed else 0
     return np.asarray(change[first + 1 : -1])
 
 
 def _list_stands(actor: ScheduledAgent) -> list[tuple[float, float, float]]:
-    """Standstills: start, end [s] and arc length [m]; first that of giving way, or the longest."""
+    """List standstills: start, end [s], arc length [m]; first the yielding one, or the longest."""
     slow = np.concatenate(([False], actor.motion.speed <= _STANDING, [False]))
     edges = np.flatnonzero(slow[1:] != slow[:-1]).reshape(-1, 2)
     found = [
@@ -146,7 +149,7 @@ def _list_stands(actor: ScheduledAgent) -> list[tuple[float, float, float]]:
 
 
 def _compute_way_to_mark(actor: ScheduledAgent, s: float) -> tuple[float, ...]:
-    """From the front to the next stop line, kerb or crosswalk ahead [m]."""
+    """Compute the distance from the front to the next stop line, kerb or crosswalk ahead [m]."""
     line = actor.landmarks.line
     marks = [begins for _, begins, _ in actor.landmarks.crosswalks]
     ahead = [mark - s for mark in (*marks, *([] if line is None else [line])) if mark - s > -0.05]
@@ -156,11 +159,11 @@ def _compute_way_to_mark(actor: ScheduledAgent, s: float) -> tuple[float, ...]:
 def _compute_following(
     a: ScheduledAgent, b: ScheduledAgent, *, in_metres: bool
 ) -> tuple[float, ...]:
-    """The least and the median headway [s], or gap [m], of the longest stretch of following."""
+    """Compute least and median headway [s], or gap [m], of the longest stretch of car-following."""
     times = get_shared_times(a, b)
     if times is None:
         return ()
-    ahead = b.at(times)[:, :2] - a.at(times)[:, :2]
+    ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
     clock = STEP * np.arange(len(a.motion.s))
     speed = np.interp(times - a.enters, clock, a.motion.speed)
@@ -180,8 +183,9 @@ def _find_longest_run(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> slic
 def _compute_impact_share(
     clause: PairFigure, a: ScheduledAgent, b: ScheduledAgent, event: ScheduledEvent
 ) -> tuple[float, ...]:
-    """Where on the first agent the contact lies [%]: across its front, or along its side."""
-    x, y, heading = a.at(np.array([event.time]))[0].tolist()
+    """Compute where on the first agent the contact lies [%]: across its front, or along its
+    side."""
+    x, y, heading = a.get_poses(np.array([event.time]))[0].tolist()
     shape, (px, py) = a.candidate.shape, event.location
     along = (px - x) * np.cos(heading) + (py - y) * np.sin(heading)
     across = (py - y) * np.cos(heading) - (px - x) * np.sin(heading)
@@ -197,8 +201,8 @@ def _compute_impact_share(
 
 
 def _comes_from_left(a: ScheduledAgent, b: ScheduledAgent, time: float) -> bool:
-    """Whether the second agent moves to the right as the first one sees it."""
-    before, after = b.at(np.array([time - 0.3, time]))[:, :2]
-    heading = a.at(np.array([time]))[0, 2]
+    """Return whether the second agent moves to the right as seen by the first."""
+    before, after = b.get_poses(np.array([time - 0.3, time]))[:, :2]
+    heading = a.get_poses(np.array([time]))[0, 2]
     step = after - before
     return bool(step[1] * np.cos(heading) - step[0] * np.sin(heading) < 0.0)

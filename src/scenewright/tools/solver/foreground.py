@@ -1,8 +1,8 @@
-"""Staging the foreground: spawn times and edits under which every relation happens.
+"""Scheduling of the foreground: entry times and edits under which every relation holds.
 
 Each pair clause of the constraint language is a target set for delta, the difference of the two
-agents' entry times (see `path_conflict`). Clauses are served in order, depth first: an agent that
-is placed keeps its time, the other one gets the delta that the clause wants.
+agents' entry times (see `path_conflict`). Clauses are scheduled in order, depth first: a placed
+agent keeps its time, the other one gets the delta that the clause needs.
 
     contact    delta inside C(0), the first contact of the wanted kind
     time_gap   delta at the wanted distance outside C(0)
@@ -47,44 +47,45 @@ from scenewright.tools.solver.time_gaps import schedule_headways, schedule_time_
 from scenewright.tools.solver.yielding import schedule_yields
 
 _CLEARLY = 0.2
-"""How much earlier [s] who comes first into the zone of a collision must be there."""
+"""How much earlier [s] the first agent in the zone of a collision must be there."""
 
 _SLOWS = 5.5
 """How long before a stop [s] the light must not explain it."""
 
 
 class ForegroundSolver:
-    """Serves pair clauses for one tuple of candidates."""
+    """Schedules pair clauses for one tuple of candidates."""
 
     def __init__(self, context: SolverContext) -> None:
         self._context = context
 
-    def play(
+    def schedule_all(
         self, clauses: tuple[PairClause, ...], schedule: PartialSchedule
     ) -> Iterator[PartialSchedule]:
-        """Every staging (lazily, several per clause) under which all clauses hold, in order."""
+        """List every schedule (lazily, several per clause) under which all clauses hold, in
+        order."""
         gaps = [each for each in clauses if isinstance(each, TimeGap)]
         self._context.pets = {get_pair(each): each for each in gaps}
         named = Counter(name for each in clauses for name in get_pair(each))
         self._context.busy = frozenset(name for name, count in named.items() if count > 1)
-        # A PET asked for on top of another relation of the two is looked at when that is placed.
-        ordered = sorted(clauses, key=lambda each: each in gaps and _bound(each, clauses))
-        yield from self._play(tuple(ordered), schedule)
+        # A PET asked for besides another relation of the two is checked when that one is placed.
+        ordered = sorted(clauses, key=lambda each: each in gaps and _is_bound(each, clauses))
+        yield from self._schedule_rest(tuple(ordered), schedule)
 
-    def _play(
+    def _schedule_rest(
         self, clauses: tuple[PairClause, ...], schedule: PartialSchedule
     ) -> Iterator[PartialSchedule]:
         if not clauses:
             yield schedule
             return
         first, *others = clauses
-        for staged in _served(first, schedule, self._context):
+        for staged in _schedule_clause(first, schedule, self._context):
             check_time()
-            self._context.misses.served(first)
-            yield from self._play(tuple(others), staged)
+            self._context.misses.note_met(first)
+            yield from self._schedule_rest(tuple(others), staged)
 
 
-def _served(
+def _schedule_clause(
     clause: PairClause, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     match clause:
@@ -106,16 +107,16 @@ def _served(
             raise ValueError(f"{clause.clause} is not staged")
 
 
-def _bound(gap: PairClause, clauses: tuple[PairClause, ...]) -> bool:
-    """Whether another clause relates the same two agents."""
+def _is_bound(gap: PairClause, clauses: tuple[PairClause, ...]) -> bool:
+    """Return whether another clause relates the same two agents."""
     pair = set(get_pair(gap))
     return any(set(get_pair(each)) == pair for each in clauses if not isinstance(each, TimeGap))
 
 
 def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:
-    """Whether `first` leaves the pair's conflict zone before `second` enters it.
+    """Return whether `first` leaves the pair's conflict zone before `second` enters it.
 
-    Where the two end in a collision: whether it enters the zone first.
+    Where the two collide: whether it enters the zone first.
     """
     pair = find_contact_nodes(first.candidate, second.candidate)
     if first.contact is not None and first.contact == second.contact:
@@ -126,7 +127,7 @@ def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:
 
 
 def _enters_first(pair: PathConflict, first: ScheduledAgent, second: ScheduledAgent) -> bool:
-    """Whether `first` is clearly earlier where it could first touch the other than that one is."""
+    """Return whether `first` is clearly earlier than `second` where the two could first touch."""
     if not len(pair.i):
         return False
     early = first.enters + first.motion.find_time_at(float(pair.s_a[pair.i].min()))
@@ -135,24 +136,24 @@ def _enters_first(pair: PathConflict, first: ScheduledAgent, second: ScheduledAg
 
 
 _YELLOW = 0.7
-"""How long a light has been yellow at least for who passes it then [s]."""
+"""Least time since a light turned yellow for an agent that passes it then [s]."""
 
 
 def list_signal_demands(
     actor: ScheduledAgent, *, violates: bool, until: float, yellow: bool = False
 ) -> tuple[SignalDemand, ...]:
-    """What the signal plan must show for this actor: to obey it, or to run its light."""
+    """List what the signal plan must show for this agent: to obey it, or to run its light."""
     line, group = actor.landmarks.line, actor.landmarks.group
     if line is None or group is None:
         return ()
-    found = [_red_while(stop, actor, group, until) for stop in actor.stops if stop.at_red]
+    found = [_demand_red(stop, actor, group, until) for stop in actor.stops if stop.at_red]
     crosses = actor.enters + actor.motion.find_time_at(line)
     if not np.isfinite(crosses) or crosses > until or crosses < -25.0:
         return tuple(found)
     if yellow:
         return (*found, SignalDemand(group, crosses - _YELLOW, crosses + 0.3, ("yellow",)))
     if violates:
-        # Who slows at a light that is not green waits for the light.
+        # An agent that slows at a light that is not green waits for the light.
         slows = [each.start for each in actor.stops if each.reason == "gives_way" and each.s < line]
         found += [SignalDemand(group, start - _SLOWS, start + 0.3, ("green",)) for start in slows]
         return (*found, SignalDemand(group, crosses - 0.5, crosses + 0.4, ("red",)))
@@ -163,8 +164,8 @@ def list_signal_demands(
     return (*found, SignalDemand(group, begins, crosses + 0.5, ("green",)))
 
 
-def _red_while(stop: Stop, actor: ScheduledAgent, group: str, until: float) -> SignalDemand:
-    """Red from before the agent slows for its stop until it is hit, or until the light changes.
+def _demand_red(stop: Stop, actor: ScheduledAgent, group: str, until: float) -> SignalDemand:
+    """Demand red from before the agent slows for its stop until it is hit, or the light changes.
 
     Where it has started before the scene begins, red just before that.
     """

@@ -1,11 +1,11 @@
 """The search around agents of an earlier version that stay as they are (`scene/frozen_agents.py`).
 
-Who is fixed keeps its motion and its entry time. A clause between two of those held before and is
-not served again; the checker sees to it that it still does. A clause between one of them and
-somebody else is served with the first on stage, so that the other one gets the time that fits. What
-has to do with nobody on stage is played for itself and moved to where the lights, whose programme
-keeps its offset, allow it. Background agents that stay are seated where they were; only those who
-have come into somebody's way are seated anew.
+A fixed agent keeps its motion and its entry time. A clause between two of them held before and is
+not scheduled again; the checker verifies that it still holds. A clause between a fixed agent and
+another is scheduled with the fixed one already placed, so that the other gets the time that fits.
+Agents bound to no fixed agent are scheduled on their own and moved to where the lights, whose
+programme keeps its offset, allow it. Background agents that stay keep their assignment; only those
+in conflict with a new agent are assigned anew.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from scenewright.tools.solver.search import (
     MAX_SECONDS,
     Search,
     TimedSchedule,
-    _needed,
+    _find_needed_end,
     add_tuple_count,
 )
 
@@ -48,7 +48,8 @@ _SAME_WAY = 4
 """How often the candidates of the earlier version are tried before others."""
 
 _MOST, _IN_VAIN, _MOST_UNSEATED = 7, 6, 2
-"""Tuples per relation that are tried; after which it is given up if none is staged, or seated."""
+"""Tuples tried per relation; failures after which it is given up if none is scheduled, or
+assigned."""
 
 _LATEST_FIRST = 22.0
 """Latest time [s] of a first event that is moved to where the lights allow it."""
@@ -70,37 +71,42 @@ class FrozenAgentsSearch(Search):
     ) -> None:
         super().__init__(program, pool, map_areas, rng, lenient, objects=objects)
         self._pins = frozen
-        self._placer.keep(frozen.earlier.objects)
+        self._placer.keep_earlier(frozen.earlier.objects)
         self._related = {frozenset(get_pair(each)) for each in self._events}
-        self._events = tuple(each for each in self._events if self._open(each))
-        self._near = tuple(each for each in self._near if self._open(each))
-        self._before = tuple(each for each in self._before if self._open(each))
+        self._events = tuple(each for each in self._events if self._needs_scheduling(each))
+        self._near = tuple(each for each in self._near if self._needs_scheduling(each))
+        self._before = tuple(each for each in self._before if self._needs_scheduling(each))
         acting = {name for each in self._events for name in get_pair(each)}
         self._bound = [n for n in self._bound if n in acting or n not in frozen.fixed]
         foreground = {n for n, draws in pool.agents.items() if draws.role == "foreground"}
         settled = {n: a for n, a in {**frozen.placed, **frozen.fixed}.items() if n in foreground}
         self._settled = {
-            name: rebuild_agent(a, self._marks(a.candidate)) for name, a in settled.items()
+            name: rebuild_agent(a, self._compute_landmarks(a.candidate))
+            for name, a in settled.items()
         }
         self._on_stage = {name: self._settled[name] for name in acting & self._settled.keys()}
         self._stays: dict[str, SelectedAgent] = {}
-        # Who came from a red light does so again if the lights allow it, and nobody else of them.
+        # An agent that came from a red light does so again if the lights allow it, and no other
+        # one.
         for name, agent in frozen.known.items():
             self._red_first[name] = float(any(stop.at_red for stop in agent.stops))
 
-    def _open(self, clause: PairClause) -> bool:
-        """Whether the clause is to be served: one of the two is not fixed."""
+    def _needs_scheduling(self, clause: PairClause) -> bool:
+        """Return whether the clause is to be scheduled: one of the two is not fixed."""
         return not set(get_pair(clause)) <= self._pins.fixed.keys()
 
-    def _marks(self, candidate: Candidate) -> Landmarks:
+    def _compute_landmarks(self, candidate: Candidate) -> Landmarks:
         return find_landmarks(candidate, map_areas=self._ground)
 
-    def _found(self) -> Selection | None:
-        """The first survivor; few are tried around those who stay, as more may move after that."""
+    def _find_survivor(self) -> Selection | None:
+        """Find the first survivor; few are tried around fixed agents, as more may move after
+        that."""
         if not self._pins.known:
-            return super()._found()
+            return super()._find_survivor()
         wanted = max(len(self._events), 1)
-        for tried, choice in enumerate(itertools.islice(self._tuples(), _MOST * wanted), start=1):
+        for tried, choice in enumerate(
+            itertools.islice(self._list_tuples(), _MOST * wanted), start=1
+        ):
             selection = self._try(choice)
             if selection is not None:
                 return add_tuple_count(selection, tried)
@@ -108,58 +114,62 @@ class FrozenAgentsSearch(Search):
                 return None
         return None
 
-    def _tuples(self) -> Iterator[dict[str, int]]:
+    def _list_tuples(self) -> Iterator[dict[str, int]]:
         first = dict.fromkeys(self._bound, 0)
         if not self._pins.offered.keys() & set(self._bound):
-            return super()._tuples()
-        return itertools.chain(itertools.repeat(first, _SAME_WAY), super()._tuples())
+            return super()._list_tuples()
+        return itertools.chain(itertools.repeat(first, _SAME_WAY), super()._list_tuples())
 
-    def _opening(self) -> PartialSchedule:
+    def _build_first_schedule(self) -> PartialSchedule:
         return PartialSchedule(self._on_stage)
 
-    def _timed(self, schedule: PartialSchedule) -> PartialSchedule | None:
-        """In scene time, with everybody of the foreground who stays."""
+    def _shift_to_scene_time(self, schedule: PartialSchedule) -> PartialSchedule | None:
+        """Shift the schedule to scene time, with all fixed foreground agents."""
         if schedule.events and not self._on_stage:
-            moved = self._moved(schedule)
+            moved = self._shift_near_earlier(schedule)
             if moved is None:
                 self._failures["the signal programme allows no such moment"] += 1
                 return None
             schedule = moved
         begins = min((each.begins for each in schedule.events), default=0.0)
-        if begins < 0.0 or (schedule.events and _needed(schedule) > MAX_SECONDS - 0.2):
+        if begins < 0.0 or (schedule.events and _find_needed_end(schedule) > MAX_SECONDS - 0.2):
             self._failures["the events do not fit beside those that stay"] += 1
             return None
         return PartialSchedule({**self._settled, **schedule.actors}, schedule.events)
 
-    def _moved(self, schedule: PartialSchedule) -> PartialSchedule | None:
-        """Shifted to about when things happened before, at a moment that the lights allow."""
+    def _shift_near_earlier(self, schedule: PartialSchedule) -> PartialSchedule | None:
+        """Shift the schedule to about its earlier time, at a moment that the lights allow."""
         if not self._pins.lights:
-            return super()._timed(schedule)
+            return super()._shift_to_scene_time(schedule)
         first = min(each.time for each in schedule.events)
         before = self._pins.earlier.first_event
         drawn_time = (float(self._rng.uniform(6.0, 15.0)) if before is None else before) - first
         earliest = 0.5 - min(each.begins for each in schedule.events)
-        latest = min(MAX_SECONDS - 0.2 - _needed(schedule), _LATEST_FIRST - first)
-        shifts = self._lawful(schedule)
+        latest = min(MAX_SECONDS - 0.2 - _find_needed_end(schedule), _LATEST_FIRST - first)
+        shifts = self._list_lawful_shifts(schedule)
         shifts = shifts[(shifts >= earliest) & (shifts <= latest)]
         if not len(shifts):
             return None
-        return schedule.shifted(round(float(shifts[np.argmin(np.abs(shifts - drawn_time))]), 1))
+        return schedule.shift(round(float(shifts[np.argmin(np.abs(shifts - drawn_time))]), 1))
 
-    def _lawful(self, schedule: PartialSchedule) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """Shifts [s] at which everybody's lights are as they must be."""
+    def _list_lawful_shifts(
+        self, schedule: PartialSchedule
+    ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """List shifts [s] at which the lights of all agents are as they must be."""
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if program is None or offset is None:
             return np.arange(-60.0, 60.0, 0.5)
-        offsets = find_feasible_offsets(program, self._demanded(schedule.actors, 4 * program.cycle))
+        offsets = find_feasible_offsets(
+            program, self._list_demands(schedule.actors, 4 * program.cycle)
+        )
         around = np.arange(-2, 3) * program.cycle
         shifts = (offsets - offset)[:, None] + around
         return np.sort(shifts.ravel())
 
-    def _demanded(
+    def _list_demands(
         self, actors: Mapping[str, ScheduledAgent], until: float
     ) -> tuple[SignalDemand, ...]:
-        """What those who do not stay need of the lights."""
+        """List what the agents that do not stay need of the lights."""
         return tuple(
             demand
             for name, actor in actors.items()
@@ -167,25 +177,25 @@ class FrozenAgentsSearch(Search):
             for demand in list_signal_demands(actor, violates=name in self._violators, until=until)
         )
 
-    def _duration(self, schedule: PartialSchedule) -> float:
+    def _compute_duration(self, schedule: PartialSchedule) -> float:
         if not self._pins.lights:
-            return super()._duration(schedule)
-        least = _needed(schedule) if schedule.events else 0.0
+            return super()._compute_duration(schedule)
+        least = _find_needed_end(schedule) if schedule.events else 0.0
         return float(max(self._pins.earlier.duration, np.ceil(min(least, MAX_SECONDS))))
 
-    def _signal_offset(self, schedule: PartialSchedule, duration: float) -> float | None:
+    def _find_signal_offset(self, schedule: PartialSchedule, duration: float) -> float | None:
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if not self._pins.lights or program is None or offset is None:
-            return super()._signal_offset(schedule, duration)
-        lawful = find_feasible_offsets(program, self._demanded(schedule.actors, duration))
+            return super()._find_signal_offset(schedule, duration)
+        lawful = find_feasible_offsets(program, self._list_demands(schedule.actors, duration))
         return offset if bool(np.any(np.abs(lawful - offset) < 1e-6)) else None
 
-    def _strangers_apart(self, schedule: PartialSchedule) -> bool:
-        """As for any scene, but for those who stay: they were apart before."""
+    def _are_strangers_apart(self, schedule: PartialSchedule) -> bool:
+        """Check as for any scene, except fixed agents: they were apart before."""
         for a, b in itertools.permutations(schedule.actors, 2):
             if {a, b} <= self._pins.same or frozenset((a, b)) in self._related:
                 continue
-            first, second = (schedule.actors[name].until(MAX_SECONDS) for name in (a, b))
+            first, second = (schedule.actors[name].cut_after(MAX_SECONDS) for name in (a, b))
             delta = (second.enters - first.enters) / STEP
             blocked = find_blocked_offsets(first, second, strict=True)
             if any(low < delta < high for low, high in blocked):
@@ -193,26 +203,26 @@ class FrozenAgentsSearch(Search):
                 return False
         return True
 
-    def _seat(self, timed: TimedSchedule) -> Assignment | str:
-        """Who stays where it was; the others around them."""
+    def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
+        """Keep fixed agents where they were and assign the others around them."""
         actors = timed.schedule.actors
-        self._stays, standing = self._staying(timed)
-        fixed = [actor.until(timed.duration) for actor in (*actors.values(), *standing)]
+        self._stays, standing = self._list_staying(timed)
+        fixed = [actor.cut_after(timed.duration) for actor in (*actors.values(), *standing)]
         wanted = dict(self._pool.background)
         for name in self._stays:
             wanted[self._pool.agents[name].route.type] -= 1
         if any(count < 0 for count in wanted.values()):
             return "more agents stay than there shall be"
-        agents = self._guests(timed, placed={*actors, *self._stays})
+        agents = self._list_background(timed, placed={*actors, *self._stays})
         return assign_in_turn(agents, ConflictTable(fixed), wanted)
 
-    def _staying(
+    def _list_staying(
         self, timed: TimedSchedule
     ) -> tuple[dict[str, SelectedAgent], list[ScheduledAgent]]:
-        """Background agents that nobody new comes in the way of."""
+        """List background agents that are in no new agent's way."""
         longer = timed.duration > self._pins.earlier.duration
         new = [a for n, a in timed.schedule.actors.items() if longer or n not in self._pins.same]
-        present = ReservationTable(actor.until(timed.duration) for actor in new)
+        present = ReservationTable(actor.cut_after(timed.duration) for actor in new)
         stays: dict[str, SelectedAgent] = {}
         standing: list[ScheduledAgent] = []
         for name, agent in self._pins.fixed.items():
@@ -220,51 +230,51 @@ class FrozenAgentsSearch(Search):
                 continue
             if is_in_way(agent.candidate, timed.objects):
                 continue
-            actor = rebuild_agent(agent, self._marks(agent.candidate))
-            local = actor.shifted(-actor.enters).until(timed.duration - actor.enters)
+            actor = rebuild_agent(agent, self._compute_landmarks(agent.candidate))
+            local = actor.shift(-actor.enters).cut_after(timed.duration - actor.enters)
             start = np.array([round(actor.enters / STEP)], dtype=np.int64)
             if len(present.find_free_times(local, start, foreground=False)):
                 stays[name] = agent
                 standing.append(actor)
                 if longer or name not in self._pins.same:
-                    present.add(actor.until(timed.duration), foreground=False)
+                    present.add(actor.cut_after(timed.duration), foreground=False)
         return stays, standing
 
-    def _selection(
+    def _build_selection(
         self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
     ) -> Selection:
-        """The selection in which those who stay are the very same."""
+        """Build the selection in which the fixed agents are unchanged."""
         chosen = dict(assignment.chosen)
         for name, agent in self._stays.items():
-            chosen[name] = _as_option(agent, self._marks(agent.candidate))
+            chosen[name] = _convert_to_option(agent, self._compute_landmarks(agent.candidate))
         index = dict.fromkeys(timed.schedule.actors, 0) | choice
-        found = super()._selection(timed, index, replace(assignment, chosen=chosen))
+        found = super()._build_selection(timed, index, replace(assignment, chosen=chosen))
         stay = {
             name: agent
             for name, agent in self._pins.fixed.items()
             if name in self._settled or name in self._stays
         }
         agents = {name: stay.get(name, agent) for name, agent in found.agents.items()}
-        kept = [e for e in self._pins.earlier.events if self._goes_on(e.agents)]
+        kept = [e for e in self._pins.earlier.events if self._is_still_bound(e.agents)]
         return replace(found, agents=agents, events=(*kept, *found.events))
 
-    def _goes_on(self, pair: tuple[str, str]) -> bool:
-        """Whether the two stay, and something is still asked of them."""
+    def _is_still_bound(self, pair: tuple[str, str]) -> bool:
+        """Return whether both are fixed and a clause still binds them."""
         return set(pair) <= self._pins.same and frozenset(pair) in self._related
 
 
 def rebuild_agent(agent: SelectedAgent, landmarks: Landmarks) -> ScheduledAgent:
-    """A selected agent, placed in time as it was."""
-    actor = ScheduledAgent.unplaced(agent.candidate, landmarks).shifted(agent.enters)
+    """Rebuild a selected agent, placed in time as it was."""
+    actor = ScheduledAgent.build_unplaced(agent.candidate, landmarks).shift(agent.enters)
     if lights := without_edits(agent).stops:
-        actor = actor.held_by_lights(lights)
+        actor = actor.hold_at_lights(lights)
     if agent.stops or agent.slowings:
-        actor = actor.edited(stops=agent.stops, slowings=agent.slowings)
-    return actor if agent.contact is None else actor.ended(agent.contact)
+        actor = actor.edit(stops=agent.stops, slowings=agent.slowings)
+    return actor if agent.contact is None else actor.end_at(agent.contact)
 
 
-def _as_option(agent: SelectedAgent, landmarks: Landmarks) -> tuple[Option, int]:
+def _convert_to_option(agent: SelectedAgent, landmarks: Landmarks) -> tuple[Option, int]:
     actor = rebuild_agent(agent, landmarks)
     start = round(actor.enters / STEP)
-    local = actor.shifted(-actor.enters)
+    local = actor.shift(-actor.enters)
     return Option(lambda: local, 0, np.array([start], dtype=np.int64), 0.0), start

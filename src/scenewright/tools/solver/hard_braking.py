@@ -1,9 +1,9 @@
-"""`brakes_for`: a vehicle drives on towards the other, sees it late, brakes hard and lets it pass.
+"""`brakes_for`: a vehicle drives towards another, reacts late, brakes hard and lets it pass.
 
-Driven on, it would have hit the other. It brakes harder than 5 m/s^2, to a stop short of the
-conflict zone or down to a speed at which it passes behind; which moment it is seen at decides how
+Without braking it would have hit the other. It brakes harder than 5 m/s^2, to a stop short of the
+conflict zone or down to a speed at which it passes behind; the onset of braking decides how
 low the path TTC falls. So for one braking after the other all offsets are measured, and those
-that have the path TTC asked for are kept.
+with the path TTC asked for are kept.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ _MANOEUVRES, _OFFSETS, _FAILURES = 6, 2, 4
 
 _DECELERATIONS = (5.8, 7.4)
 _HARD = (5.2, 7.8)
-"""Braking meant, and what must be left of it once motion is smooth [m/s^2] (SEMANTICS 4, 5)."""
+"""Intended braking, and what must be left of it after smoothing [m/s^2] (SEMANTICS 4, 5)."""
 
 _ABRUPT = 0.9
-"""How much more braking is meant for every m/s below 6 m/s, as smoothing takes more off [1/s]."""
+"""How much more braking is intended per m/s below 6 m/s, as smoothing takes more off [1/s]."""
 
 _CLOSE_TTC, _CLOSE_PET = 1.42, 1.4
 """A near miss needs less than one of these [s], here with a margin (SEMANTICS 4)."""
@@ -44,13 +44,13 @@ _CLEARANCE, _LONGEST_PET = 0.3, 7.0
 """What the two keep: least clearance [m]; and longest PET [s]."""
 
 _SLACK = 0.02
-"""How far outside of a range a measure may lie [s]: it is that coarse itself."""
+"""How far outside of a range a measure may lie [s]: its own resolution."""
 
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
 _STANDS = 0.9
-"""Least standstill of who brakes to a stop [s]."""
+"""Least standstill of an agent that brakes to a stop [s]."""
 
 _SEEN = 5.5
 """How long before the first crosses behind the second the least TTC may lie [s]."""
@@ -59,12 +59,12 @@ _AT_ONCE = 2.8
 """How long before the two come closest the braking may end [s]."""
 
 _BEYOND = 1.5
-"""How far above the range a path TTC is still measured, so that a miss can be told [s]."""
+"""How far above the range a path TTC is still measured, so that a miss can be reported [s]."""
 
 
 @dataclass(frozen=True)
 class _BrakingManeuver:
-    """A braking: to `speed` [m/s] at arc length `s` [m]; `ahead` [m] of it the zone begins."""
+    """A braking to `speed` [m/s] at arc length `s` [m]; the zone begins `ahead` [m] of it."""
 
     s: float
     speed: float
@@ -80,8 +80,9 @@ class _BrakingManeuver:
 def schedule_hard_braking(
     clause: BrakesFor, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
-    """Every staging (lazily) in which the first brakes for the second at the TTC asked for."""
-    a, b = context.both(clause, schedule)
+    """List every schedule (lazily) in which the first brakes for the second at the TTC asked
+    for."""
+    a, b = context.get_pair(clause, schedule)
     zone = find_conflict_zone(clause, a, b, context)
     if not len(zone.i):
         words = f"the paths of {clause.first} and {clause.second} never touch"
@@ -90,12 +91,12 @@ def schedule_hard_braking(
         words = f"one of {clause.first} and {clause.second} has crashed or braked hard before"
         context.note_miss(clause, FailureStage.PATHS, words)
     else:
-        yield from _HardBraking(clause, schedule, context, a, b, zone).stagings()
+        yield from _HardBraking(clause, schedule, context, a, b, zone).schedule_all()
 
 
 @dataclass(frozen=True, eq=False)
 class _HardBraking:
-    """One clause about two actors that are not yet braked, `a` for `b`."""
+    """One clause about two agents that do not brake yet, `a` for `b`."""
 
     clause: BrakesFor
     schedule: PartialSchedule
@@ -104,22 +105,22 @@ class _HardBraking:
     b: ScheduledAgent
     zone: PathConflict
 
-    def stagings(self) -> Iterator[PartialSchedule]:
-        hard = list(self.manoeuvres())
+    def schedule_all(self) -> Iterator[PartialSchedule]:
+        hard = list(self.list_maneuvers())
         if not hard:
             words = f"the way of {self.clause.first} begins too late for it"
             self.note_miss(FailureStage.PATHS, f"a path TTC of {self.asked:g} s: {words}")
-        # Nobody brakes hard who has been braking for it: those that come as a surprise first.
-        warned = {each: _warned(_edited(self.a, each)) for each in hard}
+        # A hard braking after earlier braking is no surprise: sudden ones come first.
+        warned = {each: _brakes_early(_apply_braking(self.a, each)) for each in hard}
         for manoeuvre in sorted(hard, key=warned.__getitem__):
             if warned[manoeuvre] and not self.context.lenient:
                 words = f"{self.clause.first} has been braking on this movement, so none is sudden"
                 self.note_miss(FailureStage.KIND, words)
                 continue
-            yield from self.braked(manoeuvre)
+            yield from self.schedule_maneuver(manoeuvre)
 
-    def manoeuvres(self) -> Iterator[_BrakingManeuver]:
-        """Stops short of the zone and slowings before it, as different as they come.
+    def list_maneuvers(self) -> Iterator[_BrakingManeuver]:
+        """List stops short of the zone and slowings before it, as different as possible.
 
         Braking begins about the TTC asked for before the zone, as from then on it only grows.
         """
@@ -133,9 +134,10 @@ class _HardBraking:
             if first - short > 2.0:
                 yield _BrakingManeuver(first - short, speed, braking, short)
 
-    def braked(self, how: _BrakingManeuver) -> Iterator[PartialSchedule]:
-        """Every offset at which this braking leads to the TTC asked for, up to a number."""
-        braked = _edited(self.a, how)
+    def schedule_maneuver(self, how: _BrakingManeuver) -> Iterator[PartialSchedule]:
+        """Schedule every offset at which this braking leads to the TTC asked for, up to a
+        number."""
+        braked = _apply_braking(self.a, how)
         hardest = float(-compute_smooth_acceleration(braked)[1:-1].min(initial=0.0))
         if not _HARD[0] <= hardest <= _HARD[1]:
             words = f"{self.clause.first} is too slow on this movement, its hardest is"
@@ -143,67 +145,69 @@ class _HardBraking:
             self.note_miss(FailureStage.PLACE, words, off=compute_excess(*_HARD, hardest))
             return
         tried = [0, 0]
-        for delta in self.context.rng.permutation(self.offsets()).tolist():
+        for delta in self.context.rng.permutation(self.list_collision_offsets()).tolist():
             least = self.compute_path_ttc(
-                *self.schedule.placed(self.clause, braked, self.b, delta)
+                *self.schedule.place(self.clause, braked, self.b, delta)
             ).least
-            if not self.fits(least):
+            if not self.accepts_ttc(least):
                 continue
-            staged = self.released(how, delta)
+            staged = self.schedule_release(how, delta)
             if staged is not None:
                 yield staged
             tried[staged is None] += 1
             if tried[0] >= _OFFSETS or tried[1] >= _FAILURES:
                 return
 
-    def offsets(self) -> FloatArray:
-        """At which the two would collide if nobody braked; the one there is, if both are placed."""
+    def list_collision_offsets(self) -> FloatArray:
+        """List offsets at which the two would collide without braking; the given one if both are
+        placed."""
         if {self.clause.first, self.clause.second} <= set(self.schedule.actors):
             return np.array([self.b.enters - self.a.enters])
         meetings = self.context.find_meeting_intervals(self.clause, self.a, self.b)
         steps = [np.arange(low, high, STEP) for low, high in meetings.tolist()]
         return np.concatenate([np.empty(0), *steps])
 
-    def released(self, how: _BrakingManeuver, delta: float) -> PartialSchedule | None:
-        """The whole manoeuvre, going on once the other has passed; None if that is no near miss."""
-        free, b = self.schedule.placed(self.clause, self.a, self.b, delta)
+    def schedule_release(self, how: _BrakingManeuver, delta: float) -> PartialSchedule | None:
+        """Schedule the whole maneuver, driving on after the other has passed; None if no near
+        miss."""
+        free, b = self.schedule.place(self.clause, self.a, self.b, delta)
         _, b_out = compute_passage(b.motion, self.zone.s_b[self.zone.j])
-        a = self.let_go(free, b, how, b.enters + b_out + float(self.context.rng.uniform(0.3, 1.0)))
+        a = self.release(free, b, how, b.enters + b_out + float(self.context.rng.uniform(0.3, 1.0)))
         near = self.compute_path_ttc(a, b)
-        if not (self.is_near_miss(a, b, near) and self.fits(near.least)):
+        if not (self.is_near_miss(a, b, near) and self.accepts_ttc(near.least)):
             return None
         clearance, time, place = find_least_clearance(a, b)
-        if clearance < _CLEARANCE or self.schedule.too_soon(time, self.clause):
+        if clearance < _CLEARANCE or self.schedule.is_too_soon(time, self.clause):
             words = f"the two touch, or come within {_CLEARANCE:g} m, or are not yet free for it"
             self.note_miss(FailureStage.COMPANY, words)
             return None
         if self.pet is None and _crosses(a, b, self.zone) - near.when > _SEEN:
-            return None  # long past, the TTC would not be put down to this encounter
-        if not self.context.lenient and time - _last_hard(a) > _AT_ONCE:
-            return None  # long past, the near miss would not be put down to the braking
+            return None  # long past, the TTC would not be attributed to this encounter
+        if not self.context.lenient and time - _find_last_hard_braking(a) > _AT_ONCE:
+            return None  # long past, the near miss would not be attributed to the braking
         enters = a.enters + a.motion.find_time_at(float(self.zone.s_a[self.zone.i].min()))
         ends, freed = max(enters, time) + 1.0, max(b.enters + b_out, time)
         event = ScheduledEvent(self.clause, time, near.when - 3.0, ends, freed, place)
-        return self.schedule.with_event(event, a, b)
+        return self.schedule.add_event(event, a, b)
 
-    def let_go(
+    def release(
         self, free: ScheduledAgent, b: ScheduledAgent, how: _BrakingManeuver, release: float
     ) -> ScheduledAgent:
-        """Who stops stands until then, or until the PET asked for."""
-        a = _edited(free, how, until=release)
+        """Hold a stopped vehicle until then, or until the PET asked for."""
+        a = _apply_braking(free, how, until=release)
         if self.pet is None or not how.stops:
             return a
-        later = (self.pet.low + self.pet.high) / 2 - self.pet_between(a, b)
-        return _edited(free, how, until=release + later) if np.isfinite(later) else a
+        later = (self.pet.low + self.pet.high) / 2 - self.compute_pet(a, b)
+        return _apply_braking(free, how, until=release + later) if np.isfinite(later) else a
 
     def is_near_miss(self, a: ScheduledAgent, b: ScheduledAgent, near: PathTtc) -> bool:
-        """`second` is first, and the PET is as asked, or it or the TTC while braking is small."""
+        """Return whether `second` is first and the PET as asked, or it or the braking TTC small."""
         meetings = self.context.find_meeting_intervals(self.clause, a, b)
         if not len(meetings) or b.enters - a.enters >= meetings[:, 0].min():
             words = f"{self.clause.first} cannot brake so that {self.clause.second} passes first"
             self.note_miss(FailureStage.COMPANY, words, off=_LONGEST_PET)
             return False
-        pet = self.pet_between(a, b)
+        pet = self.compute_pet(a, b)
         off = 0.0 if self.pet is None else compute_excess(self.pet.low, self.pet.high, pet)
         if self.pet is not None and off > _SLACK:
             words = f"a PET of {self.pet.low:g} to {self.pet.high:g} s: the nearest is {pet:.1f} s"
@@ -219,8 +223,8 @@ class _HardBraking:
         self.note_miss(FailureStage.COMPANY, f"{words} braking: {found}", off=off)
         return False
 
-    def fits(self, least: float) -> bool:
-        """Whether the least path TTC is as asked; else it is told."""
+    def accepts_ttc(self, least: float) -> bool:
+        """Return whether the least path TTC is as asked; else note the miss."""
         low, high = self.clause.low, self.clause.high
         off = compute_excess(low, high, least)
         if off > _SLACK and np.isfinite(least):
@@ -233,7 +237,7 @@ class _HardBraking:
         horizon = self.clause.high + _BEYOND
         return compute_path_ttc(self.context.find_path_conflict(self.clause), a, b, horizon=horizon)
 
-    def pet_between(self, a: ScheduledAgent, b: ScheduledAgent) -> float:
+    def compute_pet(self, a: ScheduledAgent, b: ScheduledAgent) -> float:
         return compute_gap(
             self.context.find_meeting_intervals(self.clause, a, b), b.enters - a.enters
         )
@@ -252,47 +256,47 @@ class _HardBraking:
         self.context.note_miss(self.clause, reached, words, off=off)
 
 
-def _edited(
+def _apply_braking(
     a: ScheduledAgent, how: _BrakingManeuver, *, until: float | None = None
 ) -> ScheduledAgent:
-    """Braking like that; who stops stands until then [s], else for longer than any scene."""
+    """Apply the braking; a stopped vehicle stands until then [s], else longer than any scene."""
     if not how.stops:
-        return a.edited(stops=a.stops, slowings=(Slowing(how.s, how.speed, how.braking),))
+        return a.edit(stops=a.stops, slowings=(Slowing(how.s, how.speed, how.braking),))
     start = a.enters + compute_arrival(a.candidate, StopCommand(how.s, 0.0, how.braking))
     until = a.enters + _FOR_GOOD if until is None else max(until, start + _STANDS)
     stop = Stop("yield_point", how.s, start, until, "gives_way", how.braking, how.ahead)
     earlier = [each for each in a.stops if abs(each.s - how.s) > 0.5]
-    return a.edited(stops=tuple(sorted((*earlier, stop), key=lambda each: each.s)))
+    return a.edit(stops=tuple(sorted((*earlier, stop), key=lambda each: each.s)))
 
 
-def _warned(a: ScheduledAgent) -> bool:
-    """Whether, in the second that ends 0.5 s before it brakes hard, it brakes as for no curve."""
+def _brakes_early(a: ScheduledAgent) -> bool:
+    """Return whether it brakes more than for a curve 1.5 s to 0.5 s before it brakes hard."""
     change = compute_smooth_acceleration(a)
     onset = int(np.argmax(change < -3.4))
     return bool((change[max(onset - 15, 0) : max(onset - 4, 0)] < -2.3).any())
 
 
-def _last_hard(a: ScheduledAgent) -> float:
-    """When it last brakes hard [s]."""
+def _find_last_hard_braking(a: ScheduledAgent) -> float:
+    """Find when it last brakes hard [s]."""
     return a.enters + STEP * float(np.nonzero(compute_smooth_acceleration(a) < -3.6)[0][-1])
 
 
 def find_ttc_while_braking(a: ScheduledAgent, near: PathTtc) -> float:
-    """The least path TTC [s] at a moment of braking harder than 4 m/s^2."""
+    """Find the least path TTC [s] while braking harder than 4 m/s^2."""
     clock = STEP * np.arange(len(a.motion.s))
     hard = np.interp(near.times - a.enters, clock, compute_smooth_acceleration(a)) < -4.0
     return float(near.ttc[hard].min(initial=np.inf))
 
 
 def compute_smooth_acceleration(a: ScheduledAgent) -> FloatArray:
-    """[T] its acceleration over 0.3 s [m/s^2]."""
+    """Compute its acceleration [T] over 0.3 s [m/s^2]."""
     change = np.gradient(a.motion.speed, STEP)
     smooth: FloatArray = np.convolve(change, np.full(3, 1 / 3), mode="same")
     return smooth
 
 
 def _crosses(a: ScheduledAgent, b: ScheduledAgent, zone: PathConflict) -> float:
-    """When [s] the first is where the second has been least long ago."""
+    """Find when [s] the first is where the second has been least long ago."""
     times = []
     for actor, nodes in ((a, zone.s_a[zone.i]), (b, zone.s_b[zone.j])):
         clock = STEP * np.arange(len(actor.motion.s))

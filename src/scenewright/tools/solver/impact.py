@@ -1,4 +1,4 @@
-"""How two placed actors touch: when, where, with which sides, at what speeds."""
+"""Contact of two placed agents: when, where, with which sides, at what speeds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CORNER = 0.5
 """How far from both its edges a contact still belongs to a corner [m]; at most a third."""
 
 _SURE = 0.2
-"""By how much a contact may lie elsewhere [m] and still be at the point it is said to be at."""
+"""How far a contact may be displaced [m] and still be at the named impact point."""
 
 _CORNERS: dict[tuple[str, str], ImpactPoint] = {
     ("front", "left"): "front_left",
@@ -62,11 +62,11 @@ def find_first_contact(
     if times is None:
         return None
     sides = (_get_half_sides(a.candidate.shape), _get_half_sides(b.candidate.shape))
-    first = _find_touch(a.at(times), b.at(times), *sides)
+    first = _find_touch(a.get_poses(times), b.get_poses(times), *sides)
     if first <= 0:
         return None
     fine = np.linspace(times[first - 1], times[first], 11)
-    hit = _find_touch(a.at(fine), b.at(fine), *sides)
+    hit = _find_touch(a.get_poses(fine), b.get_poses(fine), *sides)
     return _describe(a, b, float(fine[hit]), left_hand)
 
 
@@ -75,7 +75,7 @@ def find_least_clearance(a: ScheduledAgent, b: ScheduledAgent) -> tuple[float, f
     times = get_shared_times(a, b)
     if times is None:
         return float("inf"), 0.0, (0.0, 0.0)
-    at_a, at_b = a.at(times), b.at(times)
+    at_a, at_b = a.get_poses(times), b.get_poses(times)
     clearance = compute_clearance(at_a, at_b, shapes=(a.candidate.shape, b.candidate.shape))
     index = int(np.argmin(clearance))
     middle = (at_a[index, :2] + at_b[index, :2]) / 2
@@ -84,25 +84,30 @@ def find_least_clearance(a: ScheduledAgent, b: ScheduledAgent) -> tuple[float, f
 
 def _describe(a: ScheduledAgent, b: ScheduledAgent, time: float, left_hand: bool) -> FirstContact:
     around = np.array([time - 0.05, time, time + 0.05])
-    poses = (a.at(around), b.at(around))
+    poses = (a.get_poses(around), b.get_poses(around))
     velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
-    spot = _touching_point(poses[0][1], poses[1][1], a, b)
+    spot = _find_contact_point(poses[0][1], poses[1][1], a, b)
     speeds = [float(np.hypot(*each)) for each in velocity]
-    sides = [_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
+    sides = [_find_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
     turned = abs(float(np.angle(np.exp(1j * (poses[0][1, 2] - poses[1][1, 2])))))
     return FirstContact(
         time=time,
         location=(float(spot[0]), float(spot[1])),
-        kind=_kind(a, b, time, turned, sides, -1.0 if left_hand else 1.0),
+        kind=_classify_contact(a, b, time, turned, sides, -1.0 if left_hand else 1.0),
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         speed=speeds[0],
         frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
-        points=(_points(poses[0][1], a, spot), _points(poses[1][1], b, spot)),
+        points=(
+            _list_certain_points(poses[0][1], a, spot),
+            _list_certain_points(poses[1][1], b, spot),
+        ),
     )
 
 
-def _points(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> tuple[ImpactPoint, ...]:
-    """Every name that a place on a vehicle surely has; none for a pedestrian."""
+def _list_certain_points(
+    pose: FloatArray, actor: ScheduledAgent, spot: FloatArray
+) -> tuple[ImpactPoint, ...]:
+    """List every impact point that a place on a vehicle certainly has; none for a pedestrian."""
     shape = actor.candidate.shape
     if shape.type == "pedestrian":
         return ()
@@ -134,21 +139,21 @@ def name_impact_points(along: float, across: float, *, shape: Shape) -> tuple[Im
     return (end,) if at_end else (side, "side")
 
 
-def _kind(
+def _classify_contact(
     a: ScheduledAgent, b: ScheduledAgent, time: float, turned: float, sides: list[str], sign: float
 ) -> CollisionKind:
     if any(actor.candidate.shape.type == "pedestrian" for actor in (a, b)):
         return "pedestrian_strike"
     if turned <= np.radians(30):
         return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
-    left = max(_turned_left(actor, time, sign) for actor in (a, b))
+    left = max(_compute_left_turn(actor, time, sign) for actor in (a, b))
     if turned >= np.radians(135) and sides == ["front", "front"]:
         return "left_turn" if left >= _LEFT_OF_HEAD_ON else "head_on"
     return "left_turn" if left >= _LEFT else "angle"
 
 
-def _turned_left(actor: ScheduledAgent, time: float, sign: float) -> float:
-    """How far it has turned left (right, if the sign is negative) over its last 30 m [rad]."""
+def _compute_left_turn(actor: ScheduledAgent, time: float, sign: float) -> float:
+    """Compute its left turn (right, if the sign is negative) over its last 30 m [rad]."""
     path = actor.candidate.path
     s = float(actor.motion.compute_positions(np.array([time - actor.enters]))[0])
     recent = (path.s <= s) & (path.s >= s - 30.0)
@@ -156,7 +161,7 @@ def _turned_left(actor: ScheduledAgent, time: float, sign: float) -> float:
     return float(heading[-1] - heading.min()) if len(heading) else 0.0
 
 
-def _side(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> str:
+def _find_side(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> str:
     shape = actor.candidate.shape
     dx, dy = spot - pose[:2]
     along = (dx * np.cos(pose[2]) + dy * np.sin(pose[2])) / (shape.length / 2)
@@ -166,10 +171,10 @@ def _side(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> str:
     return "side"
 
 
-def _touching_point(
+def _find_contact_point(
     a: FloatArray, b: FloatArray, first: ScheduledAgent, second: ScheduledAgent
 ) -> FloatArray:
-    """Middle of the contact: mean of the outline points of either that lie in the other."""
+    """Find the middle of the contact: mean of outline points of either that lie in the other."""
     shapes = (first.candidate.shape, second.candidate.shape)
     place, count = _add_up_touching(a, b, *(_get_half_sides(each) for each in shapes))
     return place / count if count else (a[:2] + b[:2]) / 2

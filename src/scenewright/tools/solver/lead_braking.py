@@ -1,6 +1,6 @@
-"""A lead vehicle brakes hard: who drives behind hits it, nearly hits it, or stops in good time.
+"""A lead vehicle brakes hard: its follower hits it, nearly hits it, or stops in good time.
 
-The leader brakes harder than 5 m/s^2 to a stop somewhere on its way. A reaction time later the
+The leader brakes harder than 5 m/s^2 to a stop somewhere on its path. A reaction time later the
 follower brakes: too late, or to a stop behind it. The offset of the two follows from that time.
 """
 
@@ -28,13 +28,13 @@ from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _LEADERS, _FOLLOWERS, _REACTIONS = 4, 5, 5
-"""Brakings of the leader; answers of the follower to each; reaction times of each answer."""
+"""Brakings of the leader; responses of the follower to each; reaction times of each response."""
 
 _BRAKING, _HARD = (5.6, 7.2), (5.2, 7.8)
-"""Braking meant of the leader, and what must be left of it once motion is smooth [m/s^2]."""
+"""Intended braking of the leader, and what must be left of it after smoothing [m/s^2]."""
 
 _ON_ITS_WAY, _LEAST_DRIVE = (0.22, 0.88), 1.7
-"""Where it stops, as a share of its way; and how long it drives freely before it brakes [s]."""
+"""Where it stops, as a share of its path; and how long it drives freely before it brakes [s]."""
 
 _STANDS, _LAG = (1.5, 3.0), (0.7, 1.3)
 """How long the leader stands, and how much later the follower starts again [s]."""
@@ -46,10 +46,10 @@ _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
 _SPEED_LEFT, _LATE_BRAKING = (2.5, 5.5), (5.0, 7.0)
-"""Of who brakes too late: speed where the leader stands [m/s], and braking [m/s^2]."""
+"""When braking too late: speed where the leader stands [m/s], and braking [m/s^2]."""
 
 _LEAST_HEADWAY = 0.7
-"""Of the two before anybody brakes [s]."""
+"""Of the two before either brakes [s]."""
 
 _CLOSE_TTC, _IN_TIME = 1.42, 1.6
 """A path TTC while braking below the first makes a near miss; above the second it is none [s]."""
@@ -58,10 +58,11 @@ _GAPS = {"near": (0.8, 2.0), "in time": (1.5, 4.0)}
 """Between the two when they stand [m]."""
 
 _STOPPING = {"near": (5.2, 7.2), "in time": (2.2, 3.2)}
-"""Braking of who stops behind the leader [m/s^2]."""
+"""Braking of a follower that stops behind the leader [m/s^2]."""
 
 _SEEN, _SEEN_FOLLOWING = 1.2, 3.4
-"""How long before the braking the two are seen at least, and if they are to follow [s]."""
+"""How long before the braking the two are visible at least, and if car-following is asked for
+[s]."""
 
 _CLEARANCE = 0.5
 """Least distance of two that do not touch [m]."""
@@ -70,7 +71,8 @@ _CLEARANCE = 0.5
 def plan_lead_braking(
     a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
 ) -> Iterator[tuple[ScheduledAgent, ScheduledAgent, list[float]]]:
-    """Follower and leader, edited but not yet placed, and the offsets at which they collide."""
+    """Draw follower and leader, edited but not yet placed, and the offsets at which they
+    collide."""
     for leader in _draw_leaders(b, clause, context):
         touch = _find_touch(context.find_path_conflict(clause), leader.stops[-1].s)
         if touch is None:
@@ -79,7 +81,7 @@ def plan_lead_braking(
         for _ in range(_FOLLOWERS):
             speed = clause.speed or float(context.rng.uniform(*_SPEED_LEFT))
             braking = float(context.rng.uniform(*_LATE_BRAKING))
-            follower = a.edited(stops=a.stops, slowings=(Slowing(touch, speed, braking),))
+            follower = a.edit(stops=a.stops, slowings=(Slowing(touch, speed, braking),))
             deltas = _draw_offsets(follower, leader, context.rng)
             yield follower, leader, [d for d in deltas if _is_behind(follower, leader, d, _SEEN)]
 
@@ -87,8 +89,8 @@ def plan_lead_braking(
 def schedule_stops_behind(
     clause: StopsBehind, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
-    """Every staging (lazily) in which the second brakes and the first stops behind it."""
-    a, b = context.both(clause, schedule)
+    """List every schedule (lazily) in which the second brakes and the first stops behind it."""
+    a, b = context.get_pair(clause, schedule)
     if a.contact is not None or b.contact is not None or a.stops or b.stops:
         words = f"one of {clause.first} and {clause.second} has crashed or stopped before"
         context.note_miss(clause, FailureStage.PATHS, words)
@@ -109,7 +111,7 @@ def schedule_stops_behind(
 def _draw_leaders(
     b: ScheduledAgent, clause: PairClause, context: SolverContext
 ) -> Iterator[ScheduledAgent]:
-    """The leader braking hard to a stop, at several places."""
+    """Draw the leader braking hard to a stop, at several places."""
     rng = context.rng
     for _ in range(_LEADERS):
         place = b.candidate.path.length * float(rng.uniform(*_ON_ITS_WAY))
@@ -118,7 +120,7 @@ def _draw_leaders(
         start = b.enters + compute_arrival(b.candidate, StopCommand(s, 0.0, braking))
         lasts = _FOR_GOOD if isinstance(clause, Contact) else float(rng.uniform(*_STANDS))
         stop = Stop("stopping_point", s, start, start + lasts, "brakes", braking)
-        leader = b.edited(stops=(stop,))
+        leader = b.edit(stops=(stop,))
         hardest = float(-compute_smooth_acceleration(leader)[1:-1].min(initial=0.0))
         if _find_onset(leader) < _LEAST_DRIVE:
             continue
@@ -130,8 +132,8 @@ def _draw_leaders(
 
 
 def _find_touch(pair: PathConflict, s: float) -> float | None:
-    """Where [m] the follower touches a leader that stands at `s`; None in another lane."""
-    shared = pair.within(0.0)
+    """Find where [m] the follower touches a leader that stands at `s`; None in another lane."""
+    shared = pair.compute_intervals(0.0)
     standing = np.abs(shared.s_b[shared.j] - s) < 0.3
     return float(shared.s_a[shared.i[standing]].min()) if standing.any() else None
 
@@ -139,26 +141,26 @@ def _find_touch(pair: PathConflict, s: float) -> float | None:
 def _draw_stopping(
     a: ScheduledAgent, touch: float, clause: StopsBehind, rng: np.random.Generator
 ) -> ScheduledAgent:
-    """The follower braking to a stop behind the leader, for good as yet."""
+    """Draw the follower braking to a stop behind the leader, for good at first."""
     kind = "near" if clause.high <= _IN_TIME else "in time"
     s = a.landmarks.move_off_crosswalks(touch - float(rng.uniform(*_GAPS[kind])))
     braking = float(rng.uniform(*_STOPPING[kind]))
     start = a.enters + compute_arrival(a.candidate, StopCommand(s, 0.0, braking))
     stop = Stop("stopping_point", s, start, start + _FOR_GOOD, "brakes", braking)
-    return a.edited(stops=(stop,))
+    return a.edit(stops=(stop,))
 
 
 def _draw_offsets(
     follower: ScheduledAgent, leader: ScheduledAgent, rng: np.random.Generator
 ) -> list[float]:
-    """Offsets at which the follower begins to brake a reaction time after the leader."""
+    """Draw offsets at which the follower begins to brake a reaction time after the leader."""
     first, second = _find_onset(follower), _find_onset(leader)
     drawn = _MEDIAN * np.exp(_SPREAD * rng.standard_normal(_REACTIONS))
     return [float(first - second - each) for each in np.clip(drawn, *_REACTION)]
 
 
 def _find_onset(of: ScheduledAgent) -> float:
-    """When it begins to brake for its stop or its slowing [s since it entered the map]."""
+    """Find when it begins to brake for its stop or its slowing [s since it entered the map]."""
     change = compute_smooth_acceleration(of)
     place = of.stops[-1].s if of.stops else of.slowings[-1].s
     last = int(np.searchsorted(of.motion.s, place - 0.1))
@@ -167,7 +169,7 @@ def _find_onset(of: ScheduledAgent) -> float:
 
 
 def _is_behind(follower: ScheduledAgent, leader: ScheduledAgent, delta: float, seen: float) -> bool:
-    """Whether the follower drives clear of the leader when that begins to brake."""
+    """Return whether the follower drives clear of the leader when that begins to brake."""
     at = _find_onset(leader)
     here, there = (
         float(of.motion.compute_positions(np.array([time]))[0])
@@ -176,7 +178,7 @@ def _is_behind(follower: ScheduledAgent, leader: ScheduledAgent, delta: float, s
     if at + delta < seen:
         return False
     room = (follower.candidate.shape.length + leader.candidate.shape.length) / 2
-    (x, y, _), (u, v, _) = follower.pose(here), leader.pose(there)
+    (x, y, _), (u, v, _) = follower.get_pose(here), leader.get_pose(there)
     gap = float(np.hypot(u - x, v - y)) - room
     speed = float(
         np.interp(at + delta, STEP * np.arange(len(follower.motion.s)), follower.motion.speed)
@@ -192,13 +194,13 @@ def _place(
     leader: ScheduledAgent,
     delta: float,
 ) -> PartialSchedule | None:
-    """The two at an offset, both starting again; None if the path TTC is not as asked."""
+    """Place the two at an offset, both starting again; None if the path TTC is not as asked."""
     seen = _SEEN if clause.high <= _IN_TIME else _SEEN_FOLLOWING
     if not _is_behind(follower, leader, delta, seen):
         return None
-    free, b = schedule.placed(clause, follower, leader, delta)
+    free, b = schedule.place(clause, follower, leader, delta)
     until = b.stops[-1].until + float(context.rng.uniform(*_LAG))
-    a = free.edited(stops=(replace(free.stops[-1], until=until),))
+    a = free.edit(stops=(replace(free.stops[-1], until=until),))
     near = compute_path_ttc(context.find_path_conflict(clause), a, b, horizon=clause.high + 1.5)
     off = compute_excess(clause.low, clause.high, near.least)
     if off > 0.0:
@@ -210,13 +212,13 @@ def _place(
     if braking > _CLOSE_TTC if clause.high <= _IN_TIME else braking < _IN_TIME:
         return None
     clearance, time, place = find_least_clearance(a, b)
-    if clearance < _CLEARANCE or schedule.too_soon(time, clause):
+    if clearance < _CLEARANCE or schedule.is_too_soon(time, clause):
         words = "the two touch, or are not yet free for it"
         context.note_miss(clause, FailureStage.COMPANY, words)
         return None
     begins = b.enters + _find_onset(b) - seen
     event = ScheduledEvent(clause, near.when, begins, until + 1.0, until, place)
-    return schedule.with_event(event, a, b)
+    return schedule.add_event(event, a, b)
 
 
 def _note_apart(clause: PairClause, context: SolverContext) -> None:

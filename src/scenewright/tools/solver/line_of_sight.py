@@ -26,7 +26,7 @@ def find_lead(
     event: float,
     left_hand: bool,
 ) -> tuple[float, float] | None:
-    """How long before an event [s] the line of sight is first free, and how long it was not.
+    """Find how long before an event [s] the line of sight is first free, and how long it was not.
 
     None where it never is before the event.
     """
@@ -35,7 +35,7 @@ def find_lead(
         return None
     times = times[(times > -STEP / 2) & (times <= event)]
     free = ~find_blocked(
-        compute_eyes(driver, times, left_hand=left_hand), walker.at(times)[:, :2], objects,
+        compute_eyes(driver, times, left_hand=left_hand), walker.get_poses(times)[:, :2], objects,
         radius=walker.candidate.shape.length / 2,
     )  # fmt: skip
     steps = round(STAYS_FREE / STEP)
@@ -47,8 +47,8 @@ def find_lead(
 
 
 def compute_eyes(driver: ScheduledAgent, times: FloatArray, *, left_hand: bool) -> FloatArray:
-    """[N, 2] where a driver's eye is at scene times [s]."""
-    x, y, heading = driver.at(times).T
+    """Compute the driver's eye [N, 2] at scene times [s]."""
+    x, y, heading = driver.get_poses(times).T
     shape = driver.candidate.shape
     ahead = (0.5 - EYE_BEHIND_FRONT) * shape.length
     aside = EYE_ASIDE * shape.width * (-1 if left_hand else 1)
@@ -59,7 +59,8 @@ def compute_eyes(driver: ScheduledAgent, times: FloatArray, *, left_hand: bool) 
 def find_blocked(
     eyes: FloatArray, walker: FloatArray, objects: Sequence[ObjectRecord], *, radius: float
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """[N] whether every line from the eye to the walker's middle and rim meets a high object."""
+    """Return [N] whether a high object blocks every line from the eye to the pedestrian's
+    outline."""
     around = radius * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)], dtype=np.float64)
     targets = walker[:, None, :] + around
     met = np.zeros(targets.shape[:2], dtype=np.bool_)
@@ -72,7 +73,7 @@ def find_blocked(
 def _meets_box(
     start: FloatArray, end: FloatArray, box: ObjectRecord
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Whether segments meet a rectangle: the slabs of its two directions overlap on them."""
+    """Return whether segments meet a rectangle, by its two slabs."""
     cos, sin = np.cos(box.heading), np.sin(box.heading)
     turn = np.array([(cos, -sin), (sin, cos)])
     middle = np.array([box.x, box.y])

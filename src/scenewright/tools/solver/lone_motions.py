@@ -1,6 +1,6 @@
-"""`stops_at_yellow` and `blocks_junction`: what a vehicle does at its light, with nobody else.
+"""`stops_at_yellow` and `blocks_junction`: what a vehicle does at its light without another agent.
 
-It brakes hard for a light that turns yellow as it comes; or it comes over its line on green and
+It brakes hard for a light that turns yellow as it comes; or it passes its line on green and
 stands in the junction while its light is red.
 """
 
@@ -16,7 +16,7 @@ from scenewright.tools.map_grounding.signal_plan import SignalDemand
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _BRAKING = (4.2, 5.8)
-"""Of who stops at yellow [m/s^2]."""
+"""Braking for a yellow light [m/s^2]."""
 
 _REACTION = (0.7, 1.1)
 """From yellow to braking [s]."""
@@ -25,37 +25,37 @@ _WHEN = (8.0, 18.0)
 """When it comes to a stand [s]."""
 
 _INSIDE, _STANDS = 5.0, (7.0, 11.0)
-"""How near the middle of the junction who blocks it stands [m], and for how long [s]."""
+"""How near the middle of the junction the blocking vehicle stands [m], and for how long [s]."""
 
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
 _CHANGES = 3.5
-"""Time after passing its line by which the light of who blocks the junction is red [s]."""
+"""Time after passing its line by which the light of the blocking vehicle is red [s]."""
 
 
 def stop_at_yellow(
     candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent | None:
-    """The vehicle braking hard to a stand at its line; None if it has none, or is too slow."""
+    """Brake the vehicle hard to a stop at its line; None if it has none, or is too slow."""
     if landmarks.line is None or landmarks.group is None:
         return None
-    actor, s = ScheduledAgent.unplaced(candidate, landmarks), landmarks.line - STOP_GAP
+    actor, s = ScheduledAgent.build_unplaced(candidate, landmarks), landmarks.line - STOP_GAP
     braking = float(rng.uniform(*_BRAKING))
     stands = compute_arrival(candidate, StopCommand(s, 0.0, braking))
     if not np.isfinite(stands) or s < 0.0:
         return None
     stop = Stop("stop_line", s, stands, stands + _FOR_GOOD, "yellow", braking)
-    held = actor.edited(stops=(stop,))
+    held = actor.edit(stops=(stop,))
     if find_braking(held) < 1.0:
         return None
-    return held.shifted(round(float(rng.uniform(*_WHEN)) - stands, 1))
+    return held.shift(round(float(rng.uniform(*_WHEN)) - stands, 1))
 
 
 def block_junction(
     candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent | None:
-    """The vehicle standing in the junction beyond its line; None if it does not come there."""
+    """Stop the vehicle in the junction beyond its line; None if it does not come there."""
     if landmarks.line is None or landmarks.group is None:
         return None
     path = candidate.path
@@ -67,13 +67,13 @@ def block_junction(
     s = float(rng.choice(free))
     stands = compute_arrival(candidate, StopCommand(s, 0.0))
     until = stands + float(rng.uniform(*_STANDS))
-    actor = ScheduledAgent.unplaced(candidate, landmarks)
-    actor = actor.edited(stops=(Stop("stopping_point", s, stands, until, "blocks"),))
-    return actor.shifted(round(float(rng.uniform(*_WHEN)) - stands, 1))
+    actor = ScheduledAgent.build_unplaced(candidate, landmarks)
+    actor = actor.edit(stops=(Stop("stopping_point", s, stands, until, "blocks"),))
+    return actor.shift(round(float(rng.uniform(*_WHEN)) - stands, 1))
 
 
 def find_braking(actor: ScheduledAgent) -> float:
-    """Time since it entered [s] at which it begins to brake for its stop."""
+    """Find the time since it entered [s] at which it begins to brake for its stop."""
     speed = actor.motion.speed
     place = int(np.searchsorted(actor.motion.s, actor.stops[-1].s - 0.1))
     slows = np.diff(speed[: place + 1]) < -0.2
@@ -82,7 +82,7 @@ def find_braking(actor: ScheduledAgent) -> float:
 
 
 def list_yellow_demands(actor: ScheduledAgent, reaction: float) -> tuple[SignalDemand, ...]:
-    """Green until just before it brakes, yellow as it does."""
+    """List demands: green until just before it brakes, yellow as it does."""
     group = str(actor.landmarks.group)
     turns = actor.enters + find_braking(actor) - reaction
     return (
@@ -92,7 +92,8 @@ def list_yellow_demands(actor: ScheduledAgent, reaction: float) -> tuple[SignalD
 
 
 def list_blocking_demands(actor: ScheduledAgent) -> tuple[SignalDemand, ...]:
-    """Red while it stands in the junction; that it passes on green is asked of everybody."""
+    """List demands: red while it stands in the junction; passing on green is asked of all
+    agents."""
     stop = actor.stops[-1]
     line = actor.enters + actor.motion.find_time_at(float(actor.landmarks.line or 0.0))
     begins = max(line + _CHANGES, stop.start)
@@ -100,5 +101,5 @@ def list_blocking_demands(actor: ScheduledAgent) -> tuple[SignalDemand, ...]:
 
 
 def draw_reaction(rng: np.random.Generator) -> float:
-    """How long after the light has turned yellow a driver brakes [s]."""
+    """Draw how long after the light has turned yellow a driver brakes [s]."""
     return float(rng.uniform(*_REACTION))

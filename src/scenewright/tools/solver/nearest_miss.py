@@ -1,4 +1,4 @@
-"""How near a clause came to being served where it was not, in words a person can act on."""
+"""The nearest miss of a clause that was not met, described so that a user can act on it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from scenewright.scene.constraints import PairClause
 
 
 class FailureStage(IntEnum):
-    """What a clause failed on, in the order in which it is served; later is nearer.
+    """What a clause failed on, in the order in which it is scheduled; later is nearer.
 
-    The paths or the way the two move; the kind of contact; who strikes; where; a figure asked for;
-    what the two do besides.
+    The paths or the motions of the two; the kind of contact; the striking agent; the place; a
+    figure asked for; what the two do besides.
     """
 
     PATHS = 0
@@ -39,29 +39,29 @@ class NearestMiss:
     words: str
     off: float = 0.0
 
-    def nearer(self, other: NearestMiss | None) -> bool:
-        """Whether it came nearer to its clause than another one did to the same clause."""
+    def is_nearer(self, other: NearestMiss | None) -> bool:
+        """Return whether it came nearer to its clause than another miss of the same clause."""
         return other is None or (-self.reached, self.off) < (-other.reached, other.off)
 
 
 class NearestMisses:
-    """The nearest miss of every clause that was tried, and which clauses were served."""
+    """The nearest miss of every clause that was tried, and which clauses were met."""
 
     def __init__(self) -> None:
         self._nearest: dict[PairClause, NearestMiss] = {}
         self._served: set[PairClause] = set()
 
     def note(self, shortfall: NearestMiss) -> None:
-        """Keeps it if it is the nearest of its clause so far."""
-        if shortfall.nearer(self._nearest.get(shortfall.clause)):
+        """Keep it if it is the nearest of its clause so far."""
+        if shortfall.is_nearer(self._nearest.get(shortfall.clause)):
             self._nearest[shortfall.clause] = shortfall
 
-    def served(self, clause: PairClause) -> None:
-        """The clause held at least once."""
+    def note_met(self, clause: PairClause) -> None:
+        """Note that the clause was met at least once."""
         self._served.add(clause)
 
-    def culprit(self, clauses: Iterable[PairClause]) -> NearestMiss | None:
-        """The nearest miss of the first of the clauses, in playing order, that never held."""
+    def find_culprit(self, clauses: Iterable[PairClause]) -> NearestMiss | None:
+        """Find the nearest miss of the first clause, in order of scheduling, that was never met."""
         for clause in clauses:
             if clause not in self._served:
                 return self._nearest.get(clause)

@@ -1,6 +1,6 @@
-"""Standing objects around a staged foreground: where they stand, whom they hide, whose way is free.
+"""Standing objects around the scheduled foreground: their places and what they hide.
 
-An object is placed once the foreground is in time: clear of everybody's path and, where it is to
+An object is placed once the foreground is scheduled: clear of all agents' paths and, where it is to
 hide a pedestrian, so that the driver first sees it as long before the event as asked.
 """
 
@@ -36,16 +36,16 @@ _SPARE = 0.05
 """How far inside the bounds asked for the lead is kept [s]."""
 
 _HIDDEN = 0.5
-"""How long a pedestrian is out of sight at least [s]; else nothing hides it."""
+"""Least time that a pedestrian is out of sight [s]; with less, nothing hides it."""
 
 _BESIDE = 6.0
-"""How near the way of a pedestrian is to what it comes from behind [m]."""
+"""How near a pedestrian's path is to the object that it steps out from behind [m]."""
 
 _BETWEEN = 6.0
-"""Widest gap between two vehicles out of which a pedestrian comes [m]."""
+"""Widest gap between two vehicles from which a pedestrian steps [m]."""
 
 _NODE = 0.4
-"""Spacing at which a path is looked at [m]."""
+"""Spacing at which a path is sampled [m]."""
 
 
 class ObjectPlacer:
@@ -68,20 +68,20 @@ class ObjectPlacer:
         self._kept: dict[str, ObjectRecord] = {}
         self._places: dict[tuple[str, Compass, Side], tuple[ObjectRecord, ...]] = {}
 
-    def keep(self, earlier: Sequence[ObjectRecord]) -> None:
-        """Have objects of an earlier version stand where they stood, if that is still right."""
+    def keep_earlier(self, earlier: Sequence[ObjectRecord]) -> None:
+        """Keep objects of an earlier version where they stood, if that still fits."""
         self._kept = {each.id: each for each in earlier}
 
     def get_kept(self, name: str) -> ObjectRecord | None:
-        """Where an object of an earlier version stood."""
+        """Return where an object of an earlier version stood."""
         return self._kept.get(name)
 
-    def stand_in_way(self, met: Mapping[str, ObjectRecord]) -> None:
-        """Have these objects stand where agents, by name, meet them."""
+    def block_paths(self, met: Mapping[str, ObjectRecord]) -> None:
+        """Place these objects where agents, by name, meet them."""
         self._met = dict(met)
 
     def place(self, schedule: PartialSchedule) -> tuple[ObjectRecord, ...] | str:
-        """The objects, in the plan's order; or which of them finds no place, in words."""
+        """Place the objects, in the plan's order; or say which of them finds no place."""
         placed = list(self._met.values())
         for name, actor in schedule.actors.items():
             others = [each for met_by, each in self._met.items() if met_by != name]
@@ -106,7 +106,7 @@ class ObjectPlacer:
         placed: Sequence[ObjectRecord],
         partner: ObjectNode | None,
     ) -> tuple[ObjectRecord, ...]:
-        """The object at a place out of everybody's way, and its partner; empty if there is none."""
+        """Place the object out of all agents' way, with its partner; empty if there is no place."""
         paths = [actor.candidate for actor in schedule.actors.values()]
         for each in self._list_places(node, schedule, placed):
             if any(is_in_way(path, (each,)) for path in paths):
@@ -119,14 +119,14 @@ class ObjectPlacer:
         return ()
 
     @property
-    def hides_anybody(self) -> bool:
-        """Whether an object is to hide a pedestrian."""
+    def hides_pedestrian(self) -> bool:
+        """Return whether an object is to hide a pedestrian."""
         return any(each.hides is not None for each in self._nodes)
 
     def _list_places(
         self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
     ) -> Iterator[ObjectRecord]:
-        """Places in random order: of those that hide whom the object is to hide, if any."""
+        """List places in random order: of those that hide the given pedestrian, if any."""
         kept = self._kept.get(node.id)
         same = kept and (kept.kind, kept.subtype) == (node.kind, get_subtype(node))
         if kept and same and _keeps_apart(kept, others) and self._hides(node, kept, schedule):
@@ -143,7 +143,8 @@ class ObjectPlacer:
     def _list_places_beyond(
         self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
     ) -> Iterator[ObjectRecord]:
-        """Places beyond a pedestrian's way, those nearest to the object that hides it first."""
+        """List places beyond a pedestrian's path, those nearest to the object that hides it
+        first."""
         hiding = next(each for each in self._nodes if each.id == node.beyond)
         first = next(each for each in others if each.id == node.beyond)
         path = geos.LineString(schedule.actors[str(hiding.hides)].candidate.path.xy)
@@ -181,12 +182,13 @@ class ObjectPlacer:
         return self._places[key]
 
     def _hides(self, node: ObjectNode, place: ObjectRecord, schedule: PartialSchedule) -> bool:
-        """Whether the driver first sees the pedestrian when it is to; True where none is hidden."""
+        """Return whether the driver first sees the pedestrian as asked; True where none is
+        hidden."""
         if node.hides is None or node.hidden_from is None:
             return True
         pair = {node.hides, node.hidden_from}
         times = [each.time for each in schedule.events if set(get_pair(each.clause)) == pair]
-        if not times:  # what the two do was settled in an earlier version, as was the place
+        if not times:  # the interaction was settled in an earlier version, as was the place
             return place is self._kept.get(node.id)
         driver, walker = schedule.actors[node.hidden_from], schedule.actors[node.hides]
         if (
@@ -206,7 +208,7 @@ class ObjectPlacer:
 def is_in_way(
     candidate: Candidate, objects: Sequence[ObjectRecord], *, margin: float | None = None
 ) -> bool:
-    """Whether somebody on a candidate's path would touch an object, or come too near to it.
+    """Return whether an agent on a candidate's path would touch an object, or come too near to it.
 
     Args:
         margin: how near is too near [m]; None: as usual for its class.
@@ -215,7 +217,8 @@ def is_in_way(
 
 
 def make_sweep(candidate: Candidate, each: ObjectRecord, s: FloatArray) -> FloatArray:
-    """[N] how far the candidate is from an object with its centre at arc lengths [m]."""
+    """Build a function: distance [N] of the candidate to an object, by arc length of its centre
+    [m]."""
     x, y, heading = sample_poses(candidate.path, s).T
     corners = _make_corners(np.stack((x, y), axis=1), heading, candidate.shape)
     return np.asarray(geos.distance(geos.polygons(corners), make_footprint(each)))
@@ -240,7 +243,7 @@ def _comes_near(candidate: Candidate, each: ObjectRecord, margin: float | None) 
 
 
 def _make_corners(xy: FloatArray, heading: FloatArray, shape: Shape) -> FloatArray:
-    """[N, 4, 2] corners of a vehicle's footprint at poses."""
+    """Compute corners [N, 4, 2] of a vehicle's footprint at poses."""
     along = np.stack((np.cos(heading), np.sin(heading)), axis=1) * shape.length / 2
     ends = np.stack((xy - along, xy + along), axis=1)
     # A box of the full width around the vehicle's middle line.
@@ -255,7 +258,7 @@ def _keeps_apart(place: ObjectRecord, others: Sequence[ObjectRecord]) -> bool:
 
 def _describe_failure(node: ObjectNode) -> str:
     if node.hides is None:
-        return f"{node.id} ({node.kind}) finds no place clear of everybody's way"
+        return f"{node.id} ({node.kind}) finds no place clear of all agents' paths"
     low, high = node.lead or DEFAULT_LEAD
     return (
         f"no place of {node.id} hides {node.hides} from {node.hidden_from} until "

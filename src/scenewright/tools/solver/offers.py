@@ -1,4 +1,4 @@
-"""What guests offer: candidates by what they cost, built only when somebody looks at them."""
+"""Offers of background agents: candidates by cost, built only when they are used."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ SCALE = 100_000
 """Objective units per nat."""
 
 _SPARE_COST = 5.0
-"""Nats that a spare guest costs: those drawn first go first."""
+"""Cost of a reserve agent [nats]: those drawn first go first."""
 
 NEVER = 10**12
-"""More than any seating costs [units]."""
+"""More than any assignment costs [units]."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateOffer:
-    """A candidate of a guest.
+    """A candidate of a background agent.
 
     Attributes:
         cost: what each of its options costs at least [nats], known before they are built.
@@ -33,13 +33,14 @@ class CandidateOffer:
 
     @cached_property
     def options(self) -> tuple[Option, ...]:
-        """The ways in which the guest may take part on this candidate."""
+        """List the options of the agent with this candidate."""
         return tuple(self.make())
 
 
 @dataclass(frozen=True, eq=False)
 class AgentOffers:
-    """A guest by what it offers, cheapest first; the other attributes as in `BackgroundAgent`."""
+    """A background agent by its offers, cheapest first; other attributes as in
+    `BackgroundAgent`."""
 
     name: str
     type: AgentClass
@@ -50,14 +51,14 @@ class AgentOffers:
 
 @dataclass(frozen=True, eq=False)
 class PricedOption:
-    """An option, and what it costs above its guest's cheapest [units]."""
+    """An option, and its cost above its agent's cheapest [units]."""
 
     option: Option
     cost: int
 
 
 class OptionWindow:
-    """The ways of one guest, cheapest candidate first, as far as they were looked at.
+    """The options of one agent, cheapest candidate first, as far as they were built.
 
     Attributes:
         width: of its window [units].
@@ -68,32 +69,32 @@ class OptionWindow:
         self.width = 0
         self.ways: list[PricedOption] = []
         self._unread = list(agent.offers)[::-1]
-        self._least = self._likeliest()
+        self._least = self._find_least_cost()
         self.widen(0)
 
     @property
     def least(self) -> int:
-        """What the guest costs at least [units]."""
+        """Least cost of the agent [units]."""
         return min((way.cost for way in self.ways), default=NEVER)
 
     @property
     def complete(self) -> bool:
-        """Whether everything lies within the window."""
+        """Return whether all options lie within the window."""
         return not self._unread and all(way.cost <= self.width for way in self.ways)
 
     def widen(self, width: int) -> None:
-        """Makes the window at least `width` units wide; the spare's extra is not counted."""
+        """Make the window at least `width` units wide; the cost of a reserve is not counted."""
         self.width = max(self.width, width + self._extra)
-        while self._unread and self._units(self._unread[-1].cost) <= self.width:
+        while self._unread and self._convert_to_units(self._unread[-1].cost) <= self.width:
             self._read()
 
-    def window(self) -> list[int]:
-        """The ways within the window, cheapest first."""
+    def list_in_window(self) -> list[int]:
+        """List the options within the window, cheapest first."""
         near = [k for k, way in enumerate(self.ways) if way.cost <= self.width]
         return sorted(near, key=lambda k: self.ways[k].cost)
 
-    def _likeliest(self) -> float:
-        """Cost of the cheapest option of all [nats]; an offer may cost less than its options."""
+    def _find_least_cost(self) -> float:
+        """Find the cost of the cheapest option [nats]; an offer may cost less than its options."""
         least = float("inf")
         for offer in self.agent.offers:
             if offer.cost >= least:
@@ -103,11 +104,13 @@ class OptionWindow:
 
     def _read(self) -> None:
         options = self._unread.pop().options
-        self.ways += [PricedOption(option, self._units(option.cost)) for option in options]
+        self.ways += [
+            PricedOption(option, self._convert_to_units(option.cost)) for option in options
+        ]
 
     @property
     def _extra(self) -> int:
         return round(SCALE * _SPARE_COST) if self.agent.reserve else 0
 
-    def _units(self, cost: float) -> int:
+    def _convert_to_units(self, cost: float) -> int:
         return round(SCALE * (cost - self._least)) + self._extra

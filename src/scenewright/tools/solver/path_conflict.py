@@ -1,4 +1,4 @@
-"""When two agents would meet: clearances of their paths, and the offsets that bring them together.
+"""Conflicts of two paths: clearances, and the offsets at which the agents meet.
 
 For two motions a and b that enter the map at scene times o_a and o_b, let delta = o_b - o_a. They
 come within clearance c iff delta lies in
@@ -32,10 +32,10 @@ _JOIN = 0.3
 """Intervals closer than this [s] are one meeting seen through two nodes."""
 
 _RESTS = 1e-4
-"""Less way than this in one step [m] is standing."""
+"""Less distance than this in one step [m] is standing."""
 
 SLACK = 0.01
-"""Nodes are looked for this much further away [m] than asked for: no rounding loses a pair."""
+"""Extra distance [m] of the search for nodes: no rounding loses a pair."""
 
 IntArray = NDArray[np.intp]
 Half = tuple[float, float]
@@ -65,13 +65,14 @@ class PathConflict:
         """Whether the swept paths overlap at all."""
         return bool(len(self.clearance) and self.clearance.min() <= 0.0)
 
-    def within(self, c: float) -> PathConflict:
-        """Only the pairs at most `c` metres apart."""
+    def compute_intervals(self, c: float) -> PathConflict:
+        """Keep only the pairs at most `c` metres apart."""
         keep = self.clearance <= c
         return PathConflict(self.s_a, self.s_b, self.i[keep], self.j[keep], self.clearance[keep])
 
-    def first_metres(self, metres: float) -> PathConflict:
-        """Only the start of a shared stretch: a merge conflicts where it begins (SEMANTICS 4)."""
+    def keep_first_metres(self, metres: float) -> PathConflict:
+        """Keep only the start of a shared stretch: a merge conflicts where it begins (SEMANTICS
+        4)."""
         if not len(self.i):
             return self
         near = self.s_a[self.i] <= self.s_a[self.i].min() + metres
@@ -87,7 +88,7 @@ def find_path_conflict(
     reach: float,
     spacing: tuple[float, float] = (0.5, 0.5),
 ) -> PathConflict:
-    """All node pairs of two paths whose footprints come within `reach` metres.
+    """Find all node pairs of two paths whose footprints come within `reach` metres.
 
     Args:
         spacing: distance between nodes of a and of b [m]; a PET wants less than a certificate.
@@ -100,7 +101,7 @@ def find_path_conflict(
     )
     if all(shape.type != "pedestrian" for shape in shapes):
         halves = [(shape.length / 2, shape.width / 2) for shape in shapes]
-        gap = _axis_gaps(to_cosines(pose_a), to_cosines(pose_b), i, j, *halves)
+        gap = _compute_axis_gaps(to_cosines(pose_a), to_cosines(pose_b), i, j, *halves)
         i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]
         clearance = gap
         # The gap is exact for footprints that overlap; only the others may meet at corners.
@@ -118,7 +119,7 @@ def find_path_conflict(
 def find_close_nodes(
     a: FloatArray, b: FloatArray, radius: float, spacing: tuple[float, float]
 ) -> tuple[IntArray, IntArray]:
-    """Pairs (i, j), ascending, of nodes of two paths that lie within a radius of one another.
+    """Find pairs (i, j), ascending, of nodes of two paths that lie within a radius of one another.
 
     Args:
         a, b: [2+, N], [2+, M] x and y of nodes [m]; spacing: of the nodes of a and of b [m].
@@ -133,11 +134,11 @@ def find_close_nodes(
             beyond = max(np.sqrt(dx * dx + dy * dy) - radius - SLACK, 0.0)
             if beyond == 0.0:
                 if count == len(i):
-                    i, j = _doubled(i), _doubled(j)
+                    i, j = _double_capacity(i), _double_capacity(j)
                 i[count], j[count] = p, q
                 count += 1
-            # No path comes nearer faster than it goes on: half of what is between may be skipped
-            # on this one, and as much on the other.
+            # A path comes nearer no faster than it goes on: half of the distance may be skipped on
+            # this one, and as much on the other.
             nearest = min(nearest, 0.5 * beyond)
             q += 1 + int(0.5 * beyond / spacing[1])
         p += 1 + int(nearest / spacing[0])
@@ -145,8 +146,8 @@ def find_close_nodes(
 
 
 @compiled
-def _doubled(found: IntArray) -> IntArray:
-    """What was found, with room for as much again."""
+def _double_capacity(found: IntArray) -> IntArray:
+    """Double the capacity of the array."""
     more = np.empty(2 * len(found), np.intp)
     for k in range(len(found)):
         more[k] = found[k]
@@ -158,7 +159,7 @@ def compute_axis_gap(
     ax: float, ay: float, a_cos: float, a_sin: float, a_half: Half,
     bx: float, by: float, b_cos: float, b_sin: float, b_half: Half,
 ) -> float:  # fmt: skip
-    """Largest gap of two rectangles along the axes of either [m]; negative = they overlap.
+    """Compute the largest gap of two rectangles along the axes of either [m]; negative = overlap.
 
     The true clearance is never less, and more only where two corners are nearest.
 
@@ -174,7 +175,7 @@ def compute_axis_gap(
 
 
 @compiled
-def _axis_gaps(
+def _compute_axis_gaps(
     a: FloatArray, b: FloatArray, i: IntArray, j: IntArray, a_half: Half, b_half: Half
 ) -> FloatArray:
     """[N] `compute_axis_gap` of pairs of nodes; a, b: [4, ...] x, y, cosine and sine of heading."""
@@ -187,7 +188,8 @@ def _axis_gaps(
 
 
 def compute_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shape]) -> FloatArray:
-    """[N] distance [m] between footprints at poses [N, 3] (x, y, heading); negative = overlap.
+    """Compute distances [N] [m] between footprints at poses [N, 3] (x, y, heading); negative =
+    overlap.
 
     Two convex shapes that do not overlap are nearest at a corner of one of them; whether they
     overlap is decided by separating axes. Discs are corners with a radius.
@@ -197,10 +199,10 @@ def compute_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shap
         distance: FloatArray = np.hypot(a[:, 0] - b[:, 0], a[:, 1] - b[:, 1])
         return distance - (shapes[0].width + shapes[1].width) / 2
     if discs[1]:
-        return _disc_to_box(b, a, shapes[0]) - shapes[1].width / 2
+        return _compute_disc_distance(b, a, shapes[0]) - shapes[1].width / 2
     if discs[0]:
-        return _disc_to_box(a, b, shapes[1]) - shapes[0].width / 2
-    return _between_boxes(a, b, shapes)
+        return _compute_disc_distance(a, b, shapes[1]) - shapes[0].width / 2
+    return _compute_box_distance(a, b, shapes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +217,8 @@ class NodeIntervals:
     high: FloatArray
     clearance: FloatArray
 
-    def within(self, c: float) -> Intervals:
-        """C(c) as disjoint intervals."""
+    def compute_intervals(self, c: float) -> Intervals:
+        """Compute C(c) as disjoint intervals."""
         close = self.clearance <= c
         return _merge(self.low[close], self.high[close])
 
@@ -224,7 +226,7 @@ class NodeIntervals:
 def find_meeting_intervals(
     pair: PathConflict, a: Motion, b: Motion, *, exact: bool = False
 ) -> NodeIntervals:
-    """When two motions would be at their close nodes.
+    """Find when two motions would be at their close nodes.
 
     Args:
         exact: nodes count as points (for measuring a PET); else as the stretch around them,
@@ -241,33 +243,37 @@ def find_meeting_intervals(
 def find_conflict_intervals(
     pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
 ) -> Intervals:
-    """C(c) as disjoint intervals of delta = o_b - o_a [s]; see `find_meeting_intervals`."""
+    """Find C(c) as disjoint intervals of delta = o_b - o_a [s]; see `find_meeting_intervals`."""
     check_time()
-    return find_meeting_intervals(pair, a, b, exact=exact).within(c)
+    return find_meeting_intervals(pair, a, b, exact=exact).compute_intervals(c)
 
 
 def compute_gap(intervals: Intervals, delta: float) -> float:
-    """Distance [s] of delta from a union of intervals: the PET if they are C(0); inf if empty."""
+    """Compute the distance [s] of delta from intervals: the PET if they are C(0); inf if empty."""
     if not len(intervals):
         return float("inf")
     outside = np.maximum(intervals[:, 0] - delta, delta - intervals[:, 1])
     return float(np.maximum(outside, 0.0).min())
 
 
-def _local(x: FloatArray, y: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """[..., N] coordinates along and across the boxes at poses [N, 3] of points [..., N]."""
+def _transform_to_box(
+    x: FloatArray, y: FloatArray, box: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Transform points [..., N] to coordinates along and across the boxes at poses [N, 3]."""
     cos, sin = np.cos(box[:, 2]), np.sin(box[:, 2])
     dx, dy = x - box[:, 0], y - box[:, 1]
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
-def _disc_to_box(disc: FloatArray, box: FloatArray, shape: Shape) -> FloatArray:
-    """[N] distance of the centres of discs to boxes; negative inside."""
-    along, across = _local(disc[:, 0], disc[:, 1], box)
-    return _outside(np.abs(along) - shape.length / 2, np.abs(across) - shape.width / 2)
+def _compute_disc_distance(disc: FloatArray, box: FloatArray, shape: Shape) -> FloatArray:
+    """Compute distances [N] of the centres of discs to boxes; negative inside."""
+    along, across = _transform_to_box(disc[:, 0], disc[:, 1], box)
+    return _compute_outside_distance(
+        np.abs(along) - shape.length / 2, np.abs(across) - shape.width / 2
+    )
 
 
-def _outside(along: FloatArray, across: FloatArray) -> FloatArray:
+def _compute_outside_distance(along: FloatArray, across: FloatArray) -> FloatArray:
     outside: FloatArray = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
     return outside + np.minimum(np.maximum(along, across), 0.0)
 
@@ -276,27 +282,27 @@ _SIGNS = np.array([[[1.0], [1.0], [-1.0], [-1.0]], [[1.0], [-1.0], [-1.0], [1.0]
 """[2, 4, 1] corners of a rectangle, along and across, in half sides."""
 
 
-def _corners(box: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
-    """[4, N] x and y of the corners; the long axis last keeps reductions fast."""
+def _compute_corners(box: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
+    """Compute x and y [4, N] of the corners; the long axis last keeps reductions fast."""
     cos, sin = np.cos(box[:, 2]), np.sin(box[:, 2])
     along, across = _SIGNS[0] * shape.length / 2, _SIGNS[1] * shape.width / 2
     return box[:, 0] + along * cos - across * sin, box[:, 1] + along * sin + across * cos
 
 
-def _between_boxes(a: FloatArray, b: FloatArray, shapes: tuple[Shape, Shape]) -> FloatArray:
-    near_a, axes_a = _corners_to_box(_corners(b, shapes[1]), a, shapes[0])
-    near_b, axes_b = _corners_to_box(_corners(a, shapes[0]), b, shapes[1])
+def _compute_box_distance(a: FloatArray, b: FloatArray, shapes: tuple[Shape, Shape]) -> FloatArray:
+    near_a, axes_a = _compute_corner_distance(_compute_corners(b, shapes[1]), a, shapes[0])
+    near_b, axes_b = _compute_corner_distance(_compute_corners(a, shapes[0]), b, shapes[1])
     axes = np.maximum(axes_a, axes_b)
     return np.where(axes <= 0.0, axes, np.maximum(np.minimum(near_a, near_b), 0.0))
 
 
-def _corners_to_box(
+def _compute_corner_distance(
     corners: tuple[FloatArray, FloatArray], box: FloatArray, shape: Shape
 ) -> tuple[FloatArray, FloatArray]:
-    """[N] distance of the nearest corner, and the largest gap along the box's own two axes."""
-    along, across = _local(*corners, box)
+    """Compute distances [N] of the nearest corner, and the largest gap along the box's own axes."""
+    along, across = _transform_to_box(*corners, box)
     half = (shape.length / 2, shape.width / 2)
-    near = _outside(np.abs(along) - half[0], np.abs(across) - half[1]).min(axis=0)
+    near = _compute_outside_distance(np.abs(along) - half[0], np.abs(across) - half[1]).min(axis=0)
     gaps = [
         np.maximum(local.min(axis=0), -local.max(axis=0)) - extent
         for local, extent in zip((along, across), half, strict=True)
@@ -305,19 +311,24 @@ def _corners_to_box(
 
 
 def compute_occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
-    """Local times [s] at which the centre comes to and leaves each node's stretch; inf = never."""
-    come, leave = _comes_and_goes(s, motion.s, half * (s[1] - s[0]), motion.ended)
-    return (come, leave) if half else _with_rests(s, motion, come, leave)
+    """Compute local times [s] at which the centre enters and leaves each node's stretch; inf =
+    never."""
+    come, leave = _compute_passing_times(s, motion.s, half * (s[1] - s[0]), motion.ended)
+    return (come, leave) if half else _add_rests(s, motion, come, leave)
 
 
 @compiled
-def _comes_and_goes(
+def _compute_passing_times(
     s: FloatArray, moved: FloatArray, reach: float, ended: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Times [s] at which it has come within `reach` [m] of each of ascending places, and left."""
+    """Compute times [s] at which it comes within `reach` [m] of each of ascending places, and
+    leaves."""
     # Ties in arc length are a standstill: the tiny slope makes its start and end distinct.
     way = moved + 1e-7 * np.arange(len(moved))
-    come, leave = _when(s - reach, way, np.inf), _when(s + reach, way, STEP * (len(way) - 1))
+    come, leave = (
+        _compute_times_at(s - reach, way, np.inf),
+        _compute_times_at(s + reach, way, STEP * (len(way) - 1)),
+    )
     for k in range(len(s)):
         if come[k] == np.inf:
             leave[k] = np.inf
@@ -327,8 +338,8 @@ def _comes_and_goes(
 
 
 @compiled
-def _when(places: FloatArray, way: FloatArray, beyond: float) -> FloatArray:
-    """Times [s] at which ascending places are passed; 0 before the way begins."""
+def _compute_times_at(places: FloatArray, way: FloatArray, beyond: float) -> FloatArray:
+    """Compute times [s] at which ascending places are passed; 0 before the path begins."""
     times = np.empty(len(places))
     k = 0
     for n in range(len(places)):
@@ -344,10 +355,10 @@ def _when(places: FloatArray, way: FloatArray, beyond: float) -> FloatArray:
     return times
 
 
-def _with_rests(
+def _add_rests(
     s: FloatArray, motion: Motion, come: FloatArray, leave: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Nodes as points miss whoever rests between two of them: the nearest stands in for it."""
+    """Add rests to the nearest node, as an agent may rest between two nodes."""
     rests = np.nonzero(np.diff(motion.s) < _RESTS)[0]
     node = np.minimum(np.rint(motion.s[rests] / (s[1] - s[0])).astype(np.intp), len(s) - 1)
     np.minimum.at(come, node, STEP * rests)

@@ -1,4 +1,4 @@
-"""Path TTC of two placed actors: time to contact at their present speeds (SEMANTICS 4)."""
+"""Path TTC of two placed agents: time to contact at their present speeds (SEMANTICS 4)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class PathTtc:
     """Path TTC over time.
 
     Attributes:
-        times: [T] at which both are there [s].
+        times: [T] at which both are in the scene [s].
         ttc: [T] time to contact [s]; inf where there is none within the horizon.
     """
 
@@ -30,7 +30,7 @@ class PathTtc:
 
     @property
     def least(self) -> float:
-        """The least of it [s]; inf if the two never close in on one another."""
+        """Least path TTC [s]; inf if the two never approach one another."""
         return float(self.ttc.min(initial=np.inf))
 
     @property
@@ -42,25 +42,28 @@ class PathTtc:
 def compute_path_ttc(
     pair: PathConflict, a: ScheduledAgent, b: ScheduledAgent, *, horizon: float
 ) -> PathTtc:
-    """Path TTC of two actors, up to `horizon` [s], from the nodes at which they touch."""
+    """Compute the path TTC of two agents, up to `horizon` [s], from the nodes at which they
+    touch."""
     times = get_shared_times(a, b)
     if times is None or not pair.touches:
         return PathTtc(np.empty(0), np.empty(0))
     meet = pair.clearance <= 0.0
     touch = np.zeros((len(pair.s_a) + 1, len(pair.s_b) + 1), dtype=np.bool_)
     touch[pair.i[meet], pair.j[meet]] = True
-    now_a, now_b = _state(a, times), _state(b, times)
+    now_a, now_b = _compute_state(a, times), _compute_state(b, times)
     near = _reaches(now_a, pair.s_a[pair.i[meet]], horizon)
     near &= _reaches(now_b, pair.s_b[pair.j[meet]], horizon)
     ahead = np.arange(0.0, horizon + _LOOK / 2, _LOOK)
-    hits = touch[_nodes(now_a[near], ahead, pair.s_a), _nodes(now_b[near], ahead, pair.s_b)]
+    hits = touch[
+        _find_nodes(now_a[near], ahead, pair.s_a), _find_nodes(now_b[near], ahead, pair.s_b)
+    ]
     ttc = np.full(len(times), np.inf)
     ttc[near] = np.where(hits.any(axis=1), ahead[np.argmax(hits, axis=1)], np.inf)
     return PathTtc(times, ttc)
 
 
-def _state(of: ScheduledAgent, times: FloatArray) -> FloatArray:
-    """[T, 2] arc length [m] and speed [m/s] at scene times."""
+def _compute_state(of: ScheduledAgent, times: FloatArray) -> FloatArray:
+    """Compute arc length [m] and speed [m/s] [T, 2] at scene times."""
     local, clock = times - of.enters, STEP * np.arange(len(of.motion.s))
     return np.column_stack(
         [of.motion.compute_positions(local), np.interp(local, clock, of.motion.speed)]
@@ -68,7 +71,7 @@ def _state(of: ScheduledAgent, times: FloatArray) -> FloatArray:
 
 
 def _reaches(now: FloatArray, nodes: FloatArray, horizon: float) -> NDArray[np.bool_]:
-    """[T] whether it may come among the nodes within the horizon at its present speed."""
+    """Return [T] whether it may come among the nodes within the horizon at its present speed."""
     s, speed = now.T
     result: NDArray[np.bool_] = (s + speed * horizon >= nodes.min() - 1.0) & (
         s <= nodes.max() + 1.0
@@ -76,8 +79,8 @@ def _reaches(now: FloatArray, nodes: FloatArray, horizon: float) -> NDArray[np.b
     return result
 
 
-def _nodes(now: FloatArray, ahead: FloatArray, s: FloatArray) -> NDArray[np.intp]:
-    """[T, A] the node where it would be that much later; one past the last beyond the path."""
+def _find_nodes(now: FloatArray, ahead: FloatArray, s: FloatArray) -> NDArray[np.intp]:
+    """Find the node [T, A] where it would be that much later; one past the last beyond the path."""
     node = np.rint((now[:, :1] + now[:, 1:] * ahead) / (s[1] - s[0]))
     result: NDArray[np.intp] = np.minimum(node, len(s)).astype(np.intp)
     return result

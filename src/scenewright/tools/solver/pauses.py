@@ -1,4 +1,4 @@
-"""`pauses`: a pedestrian that stands still for a while on its way over the road."""
+"""`pauses`: a pedestrian that stands still for a while while crossing the road."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PLACE, _LASTS = (0.35, 0.65), (1.5, 3.0)
 """Where it stands, as a share of the way from kerb to kerb; and for how long [s]."""
 
 _BEYOND_KERB = (3.0, 6.0)
-"""How far from the kerb who jaywalks stands [m]."""
+"""How far from the kerb a jaywalker stands [m]."""
 
 
 def draw_pauses(
@@ -25,7 +25,7 @@ def draw_pauses(
     landmarks: Mapping[str, Landmarks],
     rng: np.random.Generator,
 ) -> dict[str, ScheduledAgent]:
-    """By name, those who stand still on the road, entering at time 0."""
+    """Draw the pedestrians, by name, that stand still on the road, entering at time 0."""
     return {
         name: _draw_pause(candidates[name], landmarks[name], rng)
         for name in sorted(names)
@@ -39,7 +39,7 @@ def _draw_pause(
     s = _draw_place(landmarks, rng)
     start = compute_arrival(candidate, StopCommand(s, 0.0))
     stop = Stop("midway", s, start, start + float(rng.uniform(*_LASTS)), "pauses")
-    return ScheduledAgent.unplaced(candidate, landmarks).held_by_lights((stop,))
+    return ScheduledAgent.build_unplaced(candidate, landmarks).hold_at_lights((stop,))
 
 
 def _draw_place(landmarks: Landmarks, rng: np.random.Generator) -> float:

@@ -21,7 +21,7 @@ _DRAWS = 5
 """Reaction times that are drawn for a braking down to a speed."""
 
 _SHARES = (1.0, 0.7, 0.45)
-"""Of the braking drawn: that it is too weak may be why the two collide."""
+"""Shares of the braking drawn: too weak a braking may be why the two collide."""
 
 _WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
 """Braking below this [m/s^2] is hardly a reaction."""
@@ -33,10 +33,10 @@ _LEFT, _STANDS = 0.5, 0.1
 """Speed that a vehicle, and a pedestrian, brakes down to if it is not hit before [m/s]."""
 
 _BRAKINGS = (1.0, 7.6)
-"""Braking by which a speed at contact may be reached [m/s^2]."""
+"""Braking with which a speed at contact may be reached [m/s^2]."""
 
 _TOO_LATE = 0.4
-"""A reaction that would begin later than this before the contact [s] is none."""
+"""A reaction that would begin later than this before the contact [s] does not count."""
 
 _SEEN = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
 """By how much a reaction must change the speed at least [m/s]."""
@@ -52,7 +52,7 @@ def react_in_vain(
     found: FirstContact,
     wanted: Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool],
 ) -> Reacted | None:
-    """The two as they react, and their contact then; None if no reactions leave it as asked for.
+    """Make the two react; return them and their contact; None if no reactions leave it as asked.
 
     Args:
         drawn: how each of the two reacts, if it perceives the other.
@@ -62,7 +62,7 @@ def react_in_vain(
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
-    # Where not both can, one of the two reacts, and the other does not.
+    # If not both can react, one of the two reacts, and the other does not.
     ways = [[*_list_ways(pair[k], threats[k], drawn[k], found.time), pair[k]] for k in (0, 1)]
     for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
         after = (ways[0][one], ways[1][two])
@@ -83,7 +83,7 @@ def draw_braking_to(
     found: FirstContact,
     speed: float,
 ) -> float | None:
-    """Braking [m/s^2] from a reaction on that leaves this speed at the contact; None if none does.
+    """Compute the braking [m/s^2] that leaves this speed at the contact; None if none does.
 
     Args:
         speed: at the contact [m/s].
@@ -110,7 +110,7 @@ def _find_threats(
     pair: tuple[ScheduledAgent, ScheduledAgent],
     found: FirstContact,
 ) -> tuple[float | None, float | None]:
-    """From when on either perceives the other [s]; None if it does not, or must not react."""
+    """Find from when on either perceives the other [s]; None if it does not, or must not react."""
     names = get_pair(clause)
     lead = context.reactions.hidden.get(frozenset(names))
     threat = find_threat(context.find_path_conflict(clause), *pair, until=found.time, lead=lead)
@@ -126,7 +126,7 @@ def _find_threats(
 def _list_ways(
     of: ScheduledAgent, begin: float | None, drawn: Reaction, until: float
 ) -> list[ScheduledAgent]:
-    """The agent reacting as drawn, then more weakly, then, on foot, in the other way.
+    """List the agent reacting as drawn, then more weakly, then, on foot, in the other way.
 
     Args:
         begin: when it perceives the other [s], if it does; until: when they touch [s].
@@ -143,7 +143,7 @@ def _list_ways(
 
 
 def _is_seen(before: ScheduledAgent, after: ScheduledAgent, until: float) -> bool:
-    """Whether a reaction changes the speed so that it can be seen by a time [s]."""
+    """Return whether a reaction changes the speed visibly by a time [s]."""
     clock = STEP * np.arange(min(len(before.motion.s), len(after.motion.s)))
     times = clock[clock <= until - before.enters]
     n = len(times)
@@ -152,7 +152,7 @@ def _is_seen(before: ScheduledAgent, after: ScheduledAgent, until: float) -> boo
 
 
 def _react(of: ScheduledAgent, how: Reaction, begin: float, share: float) -> ScheduledAgent:
-    """The agent with its reaction, or as it is where that changes nothing."""
+    """Apply the agent's reaction; the same agent where that changes nothing."""
     kind, onset = of.candidate.shape.type, begin + how.after
     strength = max(share * how.strength, _WEAKEST[kind]) + _find_braking(of, onset)
     if how.kind == "runs":
@@ -166,7 +166,7 @@ def _react(of: ScheduledAgent, how: Reaction, begin: float, share: float) -> Sch
 
 
 def _find_braking(of: ScheduledAgent, time: float) -> float:
-    """How hard it brakes anyway at a time, for a bend or a light [m/s^2]."""
+    """Compute how hard it brakes anyway at a time, for a bend or a light [m/s^2]."""
     if of.candidate.shape.type == "pedestrian":
         return 0.0
     change = np.gradient(of.motion.speed, STEP)

@@ -1,8 +1,8 @@
-"""Near misses in which a party reacts: on present courses the two would touch (SEMANTICS 8).
+"""Near misses with a reaction: on present courses the two would touch (SEMANTICS 8).
 
-One of the two answers the threat a reaction time after it is perceptible; what it loses or gains by
-that is why they miss. When they come is shifted so that the PET asked for comes about with the
-reaction in it.
+One of the two responds to the threat a reaction time after it is perceptible; the time that it
+loses or gains is why they miss. Their entry times are shifted so that the PET asked for comes
+about including the reaction.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ _TRIES, _STEPS, _MOST = 20, 4, 2
 """Reactions that are drawn; steps towards the PET with each; and stagings that are offered."""
 
 _KEEPS, _KEEPS_LITTLE = (0.58, 0.75), (0.25, 0.55)
-"""What share of its speed who slows down keeps: with less than half it would have given way,"""
+"""Share of its speed that an agent keeps which slows: below half it would have given way,"""
 
 _HARSH, _NARROW = 5.3, 0.44
 """but for braking harder than this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
 
 _LEAST_CLEARANCE = 0.05
-"""Between two that pass without touching [m]."""
+"""Least clearance of two that pass without touching [m]."""
 
 _IN_TIME = 1.7
-"""Within what time [s] a reaction must have ended the threat, or the other had to react, too."""
+"""Time [s] within which a reaction must have ended the threat, or the other had to react, too."""
 
 _CLOSEST = 0.3
 """Time left to the meeting at which a reaction changes nothing any more [s]."""
@@ -49,7 +49,7 @@ _CLOSEST = 0.3
 
 @dataclass(frozen=True)
 class _Attempt:
-    """One way of reacting: who of the two (0 or 1), how, down to which share of its speed."""
+    """One reaction: of which agent (0 or 1), how, down to which share of its speed."""
 
     by: int
     how: Reaction
@@ -57,11 +57,11 @@ class _Attempt:
 
     @property
     def first(self) -> int:
-        """Who of the two passes first: the other one, unless who reacts runs."""
+        """The agent of the two that passes first: the other one, unless the reacting one runs."""
         return self.by if self.how.kind == "runs" else 1 - self.by
 
     def get_longest_pet(self, most: float) -> float:
-        """The longest PET [s], up to `most`, with which this is no giving way."""
+        """Return the longest PET [s], up to `most`, with which this does not count as yielding."""
         gives_way = self.keeps < _KEEPS[0] and self.how.strength < _HARSH
         return min(most, _NARROW) if gives_way and self.how.kind != "runs" else most
 
@@ -73,7 +73,7 @@ def can_react(
     pair: tuple[ScheduledAgent, ScheduledAgent],
     meetings: Intervals,
 ) -> bool:
-    """Whether one of the two may react, and would have time to."""
+    """Return whether one of the two may react, and would have time to."""
     names = get_pair(clause)
     free = [k for k in (0, 1) if context.reactions.may_react(names[k])]
     return bool(len(meetings)) and any(
@@ -88,10 +88,10 @@ def schedule_reacted_time_gaps(
     pair: tuple[ScheduledAgent, ScheduledAgent],
     meetings: Intervals,
 ) -> Iterator[PartialSchedule]:
-    """Stagings (lazily) with that PET in which one of the two reacts.
+    """List schedules (lazily) with that PET in which one of the two reacts.
 
     Args:
-        meetings: differences of entry times [s] at which the two would touch if nobody reacted.
+        meetings: differences of entry times [s] at which the two would touch without reactions.
     """
     names = get_pair(clause)
     willing = [k for k in (0, 1) if context.reactions.may_react(names[k])]
@@ -101,8 +101,8 @@ def schedule_reacted_time_gaps(
     for _ in range(_TRIES):
         attempt = _draw(willing, pair, context)
         if names[attempt.by] in schedule.actors:
-            continue  # it is bound already by what it does to others
-        staged = _stage(clause, schedule, context, pair, meetings, attempt)
+            continue  # it is bound already by earlier events
+        staged = _schedule_reaction(clause, schedule, context, pair, meetings, attempt)
         if staged is not None:
             yield staged
             offered += 1
@@ -121,7 +121,7 @@ def _draw(
     return _Attempt(by, how, float(context.rng.uniform(*keeps)))
 
 
-def _stage(
+def _schedule_reaction(
     clause: TimeGap,
     schedule: PartialSchedule,
     context: SolverContext,
@@ -129,12 +129,12 @@ def _stage(
     meetings: Intervals,
     attempt: _Attempt,
 ) -> PartialSchedule | None:
-    """The two with that reaction and the PET asked for; None if the two do not go together."""
+    """Schedule the two with that reaction and the PET asked for; None if these are incompatible."""
     low, high = float(meetings[:, 0].min()), float(meetings[:, 1].max())
     most = attempt.get_longest_pet(clause.high)
     delta = float(context.rng.uniform(low, high))
     for _ in range(_STEPS):
-        placed = schedule.placed(clause, *pair, delta)
+        placed = schedule.place(clause, *pair, delta)
         delta = placed[1].enters - placed[0].enters
         reacted = _react(clause, context, placed, attempt)
         after = None if reacted is None else _find_meetings(clause, context, reacted)
@@ -145,7 +145,7 @@ def _stage(
         pet, gained = (first - delta, first - low) if attempt.first else (delta - last, high - last)
         longest = min(most, gained - STEP)
         if longest < clause.low:
-            return None  # on present courses they would not meet, so that nobody had to react
+            return None  # on present courses they would not meet, so that no reaction is needed
         if clause.low - 1e-6 <= pet <= longest + 1e-6:
             return _finish(clause, schedule, context, reacted)
         wanted = float(context.rng.uniform(clause.low, longest))
@@ -166,7 +166,7 @@ def _react(
     placed: tuple[ScheduledAgent, ScheduledAgent],
     attempt: _Attempt,
 ) -> tuple[ScheduledAgent, ScheduledAgent] | None:
-    """The two, one of them reacting; None if it perceives nothing in time."""
+    """Return the two, one of them reacting; None if it perceives nothing in time."""
     conflict = context.find_path_conflict(clause)
     meets = find_least_clearance(*placed)[1]
     lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
@@ -199,7 +199,7 @@ def _change(
     here = float(of.motion.compute_positions(np.array([local]))[0])
     clock = 0.1 * np.arange(len(of.motion.s))
     speed = attempt.keeps * float(np.interp(local, clock, of.motion.speed))
-    # It stays slow until the other's way begins.
+    # It stays slow until the other's path begins.
     kept = max(float(nodes.min()) - here, 1.0)
     return slow_down(of, onset=onset, braking=how.strength, speed=speed, kept=kept)
 
@@ -211,7 +211,7 @@ def _finish(
     reacted: tuple[ScheduledAgent, ScheduledAgent],
 ) -> PartialSchedule | None:
     clearance, time, place = find_least_clearance(*reacted)
-    if clearance <= _LEAST_CLEARANCE or schedule.too_soon(time, clause):
+    if clearance <= _LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
         return None
     conflict = context.find_path_conflict(clause)
     lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
@@ -220,4 +220,4 @@ def _finish(
         return None
     begins = min(time - 4.0, threat[0] - SEEN_BEFORE)
     event = ScheduledEvent(clause, time, begins, time + 1.0, time + 1.0, place)
-    return schedule.with_event(event, *reacted)
+    return schedule.add_event(event, *reacted)

@@ -1,7 +1,7 @@
 """Threatened agents that react: from when a conflict is perceptible, and how (SEMANTICS 8).
 
 A reaction is an edit of the agent's motion from a moment on: a vehicle or rider brakes, a
-pedestrian slows down or runs. So it is solved for like a standstill: what comes of it decides.
+pedestrian slows down or runs. It is solved for like a stop: its outcome decides.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scenewright.tools.solver.path_ttc import compute_path_ttc
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 SEEN_BEFORE = 0.6
-"""How long before a conflict is perceptible the two are seen at least [s]."""
+"""How long before a conflict is perceptible the two are visible at least [s]."""
 
 _LASTS = 0.3
 """How long a conflict must stay perceptible to count [s] (SEMANTICS 8)."""
@@ -34,7 +34,7 @@ _LEAST_TIME = 0.4
 """A braking shorter than this [s] is smoothed away."""
 
 _BEHIND = np.deg2rad(105.0)
-"""Who comes from further round than this is not seen from a seat or saddle [rad]."""
+"""An agent from further round than this is not seen from a seat or saddle [rad]."""
 
 _RUNS, _FASTEST, _WALKS_ON = 2.5, 2.85, 40.0
 """How fast a pedestrian runs out of the way [m/s], and how far it walks before and after [m]."""
@@ -42,7 +42,7 @@ _RUNS, _FASTEST, _WALKS_ON = 2.5, 2.85, 40.0
 
 @dataclass(frozen=True)
 class ReactionRequests:
-    """What is asked for of reactions, and who is hidden until when.
+    """Reactions asked for, and agents that are hidden up to a time.
 
     Attributes:
         excluded: agents that do not react, as the text says.
@@ -54,12 +54,12 @@ class ReactionRequests:
     hidden: Mapping[frozenset[str], tuple[float, float]]
 
     def may_react(self, name: str) -> bool:
-        """Whether the text leaves the agent to react."""
+        """Return whether the text leaves the agent to react."""
         return name not in self.excluded
 
     @staticmethod
     def draw(of: ScheduledAgent, rng: np.random.Generator) -> Reaction:
-        """A reaction of the agent; of those that a motion along its path can show."""
+        """Draw a reaction of the agent, of those that a motion along its path can show."""
         drawn = sample_reaction(of.candidate.shape.type, rng)
         if of.candidate.shape.type != "pedestrian":
             drawn = replace(drawn, kind="brakes")
@@ -76,7 +76,7 @@ def find_threat(
     until: float,
     lead: tuple[float, float] | None = None,
 ) -> tuple[float, float] | None:
-    """From when to when [s] a conflict of the two is perceptible; None if it never is.
+    """Find when [s] a conflict of the two is perceptible; None if it never is.
 
     Args:
         until: the event [s]; lead: how long before it the line of sight is free [s], if not always.
@@ -94,11 +94,11 @@ def find_threat(
 
 
 def sees(of: ScheduledAgent, other: ScheduledAgent, time: float) -> bool:
-    """Whether the other is not behind it at a time [s]; who walks hears and turns round."""
+    """Return whether the other is not behind it at a time [s]; pedestrians look all around."""
     if of.candidate.shape.type == "pedestrian":
         return True
     at = np.array([time])
-    (x, y, heading), (u, v, _) = of.at(at)[0].tolist(), other.at(at)[0].tolist()
+    (x, y, heading), (u, v, _) = of.get_poses(at)[0].tolist(), other.get_poses(at)[0].tolist()
     bearing = np.arctan2(v - y, u - x) - heading
     return bool(abs(np.angle(np.exp(1j * bearing))) < _BEHIND)
 
@@ -106,7 +106,7 @@ def sees(of: ScheduledAgent, other: ScheduledAgent, time: float) -> bool:
 def slow_down(
     of: ScheduledAgent, *, onset: float, braking: float, speed: float, kept: float
 ) -> ScheduledAgent | None:
-    """The agent braking from a moment [s] on to a speed [m/s], which it keeps for a way [m].
+    """Brake the agent from a moment [s] on to a speed [m/s], which it keeps for a distance [m].
 
     None where it is hardly faster than that then.
     """
@@ -115,13 +115,13 @@ def slow_down(
         return None
     at = s + (before**2 - speed**2) / (2.0 * braking)
     slowing = Slowing(at, speed, braking, kept)
-    return of.edited(stops=of.stops, slowings=(*of.slowings, slowing))
+    return of.edit(stops=of.stops, slowings=(*of.slowings, slowing))
 
 
 def run_on(
     of: ScheduledAgent, *, onset: float, acceleration: float, until: float
 ) -> ScheduledAgent | None:
-    """The pedestrian running from a moment [s] on, up to an arc length [m]; None if it stands."""
+    """Make the pedestrian run from a moment [s] on, up to an arc length [m]; None if it stands."""
     s, before = _find_state(of, onset + _SMOOTHED)
     if before < 0.6 or before > _RUNS - 0.4 or until - s < 0.5:
         return None
@@ -133,11 +133,11 @@ def run_on(
         Slowing(until, law.speed, law.braking, of.candidate.path.length),
     )
     runner = replace(of, candidate=replace(of.candidate, time_law=hurried))
-    return runner.edited(stops=of.stops, slowings=(*of.slowings, *walked))
+    return runner.edit(stops=of.stops, slowings=(*of.slowings, *walked))
 
 
 def _find_state(of: ScheduledAgent, time: float) -> tuple[float, float]:
-    """Arc length [m] and speed [m/s] at a scene time."""
+    """Find arc length [m] and speed [m/s] at a scene time."""
     local = time - of.enters
     clock = STEP * np.arange(len(of.motion.s))
     return (

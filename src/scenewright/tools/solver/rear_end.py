@@ -1,4 +1,4 @@
-"""Rear-ends: the leader stands, and the follower brakes hard but too late to stop behind it."""
+"""Rear-end collisions: the leader stands, and the follower brakes hard but too late."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
 _SUDDEN, _SUDDEN_BRAKING = (0.62, 0.82), 3.2
-"""Where on its way (share of it) a leader stops for no light, and how hard it brakes [m/s^2]."""
+"""Where on its path (share of it) a leader stops without a light, and how hard it brakes
+[m/s^2]."""
 
 _RIDER_BRAKING = 3.0
 """Of a rider that brakes too late [m/s^2]."""
 
 _AT_THE_ZONE = 7.0
-"""Who waits no farther than this [m] from a conflict zone visibly waits for it."""
+"""A vehicle that waits no farther than this [m] from a conflict zone visibly waits for it."""
 
 _LINGERS = 2.5
 """How much later than it could a leader starts that is hit from behind [s]."""
@@ -40,9 +41,9 @@ _RED = 12.0
 def plan_rear_ends(
     a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
 ) -> Iterator[tuple[ScheduledAgent, ScheduledAgent]]:
-    """Follower and leader, edited but not yet placed."""
-    for leader in _standing_leaders(b, context.rng):
-        follower = _brakes_late(a, leader, clause, context)
+    """Plan follower and leader, edited but not yet placed."""
+    for leader in _list_standing_leaders(b, context.rng):
+        follower = _brake_late(a, leader, clause, context)
         if follower is not None:
             yield follower, leader
         else:
@@ -53,7 +54,7 @@ def plan_rear_ends(
 def draw_rear_end_offsets(
     follower: ScheduledAgent, leader: ScheduledAgent, rng: np.random.Generator
 ) -> list[float]:
-    """Offsets that bring the follower to the leader's rear while the leader stands."""
+    """Draw offsets at which the follower reaches the leader's rear while the leader stands."""
     stop, touch = leader.stops[-1], follower.slowings[-1].s
     first = stop.start + 0.2
     if stop.reason == "gives_way":
@@ -67,18 +68,18 @@ def draw_rear_end_offsets(
 
 
 def compute_passing_time(leader: ScheduledAgent) -> float:
-    """When [s] whom the lingering leader gave way to has passed."""
+    """Compute when [s] the agent has passed to which the leader gave way."""
     return leader.stops[-1].until - _LINGERS - 0.2
 
 
-def _standing_leaders(b: ScheduledAgent, rng: np.random.Generator) -> Iterator[ScheduledAgent]:
-    """Where it stands already; else at its red light; else braked to a stop on its way."""
+def _list_standing_leaders(b: ScheduledAgent, rng: np.random.Generator) -> Iterator[ScheduledAgent]:
+    """List leaders: standing already; else at its red light; else braked to a stop on its path."""
     if b.stops:
-        lingering = _lingering(b)
+        lingering = _delay_start(b)
         if lingering is not None:
             yield lingering
         return
-    at_light = _brakes_at_light(b)
+    at_light = _stop_at_light(b)
     if at_light is not None:
         yield at_light
     for share in rng.uniform(*_SUDDEN, 2):
@@ -86,38 +87,38 @@ def _standing_leaders(b: ScheduledAgent, rng: np.random.Generator) -> Iterator[S
         start = b.enters + compute_arrival(b.candidate, hold)
         until = start + _FOR_GOOD
         stop = Stop("stopping_point", hold.s, start, until, "brakes", _SUDDEN_BRAKING)
-        yield b.edited(stops=(stop,))
+        yield b.edit(stops=(stop,))
 
 
-def _brakes_at_light(b: ScheduledAgent) -> ScheduledAgent | None:
-    """The leader of a rear-end: stands at its red light."""
+def _stop_at_light(b: ScheduledAgent) -> ScheduledAgent | None:
+    """Stop the leader of a rear-end collision at its red light."""
     if b.landmarks.line is None or b.landmarks.group is None:
         return None
     stop = build_red_light_stop(b, b.landmarks.line - STOP_GAP)
-    return b.edited(stops=(replace(stop, until=stop.start + _RED),))
+    return b.edit(stops=(replace(stop, until=stop.start + _RED),))
 
 
-def _brakes_late(
+def _brake_late(
     a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
 ) -> ScheduledAgent | None:
-    shared = context.find_path_conflict(clause).within(0.0)
+    shared = context.find_path_conflict(clause).compute_intervals(0.0)
     standing = np.abs(shared.s_b[shared.j] - b.stops[-1].s) < 0.3
     if not standing.any():
         return None
     touch = float(shared.s_a[shared.i[standing]].min())
     speed = clause.speed or float(context.rng.uniform(3.0, 5.5))
     braking = _RIDER_BRAKING if a.candidate.shape.type in RIDERS else 5.5
-    return a.edited(stops=a.stops, slowings=(Slowing(touch, speed, braking),))
+    return a.edit(stops=a.stops, slowings=(Slowing(touch, speed, braking),))
 
 
-def _lingering(leader: ScheduledAgent) -> ScheduledAgent | None:
-    """A leader slow to start after giving way; one that waits at red stays as it is.
+def _delay_start(leader: ScheduledAgent) -> ScheduledAgent | None:
+    """Delay the leader's start after giving way; one that waits at red stays as it is.
 
-    None for one that waits far from the zone: hit there, it could have waited for anybody.
+    None for one that waits far from the zone: hit there, it could have waited for any agent.
     """
     last = leader.stops[-1]
     if last.reason != "gives_way":
         return leader
     if last.ahead is None or last.ahead > _AT_THE_ZONE:
         return None
-    return leader.edited(stops=(*leader.stops[:-1], replace(last, until=last.until + _LINGERS)))
+    return leader.edit(stops=(*leader.stops[:-1], replace(last, until=last.until + _LINGERS)))

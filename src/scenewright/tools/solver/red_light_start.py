@@ -1,8 +1,8 @@
-"""Foreground vehicles that wait at red before anything happens, and set off when it turns green.
+"""Foreground vehicles that wait at red before the first event, and set off at green.
 
-Whoever comes at any time meets red as often as the light shows it. So a vehicle of which nothing
-is asked but yields starts from a standstill that often, first in its lane; the event then happens
-on its way from there. What such a wait asks of the lights, `stage.demands` says.
+A random arrival meets red as often as the light shows it. So a vehicle of which only a yield
+is asked starts from a standstill that often, first in its lane; the event then happens
+on its way from there. `foreground.list_signal_demands` says what such a wait asks of the lights.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ def draw_red_light_starts(
     chances: Mapping[str, float],
     rng: np.random.Generator,
 ) -> dict[str, ScheduledAgent]:
-    """By name, those of the foreground that start from a red light this time, entering at time 0.
+    """Draw the foreground agents, by name, that start from a red light, entering at time 0.
 
     Args:
-        clauses: all that binds two agents.
+        clauses: all that bind two agents.
         chances: how likely these start so; others do as often as their light is red.
     """
     found: dict[str, ScheduledAgent] = {}
@@ -51,9 +51,9 @@ def draw_red_light_starts(
             bonds, found
         ):
             continue
-        red = _red(program, group)
+        red = _compute_red_duration(program, group)
         if rng.random() < chances.get(name, red / program.cycle):
-            waiting = _waiting(candidate, landmarks[name], float(rng.uniform(0.0, red)), rng)
+            waiting = _wait_at_red(candidate, landmarks[name], float(rng.uniform(0.0, red)), rng)
             found |= {} if waiting is None else {name: waiting}
     return found
 
@@ -63,7 +63,7 @@ def _yields_on_green(
     candidates: Mapping[str, Candidate],
     intersection_map: IntersectionMap,
 ) -> bool:
-    """Whether these are yields alone, between two who have green together."""
+    """Return whether these are only yields, between two that have green together."""
     return bool(bonds) and all(
         isinstance(each, GivesWay)
         and share_green(
@@ -76,24 +76,25 @@ def _yields_on_green(
 
 
 def _start_together(bonds: Collection[PairClause], waiting: Collection[str]) -> bool:
-    """Whether one of the others waits already: the light would settle when both of them start."""
+    """Return whether one of the others waits already: the light would settle when both start."""
     return any(name in waiting for each in bonds for name in get_pair(each))
 
 
-def _red(program: SignalProgram, group: str) -> float:
-    """How long the group shows red in a cycle [s]."""
+def _compute_red_duration(program: SignalProgram, group: str) -> float:
+    """Compute how long the group shows red in a cycle [s]."""
     _, shown = get_phases(program, group, ("red",))
     return float(sum(each.duration for each, red in zip(program.phases, shown, strict=True) if red))
 
 
-def _waiting(
+def _wait_at_red(
     candidate: Candidate, landmarks: Landmarks, red: float, rng: np.random.Generator
 ) -> ScheduledAgent | None:
-    """The candidate with so much red [s] at its line; None if it has no room to come there."""
+    """Let the candidate wait with so much red [s] left at its line; None if it has no room to
+    come."""
     s = (landmarks.line or 0.0) - float(rng.uniform(*LINE_GAP))
     if s < _ROOM_TO_COME:
         return None
-    actor = ScheduledAgent.unplaced(candidate, landmarks)
+    actor = ScheduledAgent.build_unplaced(candidate, landmarks)
     stop = build_red_light_stop(actor, s)
     until = stop.start + max(red, _LEAST_WAIT) + float(rng.uniform(*START_LAG))
-    return actor.held_by_lights((replace(stop, until=until),))
+    return actor.hold_at_lights((replace(stop, until=until),))

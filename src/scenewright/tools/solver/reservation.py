@@ -1,12 +1,12 @@
-"""Which entry times keep two agents from interacting (SEMANTICS 4, certificate).
+"""Reservation table: entry times that keep two agents from interacting (SEMANTICS 4, certificate).
 
-Whoever is in the scene already is known by the nodes of its path, and from when until when its
-footprint is about each of them. A newcomer's path meets some of these nodes; each meeting bars the
-entry times that would bring both there at once, or too shortly after one another.
+Each scheduled agent is known by the nodes of its path, and by the times between which its
+footprint is about each of them. A new agent's path meets some of these nodes; each meeting blocks
+the entry times at which both would be there at once, or too shortly after one another.
 
-Meetings are geometry: found once per path, for all who are present, whatever the times. Distances
-are measured along the four axes of the two rectangles, which tells overlap from none exactly and
-never says more than the true clearance; a pedestrian counts as the square about its disc.
+Meetings are geometry: found once per path, for all scheduled agents, whatever the times. Distances
+are measured along the four axes of the two rectangles, which decides overlap exactly and
+never exceeds the true clearance; a pedestrian counts as the square about its disc.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 Steps = NDArray[np.int64]
 ConflictRuns = tuple[IntArray, IntArray]
-"""Runs of consecutive nodes of one agent present that a node of a newcomer meets, within the
-clearance and in touch: [N, 4] node of the newcomer, first and last of the run, whose it is."""
+"""Runs of consecutive nodes of one scheduled agent that a node of a new agent meets, within the
+clearance and in touch: [N, 4] node of the new agent, first and last of the run, its agent."""
 Bars = tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]
 """What `ReservationTable.list_bars` gives."""
 _Table = tuple[FloatArray, FloatArray, IntArray]
-"""Nodes [6, N] and keeping [M, _KEEPING] of all present, and where each one's nodes end [M + 1]."""
+"""Nodes [6, N] and keeping [M, _KEEPING] of all scheduled agents, and where their nodes end [M +
+1]."""
 
 _NODE = {"vehicle": 0.8, "pedestrian": 0.4}
 """Distance of path nodes [m]: no more than the clearance that they must not miss."""
@@ -61,7 +62,7 @@ FOREGROUND = SafetyMargin(clearance=0.8, gap=1.75)
 BACKGROUND = SafetyMargin(clearance=0.8, gap=1.25)
 WALKERS = SafetyMargin(clearance=0.15, gap=0.0)
 AFTER_YIELD = SafetyMargin(clearance=0.0, gap=2.4)
-"""Around where a yielding agent would have been unheld: no second cause for its stop."""
+"""Around where a yielding agent would have been without stopping: no second cause for its stop."""
 
 IN_LANE = 0.95
 """Between two of the background in one lane [s], rear to front: the checker asks for 0.8 s."""
@@ -74,7 +75,7 @@ _BESIDE_RIDERS = 0.75
 """Room beside a rider [m] on top of the clearance: closer than 1.5 m it would be overtaken."""
 
 WALKER_AHEAD = 8.4
-"""Nobody else crosses so shortly [s] before a vehicle that waits for one pedestrian."""
+"""No other agent crosses so shortly [s] before a vehicle that waits for one pedestrian."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ class Corridor:
 
 @lru_cache(maxsize=512)
 def get_corridor(candidate: Candidate) -> Corridor:
-    """The nodes of a candidate's path; candidates are known by identity."""
+    """Return the nodes of a candidate's path; candidates are known by identity."""
     path, shape, kind = candidate.path, candidate.shape, candidate.route.type
     s = sample_nodes(path, _NODE[kind])
     return Corridor(
@@ -114,7 +115,7 @@ def get_corridor(candidate: Candidate) -> Corridor:
 
 @dataclass(frozen=True, eq=False)
 class _Reservation:
-    """One agent present: its nodes, when it is there, and how to keep clear of it.
+    """One scheduled agent: its nodes, when it is there, and how to keep clear of it.
 
     Attributes:
         nodes: [6, N] pose (x, y, cosine, sine), and from when until when its footprint is about
@@ -122,7 +123,7 @@ class _Reservation:
         keeping: [`_KEEPING`] what is the same at all nodes: half length and half width, half
             diagonal, distance between nodes [m]; whether it walks; clearance [m] and gap [s] to
             others in the background, gap to those in the foreground; how long before its own
-            coming nobody else crosses [s], where that is more than the gap; and whether it is of
+            coming no other agent crosses [s], where that is more than the gap; and whether it is of
             the background.
     """
 
@@ -135,7 +136,7 @@ _LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD, _CRO
 
 
 class ReservationTable:
-    """Everybody whose times are settled."""
+    """All agents whose times are settled."""
 
     def __init__(self, actors: Iterable[ScheduledAgent] = (), *, foreground: bool = True) -> None:
         self._stays: list[_Reservation] = []
@@ -146,49 +147,54 @@ class ReservationTable:
             self.add(actor, foreground=foreground)
 
     def add(self, actor: ScheduledAgent, *, foreground: bool) -> None:
-        """One more, at its own scene times."""
+        """Add an agent, at its own scene times."""
         self._table, self._met, self._bars = None, {}, {}
         inner = FOREGROUND if foreground else BACKGROUND
-        self._stays.append(_stay(actor, actor.motion, inner, FOREGROUND))
+        self._stays.append(_build_reservation(actor, actor.motion, inner, FOREGROUND))
         waits = any(stop.reason == "gives_way" for stop in actor.stops)
-        # Who brakes for one would, unheld, come near others too: the same as who waits.
+        # An agent that brakes for one would, without braking, come near others too, like one that
+        # waits.
         if not waits and not (actor.slowings and actor.contact is None):
             return
-        self._stays.append(_stay(actor, actor.free, AFTER_YIELD, AFTER_YIELD))
+        self._stays.append(_build_reservation(actor, actor.free, AFTER_YIELD, AFTER_YIELD))
         if actor.candidate.route.type == "vehicle":
             touch = SafetyMargin(clearance=0.0, gap=0.0)
-            self._stays.append(_stay(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD))
+            self._stays.append(
+                _build_reservation(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD)
+            )
 
     def find_free_times(
         self, actor: ScheduledAgent, starts: Steps, *, foreground: bool, follows: bool = False
     ) -> Steps:
-        """Of the entry times [steps], those at which the actor would meet nobody.
+        """Return those of the entry times [steps] at which the agent would meet no other.
 
         Args:
-            follows: it drives behind who is ahead in its lane, so that `IN_LANE` will do there.
+            follows: it drives behind the vehicle ahead in its lane, so that `IN_LANE` suffices
+                there.
         """
         if not self._stays or not len(starts):
             return starts
         if len(starts) == 1:
             return starts[:0] if self._meets(actor, int(starts[0]), foreground, follows) else starts
-        return _unmet(starts, *self.find_blocked_intervals(actor, foreground=foreground))
+        return _select_unblocked(starts, *self.find_blocked_intervals(actor, foreground=foreground))
 
     def find_blocked_intervals(
         self, actor: ScheduledAgent, *, foreground: bool
     ) -> tuple[FloatArray, FloatArray]:
-        """[N] ends of the intervals of entry times [s] that would bring about a meeting."""
+        """Find the ends [N] of the intervals of entry times [s] at which the agents would meet."""
         check_time()
         corridor = get_corridor(actor.candidate)
         come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
-        nodes, keeping, _ = self._gathered()
-        met = self._meetings(corridor)
-        return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping)
+        nodes, keeping, _ = self._build_table()
+        met = self._find_meetings(corridor)
+        return _list_blocked(met, come, leave, corridor.walks, foreground, nodes, keeping)
 
     def list_bars(self, corridor: Corridor, *, in_lane: float) -> Bars:
-        """[N] node of a background vehicle that is barred, from when until when [s], by whom, how.
+        """List node [N] of a background vehicle that is blocked, from when until when [s], by whom,
+        how.
 
         Args:
-            in_lane: how long after the one ahead in its lane it comes at least [s].
+            in_lane: least time after the vehicle ahead in its lane [s].
 
         Returns:
             How: 0 the clearance alone; 1 it drives ahead in the lane; 2 it crosses; 3 it crosses
@@ -199,21 +205,22 @@ class ReservationTable:
             return none, np.empty(0), np.empty(0), none, none
         key = (id(corridor), in_lane)  # the meetings keep the corridor alive
         if key not in self._bars:
-            nodes, keeping, _ = self._gathered()
-            met = self._meetings(corridor)
+            nodes, keeping, _ = self._build_table()
+            met = self._find_meetings(corridor)
             self._bars[key] = _list_bars(corridor.pose, met, nodes, keeping, in_lane)
         return self._bars[key]
 
     def _meets(self, actor: ScheduledAgent, start: int, foreground: bool, follows: bool) -> bool:
-        """Whether it would meet anybody if it entered at one time [steps]: quicker than all."""
+        """Return whether it would meet an agent on entering at one time [steps]: faster than
+        listing all."""
         corridor = get_corridor(actor.candidate)
         come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         return _meets(
             start, corridor.pose, corridor.half, corridor.reach, corridor.walks, come, leave,
-            foreground, follows, *self._gathered(),
+            foreground, follows, *self._build_table(),
         )  # fmt: skip
 
-    def _gathered(self) -> _Table:
+    def _build_table(self) -> _Table:
         if self._table is None:
             counts = (stay.nodes.shape[1] for stay in self._stays)
             self._table = (
@@ -223,11 +230,11 @@ class ReservationTable:
             )
         return self._table
 
-    def _meetings(self, corridor: Corridor) -> ConflictRuns:
-        """Where the corridor meets those present, whatever the times."""
+    def _find_meetings(self, corridor: Corridor) -> ConflictRuns:
+        """Find where the corridor meets the scheduled agents, whatever the times."""
         key = id(corridor)
         if key not in self._met:
-            met = _meet(corridor, self._gathered())
+            met = _find_runs(corridor, self._build_table())
             self._met[key] = (corridor, met)
         return self._met[key][1]
 
@@ -235,18 +242,19 @@ class ReservationTable:
 def find_blocked_offsets(
     a: ScheduledAgent, b: ScheduledAgent, *, strict: bool
 ) -> list[tuple[int, int]]:
-    """Open intervals (low, high) [steps] that o_b - o_a must avoid for the pair not to interact."""
-    low, high = _alone(a, strict).find_blocked_intervals(b, foreground=strict)
-    return _merged(_floor(low) - 1, _ceil(high) + 1)
+    """Find open intervals (low, high) [steps] that o_b - o_a must avoid so that the pair keeps
+    apart."""
+    low, high = _build_single_table(a, strict).find_blocked_intervals(b, foreground=strict)
+    return _merge_intervals(_round_down(low) - 1, _round_up(high) + 1)
 
 
 @lru_cache(maxsize=512)
-def _alone(actor: ScheduledAgent, strict: bool) -> ReservationTable:
-    """An actor by itself, at its own local times; actors are known by identity."""
-    return ReservationTable([actor.shifted(-actor.enters)], foreground=strict)
+def _build_single_table(actor: ScheduledAgent, strict: bool) -> ReservationTable:
+    """Build the table of one agent at its own local times; agents are known by identity."""
+    return ReservationTable([actor.shift(-actor.enters)], foreground=strict)
 
 
-def _stay(
+def _build_reservation(
     actor: ScheduledAgent,
     motion: Motion,
     inner: SafetyMargin,
@@ -255,8 +263,8 @@ def _stay(
 ) -> _Reservation:
     corridor = get_corridor(actor.candidate)
     come, leave = compute_occupancy(corridor.s, motion, 0.5)
-    nodes = _in_scene_time(corridor.pose, come, leave, actor.enters)
-    # What it never reaches bars nothing.
+    nodes = _compute_node_times(corridor.pose, come, leave, actor.enters)
+    # A node that it never reaches blocks nothing.
     reached = np.flatnonzero(np.isfinite(come))
     nodes = nodes[:, : reached[-1] + 1 if len(reached) else 1]
     keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
@@ -264,12 +272,12 @@ def _stay(
     return _Reservation(nodes, np.array(keeping, dtype=np.float64))
 
 
-def _meet(corridor: Corridor, table: _Table) -> ConflictRuns:
-    """Runs within the clearance, and runs in touch, of a newcomer with all present."""
+def _find_runs(corridor: Corridor, table: _Table) -> ConflictRuns:
+    """Find runs within the clearance, and runs in touch, of a new agent with all scheduled ones."""
     room = 64 * len(corridor.s)  # hardly ever too little: what is not written costs nothing
     while True:
         near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
-        found, touched = _runs(
+        found, touched = _write_runs(
             corridor.pose, float(corridor.s[1]), corridor.half, corridor.reach, corridor.walks,
             *table, near, touching,
         )  # fmt: skip
@@ -282,10 +290,10 @@ def _meet(corridor: Corridor, table: _Table) -> ConflictRuns:
 
 
 @compiled
-def _in_scene_time(
+def _compute_node_times(
     pose: FloatArray, come: FloatArray, leave: FloatArray, enters: float
 ) -> FloatArray:
-    """[6, N] poses, and from when until when it is there [s]."""
+    """Compute poses [6, N], and from when until when it is there [s]."""
     nodes, left = np.empty((6, len(come))), leave[0]
     for n in range(len(come)):
         for row in range(4):
@@ -297,8 +305,8 @@ def _in_scene_time(
 
 
 @compiled
-def _apart(keeping: FloatArray, walks: bool) -> tuple[bool, float]:
-    """Whether both walk, and the clearance to keep [m]; none beyond touch that touch alone has."""
+def _compute_clearance(keeping: FloatArray, walks: bool) -> tuple[bool, float]:
+    """Return whether both walk, and the clearance to keep [m]; 0 where contact alone counts."""
     # Two pedestrians may come close, and have no time gap to keep.
     both = walks and keeping[_WALKS] > 0.0
     least = _WALKERS_APART if both else keeping[_CLEARANCE]
@@ -309,7 +317,7 @@ def _apart(keeping: FloatArray, walks: bool) -> tuple[bool, float]:
 def _is_in_lane(
     pose: FloatArray, i: int, nodes: FloatArray, j: int, keeping: FloatArray, foreground: bool
 ) -> bool:
-    """Whether two vehicles of the background drive in one lane where they touch."""
+    """Return whether two vehicles of the background drive in one lane where they touch."""
     if foreground or keeping[_CROWD] == 0.0 or keeping[_WALKS] > 0.0:
         return False
     return bool(pose[2, i] * nodes[2, j] + pose[3, i] * nodes[3, j] > _ALONG)
@@ -319,7 +327,7 @@ def _is_in_lane(
 def _list_bars(
     pose: FloatArray, met: ConflictRuns, nodes: FloatArray, keeping: FloatArray, in_lane: float
 ) -> tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]:
-    """What bars nodes of a vehicle's path, see `list_bars`."""
+    """List blocks of nodes of a vehicle's path, see `list_bars`."""
     near, touching = met
     room = len(near) + len(touching)
     rows, who, kind = np.empty(room, np.intp), np.empty(room, np.intp), np.empty(room, np.intp)
@@ -349,14 +357,14 @@ def _list_bars(
 
 
 @compiled
-def _time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tuple[float, float]:
-    """How long before and after somebody present a newcomer may not come there [s]."""
+def _compute_time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tuple[float, float]:
+    """Compute the time gaps before and after a scheduled agent that a new one must keep [s]."""
     after = keeping[_OUTER] if foreground else keeping[_INNER]
     return max(after, keeping[_AHEAD]) if walks else after, after
 
 
 @compiled
-def _runs(
+def _write_runs(
     pose: FloatArray,
     spacing: float,
     half: Half,
@@ -368,7 +376,8 @@ def _runs(
     near: IntArray,
     touching: IntArray,
 ) -> tuple[int, int]:
-    """Writes runs into `near` and `touching`; how many. If it is all of them, some have no room."""
+    """Write runs into `near` and `touching`; return how many. If all are filled, some are
+    missing."""
     found, touched, room = 0, 0, len(near)
     far_until, was_near = np.zeros(len(keeping), np.intp), np.zeros(len(keeping), np.bool_)
     for i in range(pose.shape[1]):
@@ -376,7 +385,7 @@ def _runs(
             if i < far_until[who]:
                 continue
             own = (keeping[who, _LONG], keeping[who, _WIDE])
-            both, least = _apart(keeping[who], walks)
+            both, least = _compute_clearance(keeping[who], walks)
             radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
             most = max(least, 0.0)
             beside = against = False
@@ -386,9 +395,9 @@ def _runs(
                 dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
                 beyond = np.sqrt(dx * dx + dy * dy) - radius
                 if beyond > 0.0:
-                    # No path comes nearer faster than it goes on: half of what is between may be
-                    # skipped here, and as much of the newcomer's own path; or all of it here, if
-                    # the newcomer is near at this node, or was at the last.
+                    # A path comes nearer no faster than it goes on: half of the distance may be
+                    # skipped here, and as much of the new agent's own path; or all of it here, if
+                    # the new agent is near at this node, or was at the last.
                     beside = against = False
                     if guessed or nearest == 0.0:
                         j += 1 + int(beyond * per_metre)
@@ -397,7 +406,7 @@ def _runs(
                         j += 1 + int(0.5 * beyond * per_metre)
                     continue
                 nearest = 0.0
-                # Most are told apart along the newcomer's own axis already.
+                # Most are separated along the new agent's own axis already.
                 cos = abs(pose[2, i] * nodes[2, j] + pose[3, i] * nodes[3, j])
                 sin = abs(pose[2, i] * nodes[3, j] - pose[3, i] * nodes[2, j])
                 ahead = abs(dx * pose[2, i] + dy * pose[3, i])
@@ -408,9 +417,9 @@ def _runs(
                 gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
                                nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
                 if gap <= least:
-                    found += _goes_on(near, found, beside, i, j, who)
+                    found += _extend_run(near, found, beside, i, j, who)
                 if gap <= 0.0 and not both:
-                    touched += _goes_on(touching, touched, against, i, j, who)
+                    touched += _extend_run(touching, touched, against, i, j, who)
                 beside, against = gap <= least, gap <= 0.0
                 if max(found, touched) == room:
                     return found, touched
@@ -421,8 +430,8 @@ def _runs(
 
 
 @compiled
-def _goes_on(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: int) -> int:
-    """One more node for the last run, or the first of another; how many more runs there are."""
+def _extend_run(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: int) -> int:
+    """Extend the last run by one node, or begin another; return how many more runs there are."""
     if under_way:
         runs[count - 1, 2] = j
         return 0
@@ -431,7 +440,7 @@ def _goes_on(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: i
 
 
 @compiled
-def _barred(
+def _list_blocked(
     met: ConflictRuns,
     come: FloatArray,
     leave: FloatArray,
@@ -440,7 +449,8 @@ def _barred(
     nodes: FloatArray,
     keeping: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Ends of the intervals of entry times [s]; what is never reached bars nothing."""
+    """List the ends of intervals of entry times [s]; a node that is never reached blocks
+    nothing."""
     near, touching = met
     low, high = np.empty(len(near) + len(touching)), np.empty(len(near) + len(touching))
     count = 0
@@ -449,7 +459,7 @@ def _barred(
             row, first, last, who = runs[k, 0], runs[k, 1], runs[k, 2], runs[k, 3]
             begin, end = nodes[4, first] - leave[row], nodes[5, last] - come[row]
             if touch:
-                before, after = _time_gaps(keeping[who], walks, foreground)
+                before, after = _compute_time_gaps(keeping[who], walks, foreground)
                 begin, end = begin - before, end + after
             if np.isfinite(begin) and np.isfinite(end):
                 low[count], high[count] = begin, end
@@ -472,23 +482,25 @@ def _meets(
     keeping: FloatArray,
     ends: IntArray,
 ) -> bool:
-    """Whether entering at `start` [steps] is barred, as `_runs` and `_barred` would have it."""
+    """Return whether entering at `start` [steps] is blocked (`_write_runs`, `_list_blocked`)."""
     for who in range(len(keeping)):
         own = (keeping[who, _LONG], keeping[who, _WIDE])
-        both, least = _apart(keeping[who], walks)
+        both, least = _compute_clearance(keeping[who], walks)
         radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
-        before, after = _time_gaps(keeping[who], walks, foreground)
+        before, after = _compute_time_gaps(keeping[who], walks, foreground)
         first = ends[who]
         for i in range(pose.shape[1]):
             if come[i] == np.inf:
                 break
-            # Whoever is present comes to its nodes and leaves them in order.
-            while first < ends[who + 1] and not _bars(
+            # A scheduled agent comes to its nodes and leaves them in order.
+            while first < ends[who + 1] and not _blocks_start(
                 -np.inf, nodes[5, first] - come[i] + after, start
             ):
                 first += 1
             j = first
-            while j < ends[who + 1] and _bars(nodes[4, j] - leave[i] - before, np.inf, start):
+            while j < ends[who + 1] and _blocks_start(
+                nodes[4, j] - leave[i] - before, np.inf, start
+            ):
                 dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
                 beyond = np.sqrt(dx * dx + dy * dy) - radius
                 if beyond > 0.0:
@@ -497,25 +509,25 @@ def _meets(
                 gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
                                nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
                 begin, end = nodes[4, j] - leave[i], nodes[5, j] - come[i]
-                if gap <= least and _bars(begin, end, start):
+                if gap <= least and _blocks_start(begin, end, start):
                     return True
-                if gap <= 0.0 and not both and _bars(begin - before, end + after, start):
+                if gap <= 0.0 and not both and _blocks_start(begin - before, end + after, start):
                     lane = follows and _is_in_lane(pose, i, nodes, j, keeping[who], foreground)
-                    if not lane or _bars(begin - IN_LANE, end + IN_LANE, start):
+                    if not lane or _blocks_start(begin - IN_LANE, end + IN_LANE, start):
                         return True
                 j += 1
     return False
 
 
 @compiled
-def _bars(begin: float, end: float, start: int) -> bool:
-    """Whether an interval of entry times [s], rounded outwards, holds one [steps]."""
+def _blocks_start(begin: float, end: float, start: int) -> bool:
+    """Return whether an interval of entry times [s], rounded outwards, holds one [steps]."""
     return bool(np.floor(begin / STEP) <= start <= np.ceil(end / STEP))
 
 
 @compiled
-def _unmet(starts: Steps, low: FloatArray, high: FloatArray) -> Steps:
-    """Of ascending entry times [steps], those that lie in no interval [s]."""
+def _select_unblocked(starts: Steps, low: FloatArray, high: FloatArray) -> Steps:
+    """Select the ascending entry times [steps] that lie in no interval [s]."""
     base, size = starts[0], starts[-1] - starts[0] + 1
     change = np.zeros(size + 1, np.int64)
     for k in range(len(low)):
@@ -535,16 +547,16 @@ def _unmet(starts: Steps, low: FloatArray, high: FloatArray) -> Steps:
     return unmet[:count]
 
 
-def _floor(seconds: FloatArray) -> Steps:
+def _round_down(seconds: FloatArray) -> Steps:
     return np.floor(seconds / STEP).astype(np.int64)
 
 
-def _ceil(seconds: FloatArray) -> Steps:
+def _round_up(seconds: FloatArray) -> Steps:
     return np.ceil(seconds / STEP).astype(np.int64)
 
 
-def _merged(low: Steps, high: Steps) -> list[tuple[int, int]]:
-    """Open intervals of steps, ascending and apart."""
+def _merge_intervals(low: Steps, high: Steps) -> list[tuple[int, int]]:
+    """Merge open intervals of steps into ascending disjoint ones."""
     if not len(low):
         return []
     order = np.argsort(low, kind="stable")

@@ -1,4 +1,4 @@
-"""The foreground as far as it is placed: actors in time, and what happens among them."""
+"""The foreground as far as it is scheduled: agents in time, and the events between them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Pairing = tuple[str, str]
 
 @dataclass(frozen=True)
 class ScheduledEvent:
-    """An event that the staging brings about: when [s] and where.
+    """A scheduled event: when [s] and where.
 
     Attributes:
-        begins, ends: [s] the span that must be seen, and until which `first` is busy with it.
+        begins, ends: [s] the span that must be visible, and until which `first` is busy with it.
         freed: [s] until when `second` is busy with it.
     """
 
@@ -30,8 +30,8 @@ class ScheduledEvent:
     freed: float
     location: Point
 
-    def shifted(self, seconds: float) -> ScheduledEvent:
-        """The same, later."""
+    def shift(self, seconds: float) -> ScheduledEvent:
+        """Shift the event in time."""
         return replace(
             self,
             time=self.time + seconds,
@@ -43,56 +43,56 @@ class ScheduledEvent:
 
 @dataclass(frozen=True, eq=False)
 class PartialSchedule:
-    """Actors placed so far, and what happens among them."""
+    """Agents placed so far, and the events between them."""
 
     actors: Mapping[str, ScheduledAgent] = field(default_factory=dict)
     events: tuple[ScheduledEvent, ...] = ()
 
-    def busy_until(self, name: str) -> float:
-        """Until when [s] the agent is busy with events so far; -inf if with none."""
+    def find_busy_end(self, name: str) -> float:
+        """Find until when [s] the agent is busy with events so far; -inf if with none."""
         first = [each.ends for each in self.events if name == each.clause.first]
         second = [each.freed for each in self.events if name == each.clause.second]
         return max([*first, *second], default=-float("inf"))
 
-    def too_soon(self, time: float, clause: PairClause) -> bool:
-        """Whether the clause would happen before what its agents do earlier has ended."""
-        return any(time < self.busy_until(name) + 0.5 for name in get_pair(clause))
+    def is_too_soon(self, time: float, clause: PairClause) -> bool:
+        """Return whether the clause would happen before earlier events of its agents have ended."""
+        return any(time < self.find_busy_end(name) + 0.5 for name in get_pair(clause))
 
-    def binds(self, clause: PairClause) -> bool:
-        """Whether something happens already between the clause's two agents."""
+    def has_event(self, clause: PairClause) -> bool:
+        """Return whether an event is scheduled already between the clause's two agents."""
         pair = set(get_pair(clause))
         return any(set(get_pair(each.clause)) == pair for each in self.events)
 
-    def with_event(
+    def add_event(
         self, event: ScheduledEvent, a: ScheduledAgent, b: ScheduledAgent
     ) -> PartialSchedule:
-        """One event more, and its two actors as they are now."""
+        """Add an event, and its two agents as they are now."""
         first, second = get_pair(event.clause)
         return PartialSchedule({**self.actors, first: a, second: b}, (*self.events, event))
 
-    def placed(
+    def place(
         self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent, delta: float
     ) -> tuple[ScheduledAgent, ScheduledAgent]:
-        """Both actors with o_b - o_a = delta (to the step); who is on stage already stays put."""
+        """Place both agents with o_b - o_a = delta (to the step); an agent placed already stays."""
         delta = round(delta, 1)
         first, second = get_pair(clause)
         if second in self.actors:
-            return (a if first in self.actors else a.shifted(b.enters - delta - a.enters)), b
-        return a, b.shifted(a.enters + delta - b.enters)
+            return (a if first in self.actors else a.shift(b.enters - delta - a.enters)), b
+        return a, b.shift(a.enters + delta - b.enters)
 
-    def shifted(self, seconds: float) -> PartialSchedule:
-        """Everything later by a multiple of the step."""
-        actors = {name: actor.shifted(seconds) for name, actor in self.actors.items()}
-        events = tuple(each.shifted(seconds) for each in self.events)
+    def shift(self, seconds: float) -> PartialSchedule:
+        """Shift the schedule by a multiple of the step."""
+        actors = {name: actor.shift(seconds) for name, actor in self.actors.items()}
+        events = tuple(each.shift(seconds) for each in self.events)
         return PartialSchedule(actors, events)
 
 
 def get_pair(clause: PairClause) -> Pairing:
-    """The clause's two agents."""
+    """Return the clause's two agents."""
     return clause.first, str(clause.second)
 
 
 def get_point(actor: ScheduledAgent, time: float) -> Point:
-    """Where the actor is at a scene time [s]."""
-    x, y, _ = actor.at(np.array([time]))[0]
+    """Return where the agent is at a scene time [s]."""
+    x, y, _ = actor.get_poses(np.array([time]))[0]
     return float(x), float(y)

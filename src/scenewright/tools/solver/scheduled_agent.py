@@ -22,7 +22,7 @@ class ScheduledAgent:
 
     Attributes:
         enters: scene time of its motion's first sample [s], a multiple of the step.
-        motion: as edited; free: as its time law and the lights it waits at would have it.
+        motion: as edited; free: by its driving profile and the lights it waits at alone.
         contact: scene time [s] at which a collision ends it.
     """
 
@@ -36,17 +36,17 @@ class ScheduledAgent:
     contact: float | None = None
 
     @classmethod
-    def unplaced(cls, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
-        """As its time law alone would have it, entering at time 0."""
+    def build_unplaced(cls, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
+        """Build the agent with its free motion, entering at time 0."""
         motion = compute_motion(candidate)
         return cls(candidate, landmarks, 0.0, motion, motion)
 
-    def at(self, times: FloatArray) -> FloatArray:
-        """[N, 3] poses (x, y, heading) at scene times [s]."""
+    def get_poses(self, times: FloatArray) -> FloatArray:
+        """Return poses [N, 3] (x, y, heading) at scene times [s]."""
         return sample_poses(self.candidate.path, self.motion.compute_positions(times - self.enters))
 
-    def pose(self, s: float) -> tuple[float, float, float]:
-        """(x, y, heading) at arc length `s` [m]."""
+    def get_pose(self, s: float) -> tuple[float, float, float]:
+        """Return (x, y, heading) at arc length `s` [m]."""
         x, y, heading = sample_poses(self.candidate.path, np.array([s]))[0].tolist()
         return x, y, heading
 
@@ -55,10 +55,10 @@ class ScheduledAgent:
         """Scene time of its last sample [s]."""
         return self.enters + STEP * (len(self.motion.s) - 1)
 
-    def edited(
+    def edit(
         self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()
     ) -> ScheduledAgent:
-        """The same actor with other standstills."""
+        """Return the same agent with other stops."""
         holds = tuple(make_stop_command(stop, self.enters) for stop in stops)
         motion = compute_motion(self.candidate, holds=holds, slowings=slowings)
         return ScheduledAgent(
@@ -66,13 +66,13 @@ class ScheduledAgent:
             self.contact,
         )  # fmt: skip
 
-    def held_by_lights(self, stops: tuple[Stop, ...]) -> ScheduledAgent:
-        """The same actor with these standstills, which its free motion has as well."""
-        held = self.edited(stops=stops)
+    def hold_at_lights(self, stops: tuple[Stop, ...]) -> ScheduledAgent:
+        """Return the same agent with these stops, which its free motion has as well."""
+        held = self.edit(stops=stops)
         return replace(held, free=held.motion)
 
-    def shifted(self, seconds: float) -> ScheduledAgent:
-        """The same actor, everything later by a multiple of the step."""
+    def shift(self, seconds: float) -> ScheduledAgent:
+        """Return the same agent, shifted by a multiple of the step."""
         stops = tuple(
             replace(stop, start=stop.start + seconds, until=stop.until + seconds)
             for stop in self.stops
@@ -85,15 +85,15 @@ class ScheduledAgent:
             contact,
         )  # fmt: skip
 
-    def led(self, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
-        """A member of its group, who walks as it does on a path of its own."""
+    def lead_member(self, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
+        """Return a member of its group, which walks as it does on a path of its own."""
         own = replace(candidate, time_law=self.candidate.time_law)
-        member = ScheduledAgent.unplaced(own, landmarks)
+        member = ScheduledAgent.build_unplaced(own, landmarks)
         moved = replace(member, enters=self.enters)
-        return moved.edited(stops=self.stops, slowings=self.slowings)
+        return moved.edit(stops=self.stops, slowings=self.slowings)
 
-    def until(self, time: float) -> ScheduledAgent:
-        """What of it falls before scene time `time`; nothing later can meet anybody."""
+    def cut_after(self, time: float) -> ScheduledAgent:
+        """Return its motion before scene time `time`; nothing later can meet another agent."""
         steps = max(int((time - self.enters) / STEP + 1e-6), 1)
         if steps >= len(self.motion.s) - 1:
             return self
@@ -103,13 +103,13 @@ class ScheduledAgent:
             self.slowings, self.contact,
         )  # fmt: skip
 
-    def ended(self, time: float) -> ScheduledAgent:
-        """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
+    def end_at(self, time: float) -> ScheduledAgent:
+        """Cut it at the first sample not before scene time `time`, where it stays as a wreck."""
         return replace(self, motion=end_motion(self.motion, time - self.enters), contact=time)
 
 
 def get_shared_times(a: ScheduledAgent, b: ScheduledAgent) -> FloatArray | None:
-    """Sample times [s] at which both are there; None if they never are."""
+    """Return sample times [s] at which both are in the scene; None if they never are."""
     start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
     steps = round((end - start) / STEP)
     return None if steps < 1 else start + STEP * np.arange(steps + 1, dtype=np.float64)

@@ -1,9 +1,9 @@
 """The search for a surviving combination (paper Eq. 4), without enumerating the product.
 
-The foreground is staged first, over tuples of its candidates. Then the signal programme gets an
-offset, and everybody else is seated around the foreground. Here the tuples come in the order drawn
-and the first that survives is taken: Eq. 4's argmin sends every agent down its modal path, which
-kills diversity. `least` computes it all the same.
+The foreground is scheduled first, over tuples of its candidates. Then the signal programme gets an
+offset, and all other agents are assigned around the foreground. Here the tuples come in the order
+drawn and the first that survives is taken: Eq. 4's argmin sends every agent down its modal path,
+which destroys diversity. `min_cost_search` computes it all the same.
 """
 
 from __future__ import annotations
@@ -124,50 +124,51 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
 
 MAX_SECONDS = 30.0
-"""How long a scene lasts [s]: as long as the windows in which p_tod counts people."""
+"""Length of a scene [s]: as long as the windows in which p_tod counts agents."""
 _FIRST_EVENT = (2.5, 26.5)
-"""When the first event happens [s], as far as it is seen coming and ending."""
+"""When the first event happens [s], as far as its approach and end are visible."""
 
 _HIDDEN_FIRST = (4.0, 3.2, 2.5)
 """When the first event may happen [s] where a pedestrian is hidden up to it."""
 
 _DISCHARGE = 1.0
 """How much likelier the lights are under which queues set off in view than those under which they
-form, per second of red. An event keeps many from setting off and nobody from coming to stand; in
-traffic as many do one as the other. Chosen on other requests and the validation hours."""
+form, per second of red. An event keeps many from setting off and none from queueing; in
+traffic both are equally frequent. Chosen on other requests and the validation hours."""
 
 _SIGHT, _ENDED = 0.2, 1.5
-"""How long before the beginning and after the last of an event the scene is seen at least [s]."""
+"""How long the scene is visible before the beginning and after the last of an event at least
+[s]."""
 
 _TUPLES = 14
 _HOPELESS = 7
-"""Tuples per relation that are tried; and after which routes are given up if none is staged."""
+"""Tuples per relation that are tried; after which routes are given up if none is scheduled."""
 _STAGINGS_PER_TUPLE = 4
 _SEATINGS = 3
-"""Seatings tried before everybody is drawn afresh (`draw`)."""
+"""Assignments tried before all agents are drawn afresh (`draw`)."""
 
 _STUCK_COST = 8.0
-"""Nats that it costs to stand on at green because of a wreck."""
+"""Cost of standing on at green because of a wreck [nats]."""
 
 WAITING_ALREADY = 4.0
-"""How long before the scene begins [s] one who is already waiting then came about."""
+"""How long before the scene begins [s] an agent that is already waiting arrived."""
 
 _WINDOW, _FAR_COST = 6.0, 2.0
-"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and what
-it costs [nats] to have it come at another time altogether."""
+"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and the
+cost [nats] of an arrival at another time altogether."""
 
 _LATER, _LEAST_SEEN = (0.0, 1.2, 2.6, 4.5, 7.0), 4.0
-"""By how much later than drawn a vehicle comes among others [s], and how long it is seen at least.
-Vehicles are seated in the order in which they come, so that who finds no room delays the next."""
+"""How much later than drawn a vehicle enters among others [s], and how long it is visible at least.
+Vehicles are assigned in order of arrival, so that one without room delays the next."""
 
 _OFF_KERB = 0.4
-"""Who waits with another keeps at least so far from the kerb [m]."""
+"""Least distance from the kerb of an agent that waits with another [m]."""
 
 _PATIENCE = 3
-"""Candidates on which one who comes on red looks for room to wait."""
+"""Number of candidates on which an agent that arrives at red looks for room to wait."""
 
 _ROOM_TO_COME = 3.0
-"""Least way [m] before a place in a queue."""
+"""Least distance [m] before a place in a queue."""
 
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
@@ -178,10 +179,10 @@ _EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind 
 
 @dataclass(frozen=True, eq=False)
 class TimedSchedule:
-    """A staging in scene time, with the scene's length and the programme's offset [s].
+    """A schedule in scene time, with the scene's length and the programme's offset [s].
 
     Attributes:
-        objects: what stands in the scene.
+        objects: the objects in the scene.
     """
 
     schedule: PartialSchedule
@@ -191,7 +192,7 @@ class TimedSchedule:
 
 
 class Search:
-    """Tuples in the order drawn, the others in turn; the first survivor is taken."""
+    """Tuples in the order drawn, the others sequentially; the first survivor is taken."""
 
     def __init__(
         self,
@@ -207,7 +208,7 @@ class Search:
         self._to_meet, self._meetings = list_meetings(objects), dict[tuple[str, int], Meeting]()
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
-        self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
+        self._events = _order_clauses([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
@@ -234,7 +235,7 @@ class Search:
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
         alone = sorted(self._stopping | self._blocking)
         if {*bound} & {*alone}:
-            raise Rejected(_busy(sorted({*bound} & {*alone})))
+            raise Rejected(_reject_busy(sorted({*bound} & {*alone})))
         self._bound = list(dict.fromkeys((*bound, *runners, *alone, *self._to_meet)))
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
@@ -246,30 +247,30 @@ class Search:
         )
         self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
         if not pool.groups.keys() <= {*bound}:
-            raise Rejected(_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
+            raise Rejected(_reject_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
         if not self._pausing <= {*bound}:
-            raise Rejected(_alone(sorted(self._pausing - {*bound}), "stops on its way"))
+            raise Rejected(_reject_alone(sorted(self._pausing - {*bound}), "stops on its way"))
         if not self._returning <= {*bound}:
-            raise Rejected(_alone(sorted(self._returning - {*bound}), "turns back"))
+            raise Rejected(_reject_alone(sorted(self._returning - {*bound}), "turns back"))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._shortfalls = NearestMisses()
         self._unseated = self._staged = self._glances = 0
 
     def run(self) -> Selection:
-        """The surviving combination; Rejected where none was found."""
+        """Run the search; Rejected where no combination survives."""
         for clause in (*self._near, *self._before):
             if not {clause.first, clause.second} <= set(self._bound):
-                raise Rejected(_unbound(clause))
-        found = self._found()
+                raise Rejected(_reject_unbound(clause))
+        found = self._find_survivor()
         if found is None:
-            raise Rejected(self._rejection())
+            raise Rejected(self._build_rejection())
         return found
 
-    def _found(self) -> Selection | None:
-        """The first surviving combination in the order drawn."""
+    def _find_survivor(self) -> Selection | None:
+        """Find the first surviving combination in the order drawn."""
         wanted = max(len(self._events), 1) + len(self._figures)
-        tuples = itertools.islice(self._tuples(), _TUPLES * wanted)
+        tuples = itertools.islice(self._list_tuples(), _TUPLES * wanted)
         for tried, choice in enumerate(tuples, start=1):
             selection = self._try(choice)
             if selection is not None:
@@ -278,12 +279,12 @@ class Search:
                 return None
         return None
 
-    def _cost(self, name: str, m: int) -> float:
+    def _get_cost(self, name: str, m: int) -> float:
         draws = self._pool.agents[name]
         return float(draws.nll[m] + draws.time_nll[m])
 
-    def _tuples(self) -> Iterator[dict[str, int]]:
-        """Choices of one candidate per bound agent."""
+    def _list_tuples(self) -> Iterator[dict[str, int]]:
+        """List choices of one candidate per bound agent."""
         draws = [self._pool.agents[name] for name in self._bound]
         if not draws:
             yield {}
@@ -299,24 +300,24 @@ class Search:
 
     def _try(self, choice: dict[str, int]) -> Selection | None:
         check_time()
-        built = {name: self._candidate(name, m) for name, m in choice.items()}
+        built = {name: self._get_candidate(name, m) for name, m in choice.items()}
         if None in built.values():
             return None
         candidates = {name: pair[0] for name, pair in built.items() if pair}
         landmarks = {name: pair[1] for name, pair in built.items() if pair}
-        if not self._paths_fit(candidates):
+        if not self._do_paths_fit(candidates):
             return None
-        waiting = self._at_red(candidates, landmarks)
+        waiting = self._draw_red_starts(candidates, landmarks)
         for red_light_starts in (waiting, {}) if waiting else ({},):
-            selection = self._played(choice, candidates, landmarks, red_light_starts)
+            selection = self._schedule_tuple(choice, candidates, landmarks, red_light_starts)
             if selection is not None or self._unseated >= _SEATINGS:
                 return selection
         return None
 
-    def _at_red(
+    def _draw_red_starts(
         self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
     ) -> dict[str, ScheduledAgent]:
-        """Those of the foreground that wait at red before anything happens."""
+        """Draw the foreground agents that wait at red before the first event."""
         intersection_map, bonds = self._ground.intersection_map, (*self._events, *self._before)
         chances = self._red_first | dict.fromkeys(self._at_lights, 0.0)
         return draw_red_light_starts(
@@ -328,14 +329,14 @@ class Search:
             rng=self._rng,
         )
 
-    def _played(
+    def _schedule_tuple(
         self,
         choice: dict[str, int],
         candidates: Mapping[str, Candidate],
         landmarks: Mapping[str, Landmarks],
         red_light_starts: Mapping[str, ScheduledAgent],
     ) -> Selection | None:
-        """The first survivor among the stagings of a tuple, opened like that."""
+        """Find the first survivor among the schedules of a tuple with this beginning."""
         context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
@@ -346,12 +347,14 @@ class Search:
             **draw_pauses(self._pausing, candidates, landmarks, self._rng),
         }
         stage = ForegroundSolver(context)
-        self._placer.stand_in_way(
+        self._placer.block_paths(
             {name: self._meetings[(name, choice[name])].place for name in self._to_meet}
         )
         count = 0
-        staged = filter(self._run_first, stage.play(self._events, self._opening()))
-        staged = filter(self._in_order, filter(self._turned_first, staged))
+        staged = filter(
+            self._runs_come_first, stage.schedule_all(self._events, self._build_first_schedule())
+        )
+        staged = filter(self._is_in_order, filter(self._turns_come_first, staged))
         for schedule in filter(self._is_as_measured, staged):
             selection = self._finish(schedule, choice)
             if selection is not None:
@@ -362,15 +365,15 @@ class Search:
             if count >= _STAGINGS_PER_TUPLE or spent:
                 return None
         if not count:
-            self._failures[_text(self._events)] += 1
+            self._failures[_format_clauses(self._events)] += 1
         return None
 
-    def _opening(self) -> PartialSchedule:
-        """Who is on stage before anything is played: nobody."""
+    def _build_first_schedule(self) -> PartialSchedule:
+        """Build the schedule before anything is placed: empty."""
         return PartialSchedule()
 
-    def _candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
-        """The m-th candidate of an agent, once; None if a unary clause fails on it."""
+    def _get_candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
+        """Return the m-th candidate of an agent; None if a unary clause fails on it."""
         if (name, m) not in self._built:
             candidate = self._pool.agents[name].build(m)
             path = self._ground.trim(candidate.path)
@@ -384,7 +387,7 @@ class Search:
                     return None
                 self._meetings[(name, m)], candidate = met, met.candidate
             landmarks = find_landmarks(candidate, map_areas=self._ground)
-            if name in self._returning and name not in self._opening().actors:
+            if name in self._returning and name not in self._build_first_schedule().actors:
                 returns = turn_back(candidate, landmarks, self._rng)
                 if returns is None:
                     self._failures[f"turns_back({name})"] += 1
@@ -395,7 +398,7 @@ class Search:
                 rejection
                 for clause in self._unary
                 if clause.agent == name
-                # Who turns back walks half of a way that is long enough.
+                # An agent that turns back walks half of a path that is long enough.
                 and not (name in self._returning and isinstance(clause, MinLength))
                 for rejection in check(
                     candidate, clause, landmarks=landmarks, map_areas=self._ground
@@ -406,14 +409,16 @@ class Search:
         return self._built[(name, m)]
 
     def _find_meeting(self, name: str, candidate: Candidate) -> Meeting | None:
-        """How it meets its object; who stays as it was meets it where it did."""
+        """Find how it meets its object; a fixed agent meets it where it did."""
         node = self._to_meet[name]
-        kept = self._placer.get_kept(node.id) if name in self._opening().actors else None
+        kept = (
+            self._placer.get_kept(node.id) if name in self._build_first_schedule().actors else None
+        )
         if kept is not None:
             return Meeting(node, kept, candidate, 0.0)
         return find_meeting(node, candidate, self._ground, self._rng)
 
-    def _paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
+    def _do_paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
         for clause in self._near:
             a, b = candidates.get(clause.first), candidates.get(clause.second)
             if a is None or b is None:
@@ -427,32 +432,34 @@ class Search:
         return True
 
     def _finish(self, schedule: PartialSchedule, choice: dict[str, int]) -> Selection | None:
-        """In scene time, with lights and everybody else; None if one of these does not fit."""
-        timed = self._framed(schedule, choice)
+        """Add scene time, lights and all other agents; None if one of these does not fit."""
+        timed = self._time_schedule(schedule, choice)
         if timed is None:
             return None
-        assignment = self._seat(timed)
+        assignment = self._assign_background(timed)
         if isinstance(assignment, str):
             self._unseated += 1
             self._failures[assignment] += 1
             return None
-        return self._selection(timed, choice, assignment)
+        return self._build_selection(timed, choice, assignment)
 
-    def _framed(self, schedule: PartialSchedule, choice: Mapping[str, int]) -> TimedSchedule | None:
-        """In scene time and with lights; None if one of these does not fit."""
-        timed = self._timed(schedule)
-        timed = None if timed is None else self._with_encounters(timed, choice)
-        timed = None if timed is None else self._with_lone(timed, choice)
-        timed = None if timed is None else self._with_runners(timed, choice)
-        timed = None if timed is None else self._with_members(timed, choice)
-        if timed is None or not self._strangers_apart(timed):
+    def _time_schedule(
+        self, schedule: PartialSchedule, choice: Mapping[str, int]
+    ) -> TimedSchedule | None:
+        """Add scene time and lights; None if one of these does not fit."""
+        timed = self._shift_to_scene_time(schedule)
+        timed = None if timed is None else self._add_encounters(timed, choice)
+        timed = None if timed is None else self._add_lone(timed, choice)
+        timed = None if timed is None else self._add_runners(timed, choice)
+        timed = None if timed is None else self._add_members(timed, choice)
+        if timed is None or not self._are_strangers_apart(timed):
             return None
-        if not (self._in_order(timed) and self._is_as_measured(timed, timed=True)):
+        if not (self._is_in_order(timed) and self._is_as_measured(timed, timed=True)):
             return None
-        duration = self._duration(timed)
-        if not self._run_red(timed, duration):
+        duration = self._compute_duration(timed)
+        if not self._all_runners_pass(timed, duration):
             return None
-        offset = self._signal_offset(timed, duration)
+        offset = self._find_signal_offset(timed, duration)
         if offset is None and self._ground.intersection_map.signals is not None:
             self._failures["the signal programme allows no such moment"] += 1
             return None
@@ -462,13 +469,14 @@ class Search:
             return None
         return TimedSchedule(timed, duration, offset, objects)
 
-    def _timed(self, schedule: PartialSchedule) -> PartialSchedule | None:
-        """Shifted so that the first event falls anywhere where it is seen coming and ending."""
+    def _shift_to_scene_time(self, schedule: PartialSchedule) -> PartialSchedule | None:
+        """Shift it so that the first event falls anywhere where its approach and end are
+        visible."""
         if not schedule.events:
             return schedule
         first = min(each.time for each in schedule.events)
         begins = min(each.begins for each in schedule.events)
-        last = MAX_SECONDS - 0.2 - _needed(schedule)
+        last = MAX_SECONDS - 0.2 - _find_needed_end(schedule)
         earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
         latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
         shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
@@ -476,24 +484,24 @@ class Search:
         if begins + shift < 0.0:
             self._failures["the events do not fit into one scene of 30 s"] += 1
             return None
-        timed = schedule.shifted(shift)
-        if self._placer.hides_anybody and not self._times:
+        timed = schedule.shift(shift)
+        if self._placer.hides_pedestrian and not self._times:
             return self._begin_hidden(timed, first + shift)
         return timed
 
     def _begin_hidden(self, timed: PartialSchedule, first: float) -> PartialSchedule:
-        """The same with a scene that begins later, if only then nobody is seen too soon.
+        """Begin the scene later, if only then no hidden pedestrian is visible too soon.
 
         A driver far off looks along the sidewalk, behind what stands at the kerb.
         """
         for time in (first, *_HIDDEN_FIRST):
-            moved = timed.shifted(round(time - first, 1))
+            moved = timed.shift(round(time - first, 1))
             if not isinstance(self._placer.place(moved), str):
                 return moved
         return timed
 
     def _shift_to_time(self, schedule: PartialSchedule, shift: float) -> float:
-        """The shift [s] that brings an event to the time asked for; as drawn, if none is."""
+        """Find the shift [s] that brings an event to the time asked for; as drawn, if none is."""
         for clause in self._times:
             pair = {clause.first, clause.second} if isinstance(clause, PairFigure) else set()
             for event in schedule.events:
@@ -501,26 +509,24 @@ class Search:
                     return round((clause.low + clause.high) / 2 - event.time, 1)
         return shift
 
-    def _duration(self, _: PartialSchedule) -> float:
-        """How long the scene lasts [s]."""
+    def _compute_duration(self, _: PartialSchedule) -> float:
+        """Compute the length of the scene [s]."""
         return MAX_SECONDS
 
-    def _with_runners(
-        self, schedule: PartialSchedule, choice: Mapping[str, int]
-    ) -> PartialSchedule:
-        """Also those who run red on their own."""
+    def _add_runners(self, schedule: PartialSchedule, choice: Mapping[str, int]) -> PartialSchedule:
+        """Add agents that run red on their own."""
         alone = [name for name in self._bound if name not in schedule.actors]
-        built = {name: self._candidate(name, choice[name]) for name in alone}
+        built = {name: self._get_candidate(name, choice[name]) for name in alone}
         known = {name: pair for name, pair in built.items() if pair is not None}
         return add_red_light_runners(schedule, known, known, self._rng)
 
-    def _with_encounters(
+    def _add_encounters(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
     ) -> PartialSchedule | None:
-        """Also those who meet an object and nobody else; None if one cannot."""
+        """Add agents that meet only an object; None if one cannot."""
         actors = dict(schedule.actors)
         for name in sorted(self._to_meet.keys() - actors.keys()):
-            built = self._candidate(name, choice[name])
+            built = self._get_candidate(name, choice[name])
             met = self._meetings.get((name, choice[name]))
             actor = place_encounter(met, built[1], self._rng) if met and built else None
             if actor is None:
@@ -529,13 +535,13 @@ class Search:
             actors[name] = actor
         return replace(schedule, actors=actors)
 
-    def _with_lone(
+    def _add_lone(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
     ) -> PartialSchedule | None:
-        """Also those who stop at yellow or block the junction; None if one cannot."""
+        """Add agents that stop at yellow or block the junction; None if one cannot."""
         actors = dict(schedule.actors)
         for name in sorted((self._stopping | self._blocking) - actors.keys()):
-            built = self._candidate(name, choice[name])
+            built = self._get_candidate(name, choice[name])
             move = stop_at_yellow if name in self._stopping else block_junction
             actor = None if built is None else move(*built, self._rng)
             if actor is None:
@@ -551,30 +557,30 @@ class Search:
             if name in self._blocking:
                 yield from list_blocking_demands(actor)
 
-    def _with_members(
+    def _add_members(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
     ) -> PartialSchedule | None:
-        """Also those who walk in the groups of others; None if one has no room there."""
+        """Add agents that walk in the groups of others; None if one has no room there."""
         members: dict[str, ScheduledAgent] = {}
         for leader, names in self._pool.groups.items():
             for name in names:
-                built = self._candidate(name, choice[leader])
+                built = self._get_candidate(name, choice[leader])
                 if built is None:
                     return None
-                members[name] = schedule.actors[leader].led(*built)
+                members[name] = schedule.actors[leader].lead_member(*built)
         return replace(schedule, actors={**schedule.actors, **members}) if members else schedule
 
-    def _run_first(self, schedule: PartialSchedule) -> bool:
-        """Whether those on stage who are to run a light do so before what they do to others."""
+    def _runs_come_first(self, schedule: PartialSchedule) -> bool:
+        """Return whether scheduled red-light runners run red before their other events."""
         there = sorted(self._at_lights & schedule.actors.keys())
         late = [name for name in there if not runs_first(name, schedule)]
         self._failures.update(
-            f"{self._tell_run(name)} before what it does to others" for name in late
+            f"{self._describe_run(name)} before what it does to others" for name in late
         )
         return not late
 
-    def _turned_first(self, schedule: PartialSchedule) -> bool:
-        """Whether those who turn back do so before they are hit."""
+    def _turns_come_first(self, schedule: PartialSchedule) -> bool:
+        """Return whether agents that turn back do so before they are hit."""
         for name in sorted(self._returning & schedule.actors.keys()):
             actor = schedule.actors[name]
             if actor.contact is not None and not has_turned(actor):
@@ -582,25 +588,25 @@ class Search:
                 return False
         return True
 
-    def _run_red(self, schedule: PartialSchedule, duration: float) -> bool:
-        """Whether everybody who is to run a light gets there in time."""
+    def _all_runners_pass(self, schedule: PartialSchedule, duration: float) -> bool:
+        """Return whether all red-light runners pass their line in time."""
         for name in sorted(self._at_lights):
             if name not in schedule.actors or not runs_in_time(name, schedule, until=duration):
-                self._failures[f"{self._tell_run(name)} within the scene"] += 1
+                self._failures[f"{self._describe_run(name)} within the scene"] += 1
                 return False
         return True
 
-    def _tell_run(self, name: str) -> str:
+    def _describe_run(self, name: str) -> str:
         return f"{'runs_yellow' if name in self._at_yellow else 'runs_red'}({name})"
 
-    def _strangers_apart(self, schedule: PartialSchedule) -> bool:
+    def _are_strangers_apart(self, schedule: PartialSchedule) -> bool:
         related = {frozenset((c.first, str(c.second))) for c in self._events}
         for a in schedule.actors:
             for b in schedule.actors:
                 pair = frozenset((self._leads.get(a, a), self._leads.get(b, b)))
                 if len(pair) == 1 or pair in related:
                     continue
-                first, second = (schedule.actors[name].until(MAX_SECONDS) for name in (a, b))
+                first, second = (schedule.actors[name].cut_after(MAX_SECONDS) for name in (a, b))
                 delta = (second.enters - first.enters) / STEP
                 for low, high in find_blocked_offsets(first, second, strict=True):
                     if low < delta < high:
@@ -609,7 +615,7 @@ class Search:
         return True
 
     def _is_as_measured(self, schedule: PartialSchedule, *, timed: bool = False) -> bool:
-        """Whether every figure asked for is in its range."""
+        """Return whether every figure asked for is in its range."""
         unmet = find_unmet_figure(self._figures, schedule, timed=timed)
         if unmet is None:
             return True
@@ -617,7 +623,7 @@ class Search:
         self._least_off[clause] = min(off, self._least_off.get(clause, np.inf))
         return False
 
-    def _in_order(self, schedule: PartialSchedule) -> bool:
+    def _is_in_order(self, schedule: PartialSchedule) -> bool:
         for clause in self._before:
             first, second = schedule.actors.get(clause.first), schedule.actors.get(clause.second)
             if first is None or second is None or not passes_first(first, second):
@@ -625,7 +631,7 @@ class Search:
                 return False
         return True
 
-    def _signal_offset(self, schedule: PartialSchedule, duration: float) -> float | None:
+    def _find_signal_offset(self, schedule: PartialSchedule, duration: float) -> float | None:
         program = self._ground.intersection_map.signals
         if program is None:
             return None
@@ -662,55 +668,58 @@ class Search:
             often = often * np.exp(_DISCHARGE * (left.min() - left))
         return float(self._rng.choice(offsets, p=often / often.sum()))
 
-    def _moment(self, timed: TimedSchedule) -> SceneTiming:
+    def _get_timing(self, timed: TimedSchedule) -> SceneTiming:
         clock = None
         if timed.offset is not None and self._ground.intersection_map.signals is not None:
             clock = SignalClock(self._ground.intersection_map.signals, timed.offset)
         blocked = any(actor.contact is not None for actor in timed.schedule.actors.values())
         return SceneTiming(clock, timed.duration, blocked)
 
-    def _seat(self, timed: TimedSchedule) -> Assignment | str:
-        """Everybody else around the foreground; spares stand in for those who find no room."""
+    def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
+        """Assign all other agents around the foreground; reserves replace those without room."""
         actors = timed.schedule.actors
-        table = ConflictTable(actor.until(timed.duration) for actor in actors.values())
-        agents = self._guests(timed, placed=actors)
+        table = ConflictTable(actor.cut_after(timed.duration) for actor in actors.values())
+        agents = self._list_background(timed, placed=actors)
         return assign_in_turn(agents, table, self._pool.background, self._pool.least)
 
-    def _guests(self, timed: TimedSchedule, *, placed: Container[str]) -> list[BackgroundAgent]:
-        """All but those who have their place already."""
-        moment = self._moment(timed)
+    def _list_background(
+        self, timed: TimedSchedule, *, placed: Container[str]
+    ) -> list[BackgroundAgent]:
+        """List all agents but those placed already."""
+        moment = self._get_timing(timed)
         return [
             BackgroundAgent(
                 name=name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
-                make=partial(self._options, draws, moment, timed.objects),
+                make=partial(self._list_options, draws, moment, timed.objects),
                 reserve=draws.reserve,
             )
             for name, draws in self._pool.agents.items()
             if name not in placed
         ]
 
-    def _options(
+    def _list_options(
         self,
         draws: AgentCandidates,
         moment: SceneTiming,
         objects: Sequence[ObjectRecord],
         seated: Seated,
     ) -> Iterator[Option]:
-        """The ways in which an agent may take part: of its first candidate that has any.
+        """List the options of an agent, of its first candidate that has any.
 
-        Who comes on red looks for room to wait on a few candidates before it comes at other times.
+        An agent that arrives at red looks for room to wait on a few candidates before it takes
+        other times.
         """
-        yield from self._beside(draws, moment, seated)
+        yield from self._list_beside(draws, moment, seated)
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
             check_time()
-            built = self._candidate(draws.name, m)
+            built = self._get_candidate(draws.name, m)
             if built is None or is_in_way(built[0], objects):
                 continue
-            ways = self._ways(draws, m, built, moment, seated, later)
+            ways = self._list_candidate_options(draws, m, built, moment, seated, later)
             first = next(ways, None)
             if first is not None:
                 yield first
@@ -720,7 +729,7 @@ class Search:
                 break
         yield from later
 
-    def _ways(
+    def _list_candidate_options(
         self,
         draws: AgentCandidates,
         m: int,
@@ -729,33 +738,33 @@ class Search:
         seated: Seated,
         later: list[Option],
     ) -> Iterator[Option]:
-        """Passing on green near the time drawn; waiting; passing at any other moment.
+        """List passing on green near the time drawn; waiting; passing at any other moment.
 
         Args:
-            seated: behind whom it may wait, and among whom it may drive.
-            later: gets what is left to one who comes on red and finds no room to wait.
+            seated: the assigned agents, behind which it may wait, and among which it may drive.
+            later: gets the other options of an agent that arrives at red and finds no room to wait.
         """
-        actor = ScheduledAgent.unplaced(*built)
+        actor = ScheduledAgent.build_unplaced(*built)
         half = STEP * len(actor.motion.s) / 2
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
-        cost, around = self._cost(draws.name, m), arrives - half
+        cost, around = self._get_cost(draws.name, m), arrives - half
         if draws.chance is not None:
             around = compute_arrival_entry(actor, moment, draws.chance)
         if seated.present is not None and _follows(draws):
-            yield from self._among(actor, m, cost, around, seated.present, moment)
+            yield from self._list_among_traffic(actor, m, cost, around, seated.present, moment)
         waits = draws.chance is not None and not passes_on_green(actor, moment, around)
         far: list[Option] = []
         if not waits:
-            near, far = _passing(actor, m, cost, around, moment)
+            near, far = _list_green_passes(actor, m, cost, around, moment)
             yield from near
         drives = draws.route.type == "vehicle"
         span = compute_red_span(actor, moment, around)
         last = find_queue_tail(built[0], seated.standing, span) if drives else None
         waiting: list[tuple[RedLightWait, Steps]] = []
         if last is not None and draws.arrival is not None:
-            yield from self._behind(actor, m, cost, around, moment, last)
+            yield from self._list_queueing(actor, m, cost, around, moment, last)
         else:
-            for red in self._reds(actor, moment, around, -half - WAITING_ALREADY):
+            for red in self._list_red_waits(actor, moment, around, -half - WAITING_ALREADY):
                 waiting.append((red, np.array([round(red.enters / STEP)], dtype=np.int64)))
                 yield Option(red.actor, m, waiting[-1][1], cost)
         stuck = [
@@ -764,24 +773,24 @@ class Search:
             if moment.blocked and red.release < moment.duration
         ]
         if waits:
-            near, far = _passing(actor, m, cost, around, moment)
+            near, far = _list_green_passes(actor, m, cost, around, moment)
             later += (*near, *far, *stuck)
         else:
             yield from (*far, *stuck)
 
-    def _beside(
+    def _list_beside(
         self, draws: AgentCandidates, moment: SceneTiming, seated: Seated
     ) -> Iterator[Option]:
-        """Walking with another who has a place, on either side, both off the crosswalk at red."""
+        """List walking with another agent, on either side, both off the crosswalk at red."""
         if draws.beside not in seated.chosen:
             return
         option, start = seated.chosen[draws.beside]
         for place in (option.index, ~option.index):
-            built = self._candidate(draws.name, place)
+            built = self._get_candidate(draws.name, place)
             if built is not None:
-                yield from self._led(draws, option, start, built, moment)
+                yield from self._list_led(draws, option, start, built, moment)
 
-    def _led(
+    def _list_led(
         self,
         draws: AgentCandidates,
         option: Option,
@@ -789,21 +798,21 @@ class Search:
         built: tuple[Candidate, Landmarks],
         moment: SceneTiming,
     ) -> Iterator[Option]:
-        """Walking as another does, whose option and entry time [steps] these are, if it may."""
-        actor, line = option.actor.led(*built), built[1].line or np.inf
+        """List walking like the other with this option and entry time [steps], if it may."""
+        actor, line = option.actor.lead_member(*built), built[1].line or np.inf
         kerb = option.actor.landmarks.line or np.inf
         beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
         lawful = passes_on_green(actor, moment, start * STEP)
-        # Who waits at the kerb when the scene begins stands within the margin of the crosswalk.
+        # A pedestrian at the kerb when the scene begins stands within the crosswalk's margin.
         apart = starts_on_red(actor, moment, start * STEP) and not starts_on_red(
             option.actor, moment, start * STEP
         )
         if lawful and not beyond and not apart:
             steps = np.array([start], dtype=np.int64)
-            cost = self._cost(draws.name, option.index)
-            yield Option(partial(_get, actor), option.index, steps, cost)
+            cost = self._get_cost(draws.name, option.index)
+            yield Option(partial(_get_agent, actor), option.index, steps, cost)
 
-    def _among(
+    def _list_among_traffic(
         self,
         actor: ScheduledAgent,
         m: int,
@@ -812,30 +821,31 @@ class Search:
         present: ReservationTable,
         moment: SceneTiming,
     ) -> Iterator[Option]:
-        """Driving behind and among those present, about the time drawn."""
+        """List driving behind and among those present, about the time drawn."""
         for late in _LATER:
             each = late * float(self._rng.uniform(0.8, 1.2))
             enters = round(min(around + each, moment.duration - _LEAST_SEEN), 1)
             driven = follow_traffic(actor, enters, present, moment, self._rng)
             if driven is not None and enters + STEP * len(driven.motion.s) >= _LEAST_SEEN:
                 step = np.array([round(enters / STEP)], dtype=np.int64)
-                yield Option(partial(_get, driven), m, step, cost, follows=True)
+                yield Option(partial(_get_agent, driven), m, step, cost, follows=True)
 
-    def _reds(
+    def _list_red_waits(
         self, actor: ScheduledAgent, moment: SceneTiming, around: float, waiting: float
     ) -> Iterator[RedLightWait]:
-        """Waiting first in its lane: come about the time drawn, or before the scene began."""
+        """List waiting first in its lane: arriving about the time drawn, or before the scene
+        began."""
         late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
         walks = actor.candidate.route.type == "pedestrian"
         for n, enters in enumerate((around, *(around + each for each in late), waiting)):
             gap, lag = (float(self._rng.uniform(*each)) for each in (LINE_GAP, START_LAG))
-            if walks:  # behind those who stand at the kerb already
+            if walks:  # behind those standing at the kerb already
                 gap = KERB_GAP + n * float(self._rng.uniform(*KERB_ROW))
             red = RedLightWait(actor, moment, round(enters, 1), gap, lag)
             if red.holds:
                 yield red
 
-    def _behind(
+    def _list_queueing(
         self,
         free: ScheduledAgent,
         m: int,
@@ -844,9 +854,11 @@ class Search:
         moment: SceneTiming,
         last: QueueTail,
     ) -> Iterator[Option]:
-        """Queueing behind the last of those who stand in the agent's lane, if there is time."""
+        """List queueing behind the last vehicle standing in the agent's lane, if there is time."""
         rear, start, until = last.rear, last.start, last.until
-        free = ScheduledAgent.unplaced(limit_to_leader(free.candidate, last.law), free.landmarks)
+        free = ScheduledAgent.build_unplaced(
+            limit_to_leader(free.candidate, last.law), free.landmarks
+        )
         s = rear - free.candidate.shape.length / 2 - float(self._rng.uniform(*QUEUE_GAP))
         if s < _ROOM_TO_COME:
             return
@@ -857,11 +869,11 @@ class Search:
         if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < STARTED:
             return
         stop = Stop("queue", s, stands, release - enters, "red_light")
-        actor = free.edited(stops=(stop,)).until(moment.duration - enters)
+        actor = free.edit(stops=(stop,)).cut_after(moment.duration - enters)
         if passes_on_green(actor, moment, enters):
             yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
 
-    def _selection(
+    def _build_selection(
         self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
     ) -> Selection:
         schedule, agents = timed.schedule, dict[str, SelectedAgent]()
@@ -872,7 +884,7 @@ class Search:
                 continue
             else:
                 option, start = assignment.chosen[name]
-                actor, index = option.actor.shifted(start * STEP), option.index
+                actor, index = option.actor.shift(start * STEP), option.index
             agents[name] = SelectedAgent(
                 name=name,
                 role=draws.role,
@@ -902,18 +914,18 @@ class Search:
             duration=timed.duration,
             signal_offset=timed.offset,
             nll=nll,
-            cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
+            cost=sum(self._get_cost(name, agent.index) for name, agent in agents.items()),
             optimal=assignment.optimal,
             objects=timed.objects,
             figures={"rounds": assignment.rounds, "pairs": assignment.pairs},
         )
 
-    def _rejection(self) -> Rejection:
+    def _build_rejection(self) -> Rejection:
         most = self._failures.most_common(3)
         detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
         if self._least_off:
             detail = "; ".join(describe_miss(c, off) for c, off in self._least_off.items())
-        culprit = None if self._staged else self._shortfalls.culprit(self._events)
+        culprit = None if self._staged else self._shortfalls.find_culprit(self._events)
         if culprit is not None:
             detail = f"{format_clause(culprit.clause)}: {culprit.words}"
         return Rejection(
@@ -925,20 +937,20 @@ class Search:
         )
 
 
-def _get(actor: ScheduledAgent) -> ScheduledAgent:
+def _get_agent(actor: ScheduledAgent) -> ScheduledAgent:
     return actor
 
 
 def _follows(draws: AgentCandidates) -> bool:
-    """Whether it is a vehicle of the background that comes by chance."""
+    """Return whether it is a random arrival among the background vehicles."""
     vehicle = draws.shape.type == "vehicle" and draws.role == "background"
     return vehicle and draws.chance is not None
 
 
-def _passing(
+def _list_green_passes(
     actor: ScheduledAgent, m: int, cost: float, around: float, moment: SceneTiming
 ) -> tuple[list[Option], list[Option]]:
-    """Passing on green near a time [s]; and at any time at all, where that is more."""
+    """List passing on green near a time [s]; and at any time at all, where that is more."""
     starts, drawn_time = find_entry_times(actor, moment), round(around / STEP)
     near = starts[np.abs(STEP * starts - around) <= _WINDOW]
     more = len(starts) > len(near)
@@ -948,20 +960,20 @@ def _passing(
     )
 
 
-def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
-    """Followers come last, behind whatever their leader does; but before they run into it.
+def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
+    """Put followers last, after their leader's other events; but before they run into it.
 
-    A collision comes after what its agents do otherwise, as it ends them. Who has to do with those
-    on stage comes before others, as two who have come independently cannot be brought together.
+    A collision comes after the other events of its agents, as it ends them. Agents bound to placed
+    ones come before others, as two that have come independently cannot be brought together.
     """
     later = [each for each in clauses if isinstance(each, Headway) and _comes_last(each, clauses)]
     sooner = [each for each in clauses if each not in later]
     ends = [each for each in sooner if isinstance(each, Contact) and _has_company(each, sooner)]
-    return _connected([*(each for each in sooner if each not in ends), *ends, *later])
+    return _put_connected_first([*(each for each in sooner if each not in ends), *ends, *later])
 
 
-def _connected(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
-    """The clauses in their order, but those first that bind somebody who is there already."""
+def _put_connected_first(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
+    """Put the clauses first that bind an agent that is placed already; else keep their order."""
     ordered: list[_EventClause] = []
     known: set[str] = set()
     rest = list(clauses)
@@ -974,7 +986,8 @@ def _connected(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
 
 
 def _comes_last(follow: Headway, clauses: list[_EventClause]) -> bool:
-    """Whether the leader's way decides when it is followed: if it gives way, or is not hit."""
+    """Return whether the leader's motion decides when it is followed: it gives way, or is not
+    hit."""
     pair = {follow.first, follow.second}
     hit = any(isinstance(c, Contact) and {c.first, c.second} == pair for c in clauses)
     waits = any(isinstance(c, GivesWay) and c.first == follow.second for c in clauses)
@@ -982,12 +995,12 @@ def _comes_last(follow: Headway, clauses: list[_EventClause]) -> bool:
 
 
 def _has_company(contact: _EventClause, clauses: list[_EventClause]) -> bool:
-    """Whether one of the two does something else as well."""
+    """Return whether one of the two has another event as well."""
     pair = {contact.first, str(contact.second)}
     return any(each is not contact and pair & {each.first, str(each.second)} for each in clauses)
 
 
-def _unbound(clause: PairClause) -> Rejection:
+def _reject_unbound(clause: PairClause) -> Rejection:
     return Rejection(
         stage="waypoint_filter",
         code="malformed_program",
@@ -997,7 +1010,7 @@ def _unbound(clause: PairClause) -> Rejection:
     )
 
 
-def _alone(names: list[str], what: str) -> Rejection:
+def _reject_alone(names: list[str], what: str) -> Rejection:
     return Rejection(
         stage="waypoint_filter",
         code="malformed_program",
@@ -1006,7 +1019,7 @@ def _alone(names: list[str], what: str) -> Rejection:
     )
 
 
-def _busy(names: list[str]) -> Rejection:
+def _reject_busy(names: list[str]) -> Rejection:
     return Rejection(
         stage="waypoint_filter",
         code="malformed_program",
@@ -1017,17 +1030,17 @@ def _busy(names: list[str]) -> Rejection:
 
 
 def add_tuple_count(selection: Selection, tried: int) -> Selection:
-    """The selection with the number of tuples looked at among its figures."""
+    """Return the selection with the number of tuples tried among its figures."""
     return replace(selection, figures={**selection.figures, "tuples": tried})
 
 
-def _needed(schedule: PartialSchedule) -> float:
-    """Scene time [s] until which every event can be seen to have ended."""
+def _find_needed_end(schedule: PartialSchedule) -> float:
+    """Find the scene time [s] by which every event has visibly ended."""
     ends = [max(each.time, each.ends) + _ENDED for each in schedule.events]
     for actor in schedule.actors.values():
         ends += [stop.until + _ENDED for stop in actor.stops if stop.reason == "gives_way"]
     return max(ends)
 
 
-def _text(clauses: tuple[PairClause, ...]) -> str:
+def _format_clauses(clauses: tuple[PairClause, ...]) -> str:
     return "; ".join(format_clause(clause) for clause in clauses)

@@ -31,13 +31,13 @@ def select(
     frozen: FrozenAgents | None = None,
     objects: Sequence[ObjectNode] = (),
 ) -> Selection:
-    """The surviving combination.
+    """Select the surviving combination.
 
     Args:
         mode: `draw`, the first survivor in the order drawn; `map`, the one of least cost.
-        lenient: take schedules that drivers would choose differently, if they do what was asked.
+        lenient: accept schedules that drivers would choose differently, if they do what was asked.
         frozen: agents of an earlier version that stay; the first survivor around them is taken.
-        objects: what stands in the scene, to be placed.
+        objects: the objects in the scene, to be placed.
 
     Raises:
         Rejected: `no_surviving_combination`, naming the clause that most tuples fail.

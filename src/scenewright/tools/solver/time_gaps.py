@@ -34,52 +34,55 @@ _CLOSE = 1.05
 """A headway below this is tailgating [s]."""
 
 _LEAST_HEADWAY = 0.7
-"""Shortest headway at which an agent follows where none is asked for [s]."""
+"""Shortest headway of a follower where none is asked for [s]."""
 
 _LEAST_CLEARANCE = 0.05
-"""Between two that pass without touching [m]."""
+"""Least clearance of two that pass without touching [m]."""
 
 
 def schedule_time_gaps(
     clause: TimeGap, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
-    """Every staging (lazily) in which the PET of the two is as the clause says."""
-    a, b = context.both(clause, schedule)
+    """List every schedule (lazily) in which the PET of the two is as the clause says."""
+    a, b = context.get_pair(clause, schedule)
     meetings = context.find_meeting_intervals(clause, a, b)
-    if schedule.binds(clause):
-        if _pet_fits(clause, meetings, b.enters - a.enters, context):
+    if schedule.has_event(clause):
+        if _is_pet_in_range(clause, meetings, b.enters - a.enters, context):
             yield schedule
         return
     yield from schedule_reacted_time_gaps(clause, schedule, context, (a, b), meetings)
     if not context.lenient and can_react(clause, schedule, context, (a, b), meetings):
-        words = "nobody who reacts brings it about"
+        words = "no reaction of either agent brings it about"
         context.note_miss(clause, FailureStage.COMPANY, words)
         return
-    for delta in _outside(meetings, clause.low, clause.high, context.rng):
-        placed_a, placed_b = schedule.placed(clause, a, b, delta)
-        if not _pet_fits(clause, meetings, placed_b.enters - placed_a.enters, context):
+    for delta in _draw_outside(meetings, clause.low, clause.high, context.rng):
+        placed_a, placed_b = schedule.place(clause, a, b, delta)
+        if not _is_pet_in_range(clause, meetings, placed_b.enters - placed_a.enters, context):
             continue
         clearance, time, place = find_least_clearance(placed_a, placed_b)
         if not all(_passes_the_pause(each, time) for each in (placed_a, placed_b)):
             continue
-        if clearance <= _LEAST_CLEARANCE or schedule.too_soon(time, clause):
+        if clearance <= _LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
             words = "the two touch, or are not yet free for it, at every such moment"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
         event = ScheduledEvent(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
-        yield schedule.with_event(event, placed_a, placed_b)
+        yield schedule.add_event(event, placed_a, placed_b)
     if not len(meetings):
         words = f"the paths of {clause.first} and {clause.second} never touch"
         context.note_miss(clause, FailureStage.PATHS, words)
 
 
 def _passes_the_pause(of: ScheduledAgent, time: float) -> bool:
-    """Whether who stands still on the road does so when, or just before, the two come closest."""
+    """Return whether an agent pausing on the road does so when, or just before, the two are
+    closest."""
     pauses = [stop for stop in of.stops if stop.reason == "pauses"]
     return all(stop.start - 1.0 <= time <= stop.until + 2.0 for stop in pauses)
 
 
-def _pet_fits(clause: TimeGap, meetings: Intervals, delta: float, context: SolverContext) -> bool:
+def _is_pet_in_range(
+    clause: TimeGap, meetings: Intervals, delta: float, context: SolverContext
+) -> bool:
     pet = compute_gap(meetings, delta)
     if is_in_range(clause.low, clause.high, pet):
         return True
@@ -89,8 +92,10 @@ def _pet_fits(clause: TimeGap, meetings: Intervals, delta: float, context: Solve
     return False
 
 
-def _outside(meetings: Intervals, low: float, high: float, rng: np.random.Generator) -> list[float]:
-    """Offsets whose distance from all intervals lies in [low, high]."""
+def _draw_outside(
+    meetings: Intervals, low: float, high: float, rng: np.random.Generator
+) -> list[float]:
+    """Draw offsets whose distance from all intervals lies in [low, high]."""
     found = []
     for gap in rng.uniform(low, high, _TRIES):
         for start, end in meetings:
@@ -103,10 +108,11 @@ def _outside(meetings: Intervals, low: float, high: float, rng: np.random.Genera
 def schedule_headways(
     clause: Headway, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
-    """Every staging (lazily) in which the first follows the second at the headway asked for."""
-    a, b = context.both(clause, schedule)
+    """List every schedule (lazily) in which the first follows the second at the headway asked
+    for."""
+    a, b = context.get_pair(clause, schedule)
     if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
-        a = _at_the_pace_of(a, b)
+        a = _match_pace(a, b)
     pair = context.find_path_conflict(clause)
     meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
     if not len(meetings):
@@ -117,7 +123,7 @@ def schedule_headways(
     least = _LEAST_HEADWAY if low >= _LEAST_HEADWAY else low - 0.1
     for gap in context.rng.uniform(low, high, _TRIES):
         delta = float(meetings[0, 0] - gap)
-        placed_a, placed_b = schedule.placed(clause, a, b, delta)
+        placed_a, placed_b = schedule.place(clause, a, b, delta)
         found = float(meetings[0, 0] - (placed_b.enters - placed_a.enters))
         if not is_in_range(low, high, found):
             words = f"a headway of {low:g} to {high:g} s: it is {found:.1f} s"
@@ -125,7 +131,7 @@ def schedule_headways(
             context.note_miss(clause, FailureStage.MEASURE, words, off=off)
             continue
         if placed_a.contact is None:
-            placed_a = _queued(placed_a, placed_b, pair, context.rng)
+            placed_a = _queue_behind(placed_a, placed_b, pair, context.rng)
         begins = max(placed_a.enters, placed_b.enters)
         if not _follows(placed_a, placed_b, least=least):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
@@ -133,13 +139,13 @@ def schedule_headways(
             continue
         time = begins + 4.0
         event = ScheduledEvent(clause, time, begins, time, time, get_point(placed_a, time))
-        yield schedule.with_event(event, placed_a, placed_b)
+        yield schedule.add_event(event, placed_a, placed_b)
 
 
-def _queued(
+def _queue_behind(
     a: ScheduledAgent, b: ScheduledAgent, pair: PathConflict, rng: np.random.Generator
 ) -> ScheduledAgent:
-    """The follower with a standstill behind every one of its leader's, its wreck included."""
+    """Return the follower with a stop behind every one of its leader's, its wreck included."""
     stands = [(stop.s, stop.start, stop.until) for stop in b.stops]
     if b.contact is not None:
         last = float(b.motion.s[-1])
@@ -157,19 +163,19 @@ def _queued(
             stops.append(Stop("queue", behind, start, until + lag, "queue"))
     if len(stops) == len(a.stops):
         return a
-    return a.edited(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
+    return a.edit(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
 
 
-def _at_the_pace_of(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
-    """Who drives close up does so at the speed of the other."""
+def _match_pace(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
+    """Give a close follower the speed of its leader."""
     candidate = replace(a.candidate, time_law=b.candidate.time_law)
-    return ScheduledAgent.unplaced(candidate, a.landmarks)
+    return ScheduledAgent.build_unplaced(candidate, a.landmarks)
 
 
 def _find_headways(
     clause: Headway, a: ScheduledAgent, context: SolverContext
 ) -> tuple[float, float]:
-    """Headways [s] to draw from: those of the clause, or those that a gap asked for comes to."""
+    """Find headways [s] to draw from: the clause's, or those that a gap asked for amounts to."""
     gap = context.find_figure("gap", clause.first, clause.second)
     if gap is None:
         return clause.low, clause.high
@@ -178,11 +184,11 @@ def _find_headways(
 
 
 def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
-    """Whether `a` drives behind `b` at a headway of `least` to 3.4 s for 3.6 s on end."""
+    """Return whether `a` drives behind `b` at a headway of `least` to 3.4 s for 3.6 s on end."""
     times = get_shared_times(a, b)
     if times is None:
         return False
-    ahead = b.at(times)[:, :2] - a.at(times)[:, :2]
+    ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
     clock = STEP * np.arange(len(a.motion.s))
     speed = np.maximum(np.interp(times - a.enters, clock, a.motion.speed), 0.5)

@@ -1,4 +1,4 @@
-"""`turns_back`: a pedestrian that turns round on its way over the road and returns."""
+"""`turns_back`: a pedestrian that turns round while crossing the road and returns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PLACE = (0.35, 0.6)
 """Where it turns, as a share of the way from kerb to kerb."""
 
 _BEYOND_KERB = (4.5, 8.0)
-"""How far from the kerb who jaywalks turns [m]."""
+"""How far from the kerb a jaywalker turns [m]."""
 
 _CAME_BACK = 1.2
 """How far it has come back at least when it is hit [m]."""
@@ -28,7 +28,8 @@ _RADIUS = 0.45
 def turn_back(
     candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
 ) -> Candidate | None:
-    """The candidate on a path that returns to where it begins; None if it never is on the road."""
+    """Put the candidate on a path that returns to where it begins; None if it is never on the
+    road."""
     begins, ends = _find_way_over(landmarks)
     if begins is None:
         return None
@@ -44,14 +45,14 @@ def turn_back(
 
 
 def has_turned(actor: ScheduledAgent) -> bool:
-    """Whether it has come back by a step or two when it is hit."""
+    """Return whether it has come back by a step or two when it is hit."""
     away = np.hypot(*(actor.candidate.path.xy - actor.candidate.path.xy[0]).T)
     turn = float(actor.candidate.path.s[int(away.argmax())])
     return float(actor.motion.s[-1]) > turn + _CAME_BACK
 
 
 def _find_way_over(landmarks: Landmarks) -> tuple[float | None, float | None]:
-    """Arc lengths of both kerbs [m]; of who jaywalks only of the first."""
+    """Find the arc lengths of both kerbs [m]; for a jaywalker only of the first."""
     for name, begins, ends in landmarks.crosswalks:
         if name == landmarks.own_crosswalk:
             return begins, ends
@@ -59,7 +60,8 @@ def _find_way_over(landmarks: Landmarks) -> tuple[float | None, float | None]:
 
 
 def _double_back(path: Path, s: float, side: float) -> FloatArray:
-    """[P, 2] points up to arc length `s` [m], round to the left (side 1) or right, and back."""
+    """Build points [P, 2] up to arc length `s` [m], round to the left (side 1) or right, and
+    back."""
     out = path.xy[path.s <= s]
     heading = path.heading[: len(out)]
     leftward = np.stack((-np.sin(heading), np.cos(heading)), axis=1)

@@ -1,6 +1,7 @@
-"""`gives_way`: one is held upstream of the conflict zone until the other has left it.
+"""`gives_way`: an agent is held upstream of the conflict zone until the other has left it.
 
-The offset is such that, unheld, it would have been there while the other was (SEMANTICS 4, cause).
+The offset is such that, without stopping, it would have been there while the other was
+(SEMANTICS 4, cause).
 """
 
 from __future__ import annotations
@@ -39,56 +40,56 @@ MERGE_METRES = 5.0
 """How much of a shared lane belongs to the conflict zone (SEMANTICS 4)."""
 
 _STANDS = 1.6
-"""Least standstill of who gives way [s], start and end smoothed away included."""
+"""Least standstill of a yielding agent [s], including its smoothed start and end."""
 
 _PAUSES, _LONGEST, _USUAL = {"vehicle": 0.2, "pedestrian": 1.0}, 11.0, 5.0
-"""The same where it was seen that people hardly stand; longest standstills, and where nobody was
-seen [s]."""
+"""The same where short standstills were observed; longest standstills, and the usual where none
+were observed [s]."""
 
 _REACTS, _SOONEST = (0.3, 0.8), -1.5
-"""From the other's leaving to the start [s]: where nobody was seen; and the soonest of all."""
+"""From the other's leaving to the start [s]: where none was observed; and the soonest of all."""
 
 _MOVES_BY, _MOVING = 3.6, {"vehicle": 1.0, "pedestrian": 0.5}
-"""How long after the other has left [s] who gave way must be moving (SEMANTICS: 4 s), that is, at
-more than this [m/s]."""
+"""How long after the other has left [s] the yielding agent must be moving (SEMANTICS: 4 s), that
+is, at more than this [m/s]."""
 
 _ROLLS, _SLOWEST, _SMOOTHED = 4, 0.15, 0.25
-"""Draws for one who rolls; least speed that it slows to, and what smoothing adds to it [m/s]."""
+"""Draws for a rolling yield; least speed that it slows to, and what smoothing adds to it [m/s]."""
 
 _SLOW = 0.42
-"""Largest share of the free speed that slowing to it counts as giving way (SEMANTICS: half)."""
+"""Largest share of the free speed at which slowing counts as giving way (SEMANTICS: half)."""
 
 _ON = 0.4
-"""How long a pedestrian is on its crosswalk when who stops for it alone begins to slow [s]."""
+"""How long a pedestrian is on its crosswalk when a vehicle that stops for it begins to slow [s]."""
 
 _BEFORE = 0.5
-"""How long before it slows a vehicle must be seen [s]."""
+"""How long before it slows a vehicle must be visible [s]."""
 
 _NO_LATER, _AWAITED, _THERE = 0.15, 4.0, 0.3
 """How long after the other has left the slowest moment may be (SEMANTICS 8: 0.5 s), how long
-before the other comes to the zone one stands at the earliest (stated), and how long the other is in
-the scene by then when it is slowed for [s]."""
+before the other comes to the zone the stop begins at the earliest (stated), and how long the other
+is in the scene by the time of slowing for it [s]."""
 
 _CAUSE, _CAUSE_SEEN = 1.2, 1.7
-"""How far [s] from the other's time in the zone it would have been there unheld (2 s): where nobody
-was seen, and where it was seen how long people stand."""
+"""How far [s] from the other's time in the zone it would have been there without stopping (2 s):
+where no standstill was observed, and where it was."""
 
 _SETS_OFF = 4.5
-"""Least way [m] from a red light to where who set off there gives way: it must have been moving at
-2 m/s (SEMANTICS)."""
+"""Least distance [m] from a red light at which an agent set off to where it gives way: it must have
+been moving at 2 m/s (SEMANTICS)."""
 
 _FREE = DrivingProfile(1.0, acceleration=2.0, braking=2.0, lateral=3.0)
 """Free speed as SEMANTICS section 4 defines it."""
 
 _CLEARANCE, _PETS = 0.4, (0.6, 7.0)
-"""What a yield keeps: least clearance [m], range of its PET [s]."""
+"""Limits of a yield: least clearance [m], range of its PET [s]."""
 
 
 def schedule_yields(
     clause: GivesWay, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
-    """Every staging (lazily) in which the first gives way to the second."""
-    a, b = context.both(clause, schedule)
+    """List every schedule (lazily) in which the first gives way to the second."""
+    a, b = context.get_pair(clause, schedule)
     if a.contact is not None or b.contact is not None:
         words = f"one of {clause.first} and {clause.second} has been in a collision before"
         context.note_miss(clause, FailureStage.PATHS, words)
@@ -101,63 +102,63 @@ def schedule_yields(
     words = f"{clause.first} has no place to wait near where {clause.second} passes"
     context.note_miss(clause, FailureStage.PATHS, words)
     if _may_roll(clause, schedule, context):
-        yield from _rolling(clause, schedule, context, zone)
+        yield from _schedule_rolling(clause, schedule, context, zone)
     for anchor, hold in list_stop_positions(clause, a, b, zone, context):
         if _gets_going(a, hold.s):
-            yield from _held(clause, schedule, context, zone, (anchor, hold))
+            yield from _schedule_held(clause, schedule, context, zone, (anchor, hold))
 
 
 def find_conflict_zone(
     clause: PairClause, a: ScheduledAgent, b: ScheduledAgent, context: SolverContext
 ) -> PathConflict:
-    """The nodes of the pair's conflict zone."""
-    zone = context.find_path_conflict(clause).within(0.0)
-    return zone.first_metres(MERGE_METRES) if _merging(a, b) else zone
+    """Find the nodes of the pair's conflict zone."""
+    zone = context.find_path_conflict(clause).compute_intervals(0.0)
+    return zone.keep_first_metres(MERGE_METRES) if _do_merge(a, b) else zone
 
 
-def _held(
+def _schedule_held(
     clause: GivesWay,
     schedule: PartialSchedule,
     context: SolverContext,
     zone: PathConflict,
     place: tuple[str, StopCommand],
 ) -> Iterator[PartialSchedule]:
-    a, b = context.both(clause, schedule)
+    a, b = context.get_pair(clause, schedule)
     anchor, hold = place
     others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
-    earlier = _holds(others, a.enters)
+    earlier = _build_commands(others, a.enters)
     stands = compute_arrival(a.candidate, hold, earlier)
-    unheld = _unheld(a, hold, stands, zone.s_a[zone.i], earlier)
+    unheld = _compute_unheld(a, hold, stands, zone.s_a[zone.i], earlier)
     _, b_out = compute_passage(b.motion, zone.s_b[zone.j])
-    for seen, lasts in _tempers(clause, a, hold, stands, zone, context):
-        low, high = _reasons(clause, b, unheld, zone, context)
-        low, high = _in_company(b, unheld, stands, zone, within=(low, high))
+    for seen, lasts in _draw_timings(clause, a, hold, stands, zone, context):
+        low, high = _find_causal_offsets(clause, b, unheld, zone, context)
+        low, high = _select_offsets(b, unheld, stands, zone, within=(low, high))
         react = seen
         if lasts is not None:
-            # Who could not have come so early stands as long by starting later.
+            # An agent that could not have come so early stands as long by starting later.
             missing = max(stands + lasts - seen - b_out - high, 0.0)
-            react = max(min(seen + missing, _latest_start(a, hold, stands, zone)), seen)
+            react = max(min(seen + missing, _find_latest_start(a, hold, stands, zone)), seen)
         least = _PAUSES[a.candidate.route.type] if lasts is not None else _STANDS
         longest = _USUAL if lasts is None else _LONGEST
         low = max(stands + least - react - b_out, low)
         high = min(stands + longest - react - b_out, high)
         if not np.isfinite(low + high) or low > high:
-            _no_reason(clause, low, high, stands + least - react - b_out, context)
+            _note_no_cause(clause, low, high, stands + least - react - b_out, context)
             continue
         delta = float(context.rng.uniform(low, high))
         if lasts is not None:
             delta = min(max(stands + lasts - react - b_out, low), high)
-        placed_a, placed_b = schedule.placed(clause, a, b, delta)
+        placed_a, placed_b = schedule.place(clause, a, b, delta)
         start = placed_a.enters + stands
         ahead = float(zone.s_a[zone.i].min()) - hold.s
         stop = Stop(anchor, hold.s, start, 0.0, "gives_way", hold.braking, ahead)
         release = max(placed_b.enters + b_out + react, start + least)
-        held = _released(clause, placed_a, placed_b, replace(stop, until=release), zone, context)
+        held = _release(clause, placed_a, placed_b, replace(stop, until=release), zone, context)
         if held is not None:
-            yield _given_way(clause, schedule, held, placed_b, start, unheld, zone)
+            yield _add_yield(clause, schedule, held, placed_b, start, unheld, zone)
 
 
-def _tempers(
+def _draw_timings(
     clause: GivesWay,
     a: ScheduledAgent,
     hold: StopCommand,
@@ -165,19 +166,19 @@ def _tempers(
     zone: PathConflict,
     context: SolverContext,
 ) -> Iterator[tuple[float, float | None]]:
-    """How soon who gives way starts once the other has left, and how long it stood by then [s].
+    """Draw how soon a yielding agent starts once the other has left, and how long it stood [s].
 
-    As people were seen to do it, or as the PET asked for wants it; else, so that it fits best: at
-    once, beside what was seen, that would take the place of the long standstills.
+    As observed, or as the PET asked for needs it; else, so that it fits best: at once, besides the
+    observed values, that would replace the long standstills.
     """
     wanted, manners = context.get_requested_pet(clause), context.get_yielding(clause)
     if wanted is not None:
-        react = (wanted.low + wanted.high) / 2 - _rolls(a, hold, stands, zone)
+        react = (wanted.low + wanted.high) / 2 - _compute_time_to_zone(a, hold, stands, zone)
         yield from [(react, None)] * 3
         return
     if manners is not None:
         lasts = sample_quantiles(manners.stands, context.rng)
-        latest = _latest_start(a, hold, stands, zone)
+        latest = _find_latest_start(a, hold, stands, zone)
         for _ in range(2):
             seen = sample_quantiles(manners.reacts, context.rng)
             yield float(np.clip(seen, _SOONEST, max(latest, _SOONEST))), lasts
@@ -186,31 +187,33 @@ def _tempers(
         yield from [(react, None)] * (3 if manners is None else 2)
 
 
-def _latest_start(a: ScheduledAgent, hold: StopCommand, stands: float, zone: PathConflict) -> float:
-    """How long after the other has left it may start [s] and still be seen to give way for it."""
+def _find_latest_start(
+    a: ScheduledAgent, hold: StopCommand, stands: float, zone: PathConflict
+) -> float:
+    """Find how long after the other has left it may start [s] and still count as giving way."""
     picks_up = _MOVING[a.candidate.route.type] / a.candidate.time_law.acceleration
-    return min(_MOVES_BY - picks_up, _PETS[1] - _rolls(a, hold, stands, zone) - 0.3)
+    return min(_MOVES_BY - picks_up, _PETS[1] - _compute_time_to_zone(a, hold, stands, zone) - 0.3)
 
 
-def _reasons(
+def _find_causal_offsets(
     clause: GivesWay,
     b: ScheduledAgent,
     unheld: _UnheldMotion,
     zone: PathConflict,
     context: SolverContext,
 ) -> tuple[float, float]:
-    """Between which differences of entry times [s] the other is the reason (SEMANTICS 4, cause)."""
+    """Find the differences of entry times [s] at which the other is the cause (SEMANTICS 4)."""
     b_in, b_out = compute_passage(b.motion, zone.s_b[zone.j])
     slack = _CAUSE if context.get_yielding(clause) is None else _CAUSE_SEEN
     high = unheld.leaves + slack - b_in
     crosses = b.candidate.route.type == "pedestrian" and b.landmarks.own_crosswalk is not None
     if crosses and context.get_yielding(clause) is not None and b.landmarks.line is not None:
-        # It is on the crosswalk when who gives way begins to slow.
+        # It is on the crosswalk when the yielding agent begins to slow.
         high = max(high, unheld.begins - b.motion.find_time_at(b.landmarks.line) - _ON)
     return unheld.enters - _CAUSE - b_out, high
 
 
-def _in_company(
+def _select_offsets(
     b: ScheduledAgent,
     unheld: _UnheldMotion,
     slowest: float,
@@ -218,10 +221,10 @@ def _in_company(
     *,
     within: tuple[float, float],
 ) -> tuple[float, float]:
-    """Of differences of entry times [s] those at which the other is there to give way to.
+    """Select differences of entry times [s] at which the other is there to give way to.
 
     It is in the scene when `first` begins to slow, has not long left the zone when that is slowest,
-    and is no longer away from it then than people wait for; or is on its crosswalk before.
+    and is no longer away from it then than agents wait; or is on its crosswalk before.
 
     Args:
         slowest: local time of the standstill's beginning, or of the lowest speed [s].
@@ -236,7 +239,7 @@ def _in_company(
     return max(low, slowest - b_out - _NO_LATER), min(high, soonest, unheld.begins - _THERE)
 
 
-def _no_reason(
+def _note_no_cause(
     clause: GivesWay, low: float, high: float, by_standing: float, context: SolverContext
 ) -> None:
     words = f"{clause.first}, unheld, would not have met {clause.second}, so it has no reason"
@@ -244,10 +247,10 @@ def _no_reason(
     wanted = context.get_requested_pet(clause)
     if wanted is not None and np.isfinite(low + high):
         longer = low - high if by_standing >= low else high - low
-        _pet_is((wanted.low + wanted.high) / 2 + longer, clause, wanted, context)
+        _note_pet((wanted.low + wanted.high) / 2 + longer, clause, wanted, context)
 
 
-def _given_way(
+def _add_yield(
     clause: GivesWay,
     schedule: PartialSchedule,
     held: ScheduledAgent,
@@ -256,16 +259,16 @@ def _given_way(
     unheld: _UnheldMotion,
     zone: PathConflict,
 ) -> PartialSchedule:
-    """The staging in which that has happened; `start` is when it is slowest [s]."""
+    """Add the yield to the schedule; `start` is when it is slowest [s]."""
     enters = held.enters + held.motion.find_time_at(float(zone.s_a[zone.i].min()))
     passed = other.enters + compute_passage(other.motion, zone.s_b[zone.j])[1]
     begins = min(held.enters + unheld.begins, start) - _BEFORE
     event = ScheduledEvent(clause, start, begins, enters, passed, get_point(held, start))
-    return schedule.with_event(event, held, other)
+    return schedule.add_event(event, held, other)
 
 
 def _may_roll(clause: GivesWay, schedule: PartialSchedule, context: SolverContext) -> bool:
-    """Whether `first` slows without standing this time; nothing else may depend on its stop."""
+    """Return whether `first` may slow without standing; nothing else may depend on its stop."""
     manners = context.get_yielding(clause)
     if manners is None or context.get_requested_pet(clause) is not None:
         return False
@@ -274,11 +277,11 @@ def _may_roll(clause: GivesWay, schedule: PartialSchedule, context: SolverContex
     return bool(context.rng.random() < manners.rolls)
 
 
-def _rolling(
+def _schedule_rolling(
     clause: GivesWay, schedule: PartialSchedule, context: SolverContext, zone: PathConflict
 ) -> Iterator[PartialSchedule]:
-    """The first slows down so far that the other is out of the zone when it arrives there."""
-    a, b = context.both(clause, schedule)
+    """Schedule the first slowing so far that the other has left the zone when it arrives there."""
+    a, b = context.get_pair(clause, schedule)
     manners = context.get_yielding(clause)
     if manners is None:
         return
@@ -290,58 +293,61 @@ def _rolling(
             own=b.landmarks.own_crosswalk,
         )
         margin = max(sample_quantiles(manners.margin, context.rng), _PETS[0] + 0.2)
-        found = _slowed(a, s, sample_quantiles(manners.pace, context.rng), nodes)
+        found = _slow_down(a, s, sample_quantiles(manners.pace, context.rng), nodes)
         if found is None:
             continue
         rolling, unheld = found
-        low, high = _reasons(clause, b, unheld, zone, context)
+        low, high = _find_causal_offsets(clause, b, unheld, zone, context)
         slowest = rolling.stops[-1].start - rolling.enters
-        low, high = _in_company(b, unheld, slowest, zone, within=(low, high))
+        low, high = _select_offsets(b, unheld, slowest, zone, within=(low, high))
         enters = rolling.motion.find_time_at(float(nodes.min()))
         delta = min(max(enters - b_out - margin, low), high)
         if low > high or not np.isfinite(delta) or enters - b_out - delta < _PETS[0]:
             continue
-        placed_a, placed_b = schedule.placed(clause, rolling, b, delta)
+        placed_a, placed_b = schedule.place(clause, rolling, b, delta)
         if _passes_well(clause, placed_a, placed_b, zone, context):
             start = placed_a.stops[-1].start
-            yield _given_way(clause, schedule, placed_a, placed_b, start, unheld, zone)
+            yield _add_yield(clause, schedule, placed_a, placed_b, start, unheld, zone)
 
 
-def _slowed(
+def _slow_down(
     a: ScheduledAgent, s: float, pace: float, nodes: FloatArray
 ) -> tuple[ScheduledAgent, _UnheldMotion] | None:
-    """Who slows to a share `pace` of its approach speed at `s` [m]; None if that is no yield."""
+    """Slow the agent to a share `pace` of its approach speed at `s` [m]; None if that is no
+    yield."""
     too_far = nodes.min() - s >= UPSTREAM[a.candidate.route.type]
     if s <= 2.0 or too_far or not _gets_going(a, s):
         return None
-    stop, earlier = StopCommand(s, 0.0), _holds(a.stops, a.enters)
-    unheld = _unheld(a, stop, compute_arrival(a.candidate, stop, earlier), nodes, earlier)
+    stop, earlier = StopCommand(s, 0.0), _build_commands(a.stops, a.enters)
+    unheld = _compute_unheld(a, stop, compute_arrival(a.candidate, stop, earlier), nodes, earlier)
     free = float(np.interp(s, unheld.free.s, unheld.free.speed))
     speed = max(min(pace * unheld.approach, _SLOW * free) - _SMOOTHED, _SLOWEST)
     hold = StopCommand(s, 0.0, speed=speed)
     at = compute_arrival(a.candidate, hold, earlier)
     ahead = float(nodes.min()) - s
     stop_at = Stop("yield_point", s, at + a.enters, at + a.enters, "gives_way", None, ahead, speed)
-    rolling = a.edited(stops=(*a.stops, stop_at))
+    rolling = a.edit(stops=(*a.stops, stop_at))
     lowest = float(np.interp(at, STEP * np.arange(len(rolling.motion.s)), rolling.motion.speed))
     if lowest > (_SLOW + 0.04) * free:
         return None
-    return rolling, _unheld(a, hold, at, nodes, earlier)
+    return rolling, _compute_unheld(a, hold, at, nodes, earlier)
 
 
 def _gets_going(a: ScheduledAgent, s: float) -> bool:
-    """Whether it drives fast enough before `s` [m], if it comes from a red light."""
+    """Return whether it drives fast enough before `s` [m], if it comes from a red light."""
     return all(s - stop.s > _SETS_OFF for stop in a.stops if stop.at_red)
 
 
-def _rolls(a: ScheduledAgent, hold: StopCommand, stands: float, zone: PathConflict) -> float:
-    """How long it takes from its release to the zone [s]."""
+def _compute_time_to_zone(
+    a: ScheduledAgent, hold: StopCommand, stands: float, zone: PathConflict
+) -> float:
+    """Compute how long it takes from its release to the zone [s]."""
     release = stands + _STANDS
     motion = compute_motion(a.candidate, holds=(replace(hold, release=release),))
     return motion.find_time_at(float(zone.s_a[zone.i].min())) - release
 
 
-def _released(
+def _release(
     clause: GivesWay,
     a: ScheduledAgent,
     b: ScheduledAgent,
@@ -349,16 +355,16 @@ def _released(
     zone: PathConflict,
     context: SolverContext,
 ) -> ScheduledAgent | None:
-    """Who gives way, held until then, or until the PET asked for; None if that is no yield."""
-    held = a.edited(stops=_joined(a.stops, stop))
+    """Hold the yielding agent until then, or until the PET asked for; None if that is no yield."""
+    held = a.edit(stops=_join_stops(a.stops, stop))
     wanted = context.get_requested_pet(clause)
     if wanted is None:
         return held if _passes_well(clause, held, b, zone, context) else None
     middle = (wanted.low + wanted.high) / 2
-    later = middle - _pet(held, b, zone)
+    later = middle - _compute_pet(held, b, zone)
     earliest = stop.start + _STANDS
     until = max(stop.until + later, earliest) if np.isfinite(later) else stop.until
-    held = a.edited(stops=_joined(a.stops, replace(stop, until=until)))
+    held = a.edit(stops=_join_stops(a.stops, replace(stop, until=until)))
     return held if _passes_well(clause, held, b, zone, context) else None
 
 
@@ -369,11 +375,11 @@ def _passes_well(
     zone: PathConflict,
     context: SolverContext,
 ) -> bool:
-    """The yield as edited: clear of the other by 0.4 m, PET between 0.6 and 7 s, or as asked."""
+    """Return whether the yield has 0.4 m clearance and a PET between 0.6 and 7 s, or as asked."""
     wanted = context.get_requested_pet(clause)
     low, high = _PETS if wanted is None else (wanted.low, wanted.high)
     clearance, _, _ = find_least_clearance(held, other)
-    pet = _pet(held, other, zone)
+    pet = _compute_pet(held, other, zone)
     if clearance >= _CLEARANCE and low - 0.02 <= pet <= high + 0.02:
         return True
     if clearance < _CLEARANCE:
@@ -381,15 +387,15 @@ def _passes_well(
         context.note_miss(clause, FailureStage.PLACE, words)
         return False
     if wanted is not None:
-        _pet_is(pet, clause, wanted, context)
+        _note_pet(pet, clause, wanted, context)
     else:
         words = f"a PET of {low:g} to {high:g} s after the yield: it is {pet:.1f} s"
         context.note_miss(clause, FailureStage.MEASURE, words, off=max(low - pet, pet - high))
     return False
 
 
-def _pet_is(pet: float, clause: GivesWay, wanted: TimeGap, context: SolverContext) -> None:
-    """Tells that only this PET [s] was possible."""
+def _note_pet(pet: float, clause: GivesWay, wanted: TimeGap, context: SolverContext) -> None:
+    """Note that only this PET [s] was possible."""
     asked, extreme = (wanted.low + wanted.high) / 2, "shortest" if pet > wanted.high else "longest"
     words = f"a PET of {asked:g} s after the yield: the {extreme} possible is {pet:.1f} s"
     context.note_miss(
@@ -397,13 +403,14 @@ def _pet_is(pet: float, clause: GivesWay, wanted: TimeGap, context: SolverContex
     )
 
 
-def _pet(held: ScheduledAgent, other: ScheduledAgent, zone: PathConflict) -> float:
+def _compute_pet(held: ScheduledAgent, other: ScheduledAgent, zone: PathConflict) -> float:
     meetings = find_conflict_intervals(zone, held.motion, other.motion, c=0.0, exact=True)
     return compute_gap(meetings, other.enters - held.enters)
 
 
-def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
-    """One standstill at one place, as long as the longer of the two needs."""
+def _join_stops(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
+    """Join a stop to others: one standstill at one place, as long as the longer of the two
+    needs."""
     same = [each for each in stops if abs(each.s - stop.s) <= 0.5]
     rest = tuple(each for each in stops if each not in same)
     if not same:
@@ -412,18 +419,18 @@ def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
     return tuple(sorted((*rest, replace(same[0], until=until, speed=0.0)), key=lambda each: each.s))
 
 
-def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[StopCommand, ...]:
+def _build_commands(stops: tuple[Stop, ...], enters: float) -> tuple[StopCommand, ...]:
     return tuple(make_stop_command(stop, enters) for stop in stops)
 
 
 def compute_passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
-    """Local times [s] of reaching the first and leaving the last of the nodes."""
+    """Compute local times [s] of reaching the first and leaving the last of the nodes."""
     return motion.find_time_at(float(nodes.min())), motion.find_time_at(float(nodes.max()))
 
 
 @dataclass(frozen=True, eq=False)
 class _UnheldMotion:
-    """How who gives way would have driven on, free from where it began to slow.
+    """Motion of a yielding agent without its stop, free from where it began to slow.
 
     Attributes:
         enters, leaves: local times [s] of reaching and leaving the zone.
@@ -438,14 +445,14 @@ class _UnheldMotion:
     free: Motion
 
 
-def _unheld(
+def _compute_unheld(
     a: ScheduledAgent,
     hold: StopCommand,
     stands: float,
     nodes: FloatArray,
     others: tuple[StopCommand, ...],
 ) -> _UnheldMotion:
-    """It began at the last moment at which it still drove its approach speed (less 0.3 m/s).
+    """Compute it from the last moment at which it still drove its approach speed (less 0.3 m/s).
 
     Where it stood before (at `others`), it approaches from there.
     """
@@ -464,8 +471,8 @@ def _unheld(
     return _UnheldMotion(first + shift, last + shift, STEP * begin, approach, free)
 
 
-def _merging(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Whether the two go on in one lane after the zone."""
+def _do_merge(a: ScheduledAgent, b: ScheduledAgent) -> bool:
+    """Return whether the two go on in one lane after the zone."""
     if "pedestrian" in (a.candidate.route.type, b.candidate.route.type):
         return False
     return a.candidate.route.exit == b.candidate.route.exit

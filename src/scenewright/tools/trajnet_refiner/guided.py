@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy import interpolate
 
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
@@ -238,8 +239,6 @@ def _compute_progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArra
 
 def _interpolate_deviations(guide: Guide, times: FloatArray, ahead: FloatArray) -> FloatArray:
     """[T] deviations at the network's steps brought to 0.1 s by a spline of smooth acceleration."""
-    from scipy import interpolate
-
     make: Any = interpolate.CubicSpline
     fine = np.zeros(len(guide.s))
     seen = np.flatnonzero(np.isfinite(ahead))
