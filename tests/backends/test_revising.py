@@ -330,7 +330,7 @@ def test_who_gives_way_without_standing_is_meant_where_somebody_is_to_stop(
     ("words", "where", "says"),
     [
         ("make it stop", ONE, "vehicle-1 stands already"),
-        ("make vehicle-2 stop", ROLLING, "vehicle-2 gives way to nobody"),
+        ("make vehicle-2 stop", ROLLING, "vehicle-2 gives way to no agent"),
     ],
 )
 def test_who_stands_or_has_no_reason_to_cannot_be_made_to(
