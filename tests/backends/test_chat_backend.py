@@ -109,7 +109,9 @@ def test_a_fault_that_never_passes_is_a_fault_of_the_backend(
 
 
 @pytest.mark.parametrize("name", STAYING)
-def test_a_fault_that_stays_is_told_at_once(server: Server, pauses: list[float], name: str) -> None:
+def test_a_fault_that_stays_is_reported_at_once(
+    server: Server, pauses: list[float], name: str
+) -> None:
     fault, words = STAYING[name]
     server.faults, server.forever = [fault], True
     with pytest.raises(BackendFault) as caught:
@@ -120,7 +122,7 @@ def test_a_fault_that_stays_is_told_at_once(server: Server, pauses: list[float],
 
 
 @pytest.mark.parametrize("name", UNREADABLE)
-def test_a_reply_that_is_none_is_told_why_and_mended(server: Server, name: str) -> None:
+def test_a_reply_that_is_none_is_shown_why_and_mended(server: Server, name: str) -> None:
     fault, words = UNREADABLE[name]
     server.faults = [fault]
     scene = made(server)
@@ -130,8 +132,8 @@ def test_a_reply_that_is_none_is_told_why_and_mended(server: Server, name: str) 
     assert (rejection["stage"], rejection["code"]) == ("scene_planner", "malformed_reply")
     assert words in rejection["detail"]
     assert len(rejection["detail"]) < 300
-    told = server.requests[1]["messages"][1]["content"]
-    assert json.dumps(rejection["detail"], ensure_ascii=False) in told
+    given = server.requests[1]["messages"][1]["content"]
+    assert json.dumps(rejection["detail"], ensure_ascii=False) in given
 
 
 @pytest.mark.parametrize("name", ["wrong schema", "unknown ids", "extra keys", "truncated"])
@@ -310,7 +312,7 @@ def test_the_endpoint_is_the_one_the_user_named(monkeypatch: pytest.MonkeyPatch)
         ("openai:m", {"base_url": "http://host/v1", "timeout": 0.0}, "0.1 to 3600"),
     ],
 )
-def test_what_cannot_be_a_backend_is_told_in_one_line(
+def test_what_cannot_be_a_backend_is_reported_in_one_line(
     name: Any, more: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -320,7 +322,7 @@ def test_what_cannot_be_a_backend_is_told_in_one_line(
     assert "secret" not in str(caught.value)
 
 
-def test_a_missing_package_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("scenewright.backends.chat.naming.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install 'scenewright\[chat\]'"):
         load_backend("openai:m", base_url="http://127.0.0.1:9/v1")
@@ -351,8 +353,8 @@ def anthropic(server: Server) -> ChatModel:
 def test_a_model_of_anthropic_is_asked_under_the_same_schema(server: Server) -> None:
     pytest.importorskip("langchain_anthropic")
     server.faults = [status(529), lambda handler, _: handler.say_as_anthropic('{"a": 1}')]
-    told: list[Any] = []
-    asked = Question("plan", {}, prompt=lambda: PLAIN, account=told.append)
+    given: list[Any] = []
+    asked = Question("plan", {}, prompt=lambda: PLAIN, account=given.append)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(retry.time, "sleep", lambda _: None)
         assert TextBackend(anthropic(server)).answer(asked) == {"a": 1}
@@ -361,13 +363,13 @@ def test_a_model_of_anthropic_is_asked_under_the_same_schema(server: Server) -> 
     assert "properties" in body["output_config"]["format"]["schema"]
     assert (body["system"], body["max_tokens"]) == ("You answer.", 3000)
     assert any(KEY in value for value in server.headers[1].values())
-    assert (told[0].asked, told[0].input_tokens, told[0].output_tokens) == (2, 650, 80)
+    assert (given[0].asked, given[0].input_tokens, given[0].output_tokens) == (2, 650, 80)
 
 
 @pytest.mark.parametrize(
     ("ended", "words"), [("max_tokens", "was cut off"), ("refusal", "declined to answer")]
 )
-def test_a_model_of_anthropic_that_stops_early_is_told_so(
+def test_a_model_of_anthropic_that_stops_early_is_shown_so(
     server: Server, ended: str, words: str
 ) -> None:
     pytest.importorskip("langchain_anthropic")
@@ -400,7 +402,7 @@ def test_rows_are_planned_by_a_model_several_at_a_time(
     assert KEY not in said.out + said.err
 
 
-def test_what_a_refused_run_has_cost_is_told(
+def test_what_a_refused_run_has_cost_is_reported(
     server: Server, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     server.faults, server.forever = [said(lambda _: '{"agents": 1}')], True
@@ -415,12 +417,12 @@ def test_what_a_refused_run_has_cost_is_told(
     folder = tmp_path / "batch"
     main(["batch", str(tmp_path / "rows.jsonl"), "--out", str(folder), *who, "--workers", "1"])
     [row] = (folder / "journal.jsonl").read_text("utf-8").splitlines()[1:]
-    told = json.loads(row)
-    assert (told["status"], told["paid"]["requests"]) == ("failed", 3)
-    assert told["paid"]["input_tokens"] == 2100
+    given = json.loads(row)
+    assert (given["status"], given["paid"]["requests"]) == ("failed", 3)
+    assert given["paid"]["input_tokens"] == 2100
 
 
-def test_what_a_run_has_cost_that_a_model_left_is_told(
+def test_what_a_run_has_cost_that_a_model_left_is_reported(
     server: Server, pauses: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
     server.good["plan"] = json.dumps(
@@ -443,7 +445,7 @@ def test_what_a_run_has_cost_that_a_model_left_is_told(
     assert len(pauses) == 3
 
 
-def test_what_planning_has_cost_that_a_model_left_is_told(
+def test_what_planning_has_cost_that_a_model_left_is_reported(
     server: Server, pauses: list[float], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     server.faults, server.forever = [status(503, "overloaded")], True

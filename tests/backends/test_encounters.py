@@ -80,8 +80,8 @@ def test_encounters_are_made_and_proven(text: str, figure: str) -> None:
     assert scene.proof.verified
     (seen,) = scene.proof.figures["encounters"]
     assert seen[figure] > 0
-    told = [each for each in scene.proof.said if each.became == "encounter"]
-    assert [each.status for each in told] == ["realised"]
+    given = [each for each in scene.proof.said if each.became == "encounter"]
+    assert [each.status for each in given] == ["realised"]
 
 
 @pytest.mark.parametrize(
@@ -94,9 +94,9 @@ def test_encounters_are_made_and_proven(text: str, figure: str) -> None:
 def test_who_turns_back_is_seen_doing_it(text: str) -> None:
     scene = synthesize(text, seed=0, refiner="none")
     assert scene.record.agents[0].motion == "turns_back"
-    (told,) = [each for each in scene.proof.said if each.became == "motion"]
-    assert told.status == "realised"
-    assert "turns back" in str(told.evidence)
+    (given,) = [each for each in scene.proof.said if each.became == "motion"]
+    assert given.status == "realised"
+    assert "turns back" in str(given.evidence)
 
 
 @pytest.mark.parametrize(
@@ -123,5 +123,5 @@ def test_a_hook_that_nearly_hits_is_a_near_miss(text: str) -> None:
 def test_what_one_vehicle_does_at_its_light_is_seen(text: str, motion: str) -> None:
     scene = synthesize(text, seed=0, refiner="none")
     assert scene.record.agents[0].motion == motion
-    (told,) = [each for each in scene.proof.said if each.became == "motion"]
-    assert (told.value, told.status) == (motion, "realised")
+    (given,) = [each for each in scene.proof.said if each.became == "motion"]
+    assert (given.value, given.status) == (motion, "realised")

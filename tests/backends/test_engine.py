@@ -100,7 +100,7 @@ def test_a_reply_cut_off_is_refused() -> None:
         load_backend("vllm:m").answer(asked("endless"))
 
 
-def test_an_engine_that_cannot_be_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_cannot_be_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match=r"vLLM cannot load broken: RuntimeError: no GPU$"):
         load_backend("vllm:broken")
     monkeypatch.setattr(engine, "find_spec", lambda _: None)

@@ -130,7 +130,7 @@ def test_several_runs_may_share_a_file(tmp_path: Path) -> None:
     assert all(replay.answer(asked(seed=seed)) == {"a": 1} for seed in range(40))
 
 
-def test_a_file_of_somebody_elses_answers_is_not_added_to(tmp_path: Path) -> None:
+def test_a_file_of_anothers_answers_is_not_added_to(tmp_path: Path) -> None:
     file = tmp_path / "answers.jsonl"
     load_backend(record=file)
     with pytest.raises(InputError, match="holds the answers of builtin, not of a model"):
@@ -154,7 +154,7 @@ def test_no_key_gets_into_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("\udcff", "not UTF-8"),
     ],
 )
-def test_a_file_that_is_none_is_told_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_a_file_that_is_none_is_reported_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     file = tmp_path / "answers.jsonl"
     file.write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises(InputError, match=words) as caught:
@@ -162,7 +162,7 @@ def test_a_file_that_is_none_is_told_in_one_line(tmp_path: Path, text: str, word
     assert "\n" not in str(caught.value)
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
         load_backend(record=tmp_path / "no" / "such" / "folder.jsonl")
     with pytest.raises(InputError, match="cannot"):

@@ -76,11 +76,11 @@ class Obedient:
 @pytest.mark.parametrize("attack", ATTACKS[:3])
 def test_the_same_graph_gives_the_same_scene_whatever_the_text_says(attack: str) -> None:
     """But for the text itself, from which the run draws its chance."""
-    told = synthesize(attack, backend=Obedient(attack), seed=1, refiner="none")
-    assert told.proof.verified
-    assert told.record.meta.user_prompt == attack
-    assert [each.type for each in told.proof.events] == ["yielding"]
-    assert len(told.record.agents) == 2
+    given = synthesize(attack, backend=Obedient(attack), seed=1, refiner="none")
+    assert given.proof.verified
+    assert given.record.meta.user_prompt == attack
+    assert [each.type for each in given.proof.events] == ["yielding"]
+    assert len(given.record.agents) == 2
 
 
 REPLIES: list[Any] = [

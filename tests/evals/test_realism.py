@@ -220,7 +220,7 @@ def with_another(scene):
     return replace(scene, users=(*scene.users, RoadUser(99, track, walker.shape)))
 
 
-def test_who_lets_one_pass_is_told_from_who_lets_several(intersection_map, yielding):
+def test_who_lets_one_pass_is_distinguished_from_who_lets_several(intersection_map, yielding):
     scene = convert_scene(yielding.record)
     [stop] = [
         stop for stop in find_yield_stops(scene, intersection_map=intersection_map)[0] if stop.asked
@@ -333,7 +333,7 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
 
 
 @pytest.mark.parametrize(
-    ("speed", "told"),
+    ("speed", "stated"),
     [
         ([5.0, 4.0, 9.0], "is never slow"),
         ([5.0, 2.0, 9.0], "slows down"),
@@ -343,8 +343,8 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
         ([0.4, 0.0, 0.9], "stands"),
     ],
 )
-def test_agents_are_told_apart_by_what_they_do_in_view(speed, told):
-    assert classify_motion(np.array(speed), "vehicle") == told
+def test_agents_are_distinguished_by_what_they_do_in_view(speed, stated):
+    assert classify_motion(np.array(speed), "vehicle") == stated
 
 
 def test_motion_is_compared_in_the_shares_of_another_set():
@@ -374,7 +374,7 @@ def test_bicycles_are_no_vehicles_of_ours():
     assert list_recorded_agents([recording]) == []
 
 
-def test_parts_of_a_scene_are_told_apart(yielding):
+def test_parts_of_a_scene_are_distinguished(yielding):
     scene = convert_scene(yielding.record)
     whole, front, back = (
         len(list_scene_agents([scene], part=part)[0])

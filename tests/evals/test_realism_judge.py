@@ -56,7 +56,7 @@ def test_an_area_under_the_curve_counts_ties_half() -> None:
     assert compute_auc(np.array([0.1, 0.3, 0.2, 0.4]), label, ones) == 0.75
 
 
-def test_who_wavers_is_told_from_who_does_not_and_halves_are_not() -> None:
+def test_who_wavers_is_distinguished_from_who_does_not_and_halves_are_not() -> None:
     even, wavering = (
         cut_windows(source(name, spread, 40, seed=k), "vehicle")
         for k, (name, spread) in enumerate((("a", 0.02), ("b", 0.4)))

@@ -42,11 +42,11 @@ def recording(seconds: float = 30.0) -> Recording:
 @pytest.mark.parametrize("before_end", BEFORE_END)
 def test_the_end_is_never_told(before_end):
     (task,) = build_tasks([recording()], before_end=before_end, most=5)
-    for told, places in zip(task.given, task.goals, strict=True):
+    for facts, places in zip(task.given, task.goals, strict=True):
         goals = np.isfinite(places[:, 0])
-        assert not (told | goals)[-before_end:].any()
+        assert not (facts | goals)[-before_end:].any()
         assert goals[-1 - before_end]
-        assert told.sum() == 9
+        assert facts.sum() == 9
 
 
 def test_even_motion_and_the_spline_are_right_where_they_must_be():

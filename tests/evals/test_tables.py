@@ -181,7 +181,9 @@ def test_one_page_and_one_object_for_a_dataset(
     assert main(["dataset", "check", str(out), "--workers", "1", "-q"]) == 0
 
 
-def test_no_dataset_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_dataset_is_reported_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for words in (["evals", "tables"], ["dataset", "check"]):
         assert main([*words, str(tmp_path), "-q"]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1

@@ -139,8 +139,8 @@ def test_a_plan_that_the_tracks_contradict_again_and_again_is_given_up() -> None
     )
     for refusals, onwards in ((found, "agent_generator"), ([*found, found[0]], "give_up")):
         state: SceneState = {"refused": found[0], "rejections": refusals}
-        told: Any = SimpleNamespace(context=context)
-        assert routes.route_after_verifier(state, told) == onwards
+        given: Any = SimpleNamespace(context=context)
+        assert routes.route_after_verifier(state, given) == onwards
 
 
 def test_a_rule_that_names_the_wrong_braker_is_not_asked_for_another_plan() -> None:

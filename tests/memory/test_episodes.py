@@ -84,12 +84,12 @@ def test_recall_changes_the_prompt_as_meant(memory: Episodes) -> None:
     earlier = "A taxi from the south yields to a pedestrian on the west crosswalk"
     memory.accept(request=earlier, graph=GRAPH, taxonomy=["yield"])
     memory.accept(request="A truck hits a bus", graph=GRAPH, taxonomy=["hit"])
-    told = prompt(memory)
-    assert told != without
-    assert json.dumps(earlier) in told
+    given = prompt(memory)
+    assert given != without
+    assert json.dumps(earlier) in given
     untyped = [{k: v for k, v in each.items() if k != "type"} for each in GRAPH["agents"]]
-    assert json.dumps({**GRAPH, "agents": untyped}, separators=(",", ":")) in told
-    assert "A truck hits a bus" not in told
-    assert told.replace(
-        told[told.index("Accepted before:") : told.index('Request: "A car')], ""
+    assert json.dumps({**GRAPH, "agents": untyped}, separators=(",", ":")) in given
+    assert "A truck hits a bus" not in given
+    assert given.replace(
+        given[given.index("Accepted before:") : given.index('Request: "A car')], ""
     ) == (without)

@@ -146,7 +146,7 @@ def test_a_yield_becomes_a_near_miss_and_a_collision(talk: Conversation) -> None
     assert agents(other)["pedestrian-1"].id == seen.from_
 
 
-def test_somebody_comes_from_elsewhere(talk: Conversation) -> None:
+def test_an_agent_comes_from_elsewhere(talk: Conversation) -> None:
     talk.made(YIELD)
     east = talk.made("make the pedestrian come from the east instead")
     assert agents(east)["pedestrian-1"].entry == "east"
@@ -176,7 +176,7 @@ def test_others_come_and_go(talk: Conversation) -> None:
     assert same(gone, nobody) == {"vehicle-1", "pedestrian-1"}
 
 
-def test_the_clock_changes_and_nobody_moves(talk: Conversation) -> None:
+def test_the_clock_changes_and_no_agent_moves(talk: Conversation) -> None:
     first = talk.made(YIELD)
     evening = talk.made("make it 5 pm")
     assert evening.record.meta.time_of_day == "17:00"
@@ -326,7 +326,7 @@ class _Reads:
         return (self._model if question.task == "edits" else self._rule).answer(question)
 
 
-def test_somebody_new_joins_and_leaves(talk: Conversation) -> None:
+def test_a_new_agent_joins_and_leaves(talk: Conversation) -> None:
     first = talk.made("A car from the south turns left and yields to a pedestrian at 5 am")
     behind = talk.made("add a truck that follows the car")
     assert sorted(events(behind)) == ["follow", "yielding"]

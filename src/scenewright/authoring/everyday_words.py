@@ -112,9 +112,9 @@ class Talk:
             update={key: value for key, value in now.items() if getattr(node, key) is None}
         )
 
-    def find(self, who: str) -> AgentNode | None:
+    def find(self, phrase: str) -> AgentNode | None:
         """The agent that the words mean; None where that is no agent, or several equally."""
-        words = re.sub(r"^(?:the|that|this|my) ", "", who)
+        words = re.sub(r"^(?:the|that|this|my) ", "", phrase)
         named = self.list_named()
         if words in {each.id for each in named}:
             return self.situation.graph.agent(words)

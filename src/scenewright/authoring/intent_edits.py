@@ -561,15 +561,15 @@ def _come(wish: EditIntent) -> _Answer:
 
 
 def _wait(wish: EditIntent) -> _Answer:
-    who = f"let {wish.named[0].id} " if wish.named else ""
+    subject = f"let {wish.named[0].id} " if wish.named else ""
     more = "longer" if wish.intent == "wait_longer" else "less"
-    return f"{who}wait {wish.number('s') or 2.0:g} seconds {more}"
+    return f"{subject}wait {wish.number('s') or 2.0:g} seconds {more}"
 
 
 def _stop_place(wish: EditIntent) -> _Answer:
-    who = f"let {wish.named[0].id} " if wish.named else ""
+    subject = f"let {wish.named[0].id} " if wish.named else ""
     where = "later" if wish.intent == "stop_later" else "earlier"
-    return f"{who}stop {wish.number('m') or 1.0:g} metres {where}"
+    return f"{subject}stop {wish.number('m') or 1.0:g} metres {where}"
 
 
 def _make_stop(wish: EditIntent) -> _Answer:

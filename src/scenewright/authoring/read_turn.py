@@ -60,7 +60,7 @@ def read_words(
     """What the words amount to: as the planner reads them, by rule where it is the grammar.
 
     What the session itself does, such as undoing, and words that say they begin a new scene are
-    read by rule whoever plans; so is what the planner said nothing of use about.
+    read by rule with any planner; so is what the planner had no useful reading of.
 
     Args:
         before: what was said so far.
