@@ -290,7 +290,7 @@ def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> No
         ("stop 400 metres later", "impossible", "at most 15"),
         ("add 30 cars", "impossible", "at most 30"),
         ("make the car come from the west and turn right", "impossible", "east crosswalk"),
-        ("make the truck turn left", "impossible", "one of the others"),
+        ("make the truck turn left", "impossible", "a background agent"),
         ("make me a coffee", "no_change", "changes nothing"),
         ("asdf qwer zxcv", "out_of_scope", "English"),
     ],

@@ -158,7 +158,9 @@ def test_who_left_before_the_ninth_step_is_written_and_goes_on_evenly(tmp_path: 
     rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 2, 0.25, early), *walk(4, 8, 8, 1.0, once)]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
     (predicted,) = predict_scenes(recording, predict_constant_velocity)
-    places = {int(p): xy for p, xy in zip(recording.ids[predicted.who], predicted.xy, strict=True)}
+    places = {
+        int(p): xy for p, xy in zip(recording.ids[predicted.places], predicted.xy, strict=True)
+    }
     assert list(places) == [3, 4, 9]
     assert places[9] == pytest.approx(
         np.stack([0.25 * np.arange(9, 21), np.full(12, 2.0)], -1), abs=0.01
