@@ -29,7 +29,9 @@ from scenewright.backends.builtin.reader.learned_plan import (
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.standing import add_objects, take_out
+from scenewright.backends.builtin.standing_notes import read_notes
 from scenewright.backends.builtin.street_names import CompassText, list_compass_texts
+from scenewright.backends.builtin.wrong_way import add_wrong_way, take_out_wrong_way
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
 from scenewright.scene.measures import MeasureKind
@@ -67,13 +69,16 @@ _KNOWN: RecentCache[tuple[str, str | None, Site], Plan] = RecentCache(most=256)
 """One text is asked for with many seeds."""
 
 
-def plan(text: str, *, previous: str | None = None, site: Site | None = None) -> Plan:
+def plan(
+    text: str, *, previous: str | None = None, site: Site | None = None, seed: int = 0
+) -> Plan:
     """The social graph that the text asks for, or why there is none (paper 3.1, SEMANTICS 2-4).
 
     Args:
         text: the instruction, in English, at most 2,000 characters.
         previous: an earlier instruction that `text` edits; a full instruction replaces it.
         site: where it is to happen; None: four legs in right-hand traffic.
+        seed: chooses the leg of a street that has several.
     """
     site = site or Site()
     try:
@@ -82,7 +87,8 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
     if not choices:
         return _plan_once(text, previous, site)
-    return _plan_with_streets(choices, previous, site)
+    first = seed % len(choices)
+    return _plan_with_streets((*choices[first:], *choices[:first]), previous, site)
 
 
 def _plan_with_streets(choices: Sequence[CompassText], previous: str | None, site: Site) -> Plan:
@@ -142,17 +148,22 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
-        plain, met = take_out_encounters(text)
+        notes = None if previous else read_notes(text)
+        if notes is not None:
+            return notes
+        lawful, wrong = take_out_wrong_way(text)
+        plain, met = take_out_encounters(lawful)
         rest, standing = take_out(plain)
         earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]
         again = () if earlier else _read_after_openers(rest, site)
         found = decide(read_twice(rest, earlier, site), site, again)
-        if isinstance(found, Refusal) and met:
+        if isinstance(found, Refusal) and (met or wrong):
             # "A car drives" is no scene by itself, but with what it meets it is one.
             found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
         if isinstance(found, Refusal):
             return found
         found = add_encounters(found, met, text) if met else found
+        found = add_wrong_way(found, wrong, text) if wrong else found
         return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
