@@ -35,7 +35,7 @@ from robustness import REQUESTS
 import scenewright
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import Scene, encode_scene
-from scenewright.nodes.wording import LONGEST_REQUEST
+from scenewright.nodes.prompts import LONGEST_REQUEST
 
 Json = Any
 ROOT = Path(__file__).parent.parent

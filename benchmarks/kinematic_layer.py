@@ -20,7 +20,7 @@ import numpy as np
 from scenewright import synthesize
 from scenewright.backends import load_backend
 from scenewright.errors import Unsatisfiable
-from scenewright.evals.planning import Share
+from scenewright.evals.planning import PlanningShare
 from scenewright.evals.realism.distances import compute_wasserstein
 from scenewright.evals.realism.samples import (
     Agents,
@@ -88,15 +88,15 @@ def no_layer() -> Iterator[None]:
         kinematic_layer.limit_deviation = known
 
 
-def broken(scenes: Sequence[SceneRecord]) -> Share:
+def broken(scenes: Sequence[SceneRecord]) -> PlanningShare:
     """How many agents break a limit, of all."""
     intersection_map = ground_of(PLACE).intersection_map
     faults = [check(scene, intersection_map).implausible for scene in scenes]
     found = sum(len({agent for fault in each for agent in fault.agents}) for each in faults)
-    return Share(found, sum(len(scene.agents) for scene in scenes))
+    return PlanningShare(found, sum(len(scene.agents) for scene in scenes))
 
 
-def worded(share: Share) -> str:
+def worded(share: PlanningShare) -> str:
     low, high = share.interval or (0.0, 1.0)
     return f"{share.right} of {share.n} ({share.rate or 0.0:.1%}, {low:.1%} to {high:.1%})"
 

@@ -33,15 +33,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 from scenewright import synthesize
-from scenewright.backends import TASKS, Backend, Question, Wording, load_backend
-from scenewright.backends.spoken import Said, Spoken, compute_key
+from scenewright.backends import TASKS, Backend, Prompt, Question, load_backend
+from scenewright.backends.text_backend import Completion, TextBackend, compute_key
 from scenewright.cli.plan import ATTEMPTS, build_refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
-from scenewright.evals.planning import Share, compare, load, score
+from scenewright.evals.planning import PlanningShare, compare, load, score
 from scenewright.graph.run import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.nodes.scene_planner import ask_for_plan, describe_routes
-from scenewright.nodes.scene_planner.wording import render_plan_prompt
+from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan
 
@@ -62,16 +62,16 @@ class ByFile:
         self._answers = dict(_answers(folder))
         self.open: dict[str, dict[str, Any]] = {}
 
-    def say(self, question: Question, wording: Wording) -> Said:
-        key = compute_key(NAME, question, wording)
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
+        key = compute_key(NAME, question, prompt)
         if key in self._answers:
-            return Said(self._answers[key], asked=1)
+            return Completion(self._answers[key], asked=1)
         self.open[key] = {
             "key": key,
             "task": question.task,
-            "system": wording.system,
-            "user": wording.user,
-            "schema": wording.schema,
+            "system": prompt.system,
+            "user": prompt.user,
+            "schema": prompt.schema,
         }
         raise OpenError(f"no answer to {key} yet", final=True)
 
@@ -119,8 +119,8 @@ def _plan(row: dict[str, Any], backend: Backend) -> Plan:
         "legs": [leg.name for leg in intersection_map.legs],
     }
     for _ in range(1 if backend.deterministic else ATTEMPTS):
-        wording = partial(render_plan_prompt, text, previous, ways, rejections=wrong)
-        question = Question("plan", facts, wrong, wording=wording)
+        prompt = partial(render_plan_prompt, text, previous, ways, rejections=wrong)
+        question = Question("plan", facts, wrong, prompt=prompt)
         try:
             return ask_for_plan(backend, question, ways)
         except Rejected as error:
@@ -154,7 +154,7 @@ def _scene(row: dict[str, Any], backend: Backend) -> str:
     return "as told" if as_told.get("relations") and as_told.get("agents") else "otherwise"
 
 
-def told(share: Share) -> str:
+def told(share: PlanningShare) -> str:
     if share.interval is None:
         return "none"
     low, high = share.interval
@@ -174,9 +174,11 @@ def report(name: str, rows: Sequence[dict[str, Any]], backend: Backend) -> None:
     print(f"planning, every field right: {told(result.all_fields)}")
     print(", ".join(f"{field} {s.right}/{s.n}" for field, s in result.fields.items()))
     kinds = Counter(each.partition(":")[0] for each in made.values())
-    right = Share(kinds["as told"], len(made))
+    right = PlanningShare(kinds["as told"], len(made))
     print(f"ISR, verified with agents and relations as labelled: {told(right)}")
-    print(f"verified at all: {told(Share(kinds['as told'] + kinds['otherwise'], len(made)))}")
+    print(
+        f"verified at all: {told(PlanningShare(kinds['as told'] + kinds['otherwise'], len(made)))}"
+    )
     for key, fields in result.wrong.items():
         text = next(row["text"] for row in rows if row["id"] == key)
         print(f"  wrong {', '.join(fields)}: {text[:110]}")
@@ -188,16 +190,20 @@ def report(name: str, rows: Sequence[dict[str, Any]], backend: Backend) -> None:
 
 def ask(folder: Path, n: int, seed: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    speaker, rows = ByFile(folder), rows_of(n, seed)
-    backend = Spoken(speaker)
+    text_model, rows = ByFile(folder), rows_of(n, seed)
+    backend = TextBackend(text_model)
     planned(rows, backend)
     scenes(rows, backend)
-    lines = "".join(json.dumps(each, ensure_ascii=False) + "\n" for each in speaker.open.values())
+    lines = "".join(
+        json.dumps(each, ensure_ascii=False) + "\n" for each in text_model.open.values()
+    )
     (folder / "questions.jsonl").write_text(lines, "utf-8")
     (folder / "setting.json").write_text(json.dumps({"n": n, "seed": seed}))
-    count = Counter(each["task"] for each in speaker.open.values())
+    count = Counter(each["task"] for each in text_model.open.values())
     words = ", ".join(f"{count[task]} {task}" for task in TASKS if count[task])
-    print(f"{len(speaker.open)} questions open ({words or 'none'}): {folder / 'questions.jsonl'}")
+    print(
+        f"{len(text_model.open)} questions open ({words or 'none'}): {folder / 'questions.jsonl'}"
+    )
 
 
 def main() -> None:
@@ -219,7 +225,7 @@ def main() -> None:
     setting = {"n": told_by.n, "seed": told_by.seed}
     if told_by.backend is None:
         setting = json.loads((told_by.folder / "setting.json").read_text())
-        backend: Backend = Spoken(ByFile(told_by.folder))
+        backend: Backend = TextBackend(ByFile(told_by.folder))
     else:
         backend = load_backend(told_by.backend, base_url=told_by.base_url)
     rows = rows_of(setting["n"], setting["seed"])

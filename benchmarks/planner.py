@@ -24,7 +24,7 @@ from typing import Any
 
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
-from scenewright.evals.planning import Share, compare
+from scenewright.evals.planning import PlanningShare, compare
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Refusal
 
@@ -63,7 +63,7 @@ def report(name: str, rows: list[Row], show: int) -> None:
         *counts.most_common(),
         ("right at first sight or after one answer", asked),
     ):
-        share = Share(number, len(rows))
+        share = PlanningShare(number, len(rows))
         low, high = share.interval or (0.0, 1.0)
         rate = f"{100 * number / len(rows):.1f} %, {100 * low:.1f}-{100 * high:.1f}"
         print(f"  {label}: {number} ({rate})")

@@ -19,7 +19,7 @@ from itertools import permutations
 from typing import Any
 
 import scenewright
-from scenewright.evals.planning import Share
+from scenewright.evals.planning import PlanningShare
 
 Row = dict[str, Any]
 
@@ -73,7 +73,7 @@ def main() -> None:
     rows = [json.loads(line) for line in source.splitlines()]
     verdicts = [verdict_of(row) for row in rows]
     for label, number in Counter(verdicts).most_common():
-        low, high = Share(number, len(rows)).interval or (0.0, 1.0)
+        low, high = PlanningShare(number, len(rows)).interval or (0.0, 1.0)
         rate = 100 * number / len(rows)
         print(f"{label}: {number} of {len(rows)} ({rate:.1f} %, {100 * low:.1f}-{100 * high:.1f})")
     for row, verdict in zip(rows, verdicts, strict=True):

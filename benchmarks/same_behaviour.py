@@ -22,7 +22,7 @@ from pathlib import Path
 
 from robustness import REQUESTS
 
-from scenewright.graph.run import json_bytes
+from scenewright.graph.run import format_json_line
 
 ROOT = Path(__file__).parent.parent
 FILES = ("scene.json", "proof.json")
@@ -72,7 +72,7 @@ def digest_file(path: Path) -> str:
     if path.name == "proof.json":
         proof = json.loads(data)
         proof.pop("scene_digest", None)
-        data = json_bytes(proof)
+        data = format_json_line(proof)
     return digest(data)
 
 

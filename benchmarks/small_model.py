@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from scenewright import synthesize, verify
-from scenewright.backends import STAGE_OF, TASKS, Backend, Question, Task, Wording, load_backend
-from scenewright.backends.spoken import Said, Spoken
-from scenewright.backends.staged import Staged
+from scenewright.backends import STAGE_OF, TASKS, Backend, Prompt, Question, Task, load_backend
+from scenewright.backends.staged import StagedBackend
+from scenewright.backends.text_backend import Completion, TextBackend
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.graph.run import Scene
 from scenewright.nodes.scene_planner.reply import ID, TIME
@@ -119,30 +119,30 @@ def _one(values: Any, rng: Rng) -> Any:
 class Small:
     """A small model: answers as `how` has it, and counts its answers."""
 
-    def __init__(self, how: Callable[[Question, Wording, Rng], Any], seed: int) -> None:
+    def __init__(self, how: Callable[[Question, Prompt, Rng], Any], seed: int) -> None:
         self.name = f"small model {seed}"
         self.calls = 0
         self._how, self._rng = how, np.random.default_rng(seed)
 
-    def say(self, question: Question, wording: Wording) -> Said:
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
         self.calls += 1
-        return Said(json.dumps(self._how(question, wording, self._rng)))
+        return Completion(json.dumps(self._how(question, prompt, self._rng)))
 
 
-def at_random(question: Question, wording: Wording, rng: Rng) -> Any:
+def at_random(question: Question, prompt: Prompt, rng: Rng) -> Any:
     del question
-    return drawn(inline_references(wording.schema), rng)
+    return drawn(inline_references(prompt.schema), rng)
 
 
-def always_one_wrong(question: Question, wording: Wording, rng: Rng) -> Any:
-    del wording
+def always_one_wrong(question: Question, prompt: Prompt, rng: Rng) -> Any:
+    del prompt
     return spoilt(_right(question), rng)
 
 
-def once_one_wrong(question: Question, wording: Wording, rng: Rng) -> Any:
+def once_one_wrong(question: Question, prompt: Prompt, rng: Rng) -> Any:
     """Wrong until it is told so."""
     right = _right(question)
-    return right if question.rejections else always_one_wrong(question, wording, rng)
+    return right if question.rejections else always_one_wrong(question, prompt, rng)
 
 
 def _right(question: Question) -> dict[str, Any]:
@@ -177,11 +177,11 @@ def holds(scene: Scene) -> bool:
 
 def run(tasks: tuple[Task, ...], how: Any, seed: int, tally: Tally) -> None:
     small = Small(how, seed)
-    rule, spoken = load_backend("builtin"), Spoken(small)
+    rule, spoken = load_backend("builtin"), TextBackend(small)
     speakers: dict[Task, Backend] = {task: spoken if task in tasks else rule for task in TASKS}
     text = REQUESTS[seed % len(REQUESTS)] + OTHERS
     try:
-        scene = synthesize(text, backend=Staged(speakers), seed=seed, refiner="none")
+        scene = synthesize(text, backend=StagedBackend(speakers), seed=seed, refiner="none")
     except (Unsatisfiable, InputError):
         tally.refused += 1
     except Exception as error:  # what must not happen is counted, not hidden

@@ -31,10 +31,10 @@ from small_model import holds
 
 from scenewright import synthesize
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
-from scenewright.backends.staged import Staged
+from scenewright.backends.staged import StagedBackend
 from scenewright.cli.plan import ask_for_plan
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.evals.planning import Share, compare, score
+from scenewright.evals.planning import PlanningShare, compare, score
 from scenewright.graph.run import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.scene.plan_row import plan_to_row
@@ -126,9 +126,9 @@ def plans(rows: Sequence[dict[str, Any]], model: Counting) -> None:
     result, n = score(rows, made), len(rows)
     first = sum(count == 1 for count in calls)
     print(f"plans of {n} instructions, {sum(calls)} answers")
-    print(f"  of use at the first answer: {told(Share(first, n))}")
-    print(f"  of use within three answers: {told(Share(n - unusable, n))}")
-    print(f"  without agents where some are told: {told(Share(empty, n))}")
+    print(f"  of use at the first answer: {told(PlanningShare(first, n))}")
+    print(f"  of use within three answers: {told(PlanningShare(n - unusable, n))}")
+    print(f"  without agents where some are told: {told(PlanningShare(empty, n))}")
     print(f"  every field right: {told(result.all_fields)}")
     for name, share in result.fields.items():
         print(f"    {name}: {told(share)}")
@@ -140,7 +140,7 @@ def runs(rows: Sequence[dict[str, Any]], model: Counting, *, asked: Sequence[Tas
     speakers: dict[Task, Backend] = {task: model if task in asked else rule for task in TASKS}
     for row in rows:
         model.answers.clear()
-        end = _end(row, Staged(speakers), found)
+        end = _end(row, StagedBackend(speakers), found)
         found.ends[end] += 1
         found.calls.append(sum(model.answers.values()))
         print(f"  {end} after {dict(model.answers)}: {row['text'][:80]}", flush=True)
@@ -177,7 +177,7 @@ def report(name: str, found: Ends) -> None:
         f"{name}: {n} runs, answers {sum(found.calls) / n:.1f} on average, {max(found.calls)} most"
     )
     for end, count in found.ends.most_common():
-        print(f"  {end}: {told(Share(count, n))}")
+        print(f"  {end}: {told(PlanningShare(count, n))}")
     for why, count in found.reasons.most_common(6):
         print(f"    {count} x {why}")
     print(f"  false labels, tracebacks, refusals without a word: {len(found.bad)}")

@@ -38,7 +38,7 @@ from statistics import mean
 import numpy as np
 from model_planning import ByFile, OpenError
 
-from scenewright.backends.spoken import Spoken
+from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import ScenewrightError
 from scenewright.evals.understanding import calibration, tuning
 from scenewright.evals.understanding.cases import SceneCase, Split, assign_split
@@ -207,7 +207,7 @@ def ask(folder: Path) -> int:
     place.mkdir(exist_ok=True)
     by_file, cases = ByFile(place), agent_cases(folder)
     method = find_method(
-        "agent", intersection=cases[0].record.meta.intersection, backend=Spoken(by_file)
+        "agent", intersection=cases[0].record.meta.intersection, backend=TextBackend(by_file)
     )
     for case in cases:
         with suppress(OpenError):
@@ -220,7 +220,7 @@ def ask(folder: Path) -> int:
 
 def score_agent(folder: Path) -> None:
     """Scores the agent by its answers, beside the methods that need none, on the same clips."""
-    cases, by_file = agent_cases(folder), Spoken(ByFile(folder / "agent"))
+    cases, by_file = agent_cases(folder), TextBackend(ByFile(folder / "agent"))
     found = [
         evaluate(cases, name, windows=(AGENT_WINDOW,), backend=by_file)
         for name in ("agent", "reasoner", "constant_velocity", "oracle_seen")

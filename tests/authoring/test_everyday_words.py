@@ -100,7 +100,7 @@ def test_who_is_not_to_react(words: str, agent: str) -> None:
     assert again.node.reaction is None
 
 
-def test_who_has_nothing_to_react_to_is_told_so() -> None:
+def test_who_has_nothing_to_react_to_is_shown_so() -> None:
     reading = read_everyday("the bus should not react", talk_of(CAR, WALKER, BUS))
     assert isinstance(reading, DeclinedTurn)
     assert "nothing to react to" in reading.reason

@@ -54,7 +54,7 @@ def test_no_more_is_read_than_can_be_checked(
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "given"),
     [
         ({"spawn_time": 1e9}, "are no scene"),
         ({"spawn_time": -1e9}, "are no scene"),
@@ -63,11 +63,11 @@ def test_no_more_is_read_than_can_be_checked(
         ({"heading": (1e308,) * 21}, "too far off"),
     ],
 )
-def test_scenes_beyond_all_measure(change: dict[str, Any], told: str) -> None:
+def test_scenes_beyond_all_measure(change: dict[str, Any], given: str) -> None:
     scene = record()
     verify(scene)
     odd = scene.agents[0].model_copy(update=change)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=given):
         verify(scene.model_copy(update={"agents": (odd,)}))
 
 

@@ -91,7 +91,7 @@ def test_a_wish_becomes_a_plain_sentence(words: str, sentence: str) -> None:
     assert spell_out(guess_intent(words).intent, words, talk_of(CAR, WALKER)) == sentence
 
 
-def test_who_is_not_there_is_not_somebody_else() -> None:
+def test_who_is_not_there_is_not_another_agent() -> None:
     said = spell_out("come_from", "the bike comes from the south", talk_of(CAR, WALKER))
     assert isinstance(said, DeclinedTurn)
     assert "no bike" in said.reason
@@ -149,7 +149,7 @@ def test_a_correction_is_of_the_words_before(words: str, before: str, meant: Any
     assert correct(words, before) == meant
 
 
-def test_an_event_without_anybody_is_asked_back_and_a_change_without_a_scene_refused() -> None:
+def test_an_event_without_agents_is_asked_back_and_a_change_without_a_scene_refused() -> None:
     assert isinstance(check_first_words("make a crash!!!"), Clarification)
     assert isinstance(check_first_words("make it slower"), DeclinedTurn)
     assert check_first_words("a car yields to a pedestrian") is None

@@ -208,7 +208,7 @@ def test_who_does_what_in_less_usual_wordings(
         ("a bus form the west and a car from the nroth crash", ["west", "north"]),
     ],
 )
-def test_agents_are_told_apart(text: str, entries: list[str | None]) -> None:
+def test_agents_are_distinguished(text: str, entries: list[str | None]) -> None:
     found = graph(text)
     assert [agent.entry for agent in found.agents] == entries
     assert {agent.type for agent in found.agents} == {"vehicle"}
@@ -598,7 +598,7 @@ def test_rows_have_the_exchange_format() -> None:
         ),
     ],
 )
-def test_what_happens_is_told_in_many_words(text: str, expected: tuple[str, str, str]) -> None:
+def test_what_happens_is_reported_in_many_words(text: str, expected: tuple[str, str, str]) -> None:
     assert edges(text) == [expected]
 
 
@@ -614,7 +614,7 @@ def test_what_happens_is_told_in_many_words(text: str, expected: tuple[str, str,
          ["east", "south"]),
     ],
 )  # fmt: skip
-def test_sides_are_told_in_many_words(text: str, entries: list[str]) -> None:
+def test_sides_are_reported_in_many_words(text: str, entries: list[str]) -> None:
     assert [agent.entry for agent in graph(text).agents] == entries
 
 

@@ -25,10 +25,10 @@ from backends.misbehaving import (
 )
 from leaving import YIELD
 from scenewright import synthesize, verify
-from scenewright.backends import Question, Wording, load_backend
+from scenewright.backends import Prompt, Question, load_backend
 from scenewright.backends.chat import ChatModel, Limits, load_chat_model, naming, retry, transport
 from scenewright.backends.chat.retry import RetryPolicy
-from scenewright.backends.spoken import Spoken
+from scenewright.backends.text_backend import TextBackend
 from scenewright.cli.main import main
 from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.graph.run import Scene
@@ -48,7 +48,7 @@ def model(server: Server, *, at_once: int = 8, timeout: float = 30.0) -> ChatMod
 
 
 def made(server: Server, **limits: Any) -> Scene:
-    backend = Prompted(Spoken(model(server, **limits)), server)
+    backend = Prompted(TextBackend(model(server, **limits)), server)
     scene = synthesize(YIELD, backend=backend, seed=1, refiner="none")
     assert scene.proof.verified
     assert verify(scene).verified
@@ -109,7 +109,9 @@ def test_a_fault_that_never_passes_is_a_fault_of_the_backend(
 
 
 @pytest.mark.parametrize("name", STAYING)
-def test_a_fault_that_stays_is_told_at_once(server: Server, pauses: list[float], name: str) -> None:
+def test_a_fault_that_stays_is_reported_at_once(
+    server: Server, pauses: list[float], name: str
+) -> None:
     fault, words = STAYING[name]
     server.faults, server.forever = [fault], True
     with pytest.raises(BackendFault) as caught:
@@ -120,7 +122,7 @@ def test_a_fault_that_stays_is_told_at_once(server: Server, pauses: list[float],
 
 
 @pytest.mark.parametrize("name", UNREADABLE)
-def test_a_reply_that_is_none_is_told_why_and_mended(server: Server, name: str) -> None:
+def test_a_reply_that_is_none_is_shown_why_and_mended(server: Server, name: str) -> None:
     fault, words = UNREADABLE[name]
     server.faults = [fault]
     scene = made(server)
@@ -130,8 +132,8 @@ def test_a_reply_that_is_none_is_told_why_and_mended(server: Server, name: str) 
     assert (rejection["stage"], rejection["code"]) == ("scene_planner", "malformed_reply")
     assert words in rejection["detail"]
     assert len(rejection["detail"]) < 300
-    told = server.requests[1]["messages"][1]["content"]
-    assert json.dumps(rejection["detail"], ensure_ascii=False) in told
+    given = server.requests[1]["messages"][1]["content"]
+    assert json.dumps(rejection["detail"], ensure_ascii=False) in given
 
 
 @pytest.mark.parametrize("name", ["wrong schema", "unknown ids", "extra keys", "truncated"])
@@ -185,7 +187,7 @@ def test_a_flaky_server_is_got_past(server: Server, pauses: list[float]) -> None
 
 def test_a_server_that_knows_no_schemas_is_asked_in_words(server: Server) -> None:
     server.faults = [status(400, "response_format is not supported")] * 2
-    backend = Spoken(model(server))
+    backend = TextBackend(model(server))
     server.good[""] = '{"answer": 1}'
     assert backend.answer(question()) == {"answer": 1}
     assert [each.get("response_format", {}).get("type") for each in server.requests] == [
@@ -201,7 +203,7 @@ def test_a_server_that_knows_schemas_in_the_older_form_alone_is_asked_so(
     server: Server, code: int
 ) -> None:
     server.faults = [status(code, "body.response_format.type: expected 'text' or 'json_object'")]
-    backend = Spoken(model(server))
+    backend = TextBackend(model(server))
     server.good[""] = '{"answer": 1}'
     for seed in (0, 2):
         assert backend.answer(question(seed=seed)) == {"answer": 1}
@@ -215,25 +217,25 @@ def test_options_that_a_server_refuses_are_left_out(server: Server) -> None:
         status(400, "unknown parameter: seed"),
     ]
     server.good["plan"] = "{}"
-    assert Spoken(model(server)).answer(question()) == {}
+    assert TextBackend(model(server)).answer(question()) == {}
     assert [len({"temperature", "seed"} & set(each)) for each in server.requests] == [2, 1, 0]
     server.faults = [status(400, "seed")] * 9
     with pytest.raises(BackendFault, match="answered 400: seed"):
-        Spoken(model(server)).answer(question(words="z"))
+        TextBackend(model(server)).answer(question(words="z"))
 
 
 def question(seed: int = 0, words: str = "x") -> Question:
-    wording = Wording("You answer.", words, {"type": "object"})
-    return Question("plan", {}, seed=seed, wording=lambda: wording)
+    prompt = Prompt("You answer.", words, {"type": "object"})
+    return Question("plan", {}, seed=seed, prompt=lambda: prompt)
 
 
 def test_a_key_that_a_server_quotes_is_hidden(server: Server) -> None:
     server.faults = [said(lambda _: json.dumps({"secret": f"Bearer {KEY}"}))]
-    assert Spoken(model(server)).answer(question()) == {"secret": "Bearer [key]"}
+    assert TextBackend(model(server)).answer(question()) == {"secret": "Bearer [key]"}
 
 
 def test_the_same_question_is_put_once(server: Server) -> None:
-    backend = Spoken(model(server))
+    backend = TextBackend(model(server))
     server.good["plan"] = '{"a": 1}'
     assert [backend.answer(question()) for _ in range(3)] == [{"a": 1}] * 3
     assert len(server.requests) == 1
@@ -243,7 +245,7 @@ def test_the_same_question_is_put_once(server: Server) -> None:
 
 def test_no_more_requests_at_once_than_allowed(server: Server) -> None:
     server.faults, server.forever = [_slow], True
-    backend = Spoken(model(server, at_once=2))
+    backend = TextBackend(model(server, at_once=2))
     threads = [
         threading.Thread(target=backend.answer, args=(question(words=str(n)),)) for n in range(6)
     ]
@@ -261,7 +263,7 @@ def _slow(handler: Any, good: str) -> None:
 
 
 def test_one_model_per_stage(server: Server) -> None:
-    names = {"planner": Prompted(Spoken(model(server)), server)}
+    names = {"planner": Prompted(TextBackend(model(server)), server)}
     scene = synthesize(YIELD, backend=names, seed=1, refiner="none", lenient=True)
     assert asked(server) == ["plan"]
     assert list(scene.provenance["models"]) == ["plan"]
@@ -310,7 +312,7 @@ def test_the_endpoint_is_the_one_the_user_named(monkeypatch: pytest.MonkeyPatch)
         ("openai:m", {"base_url": "http://host/v1", "timeout": 0.0}, "0.1 to 3600"),
     ],
 )
-def test_what_cannot_be_a_backend_is_told_in_one_line(
+def test_what_cannot_be_a_backend_is_reported_in_one_line(
     name: Any, more: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -320,23 +322,23 @@ def test_what_cannot_be_a_backend_is_told_in_one_line(
     assert "secret" not in str(caught.value)
 
 
-def test_a_missing_package_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("scenewright.backends.chat.naming.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install 'scenewright\[chat\]'"):
         load_backend("openai:m", base_url="http://127.0.0.1:9/v1")
 
 
 def test_a_bug_in_between_is_not_hidden(server: Server) -> None:
-    speaker = model(server)
-    speaker._model = None
+    text_model = model(server)
+    text_model._model = None
     with pytest.raises(AttributeError):
-        speaker.say(question(), question().wording())
+        text_model.complete(question(), question().prompt())
 
 
 def test_garbled_numbers_are_no_answers(server: Server) -> None:
     server.faults = [said(lambda _: '{"x": ' + "9" * 5000 + "}")]
     with pytest.raises(Rejected, match="not JSON"):
-        Spoken(model(server)).answer(question())
+        TextBackend(model(server)).answer(question())
 
 
 def anthropic(server: Server) -> ChatModel:
@@ -351,32 +353,32 @@ def anthropic(server: Server) -> ChatModel:
 def test_a_model_of_anthropic_is_asked_under_the_same_schema(server: Server) -> None:
     pytest.importorskip("langchain_anthropic")
     server.faults = [status(529), lambda handler, _: handler.say_as_anthropic('{"a": 1}')]
-    told: list[Any] = []
-    asked = Question("plan", {}, wording=lambda: PLAIN, account=told.append)
+    given: list[Any] = []
+    asked = Question("plan", {}, prompt=lambda: PLAIN, account=given.append)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(retry.time, "sleep", lambda _: None)
-        assert Spoken(anthropic(server)).answer(asked) == {"a": 1}
+        assert TextBackend(anthropic(server)).answer(asked) == {"a": 1}
     body = server.requests[1]
     assert body["output_config"]["format"]["type"] == "json_schema"
     assert "properties" in body["output_config"]["format"]["schema"]
     assert (body["system"], body["max_tokens"]) == ("You answer.", 3000)
     assert any(KEY in value for value in server.headers[1].values())
-    assert (told[0].asked, told[0].input_tokens, told[0].output_tokens) == (2, 650, 80)
+    assert (given[0].asked, given[0].input_tokens, given[0].output_tokens) == (2, 650, 80)
 
 
 @pytest.mark.parametrize(
     ("ended", "words"), [("max_tokens", "was cut off"), ("refusal", "declined to answer")]
 )
-def test_a_model_of_anthropic_that_stops_early_is_told_so(
+def test_a_model_of_anthropic_that_stops_early_is_shown_so(
     server: Server, ended: str, words: str
 ) -> None:
     pytest.importorskip("langchain_anthropic")
     server.faults = [lambda handler, _: handler.say_as_anthropic("", ended=ended)]
     with pytest.raises(Rejected, match=words):
-        Spoken(anthropic(server)).answer(Question("plan", {}, wording=lambda: PLAIN))
+        TextBackend(anthropic(server)).answer(Question("plan", {}, prompt=lambda: PLAIN))
 
 
-PLAIN = Wording(
+PLAIN = Prompt(
     "You answer.",
     "x",
     {"type": "object", "properties": {"a": {"type": "integer"}}, "additionalProperties": False},
@@ -400,7 +402,7 @@ def test_rows_are_planned_by_a_model_several_at_a_time(
     assert KEY not in said.out + said.err
 
 
-def test_what_a_refused_run_has_cost_is_told(
+def test_what_a_refused_run_has_cost_is_reported(
     server: Server, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     server.faults, server.forever = [said(lambda _: '{"agents": 1}')], True
@@ -415,12 +417,12 @@ def test_what_a_refused_run_has_cost_is_told(
     folder = tmp_path / "batch"
     main(["batch", str(tmp_path / "rows.jsonl"), "--out", str(folder), *who, "--workers", "1"])
     [row] = (folder / "journal.jsonl").read_text("utf-8").splitlines()[1:]
-    told = json.loads(row)
-    assert (told["status"], told["paid"]["requests"]) == ("failed", 3)
-    assert told["paid"]["input_tokens"] == 2100
+    given = json.loads(row)
+    assert (given["status"], given["paid"]["requests"]) == ("failed", 3)
+    assert given["paid"]["input_tokens"] == 2100
 
 
-def test_what_a_run_has_cost_that_a_model_left_is_told(
+def test_what_a_run_has_cost_that_a_model_left_is_reported(
     server: Server, pauses: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
     server.good["plan"] = json.dumps(
@@ -443,7 +445,7 @@ def test_what_a_run_has_cost_that_a_model_left_is_told(
     assert len(pauses) == 3
 
 
-def test_what_planning_has_cost_that_a_model_left_is_told(
+def test_what_planning_has_cost_that_a_model_left_is_reported(
     server: Server, pauses: list[float], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     server.faults, server.forever = [status(503, "overloaded")], True

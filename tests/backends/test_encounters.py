@@ -142,9 +142,9 @@ def test_encounters_are_made_and_proven(text: str, figure: str) -> None:
 def test_who_turns_back_is_seen_doing_it(text: str) -> None:
     scene = synthesize(text, seed=0, refiner="none")
     assert scene.record.agents[0].motion == "turns_back"
-    (told,) = [each for each in scene.proof.said if each.became == "motion"]
-    assert told.status == "realised"
-    assert "turns back" in str(told.evidence)
+    (given,) = [each for each in scene.proof.said if each.became == "motion"]
+    assert given.status == "realised"
+    assert "turns back" in str(given.evidence)
 
 
 @pytest.mark.parametrize(

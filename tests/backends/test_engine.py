@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from scenewright.backends import Question, Wording, engine, load_backend
+from scenewright.backends import Prompt, Question, engine, load_backend
 from scenewright.errors import BackendFault, InputError, Rejected
 
 SCHEMA = {"type": "object"}
@@ -50,8 +50,8 @@ def vllm(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def asked(words: str, seed: int = 0) -> Question:
-    wording = Wording("You answer.", words, SCHEMA)
-    return Question("plan", {}, seed=seed, wording=lambda: wording)
+    prompt = Prompt("You answer.", words, SCHEMA)
+    return Question("plan", {}, seed=seed, prompt=lambda: prompt)
 
 
 def test_a_question_is_asked_under_its_schema() -> None:
@@ -67,7 +67,7 @@ def test_a_question_is_asked_under_its_schema() -> None:
 def test_questions_that_wait_at_once_are_one_batch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "_GATHERED_FOR", 2.0)
     backend: Any = load_backend("vllm:m")
-    backend.speaker.at_once = 12
+    backend.text_model.at_once = 12
     said: dict[int, Any] = {}
 
     def ask(n: int) -> None:
@@ -85,7 +85,7 @@ def test_questions_that_wait_at_once_are_one_batch(monkeypatch: pytest.MonkeyPat
 def test_one_prompt_that_fails_does_not_cost_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "_GATHERED_FOR", 2.0)
     backend: Any = load_backend("vllm:m")
-    backend.speaker.at_once = 2
+    backend.text_model.at_once = 2
     found: list[Any] = []
     other = threading.Thread(target=lambda: found.append(backend.answer(asked("fine"))))
     other.start()
@@ -100,7 +100,7 @@ def test_a_reply_cut_off_is_refused() -> None:
         load_backend("vllm:m").answer(asked("endless"))
 
 
-def test_an_engine_that_cannot_be_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_cannot_be_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match=r"vLLM cannot load broken: RuntimeError: no GPU$"):
         load_backend("vllm:broken")
     monkeypatch.setattr(engine, "find_spec", lambda _: None)

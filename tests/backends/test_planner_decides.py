@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
-from scenewright.backends.builtin.planner import agree, plan, read_twice
+from scenewright.backends.builtin.planner import is_same_plan, plan, read_twice
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import (
     OPENERS,
@@ -17,7 +17,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
     plan_reading,
     read_again,
 )
-from scenewright.backends.builtin.reader.reading import reading_of
+from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
@@ -27,7 +27,7 @@ MISSES = "[veh:1 A car] from the [from:1 north] [near:1>2 just misses] [ped:2 a 
 
 def learned(line: str, confidence: float) -> LearnedPlan:
     row = parse_annotation(line)
-    found = plan_reading(reading_of(row), Site(), row.text)
+    found = plan_reading(build_reading(row), Site(), row.text)
     return LearnedPlan(found.plan, found.reading, found.interpretation, confidence)
 
 
@@ -130,8 +130,8 @@ def test_agents_to_whom_nothing_happens_are_not_a_scene_by_confidence() -> None:
 def test_the_order_of_agents_and_of_a_crash_does_not_matter() -> None:
     one = graph_of("[veh:1 A car] from the [from:1 north] [hit:1>2 hits] [veh:2 a bus]")
     other = graph_of("[veh:1 A bus] [hit:1>2 hits] [veh:2 a car] from the [from:2 north]")
-    assert agree(one, other)
-    assert not agree(one, graph_of(HITS))
+    assert is_same_plan(one, other)
+    assert not is_same_plan(one, graph_of(HITS))
 
 
 @pytest.mark.parametrize(
@@ -167,4 +167,4 @@ def test_threads_plan_the_same_bytes_as_one_thread() -> None:
 
 def test_both_readings_are_there_to_look_at() -> None:
     readings = read_twice("A car hits a pedestrian", None, Site())
-    assert agree(readings.learned.plan, readings.by_grammar)
+    assert is_same_plan(readings.learned.plan, readings.by_grammar)

@@ -11,11 +11,11 @@ import pytest
 
 from backends.misbehaving import KEY
 from scenewright import synthesize
-from scenewright.backends import Question, Task, Wording, load_backend
+from scenewright.backends import Prompt, Question, Task, load_backend
 from scenewright.backends.recorded import Answers, record_answers, replay_answers
 from scenewright.backends.scripted import build_scripted_backend
-from scenewright.backends.spoken import Said
-from scenewright.backends.staged import Staged
+from scenewright.backends.staged import StagedBackend
+from scenewright.backends.text_backend import Completion
 from scenewright.errors import BackendFault, InputError
 from scenewright.graph.run import encode_scene
 from scenewright.nodes.revision import Turn, read_by_model
@@ -28,8 +28,8 @@ TASKS: tuple[Task, ...] = ("plan", "constraints", "behavior")
 
 
 def asked(seed: int = 0, words: str = "x") -> Question:
-    wording = Wording("You answer.", words, {"type": "object"})
-    return Question("plan", {}, seed=seed, wording=lambda: wording)
+    prompt = Prompt("You answer.", words, {"type": "object"})
+    return Question("plan", {}, seed=seed, prompt=lambda: prompt)
 
 
 def a_model(*replies: Any, forever: bool = True) -> dict[Any, Any]:
@@ -67,8 +67,8 @@ def test_a_file_of_an_earlier_version_is_replayed_and_added_to(tmp_path: Path) -
 def test_a_reply_that_was_none_is_replayed_too(tmp_path: Path) -> None:
     """The whole way to a refusal, with what was said at every turn."""
     file = tmp_path / "answers.jsonl"
-    script = ["{", Said("", fault="the reply was cut off"), '{"agents": 3}']
-    live = Staged(record_answers(a_model(*script), file))
+    script = ["{", Completion("", fault="the reply was cut off"), '{"agents": 3}']
+    live = StagedBackend(record_answers(a_model(*script), file))
     with pytest.raises(BackendFault) as first:
         synthesize(YIELD, backend=live, seed=1, refiner="none")
     with pytest.raises(BackendFault) as second:
@@ -130,7 +130,7 @@ def test_several_runs_may_share_a_file(tmp_path: Path) -> None:
     assert all(replay.answer(asked(seed=seed)) == {"a": 1} for seed in range(40))
 
 
-def test_a_file_of_somebody_elses_answers_is_not_added_to(tmp_path: Path) -> None:
+def test_a_file_of_anothers_answers_is_not_added_to(tmp_path: Path) -> None:
     file = tmp_path / "answers.jsonl"
     load_backend(record=file)
     with pytest.raises(InputError, match="holds the answers of builtin, not of a model"):
@@ -154,7 +154,7 @@ def test_no_key_gets_into_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("\udcff", "not UTF-8"),
     ],
 )
-def test_a_file_that_is_none_is_told_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_a_file_that_is_none_is_reported_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     file = tmp_path / "answers.jsonl"
     file.write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises(InputError, match=words) as caught:
@@ -162,7 +162,7 @@ def test_a_file_that_is_none_is_told_in_one_line(tmp_path: Path, text: str, word
     assert "\n" not in str(caught.value)
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
         load_backend(record=tmp_path / "no" / "such" / "folder.jsonl")
     with pytest.raises(InputError, match="cannot"):
@@ -177,7 +177,7 @@ def test_what_a_turn_was_read_as_is_replayed(tmp_path: Path) -> None:
     turn = Turn("a bit less haste", Situation(graph=graph, present=(car,)), "A car", FOUR_LEGS)
     slower = {"edits": [{"edit": "set_pace", "agent": "vehicle-1", "factor": 0.9}]}
     model = build_scripted_backend({"edits": ["no", slower]}, name="a model")
-    live = Staged(record_answers(dict.fromkeys(TASKS, model), file))
+    live = StagedBackend(record_answers(dict.fromkeys(TASKS, model), file))
     first = read_by_model(turn, backend=live, seed=1)
     assert isinstance(first, Edits)
     assert read_by_model(turn, backend=load_backend(f"recorded:{file}"), seed=1) == first

@@ -41,8 +41,8 @@ def test_a_reply_cut_off_is_never_taken_for_a_whole_one(value):
 
 @given(st.text(max_size=200))
 def test_any_text_is_read_or_refused_in_one_sentence(text):
-    read, told = _read(text)
-    assert isinstance(read, dict) or 0 < len(told) < 200
+    read, facts = _read(text)
+    assert isinstance(read, dict) or 0 < len(facts) < 200
 
 
 def _read(text):
@@ -77,7 +77,7 @@ def _read(text):
         ("x" * (LONGEST + 1), f"has {LONGEST + 1} characters"),
     ],
 )
-def test_what_is_wrong_is_told(text, words):
+def test_what_is_wrong_is_reported(text, words):
     with pytest.raises(Unreadable) as caught:
         extract_object(text)
     assert words in str(caught.value)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
-from scenewright.backends.builtin.references import answered
+from scenewright.backends.builtin.references import read_choice
 from scenewright.backends.builtin.revising import read
 from scenewright.scene.edits import (
     AgentView,
@@ -28,7 +28,7 @@ from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import SocialGraph
 
 
-def there(name: str, **told: Any) -> AgentView:
+def there(name: str, **stated: Any) -> AgentView:
     kind = name.partition("-")[0]
     facts = {
         "id": name, "number": 1, "type": kind, "subtype": "car" if kind == "vehicle" else None,
@@ -36,7 +36,7 @@ def there(name: str, **told: Any) -> AgentView:
         "movement": "straight" if kind == "vehicle" else "crossing",
         "role": "foreground", "speed": 10.0 if kind == "vehicle" else 1.4,
     }  # fmt: skip
-    return AgentView.model_validate(facts | told)
+    return AgentView.model_validate(facts | stated)
 
 
 def situation(text: str, *present: AgentView) -> Situation:
@@ -62,7 +62,7 @@ TWO = situation(
 )
 
 
-def told(words: str, where: Situation = ONE, **chosen: str) -> list[dict[str, Any]]:
+def stated(words: str, where: Situation = ONE, **chosen: str) -> list[dict[str, Any]]:
     reading = read(words, where, chosen=chosen)
     assert isinstance(reading, Edits), reading
     plain = [e.model_dump(mode="json", by_alias=True, exclude_defaults=True) for e in reading.edits]
@@ -98,7 +98,7 @@ def told(words: str, where: Situation = ONE, **chosen: str) -> list[dict[str, An
     ],
 )  # fmt: skip
 def test_an_edit_is_a_typed_value(words: str, edit: dict[str, Any]) -> None:
-    assert told(words) == [edit]
+    assert stated(words) == [edit]
 
 
 @pytest.mark.parametrize(
@@ -111,24 +111,24 @@ def test_an_edit_is_a_typed_value(words: str, edit: dict[str, Any]) -> None:
     ],
 )
 def test_what_happens_becomes_something_else(words: str, relation: tuple[str, str, str]) -> None:
-    (edit,) = told(words)
+    (edit,) = stated(words)
     assert (edit["edge"]["type"], edit["edge"]["from"], edit["edge"]["to"]) == relation
 
 
 def test_agents_change_where_the_words_say_so_and_nowhere_else() -> None:
-    (edit,) = told("make the pedestrian come from the east instead")
+    (edit,) = stated("make the pedestrian come from the east instead")
     assert edit["node"] == {
         "id": "pedestrian-1", "type": "pedestrian", "entry": "east", "exit": "west",
         "movement": "crossing",
     }  # fmt: skip
-    (edit,) = told("make the car a truck")
+    (edit,) = stated("make the car a truck")
     assert edit["node"] == {
         "id": "vehicle-1", "type": "vehicle", "subtype": "truck", "entry": "north",
     }  # fmt: skip
-    joined = told("add a truck that follows the car")
+    joined = stated("add a truck that follows the car")
     assert [each[""] for each in joined] == ["AddAgent", "Relate"]
     assert joined[0]["node"]["id"] == "vehicle-3"
-    both = told("make it night and add three cars")
+    both = stated("make it night and add three cars")
     assert [each[""] for each in both] == ["ChangeContext", "SetBackground"]
 
 
@@ -150,7 +150,7 @@ def test_of_a_way_before_stays_what_goes_with_the_new_words(
     first: str, words: str, way: tuple[str, str, str]
 ) -> None:
     where = situation(first, there("vehicle-1"), there("vehicle-2", subtype="bus", entry="east"))
-    (edit,) = told(words, where)
+    (edit,) = stated(words, where)
     assert tuple(edit["node"].get(each) for each in ("entry", "exit", "movement")) == way
 
 
@@ -224,13 +224,13 @@ def test_in_left_hand_traffic_an_edit_means_the_mirrored_turn(
     assert (graph.agents[0].movement, graph.relations[0].kind) == (turn, kind)
 
 
-def test_a_figure_of_before_stays_where_nobody_speaks_of_it() -> None:
-    (edit,) = told("make it a near miss with a PET of 1 s")
+def test_a_figure_of_before_stays_where_no_agent_speaks_of_it() -> None:
+    (edit,) = stated("make it a near miss with a PET of 1 s")
     graph = apply_edits(ONE.graph, read("make it a near miss with a PET of 1 s", ONE).edits)  # type: ignore[union-attr]
     assert edit["edge"]["target_pet"] == 1.0
     later = ONE.model_copy(update={"graph": graph})
-    assert told("make it 5 pm", later) == [{"": "ChangeContext", "time_of_day": "17:00"}]
-    (truck,) = told("make the car a truck", later)
+    assert stated("make it 5 pm", later) == [{"": "ChangeContext", "time_of_day": "17:00"}]
+    (truck,) = stated("make the car a truck", later)
     assert truck[""] == "ChangeAgent"
 
 
@@ -249,7 +249,7 @@ def test_what_may_mean_several_is_asked(words: str, among: list[str]) -> None:
     assert [each.answer for each in asked.choices] == among
     noun = asked.choices[0].means.partition("=")[0]
     for name in among:
-        edits = told(words, TWO, **{noun: name}) if "turn" not in words else None
+        edits = stated(words, TWO, **{noun: name}) if "turn" not in words else None
         assert edits is None or name in str(edits)
 
 
@@ -262,8 +262,8 @@ def test_what_may_mean_several_is_asked(words: str, among: list[str]) -> None:
         ("the second vehicle should be slower", "vehicle-2"),
     ],
 )
-def test_who_is_told_apart_is_not_asked_for(words: str, agent: str) -> None:
-    assert told(words, TWO)[0]["agent"] == agent
+def test_who_is_distinguished_is_not_asked_for(words: str, agent: str) -> None:
+    assert stated(words, TWO)[0]["agent"] == agent
 
 
 @pytest.mark.parametrize(
@@ -278,7 +278,7 @@ def test_who_is_told_apart_is_not_asked_for(words: str, agent: str) -> None:
 def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> None:
     asked = read("slow the vehicle down", TWO)
     assert isinstance(asked, Clarification)
-    choice = answered(answer, asked)
+    choice = read_choice(answer, asked)
     assert (None if choice is None else choice.answer) == name
 
 
@@ -290,7 +290,7 @@ def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> No
         ("stop 400 metres later", "impossible", "at most 15"),
         ("add 30 cars", "impossible", "at most 30"),
         ("make the car come from the west and turn right", "impossible", "east crosswalk"),
-        ("make the truck turn left", "impossible", "one of the others"),
+        ("make the truck turn left", "impossible", "a background agent"),
         ("make me a coffee", "no_change", "changes nothing"),
         ("asdf qwer zxcv", "out_of_scope", "English"),
     ],
@@ -320,17 +320,17 @@ ROLLING = situation(
         ("stop one metre later", {"": "MoveStop", "agent": "vehicle-1", "metres": 1.0}),
     ],
 )  # fmt: skip
-def test_who_gives_way_without_standing_is_meant_where_somebody_is_to_stop(
+def test_who_gives_way_without_standing_is_meant_where_an_agent_is_to_stop(
     words: str, edit: dict[str, Any]
 ) -> None:
-    assert told(words, ROLLING) == [edit]
+    assert stated(words, ROLLING) == [edit]
 
 
 @pytest.mark.parametrize(
     ("words", "where", "says"),
     [
         ("make it stop", ONE, "vehicle-1 stands already"),
-        ("make vehicle-2 stop", ROLLING, "vehicle-2 gives way to nobody"),
+        ("make vehicle-2 stop", ROLLING, "vehicle-2 gives way to no agent"),
     ],
 )
 def test_who_stands_or_has_no_reason_to_cannot_be_made_to(
@@ -341,7 +341,7 @@ def test_who_stands_or_has_no_reason_to_cannot_be_made_to(
     assert says in reading.reason
 
 
-def test_a_scene_of_its_own_is_told_apart() -> None:
+def test_a_scene_of_its_own_is_distinguished() -> None:
     assert isinstance(read("A bus follows a car", ONE), NewScene)
     assert isinstance(read("new scene: a car hits a bus", ONE), NewScene)
     assert isinstance(read("add three cars", None), NewScene)
@@ -392,13 +392,13 @@ NEAR = situation(
     ],
 )
 def test_who_passes_first_can_be_changed(words: str, first: str) -> None:
-    (edit,) = told(words, NEAR)
+    (edit,) = stated(words, NEAR)
     assert edit[""] == "Relate"
     assert edit["edge"]["first"] == first
 
 
 def test_who_gives_way_is_turned_round_by_another_order() -> None:
-    (edit,) = told("the car goes first instead", ONE)
+    (edit,) = stated("the car goes first instead", ONE)
     assert (edit["edge"]["from"], edit["edge"]["to"]) == ("pedestrian-1", "vehicle-1")
 
 

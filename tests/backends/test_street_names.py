@@ -104,7 +104,7 @@ def test_who_walks_over_a_street_is_on_its_crosswalk():
     assert (graph.agents[0].entry, graph.agents[1].crosswalk) == ("west", "east")
 
 
-def test_names_in_other_scripts_are_told_apart_by_their_sections():
+def test_names_in_other_scripts_are_distinguished_by_their_sections():
     graph = plan(
         "A car from 中山北路二段 nearly hits a car from 中山北路一段 turning left", site=TAIPEI
     )

@@ -10,13 +10,13 @@ import pytest
 
 from scenewright import synthesize
 from scenewright.backends import Question, load_backend
-from scenewright.backends.scripted import ScriptedSpeaker
-from scenewright.backends.spoken import Spoken
+from scenewright.backends.scripted import ScriptedModel
+from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import encode_scene
+from scenewright.nodes.prompts import Example, format_rejections, quote_text
 from scenewright.nodes.scene_planner import FOUR_LEGS
-from scenewright.nodes.scene_planner.wording import render_plan_prompt
-from scenewright.nodes.wording import Example, format_rejections, quote_text
+from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 
 PLAIN = "A car from the south turning right yields to a pedestrian. Nobody else is around."
 ATTACKS = [
@@ -29,8 +29,8 @@ ATTACKS = [
 
 
 def words_of(instruction: str, **more: Any) -> tuple[str, str]:
-    wording = render_plan_prompt(instruction, None, FOUR_LEGS, **more)
-    return wording.system, wording.user
+    prompt = render_plan_prompt(instruction, None, FOUR_LEGS, **more)
+    return prompt.system, prompt.user
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
@@ -48,10 +48,10 @@ def test_an_instruction_stands_in_the_prompt_as_one_json_text(attack: str) -> No
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_so_do_faults_examples_and_earlier_turns(attack: str) -> None:
     example = Example(attack, {"agents": [{"id": attack}]})
-    wording = render_plan_prompt("x", attack, FOUR_LEGS, rejections=(attack,), examples=[example])
+    prompt = render_plan_prompt("x", attack, FOUR_LEGS, rejections=(attack,), examples=[example])
     plain = render_plan_prompt("x", "y", FOUR_LEGS, rejections=("y",), examples=[Example("y", {})])
-    assert wording.system == plain.system
-    assert len(wording.user.splitlines()) == len(plain.user.splitlines())
+    assert prompt.system == plain.system
+    assert len(prompt.user.splitlines()) == len(plain.user.splitlines())
 
 
 def test_a_long_text_is_cut() -> None:
@@ -76,11 +76,11 @@ class Obedient:
 @pytest.mark.parametrize("attack", ATTACKS[:3])
 def test_the_same_graph_gives_the_same_scene_whatever_the_text_says(attack: str) -> None:
     """But for the text itself, from which the run draws its chance."""
-    told = synthesize(attack, backend=Obedient(attack), seed=1, refiner="none")
-    assert told.proof.verified
-    assert told.record.meta.user_prompt == attack
-    assert [each.type for each in told.proof.events] == ["yielding"]
-    assert len(told.record.agents) == 2
+    given = synthesize(attack, backend=Obedient(attack), seed=1, refiner="none")
+    assert given.proof.verified
+    assert given.record.meta.user_prompt == attack
+    assert [each.type for each in given.proof.events] == ["yielding"]
+    assert len(given.record.agents) == 2
 
 
 REPLIES: list[Any] = [
@@ -98,7 +98,7 @@ def test_what_a_model_writes_is_never_run_nor_opened(
     reply: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    backend = Spoken(ScriptedSpeaker({"plan": [reply]}, forever=True))
+    backend = TextBackend(ScriptedModel({"plan": [reply]}, forever=True))
     with pytest.raises(ScenewrightError):
         synthesize(PLAIN, backend=backend, seed=1, refiner="none")
     assert list(tmp_path.iterdir()) == []
@@ -106,12 +106,12 @@ def test_what_a_model_writes_is_never_run_nor_opened(
 
 def test_the_name_of_a_map_is_in_no_prompt() -> None:
     """Of a map, models are told legs and places alone."""
-    speaker = ScriptedSpeaker({"plan": [{"refused": {"code": "impossible", "reason": "no"}}]})
+    text_model = ScriptedModel({"plan": [{"refused": {"code": "impossible", "reason": "no"}}]})
     with pytest.raises(ScenewrightError):
-        synthesize(PLAIN, backend=Spoken(speaker), seed=1, refiner="none")
-    [*_, (_, wording)] = speaker.asked
+        synthesize(PLAIN, backend=TextBackend(text_model), seed=1, refiner="none")
+    [*_, (_, prompt)] = text_model.asked
     for name in ("Amsterdam", "amsterdam", "120th"):
-        assert name not in wording.system + wording.user + json.dumps(wording.schema)
+        assert name not in prompt.system + prompt.user + json.dumps(prompt.schema)
 
 
 def test_the_same_answers_make_the_same_bytes(tmp_path: Path) -> None:

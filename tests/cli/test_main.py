@@ -84,16 +84,16 @@ def test_make_names_a_folder_itself(run: Run) -> None:
     assert scene["meta"]["user_prompt"] == QUICK
 
 
-def test_make_tells_machines_in_one_object(run: Run) -> None:
+def test_make_reports_to_machines_in_one_object(run: Run) -> None:
     done = run("make", CROSSING, "--out", "x", "--json", *PLAIN)
-    told = json.loads(done.out)
-    assert (told["ok"], told["verified"], told["folder"]) == (True, True, "x")
-    assert [event["type"] for event in told["events"]] == ["collision"]
-    assert told["files"] == FILES
-    assert told["warnings"] == []
+    given = json.loads(done.out)
+    assert (given["ok"], given["verified"], given["folder"]) == (True, True, "x")
+    assert [event["type"] for event in given["events"]] == ["collision"]
+    assert given["files"] == FILES
+    assert given["warnings"] == []
 
 
-def test_make_tells_people_who_does_what_where(run: Run) -> None:
+def test_make_reports_to_people_who_does_what_where(run: Run) -> None:
     done = run("make", CROSSING, "--out", "x", *PLAIN)
     line = next(line for line in done.err.splitlines() if "collides with" in line)
     assert "pedestrian-1 (north crosswalk)" in line
@@ -159,23 +159,23 @@ def test_unusable_input_is_one_line_and_code_2(run: Run, tmp_path: Path, words: 
 @pytest.mark.parametrize("words", UNUSABLE.values(), ids=UNUSABLE)
 def test_machines_learn_why(run: Run, words: list[str]) -> None:
     done = run("make", *words, "--json")
-    told = json.loads(done.out)
-    assert (done.code, told["ok"], told["code"], told["exit_code"]) == (
+    given = json.loads(done.out)
+    assert (done.code, given["ok"], given["code"], given["exit_code"]) == (
         2,
         False,
         "unusable_input",
         2,
     )
-    assert told["reason"] in done.complaint
+    assert given["reason"] in done.complaint
 
 
 def test_a_request_that_cannot_be_met_is_code_3(run: Run, tmp_path: Path) -> None:
     done = run("make", "A car turns left from the north and leaves to the north.", "--json")
-    told = json.loads(done.out)
-    assert (done.code, told["code"]) == (3, "unsatisfiable")
+    given = json.loads(done.out)
+    assert (done.code, given["code"]) == (3, "unsatisfiable")
     assert "north" in done.complaint
-    assert told["advice"] is not None
-    assert told["rejections"][-1]["stage"] == "scene_planner"
+    assert given["advice"] is not None
+    assert given["rejections"][-1]["stage"] == "scene_planner"
     assert everything_in(tmp_path) == []
 
 
@@ -294,9 +294,9 @@ def test_a_full_disk_keeps_the_earlier_scene(
 def test_a_scene_outlives_its_picture(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(making, "write_view", raiser(RuntimeError("no fonts")))
     done = run("make", QUICK, "--out", "x", "--no-recording", "--json")
-    told = json.loads(done.out)
-    assert (done.code, told["files"]) == (0, FILES)
-    assert told["warnings"] == ["no scene.png: RuntimeError: no fonts"]
+    given = json.loads(done.out)
+    assert (done.code, given["files"]) == (0, FILES)
+    assert given["warnings"] == ["no scene.png: RuntimeError: no fonts"]
     assert "warning: no scene.png" in done.err
 
 
@@ -455,14 +455,14 @@ def test_verify_sees_through_a_scene_that_was_changed(
     assert done.code == 1
     assert "not verified" in done.out
     assert "moved.json: " in done.out.splitlines()[-1]
-    told = json.loads(run("verify", "moved.json", "--json").out)
-    assert told["ok"] is False
-    assert told["scenes"][0]["proof"]["missing"]
+    given = json.loads(run("verify", "moved.json", "--json").out)
+    assert given["ok"] is False
+    assert given["scenes"][0]["proof"]["missing"]
 
 
 def test_verify_takes_a_folder_of_scenes(run: Run, crash: Path) -> None:
-    told = json.loads(run("verify", str(crash.parent), str(crash / "scene.json"), "--json").out)
-    assert [scene["path"] for scene in told["scenes"]] == [str(crash), str(crash / "scene.json")]
+    given = json.loads(run("verify", str(crash.parent), str(crash / "scene.json"), "--json").out)
+    assert [scene["path"] for scene in given["scenes"]] == [str(crash), str(crash / "scene.json")]
 
 
 def test_verify_goes_on_after_a_bad_path(run: Run, crash: Path, tmp_path: Path) -> None:
@@ -499,12 +499,12 @@ def test_verify_lists_the_events_of_foreign_tracks(run: Run, tracks: Path) -> No
     assert done.out.endswith("1 is red\n2 is blue\n")
 
 
-def test_verify_tells_machines_about_foreign_tracks(run: Run, tracks: Path) -> None:
+def test_verify_reports_to_machines_about_foreign_tracks(run: Run, tracks: Path) -> None:
     done = run("verify", "tracks.csv", "--intersection", "amsterdam_120", "--json")
-    told = json.loads(done.out)
-    assert (done.code, told["ok"]) == (0, True)
-    assert [event["type"] for event in told["events"]] == ["collision"]
-    assert [agent["name"] for agent in told["agents"]] == ["red", "blue"]
+    given = json.loads(done.out)
+    assert (done.code, given["ok"]) == (0, True)
+    assert [event["type"] for event in given["events"]] == ["collision"]
+    assert [agent["name"] for agent in given["agents"]] == ["red", "blue"]
 
 
 def test_verify_names_who_leaves_the_map(run: Run, tmp_path: Path) -> None:
@@ -517,10 +517,10 @@ def test_verify_names_who_leaves_the_map(run: Run, tmp_path: Path) -> None:
 
 def test_verify_takes_scenes_and_tracks_together(run: Run, crash: Path, tracks: Path) -> None:
     assert "verified" in run("verify", str(crash), "tracks.csv").out
-    told = json.loads(run("verify", str(crash), "tracks.csv", "--json").out)
-    assert told["ok"] is True
-    assert told["scenes"][0]["verified"] is True
-    assert told["scenes"][1]["events"][0]["type"] == "collision"
+    given = json.loads(run("verify", str(crash), "tracks.csv", "--json").out)
+    assert given["ok"] is True
+    assert given["scenes"][0]["verified"] is True
+    assert given["scenes"][1]["events"][0]["type"] == "collision"
 
 
 def test_verify_says_what_it_assumed(run: Run, tmp_path: Path) -> None:
@@ -533,9 +533,9 @@ def test_verify_refuses_tracks_in_one_line(run: Run, tracks: Path) -> None:
     done = run("verify", "tracks.csv")
     assert (done.code, done.out) == (2, "")
     assert "tracks.csv, line 44: x is nan" in done.complaint
-    told = json.loads(run("verify", "tracks.csv", "--json").out)
-    assert told["ok"] is False
-    assert "line 44" in told["scenes"][0]["error"]
+    given = json.loads(run("verify", "tracks.csv", "--json").out)
+    assert given["ok"] is False
+    assert "line 44" in given["scenes"][0]["error"]
 
 
 def test_verify_against_another_map(run: Run, crash: Path) -> None:
@@ -559,8 +559,8 @@ def test_show_opens_a_recording(run: Run, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_intersections_are_listed_and_shown(run: Run, tmp_path: Path) -> None:
     assert "amsterdam_120" in run("intersections", "list").out
-    told = json.loads(run("intersections", "list", "--json").out)
-    assert "amsterdam_120" in [row["name"] for row in told["intersections"]]
+    given = json.loads(run("intersections", "list", "--json").out)
+    assert "amsterdam_120" in [row["name"] for row in given["intersections"]]
     shown = run("intersections", "show", "amsterdam_120", "--png", "map.png")
     assert "from north: " in shown.out
     assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"

@@ -29,20 +29,20 @@ def own(tmp_path, monkeypatch):
     return tmp_path / "own"
 
 
-def told(capsys):
+def given(capsys):
     return json.loads(capsys.readouterr().out)
 
 
 def make(name, text, capsys, seed=1):
     words = ["make", text, "--intersection", name, "--refiner", "none", "--seed", str(seed)]
     code = main([*words, "--no-picture", "--no-recording", "--json", "-q", "--out", f"s{seed}"])
-    return code, told(capsys)
+    return code, given(capsys)
 
 
 def test_a_map_alone_is_enough_for_a_verified_scene(tmp_path, capsys):
     file = map_files.lanelet2(tmp_path / "four.osm")
     assert main(["intersections", "import", str(file), "--name", "mine", "-q", "--json"]) == 0
-    facts = told(capsys)
+    facts = given(capsys)
     assert facts["format"] == "Lanelet2"
     assert any("crosswalk derived on" in line for line in facts["notes"])
     report = json.loads((Path(facts["folder"]) / "report.json").read_text())
@@ -109,7 +109,7 @@ def test_tracks_are_fitted_and_drawn(tmp_path, own, capsys):
     columns = "t=time,id=who,class==car,x=east,y=north"
     words = ["intersections", "fit", "mine", "tracks.csv", "--columns", columns, "--start", "8:30"]
     assert main([*words, "-q", "--json"]) == 0
-    assert told(capsys)["matched"] == {"vehicle:north>south:straight": 8}
+    assert given(capsys)["matched"] == {"vehicle:north>south:straight": 8}
     assert main(["intersections", "show", "mine", "--png", "mine.png"]) == 0
     assert Path("mine.png").read_bytes().startswith(b"\x89PNG")
     assert main(["intersections", "show", "mine", "--rrd", "mine.rrd"]) == 0
@@ -127,7 +127,7 @@ def test_traffic_is_simulated_on_a_map_without_data(tmp_path, own, capsys):
     main(["intersections", "import", str(net), "--name", "tee", "-q"])
     capsys.readouterr()
     assert main(["intersections", "simulate", "tee", "--minutes", "10", "-q", "--json"]) == 0
-    facts = told(capsys)
+    facts = given(capsys)
     assert facts["trips"] > 50
     assert facts["walks"] > 3
     check_bundle(own / "tee")
@@ -162,7 +162,7 @@ def test_pooling_foretells_real_tracks_of_another_recording_better(capsys):
     tracks = str(folder / "recorded_trackfiles" / "k729_2022-03-16")
     capsys.readouterr()
     assert main(["intersections", "fit", "k729", tracks, "-q", "--json"]) == 0
-    fitted = told(capsys)
+    fitted = given(capsys)
     assert sum(fitted["matched"].values()) > 50
     for row in fitted["heldout"]:
         assert row["pooled_nll"] < row["unpooled_nll"]

@@ -204,8 +204,8 @@ def test_the_schema_is_of_the_routes_and_says_what_they_are_asked_with(client: T
         for method in each.methods - {"HEAD"}
         if each.path.startswith("/api/")
     }
-    told = {(path, method) for path, each in document["paths"].items() for method in each}
-    assert told == routes
+    facts = {(path, method) for path, each in document["paths"].items() for method in each}
+    assert facts == routes
     assert all(each["summary"] for path in document["paths"].values() for each in path.values())
     turn = document["paths"]["/api/threads/{thread}/turn"]["post"]
     schema = turn["requestBody"]["content"]["application/json"]["schema"]

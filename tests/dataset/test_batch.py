@@ -505,8 +505,8 @@ def test_answers_are_kept_and_a_batch_is_repeated_from_them(whole: Path, tmp_pat
     source, answers = str(rows(tmp_path)), tmp_path / "answers.jsonl"
     words = ["batch", source, "--refiner", "none", "-q", "--workers", "1"]
     assert main([*words, "--out", str(tmp_path / "kept"), "--record", str(answers)]) == 0
-    told = [f"planner=recorded:{answers}", f"filter=recorded:{answers}", "reasoner=builtin"]
-    backends = [word for each in told for word in ("--backend", each)]
+    given = [f"planner=recorded:{answers}", f"filter=recorded:{answers}", "reasoner=builtin"]
+    backends = [word for each in given for word in ("--backend", each)]
     assert main([*words, "--out", str(tmp_path / "again"), *backends, "--at-once", "1"]) == 0
     for name in ("kept", "again"):
         for scene in ("calm", "follow"):

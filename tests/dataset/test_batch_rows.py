@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenewright.dataset.batch.journal import Entry, Journal, lock_journal
+from scenewright.dataset.batch.journal import Journal, JournalEntry, lock_journal
 from scenewright.dataset.batch.publish import publish
 from scenewright.dataset.batch.rows import DatasetRow, choose_folder, choose_seed, read_source
 from scenewright.errors import InputError
@@ -29,7 +29,7 @@ def row(identity: str, **more: Any) -> str:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "facts"),
     [
         ("{", "not JSON"),
         ("[1]", "is an object"),
@@ -46,10 +46,10 @@ def row(identity: str, **more: Any) -> str:
         ('{"id": "a", "text": "\\ud800"}', "surrogate"),
     ],
 )
-def test_a_bad_row_is_named_by_its_line(tmp_path: Path, line: str, told: str) -> None:
+def test_a_bad_row_is_named_by_its_line(tmp_path: Path, line: str, facts: str) -> None:
     with pytest.raises(InputError, match=r"line 3: ") as found:
         read_source(source(tmp_path, row("first"), "", line))
-    assert told in str(found.value)
+    assert facts in str(found.value)
     assert "\n" not in str(found.value)
 
 
@@ -60,7 +60,7 @@ def test_bytes_that_are_no_text_are_named_by_their_line(tmp_path: Path) -> None:
         read_source(path)
 
 
-def test_no_rows_and_no_file_are_told(tmp_path: Path) -> None:
+def test_no_rows_and_no_file_are_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no rows"):
         read_source(source(tmp_path, "", "  "))
     with pytest.raises(InputError, match="cannot read"):
@@ -117,8 +117,8 @@ def test_a_rows_seed_comes_from_its_id_and_the_runs_seed_alone() -> None:
     assert choose_seed(DatasetRow(id="a", text="x", seed=11), seed=3) == 11
 
 
-def entry(number: int, status: str = "made") -> Entry:
-    return Entry(number, f"row-{number}", f"row-{number}", status, None, None, {}, 1, 0.0)
+def entry(number: int, status: str = "made") -> JournalEntry:
+    return JournalEntry(number, f"row-{number}", f"row-{number}", status, None, None, {}, 1, 0.0)
 
 
 def test_a_journal_survives_a_torn_line(tmp_path: Path) -> None:

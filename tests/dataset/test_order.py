@@ -14,9 +14,8 @@ import pytest
 from inline_jobs import run_jobs_inline, spread_inline
 from scenewright.backends import TASKS, Question
 from scenewright.backends.recorded import record_answers
-from scenewright.backends.scripted import ScriptedSpeaker, build_scripted_backend
-from scenewright.backends.spoken import Said
-from scenewright.backends.spoken import Spoken as SpokenBackend
+from scenewright.backends.scripted import ScriptedModel, build_scripted_backend
+from scenewright.backends.text_backend import Completion, TextBackend
 from scenewright.cli.main import main
 from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch.audit import audit_dataset
@@ -103,11 +102,11 @@ def test_every_pattern_can_be_worded_in_many_voices() -> None:
         for _ in range(12):
             parties = list_parties(pattern, intersection_map=ON, detail=2, rng=rng)
             story = Story(event, pattern.id, parties, draw_minute([], rng), "medium")
-            told = writer.write_text(story, StoryRequest(turn), rng=rng)
-            if told is not None:
+            given = writer.write_text(story, StoryRequest(turn), rng=rng)
+            if given is not None:
                 break
-        assert told is not None, pattern.id
-        voices.add(told.voice)
+        assert given is not None, pattern.id
+        voices.add(given.voice)
     assert len(voices) >= len(VOICES) - 2
 
 
@@ -137,7 +136,7 @@ def test_a_text_that_another_pattern_could_play_is_not_used() -> None:
     assert is_read_as(reader, "A left-turning car hits a pedestrian", story, intersection_map=ON)
 
 
-def test_stories_are_told_with_time_and_density_or_without() -> None:
+def test_stories_are_worded_with_time_and_density_or_without() -> None:
     rng = np.random.default_rng(0)
     for minute, density in ((None, None), (485, None), (None, "high"), (750, "low")):
         story = Story("normal", None, (), minute, density)  # type: ignore[arg-type]
@@ -209,10 +208,10 @@ RIGHT = "At 08:05 in light traffic a car from the north turning left yields to a
 crosswalk"
 
 
-def words_of(*texts: Any) -> tuple[ModelWriter, ScriptedSpeaker]:
-    replies = [each if isinstance(each, Said) else {"text": each} for each in texts]
-    speaker = ScriptedSpeaker({"plan": replies}, name="openai:writer")
-    return ModelWriter(SpokenBackend(speaker), ON), speaker
+def words_of(*texts: Any) -> tuple[ModelWriter, ScriptedModel]:
+    replies = [each if isinstance(each, Completion) else {"text": each} for each in texts]
+    text_model = ScriptedModel({"plan": replies}, name="openai:writer")
+    return ModelWriter(TextBackend(text_model), ON), text_model
 
 
 @pytest.mark.parametrize(
@@ -228,39 +227,39 @@ def words_of(*texts: Any) -> tuple[ModelWriter, ScriptedSpeaker]:
         (f"{RIGHT}.", "before"),
         (RIGHT.replace("left", "right"), "never gets to"),
         (RIGHT.replace("north turning left", "south turning right"), "their movements"),
-        (Said("I cannot do that."), "JSON"),
+        (Completion("I cannot do that."), "JSON"),
         ({"words": 1}, "no text"),
     ],
 )  # fmt: skip
-def test_a_models_text_that_tells_another_story_is_sent_back(text: Any, wrong: str) -> None:
+def test_a_models_text_of_another_story_is_sent_back(text: Any, wrong: str) -> None:
     if isinstance(text, dict):
-        text = Said(json.dumps(text))
-    writer, speaker = words_of(text, f"  {RIGHT}\n")
-    told = writer.write_text(
+        text = Completion(json.dumps(text))
+    writer, text_model = words_of(text, f"  {RIGHT}\n")
+    given = writer.write_text(
         story_of_a_yield(), StoryRequest(taken={f"{RIGHT}."}), rng=np.random.default_rng(0)
     )
-    assert told is not None
-    assert (told.text, told.misread) == (RIGHT, 1)
-    assert 'time": "08:05' in speaker.asked[0][1].user
-    assert wrong in speaker.asked[1][1].user
+    assert given is not None
+    assert (given.text, given.misread) == (RIGHT, 1)
+    assert 'time": "08:05' in text_model.asked[0][1].user
+    assert wrong in text_model.asked[1][1].user
 
 
 def test_a_text_that_only_a_model_understands_is_left_to_a_model() -> None:
     text = "somebody on foot gets waved through by a northerner hanging a left, five past eight"
     writer, _ = words_of(text)
-    told = writer.write_text(
+    given = writer.write_text(
         story_of_a_yield(), StoryRequest(grammar=False), rng=np.random.default_rng(0)
     )
-    assert told is not None
-    assert told.text == text
+    assert given is not None
+    assert given.text == text
 
 
 def test_a_model_that_never_gets_it_right_gives_way_to_a_builtin_voice() -> None:
-    writer, speaker = words_of(*["A car hits a pedestrian"] * 3)
-    told = writer.write_text(story_of_a_yield(), StoryRequest(), rng=np.random.default_rng(0))
-    assert told is not None
-    assert told.voice in VOICES
-    assert len(speaker.asked) == 3
+    writer, text_model = words_of(*["A car hits a pedestrian"] * 3)
+    given = writer.write_text(story_of_a_yield(), StoryRequest(), rng=np.random.default_rng(0))
+    assert given is not None
+    assert given.voice in VOICES
+    assert len(text_model.asked) == 3
 
 
 def test_a_model_that_cannot_be_reached_ends_the_order() -> None:

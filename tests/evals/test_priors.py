@@ -39,7 +39,7 @@ def test_poisson_is_the_closed_form():
 
 
 def test_tables_carry_counts_and_errors(report):
-    text = report.markdown()
+    text = report.format_markdown()
     assert "test tracks" in text
     assert "±" in text
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from scenewright.evals.realism import Sample, compute_distance, compute_wasserstein, judge
+from scenewright.evals.realism import ClusterSample, compute_distance, compute_wasserstein, judge
 from scenewright.evals.realism.__main__ import main
 from scenewright.evals.realism.distances import compute_chance, compute_gain, resample_distances
 from scenewright.evals.realism.fit_yielding import find_yield_cases, fit_acceleration_profiles
@@ -72,7 +72,7 @@ def test_a_shift_is_as_far_as_it_shifts(first, by):
 
 
 def test_without_values_there_is_no_distance():
-    empty, one = Sample.join_parts([[], []]), Sample.join_parts([[1.0, 2.0]])
+    empty, one = ClusterSample.join_parts([[], []]), ClusterSample.join_parts([[1.0, 2.0]])
     rng = np.random.default_rng(0)
     assert compute_wasserstein(empty.values, one.values) is None
     assert compute_distance(empty, one, draws=5, rng=rng) is None
@@ -81,7 +81,7 @@ def test_without_values_there_is_no_distance():
 
 
 def test_clusters_can_be_taken_out():
-    sample = Sample.join_parts([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
+    sample = ClusterSample.join_parts([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
     part = sample.select(np.array([3, 0]))
     assert sorted(part.values) == [1.0, 2.0, 4.0, 5.0]
     assert part.cluster[part.values == 4.0].tolist() == [0]
@@ -89,7 +89,7 @@ def test_clusters_can_be_taken_out():
 
 
 def clustered(rng, count, *, mean=0.0, spread=1.0, between=0.0):
-    return Sample.join_parts(
+    return ClusterSample.join_parts(
         [rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)]
     )
 
@@ -109,8 +109,8 @@ def test_intervals_hold_the_distance_and_widen_with_clusters():
 def test_resampling_one_cluster_each_gives_the_distance_itself():
     rng = np.random.default_rng(2)
     one, two = (
-        Sample.join_parts([rng.normal(0, 1, 500)]),
-        Sample.join_parts([rng.normal(1, 1, 500)]),
+        ClusterSample.join_parts([rng.normal(0, 1, 500)]),
+        ClusterSample.join_parts([rng.normal(1, 1, 500)]),
     )
     again = resample_distances(one, two, draws=3, rng=rng)
     assert again == pytest.approx(compute_wasserstein(one.values, two.values), abs=0.01)
@@ -119,7 +119,10 @@ def test_resampling_one_cluster_each_gives_the_distance_itself():
 def test_chance_falls_with_size_and_knows_clusters():
     rng = np.random.default_rng(3)
     loose, tied = clustered(rng, 200), clustered(rng, 200, between=1.0)
-    small, large = Sample.join_parts([np.zeros(100)]), Sample.join_parts([np.zeros(1600)])
+    small, large = (
+        ClusterSample.join_parts([np.zeros(100)]),
+        ClusterSample.join_parts([np.zeros(1600)]),
+    )
     few, many = (compute_chance(s, loose, draws=100, rng=rng)[0] for s in (small, large))
     assert few > 2 * many
     assert compute_chance(large, tied, draws=100, rng=rng)[0] > 2 * many
@@ -128,7 +131,7 @@ def test_chance_falls_with_size_and_knows_clusters():
 def test_gain_is_the_share_of_the_distance_that_went():
     rng = np.random.default_rng(4)
     reference = clustered(rng, 400)
-    far, near = (Sample(reference.values + by, reference.cluster, 400) for by in (2.0, 0.5))
+    far, near = (ClusterSample(reference.values + by, reference.cluster, 400) for by in (2.0, 0.5))
     found = compute_gain(far, near, reference, draws=200, rng=rng)
     assert found.value == pytest.approx(0.75)
     assert found.low < 0.75 < found.high
@@ -217,7 +220,7 @@ def with_another(scene):
     return replace(scene, users=(*scene.users, RoadUser(99, track, walker.shape)))
 
 
-def test_who_lets_one_pass_is_told_from_who_lets_several(intersection_map, yielding):
+def test_who_lets_one_pass_is_distinguished_from_who_lets_several(intersection_map, yielding):
     scene = convert_scene(yielding.record)
     [stop] = [
         stop for stop in find_yield_stops(scene, intersection_map=intersection_map)[0] if stop.asked
@@ -330,7 +333,7 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
 
 
 @pytest.mark.parametrize(
-    ("speed", "told"),
+    ("speed", "stated"),
     [
         ([5.0, 4.0, 9.0], "is never slow"),
         ([5.0, 2.0, 9.0], "slows down"),
@@ -340,8 +343,8 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
         ([0.4, 0.0, 0.9], "stands"),
     ],
 )
-def test_agents_are_told_apart_by_what_they_do_in_view(speed, told):
-    assert classify_motion(np.array(speed), "vehicle") == told
+def test_agents_are_distinguished_by_what_they_do_in_view(speed, stated):
+    assert classify_motion(np.array(speed), "vehicle") == stated
 
 
 def test_motion_is_compared_in_the_shares_of_another_set():
@@ -371,7 +374,7 @@ def test_bicycles_are_no_vehicles_of_ours():
     assert list_recorded_agents([recording]) == []
 
 
-def test_parts_of_a_scene_are_told_apart(yielding):
+def test_parts_of_a_scene_are_distinguished(yielding):
     scene = convert_scene(yielding.record)
     whole, front, back = (
         len(list_scene_agents([scene], part=part)[0])

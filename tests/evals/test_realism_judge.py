@@ -11,7 +11,7 @@ import pytest
 from scenewright.cli.main import main
 from scenewright.evals.realism.likelihood import measure_features, score_likelihood
 from scenewright.evals.realism.motion_windows import cut_windows, find_constant_speed
-from scenewright.evals.realism.sources import Source, Stretch
+from scenewright.evals.realism.sources import Stretch, TrackSource
 from scenewright.evals.realism.street_measures import (
     compute_count_ranks,
     compute_share,
@@ -38,7 +38,7 @@ def stretch(*tracks: Track, shape=CAR, name: str = "s", **more) -> Stretch:
     return Stretch(users, {user.id: name for user in users}, **more)
 
 
-def source(name: str, spread: float, count: int, *, seed: int) -> Source:
+def source(name: str, spread: float, count: int, *, seed: int) -> TrackSource:
     """Cars at 8 m/s whose speed wavers over some seconds with an amplitude of `spread` m/s."""
     rng = np.random.default_rng(seed)
     made = []
@@ -46,7 +46,7 @@ def source(name: str, spread: float, count: int, *, seed: int) -> Source:
         phase, period = rng.uniform(0, 6.28), rng.uniform(3.0, 6.0)
         speed = rng.uniform(6, 7.5) + spread * np.sin(6.28 * TIMES / period + phase)
         made.append(stretch(along(np.cumsum(speed) * 0.1), name=f"{name} {k}"))
-    return Source(name, tuple(made))
+    return TrackSource(name, tuple(made))
 
 
 def test_an_area_under_the_curve_counts_ties_half() -> None:
@@ -56,7 +56,7 @@ def test_an_area_under_the_curve_counts_ties_half() -> None:
     assert compute_auc(np.array([0.1, 0.3, 0.2, 0.4]), label, ones) == 0.75
 
 
-def test_who_wavers_is_told_from_who_does_not_and_halves_are_not() -> None:
+def test_who_wavers_is_distinguished_from_who_does_not_and_halves_are_not() -> None:
     even, wavering = (
         cut_windows(source(name, spread, 40, seed=k), "vehicle")
         for k, (name, spread) in enumerate((("a", 0.02), ("b", 0.4)))
@@ -71,8 +71,10 @@ def test_too_few_windows_say_nothing() -> None:
 
 
 def test_one_speed_is_within_a_twentieth_of_a_metre_per_second() -> None:
-    even = cut_windows(Source("e", (stretch(along(8.0 * TIMES)),)), "vehicle")
-    rising = cut_windows(Source("r", (stretch(along(5.0 * TIMES + 0.1 * TIMES**2)),)), "vehicle")
+    even = cut_windows(TrackSource("e", (stretch(along(8.0 * TIMES)),)), "vehicle")
+    rising = cut_windows(
+        TrackSource("r", (stretch(along(5.0 * TIMES + 0.1 * TIMES**2)),)), "vehicle"
+    )
     assert set(find_constant_speed(even)) == {True}
     assert set(find_constant_speed(rising)) == {False}
 

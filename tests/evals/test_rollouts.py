@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenewright.evals.realism.rollout_tasks import Task, build_tasks
+from scenewright.evals.realism.rollout_tasks import RolloutTask, build_tasks
 from scenewright.evals.realism.rollouts import (
     BEFORE_END,
     build_methods,
@@ -42,11 +42,11 @@ def recording(seconds: float = 30.0) -> Recording:
 @pytest.mark.parametrize("before_end", BEFORE_END)
 def test_the_end_is_never_told(before_end):
     (task,) = build_tasks([recording()], before_end=before_end, most=5)
-    for told, places in zip(task.given, task.goals, strict=True):
+    for facts, places in zip(task.given, task.goals, strict=True):
         goals = np.isfinite(places[:, 0])
-        assert not (told | goals)[-before_end:].any()
+        assert not (facts | goals)[-before_end:].any()
         assert goals[-1 - before_end]
-        assert told.sum() == 9
+        assert facts.sum() == 9
 
 
 def test_even_motion_and_the_spline_are_right_where_they_must_be():
@@ -77,7 +77,7 @@ def test_who_is_too_short_is_seen_and_not_asked_for():
     (task,) = build_tasks([recording()], before_end=4, most=5)
     short = np.full((1, task.xy.shape[1], 2), np.nan)
     short[0, :10] = 0.0
-    more = Task(
+    more = RolloutTask(
         np.concatenate([task.xy, short]),
         np.concatenate([task.given, np.isfinite(short[..., 0])]),
         np.concatenate([task.goals, np.full_like(short, np.nan)]),

@@ -14,7 +14,7 @@ from scenewright.cli.main import main
 from scenewright.dataset.batch.worker import Options
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import Order, fill
-from scenewright.evals.planning import Share
+from scenewright.evals.planning import PlanningShare
 from scenewright.evals.tables.diversity import compare_lateral_positions, load_held_out
 from scenewright.evals.tables.likelihood import (
     AgentScore,
@@ -139,9 +139,9 @@ def test_rates_count_refusals_and_wrong_scenes_as_failures() -> None:
         (rate.backend, rate.event): rate.share
         for rate in compute_robustness(Dataset(Path(), {}, tuple(rows)))
     }
-    assert found["builtin", "collision"] == Share(1, 2)
-    assert found["builtin", "overall"] == found["builtin", "all"] == Share(1, 3)
-    assert found["other", "overall"] == Share(1, 1)
+    assert found["builtin", "collision"] == PlanningShare(1, 2)
+    assert found["builtin", "overall"] == found["builtin", "all"] == PlanningShare(1, 3)
+    assert found["other", "overall"] == PlanningShare(1, 1)
 
 
 def test_tracks_of_the_prior_spread_as_the_corpus_does_and_modes_do_not() -> None:
@@ -181,7 +181,9 @@ def test_one_page_and_one_object_for_a_dataset(
     assert main(["dataset", "check", str(out), "--workers", "1", "-q"]) == 0
 
 
-def test_no_dataset_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_dataset_is_reported_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for words in (["evals", "tables"], ["dataset", "check"]):
         assert main([*words, str(tmp_path), "-q"]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1

@@ -41,7 +41,7 @@ def test_static_and_linear() -> None:
     assert categorise(straight(), NOBODY) == (LINEAR, ())
 
 
-def test_nobody_explains_it() -> None:
+def test_no_agent_explains_it() -> None:
     far_behind = straight() - np.array((9.0, 0.0))
     assert categorise(stopping(), NOBODY) == (OTHER, ())
     assert categorise(stopping(), far_behind[None]) == (OTHER, ())

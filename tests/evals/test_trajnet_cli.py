@@ -63,10 +63,10 @@ def test_what_is_trained_can_be_scored_and_writes_the_benchmarks_format(
     weights, out = tmp_path / "w.safetensors", tmp_path / "out"
     words = ["evals", "trajnet-train", str(recording), "--out", str(weights), "--epochs", "1"]
     assert main(words) == 0
-    told = capsys.readouterr()
-    assert told.out == f"{weights}\n"
-    assert "epoch 1: loss" in told.err
-    assert "epoch 2: loss" in told.err, "the second part goes on counting"
+    given = capsys.readouterr()
+    assert given.out == f"{weights}\n"
+    assert "epoch 1: loss" in given.err
+    assert "epoch 2: loss" in given.err, "the second part goes on counting"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["w.safetensors", "walks.ndjson"]
 
     words = ["evals", "trajnet", str(recording), "--weights", str(weights), "--out", str(out)]
@@ -121,7 +121,7 @@ def test_test_recordings_are_never_trained_on(recording: Path, tmp_path: Path) -
         check_split(["a", "b"], ["b"])
 
 
-def test_windows_hold_everybody_who_is_there_and_weigh_by_type(recording: Path) -> None:
+def test_windows_hold_all_agents_that_are_there_and_weigh_by_type(recording: Path) -> None:
     """40 steps: a window begins at each of the first 31, at whose ninth step all are there."""
     windows = cut_training_windows([read_recording(recording)], weights=Weights({3: 2.0, 4: 3.0}))
     assert len(windows) == 31
@@ -131,7 +131,7 @@ def test_windows_hold_everybody_who_is_there_and_weigh_by_type(recording: Path) 
     assert (windows[0].destination == windows[30].xy[:, 9]).all()
 
 
-def test_backwards_everybody_goes_to_where_they_came_from(recording: Path) -> None:
+def test_backwards_all_agents_go_to_where_they_came_from(recording: Path) -> None:
     read = read_recording(recording)
     ahead, both = cut_training_windows([read]), cut_training_windows([read], both_ways=True)
     back = both[len(ahead) :]

@@ -61,5 +61,5 @@ def test_steps_on_either_side_of_a_gap_follow_each_other() -> None:
     assert find_collisions(one, other[None]).tolist() == [False]
 
 
-def test_nobody_around() -> None:
+def test_no_agent_around() -> None:
     assert find_collisions(walk((0, 0), (1, 0)), np.empty((0, 12, 2))).shape == (0,)

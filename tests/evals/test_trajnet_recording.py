@@ -77,7 +77,7 @@ def test_the_benchmarks_own_collision_file(tmp_path: Path) -> None:
 def test_goals_are_ends_of_tracks_or_of_the_scene(tmp_path: Path, goals: Goals) -> None:
     rows = [scene(), *walk(3, 0, 0, 0.5, range(100, 401, 10))]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
-    told: list[Any] = []
+    given: list[Any] = []
 
     def listener(
         pasts: Sequence[np.ndarray],
@@ -87,12 +87,12 @@ def test_goals_are_ends_of_tracks_or_of_the_scene(tmp_path: Path, goals: Goals) 
         step: float = 0.4,
     ) -> list[np.ndarray]:
         assert goals is not None
-        told.extend([*goals, due, step])
+        given.extend([*goals, due, step])
         return predict_constant_velocity(pasts)
 
     predict_scenes(recording, listener, goals=goals)
-    assert told[0].tolist() == [[15.0, 0.0] if goals == "destination" else [10.0, 0.0]]
-    assert told[1:] == [None if goals == "destination" else 12, 0.4]
+    assert given[0].tolist() == [[15.0, 0.0] if goals == "destination" else [10.0, 0.0]]
+    assert given[1:] == [None if goals == "destination" else 12, 0.4]
 
 
 def test_longer_steps_are_predicted_at_the_networks_own_pace(tmp_path: Path) -> None:
@@ -158,7 +158,9 @@ def test_who_left_before_the_ninth_step_is_written_and_goes_on_evenly(tmp_path: 
     rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 2, 0.25, early), *walk(4, 8, 8, 1.0, once)]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
     (predicted,) = predict_scenes(recording, predict_constant_velocity)
-    places = {int(p): xy for p, xy in zip(recording.ids[predicted.who], predicted.xy, strict=True)}
+    places = {
+        int(p): xy for p, xy in zip(recording.ids[predicted.places], predicted.xy, strict=True)
+    }
     assert list(places) == [3, 4, 9]
     assert places[9] == pytest.approx(
         np.stack([0.25 * np.arange(9, 21), np.full(12, 2.0)], -1), abs=0.01
@@ -166,7 +168,7 @@ def test_who_left_before_the_ninth_step_is_written_and_goes_on_evenly(tmp_path: 
     assert places[4] == pytest.approx(np.full((12, 2), 8.0))
 
 
-def test_who_comes_after_the_ninth_step_is_nobody_to_collide_with(tmp_path: Path) -> None:
+def test_who_comes_after_the_ninth_step_is_no_agent_to_collide_with(tmp_path: Path) -> None:
     rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 0.1, 0.5, range(200, 301, 10))]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
     (score,) = score_scenes(recording, predict_scenes(recording, predict_constant_velocity))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 
-from scenewright.backends import Wording
-from scenewright.nodes.event_reasoner.wording import render_stops_prompt
-from scenewright.nodes.revision.wording import render_edits_prompt
+from scenewright.backends import Prompt
+from scenewright.nodes.event_reasoner.prompts import render_stops_prompt
+from scenewright.nodes.prompts import Example
+from scenewright.nodes.revision.prompts import render_edits_prompt
 from scenewright.nodes.scene_planner import FOUR_LEGS
-from scenewright.nodes.scene_planner.wording import render_plan_prompt
-from scenewright.nodes.waypoint_filter.wording import render_clauses_prompt
-from scenewright.nodes.wording import Example
+from scenewright.nodes.scene_planner.prompts import render_plan_prompt
+from scenewright.nodes.waypoint_filter.prompts import render_clauses_prompt
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
 from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.social import SocialGraph
@@ -62,7 +62,7 @@ WORDS = [
 ]
 
 
-def plan() -> Wording:
+def plan() -> Prompt:
     return render_plan_prompt(
         TEXT,
         "A car hits a bus.",
@@ -72,12 +72,12 @@ def plan() -> Wording:
     )
 
 
-def constraints() -> Wording:
+def constraints() -> Prompt:
     fault = "nothing is said of words 2; serve them, or list them under 'cannot'"
     return render_clauses_prompt(FACTS, ("north", "east", "south", "west"), rejections=(fault,))
 
 
-def behavior() -> Wording:
+def behavior() -> Prompt:
     fault = "vehicle-1 has no anchor 'south:line'"
     facts = {
         "instruction": LEFT, "words": WORDS, "relations": ["vehicle-1 yield_to pedestrian-1"],
@@ -86,7 +86,7 @@ def behavior() -> Wording:
     return render_stops_prompt(facts, _summary(), rejections=(fault,))
 
 
-def edits() -> Wording:
+def edits() -> Prompt:
     return render_edits_prompt(
         'now have it be a collision, "5 pm", and two trucks more',
         SITUATION,
@@ -160,7 +160,7 @@ def _anchors(*told: str) -> tuple[Anchor, ...]:
     return tuple(found)
 
 
-def as_text(wording: Wording) -> str:
+def as_text(prompt: Prompt) -> str:
     """Everything that a model is sent."""
-    schema = json.dumps(wording.schema, indent=1)
-    return f"{wording.system}\n\n=== user ===\n{wording.user}\n\n=== schema ===\n{schema}\n"
+    schema = json.dumps(prompt.schema, indent=1)
+    return f"{prompt.system}\n\n=== user ===\n{prompt.user}\n\n=== schema ===\n{schema}\n"

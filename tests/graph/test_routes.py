@@ -16,10 +16,10 @@ from scenewright.scene.social import SocialGraph
 
 BUDGETS = Budgets(planner=2, filter=2, reasoner=2, generator=4)
 AFTER: dict[Stage, Any] = {
-    "scene_planner": routes.after_scene_planner,
-    "waypoint_filter": routes.after_waypoint_filter,
-    "event_reasoner": routes.after_event_reasoner,
-    "scene_verifier": routes.after_scene_verifier,
+    "scene_planner": routes.route_after_planner,
+    "waypoint_filter": routes.route_after_filter,
+    "event_reasoner": routes.route_after_reasoner,
+    "scene_verifier": routes.route_after_verifier,
 }
 
 
@@ -114,7 +114,7 @@ def test_a_model_is_not_asked_to_mend_what_no_answer_could() -> None:
     for repairable in (True, False):
         refused = Rejection(stage="event_reasoner", code=code, detail="so", repairable=repairable)
         state: SceneState = {"refused": refused, "rejections": [refused]}
-        onwards.append(routes.after_event_reasoner(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
+        onwards.append(routes.route_after_reasoner(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
     assert onwards == ["event_reasoner", "agent_generator"]
 
 
@@ -139,8 +139,8 @@ def test_a_plan_that_the_tracks_contradict_again_and_again_is_given_up() -> None
     )
     for refusals, onwards in ((found, "agent_generator"), ([*found, found[0]], "give_up")):
         state: SceneState = {"refused": found[0], "rejections": refusals}
-        told: Any = SimpleNamespace(context=context)
-        assert routes.after_scene_verifier(state, told) == onwards
+        given: Any = SimpleNamespace(context=context)
+        assert routes.route_after_verifier(state, given) == onwards
 
 
 def test_a_rule_that_names_the_wrong_braker_is_not_asked_for_another_plan() -> None:
@@ -153,7 +153,7 @@ def test_a_settled_plan_is_not_made_anew() -> None:
     settled = SocialGraph(agents=())
     state: SceneState = {"refused": found, "rejections": [found], "planned": settled}
     context = SimpleNamespace(backend=SimpleNamespace(deterministic=False), budgets=BUDGETS)
-    assert routes.after_scene_verifier(state, SimpleNamespace(context=context)) == "agent_generator"  # type: ignore[arg-type]
+    assert routes.route_after_verifier(state, SimpleNamespace(context=context)) == "agent_generator"  # type: ignore[arg-type]
 
 
 def test_the_planners_refusals_cost_no_sample() -> None:
@@ -168,7 +168,7 @@ def refused_after(refinement: Refinement, refusals: int, *, model: bool) -> str:
     found = [Rejection(stage="scene_verifier", code=code, detail="so")] * refusals
     state: SceneState = {"refused": found[-1], "rejections": found, "refinement": refinement}
     context = SimpleNamespace(backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS)
-    return str(routes.after_scene_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
+    return str(routes.route_after_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
 
 
 def refinement(share: float, *, attempt: int, retries: int = 0) -> Refinement:

@@ -146,7 +146,7 @@ def test_a_contradiction_within_the_file_is_found_without_a_proof(
     assert rule in find_rules(copied)
 
 
-def test_a_proof_that_says_other_things_is_told(copied: Path) -> None:
+def test_a_proof_that_says_other_things_is_reported(copied: Path) -> None:
     rewrite(copied / "proof.json", lambda p: p["figures"].update(agents=3))
     assert find_rules(copied) == set()
     assert find_rules(copied, strict=True) == {"proof_contradicted"}
@@ -158,7 +158,7 @@ def test_a_proof_that_says_other_things_is_told(copied: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "given"),
     [
         ('"schema_version":1,', "", "schema_version is missing"),
         ('"seed":7', '"seed":7,"seed":7', "twice"),
@@ -168,13 +168,13 @@ def test_a_proof_that_says_other_things_is_told(copied: Path) -> None:
     ],
 )
 def test_a_file_that_can_be_read_in_two_ways_is_none(
-    copied: Path, before: str, after: str, told: str
+    copied: Path, before: str, after: str, given: str
 ) -> None:
     file = copied / "scene.json"
     text = file.read_text()
     assert before in text
     file.write_text(text.replace(before, after, 1))
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=given):
         verify(copied)
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from scenewright import synthesize
-from scenewright.backends.scripted import ScriptedSpeaker
-from scenewright.backends.spoken import Spoken
+from scenewright.backends.scripted import ScriptedModel
+from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import BackendFault
 from scenewright.graph.examples import recall_from
 from scenewright.memory.episodes import Episodes
@@ -71,11 +71,11 @@ def test_what_others_wrote_into_the_file_does_no_harm(memory: Episodes) -> None:
 
 def prompt(memory: Episodes | None) -> str:
     """What the planner's model is sent."""
-    speaker = ScriptedSpeaker({"plan": []})
+    text_model = ScriptedModel({"plan": []})
     recall = None if memory is None else recall_from(memory)
     with pytest.raises(BackendFault):
-        synthesize(YIELD, backend=Spoken(speaker), refiner="none", recall=recall)
-    return speaker.asked[0][1].user
+        synthesize(YIELD, backend=TextBackend(text_model), refiner="none", recall=recall)
+    return text_model.asked[0][1].user
 
 
 def test_recall_changes_the_prompt_as_meant(memory: Episodes) -> None:
@@ -84,12 +84,12 @@ def test_recall_changes_the_prompt_as_meant(memory: Episodes) -> None:
     earlier = "A taxi from the south yields to a pedestrian on the west crosswalk"
     memory.accept(request=earlier, graph=GRAPH, taxonomy=["yield"])
     memory.accept(request="A truck hits a bus", graph=GRAPH, taxonomy=["hit"])
-    told = prompt(memory)
-    assert told != without
-    assert json.dumps(earlier) in told
+    given = prompt(memory)
+    assert given != without
+    assert json.dumps(earlier) in given
     untyped = [{k: v for k, v in each.items() if k != "type"} for each in GRAPH["agents"]]
-    assert json.dumps({**GRAPH, "agents": untyped}, separators=(",", ":")) in told
-    assert "A truck hits a bus" not in told
-    assert told.replace(
-        told[told.index("Accepted before:") : told.index('Request: "A car')], ""
+    assert json.dumps({**GRAPH, "agents": untyped}, separators=(",", ":")) in given
+    assert "A truck hits a bus" not in given
+    assert given.replace(
+        given[given.index("Accepted before:") : given.index('Request: "A car')], ""
     ) == (without)

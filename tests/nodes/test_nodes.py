@@ -49,13 +49,13 @@ class Scripted:
         return self.reply
 
 
-def runtime(backend=None, *, told=None, **more):
+def runtime(backend=None, *, given=None, **more):
     context = RunContext(
         backend=backend or load_backend("builtin"),
         ground=GROUND,
         priors=PRIORS,
         seed=3,
-        log=(lambda stage, line: told.append((stage, line))) if told is not None else _nothing,
+        log=(lambda stage, line: given.append((stage, line))) if given is not None else _nothing,
         **more,
     )
     return SimpleNamespace(context=context)
@@ -96,7 +96,7 @@ def test_a_malformed_answer_is_refused_with_the_first_fault():
     assert rejection.detail.startswith("number: ")
 
 
-def test_a_stage_is_told_its_own_faults_only():
+def test_a_stage_is_shown_its_own_faults_only():
     rejections = [
         Rejection(stage="scene_planner", code="malformed_reply", detail="one"),
         Rejection(stage="event_reasoner", code="malformed_reply", detail="two"),
@@ -104,7 +104,7 @@ def test_a_stage_is_told_its_own_faults_only():
     assert list_stage_faults(rejections, "scene_planner") == ("one",)
 
 
-def test_what_was_said_of_another_layout_is_not_told_of_this_one():
+def test_what_was_said_of_another_layout_is_not_reported_of_this_one():
     of_another = Rejection(
         stage="scene_verifier", code="relation_not_realised", detail="one", repairable=False
     )
@@ -119,7 +119,7 @@ def test_every_stage_and_attempt_has_randomness_of_its_own():
     once = Rejection(stage="scene_verifier", code="implausible_motion", detail="x")
 
     def first(stage, rejections) -> float:
-        return float(context.rng(stage, rejections).random())
+        return float(context.make_rng(stage, rejections).random())
 
     assert first("agent_generator", []) == first("agent_generator", [])
     drawn = {first("agent_generator", []), first("waypoint_filter", [])}
@@ -248,12 +248,12 @@ def test_a_scenes_name_depends_on_its_request_alone():
 
 
 def test_stages_say_what_they_did(run):
-    told: list[tuple[str, str]] = []
-    generate_agents(run, runtime=runtime(told=told))
-    assert told == [("agent_generator", "2 + 0 agents at 12.00 h")]
+    given: list[tuple[str, str]] = []
+    generate_agents(run, runtime=runtime(given=given))
+    assert given == [("agent_generator", "2 + 0 agents at 12.00 h")]
 
 
-def test_where_nobody_is_named_only_the_planner_is_asked():
+def test_where_no_agent_is_named_only_the_planner_is_asked():
     backend = Scripted({"agents": [], "relations": []})
     scene = synthesize("Light traffic at noon.", backend=backend, seed=1, refiner="none")
     assert scene.proof.verified
@@ -268,7 +268,7 @@ def test_an_agent_is_named_by_its_class():
 
 
 @pytest.mark.parametrize("left_hand", [False, True])
-def test_a_model_is_told_where_people_drive_on_the_left(
+def test_a_model_is_shown_where_people_drive_on_the_left(
     run: dict[str, Any], left_hand: bool
 ) -> None:
     """Which turn leads across oncoming traffic is asked of the planner."""
@@ -279,4 +279,4 @@ def test_a_model_is_told_where_people_drive_on_the_left(
     with pytest.raises(Rejected):
         plan_scene({**run, "rejections": []}, runtime=runs_at)
     [question] = backend.asked
-    assert ("Traffic drives on the left" in question.wording().user) == left_hand
+    assert ("Traffic drives on the left" in question.prompt().user) == left_hand

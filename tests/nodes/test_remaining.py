@@ -144,7 +144,7 @@ def test_who_hesitates_gives_way_when_it_was_to(seed: int) -> None:
     assert [each.type for each in scene.proof.events] == ["yielding"]
 
 
-def test_after_a_failed_sample_nobody_is_asked_again() -> None:
+def test_after_a_failed_sample_no_agent_is_asked_again() -> None:
     """Free speeds in so narrow a range are drawn by few samples."""
     narrow = {**SPEED, "low": 8.0, "high": 8.4}
     failed = 0
@@ -296,9 +296,9 @@ def test_an_agents_own_program_is_read_and_checked(run: dict[str, Any]) -> None:
         assert detail in caught.value.rejection.detail
 
 
-def refused_segments(run: dict[str, Any], agent: str, *told: tuple[Any, ...]) -> Rejection:
+def refused_segments(run: dict[str, Any], agent: str, *given: tuple[Any, ...]) -> Rejection:
     fields = ("start", "end", "anchor", "status")
-    segments = [SegmentReply(**dict(zip(fields, each, strict=True))) for each in told]
+    segments = [SegmentReply(**dict(zip(fields, each, strict=True))) for each in given]
     with pytest.raises(Rejected) as caught:
         edit_segments({agent: segments}, run, runtime=runtime())  # type: ignore[arg-type]
     return caught.value.rejection
@@ -325,22 +325,22 @@ def test_segments_that_cannot_be_edited_are_refused(
     assert detail in rejection.detail
 
 
-def test_a_stop_before_the_agent_gets_there_is_told_when_it_does(run: dict[str, Any]) -> None:
+def test_a_stop_before_the_agent_gets_there_is_reported_when_it_does(run: dict[str, Any]) -> None:
     *others, before, stop, after = run["behavior"].segments[CAR]
     soon = stop.start - 1.5
     sooner = [before.model_copy(update={"end": soon}), stop.model_copy(update={"start": soon})]
-    told = [(s.start, s.end, s.anchor, s.status) for s in (*others, *sooner, after)]
-    rejection = refused_segments(run, CAR, *told)
+    given = [(s.start, s.end, s.anchor, s.status) for s in (*others, *sooner, after)]
+    rejection = refused_segments(run, CAR, *given)
     assert rejection.code == "segment_off_track"
     assert f"stands at {stop.anchor} from {soon:g} s, but comes at" in rejection.detail
 
 
 def test_the_solvers_own_segments_fit_their_tracks(run: dict[str, Any]) -> None:
-    told = {
+    given = {
         name: [SegmentReply(**each.model_dump()) for each in segments]
         for name, segments in run["behavior"].segments.items()
     }
-    written = edit_segments(told, run, runtime=runtime())  # type: ignore[arg-type]
+    written = edit_segments(given, run, runtime=runtime())  # type: ignore[arg-type]
     assert written["behavior"] == run["behavior"]
 
 

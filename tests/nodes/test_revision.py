@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from test_wording import drawn, fits
+from test_prompts import drawn, fits
 
 from scenewright.backends import Question
 from scenewright.backends.scripted import build_scripted_backend
-from scenewright.backends.staged import Staged
+from scenewright.backends.staged import StagedBackend
 from scenewright.errors import Rejected
 from scenewright.nodes.revision import Turn, read_by_model
+from scenewright.nodes.revision.prompts import render_edits_prompt
 from scenewright.nodes.revision.reply import EditsReply, list_new_ids, to_reading
-from scenewright.nodes.revision.wording import render_edits_prompt
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.schema import inline_references
 from scenewright.scene.edits import (
@@ -102,7 +102,7 @@ def test_what_happens_changes_and_ends() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "way"),
+    ("given", "way"),
     [
         # Its turn is kept where it can be; what does not go with what is new is let go.
         ({"entry": "south"}, {"entry": "south", "movement": "left", "exit": "west"}),
@@ -111,8 +111,8 @@ def test_what_happens_changes_and_ends() -> None:
         ({"subtype": "truck"}, {"entry": "north", "exit": "east", "subtype": "truck"}),
     ],
 )
-def test_a_way_is_changed_as_far_as_told(told: dict[str, str], way: dict[str, str]) -> None:
-    [found] = said({"edit": "change_agent", "agent": "vehicle-1", **told})
+def test_a_way_is_changed_as_far_as_given(given: dict[str, str], way: dict[str, str]) -> None:
+    [found] = said({"edit": "change_agent", "agent": "vehicle-1", **given})
     assert way.items() <= found["node"].items()
 
 
@@ -122,7 +122,7 @@ def test_a_pedestrian_comes_from_elsewhere() -> None:
     assert found["node"].get("crosswalk") != "east"
 
 
-def test_somebody_new_takes_part() -> None:
+def test_a_new_agent_takes_part() -> None:
     assert list_new_ids(SITUATION) == ["vehicle-3", "vehicle-4", "pedestrian-2", "pedestrian-3"]
     riders = ["cyclist-1", "cyclist-2", "scooter-1", "scooter-2"]
     assert list_new_ids(SITUATION, "a bike overtakes it")[4:] == riders
@@ -154,7 +154,7 @@ def test_somebody_new_takes_part() -> None:
         ({"edit": "change_context", "time_of_day": "25:00"}, "time_of_day: String"),
     ],
 )
-def test_what_cannot_be_is_told_to_whoever_said_it(line: dict[str, Any], words: str) -> None:
+def test_what_cannot_be_is_reported_to_its_author(line: dict[str, Any], words: str) -> None:
     with pytest.raises(Rejected, match=words):
         reading({"edits": [line]})
 
@@ -197,24 +197,24 @@ def _words(words: str) -> Any:
 
 
 def test_figures_and_places_on_vehicles_are_offered_where_words_speak_of_them() -> None:
-    plain, told = (
+    plain, given = (
         inline_references(_words(words).schema)["properties"]["edits"]["items"]["anyOf"][2][
             "properties"
         ]
         for words in ("let it be a crash", "hit its rear bumper at 5 m/s")
     )
     assert {"target_pet", "point_from"}.isdisjoint(plain)
-    assert {"target_pet", "impact_speed", "point_from"} <= told.keys()
+    assert {"target_pet", "impact_speed", "point_from"} <= given.keys()
 
 
-def test_a_model_is_told_where_people_drive_on_the_left() -> None:
-    told = "Traffic drives on the left: the turn across oncoming traffic is the right one"
-    assert told not in _words("make it a left turn").user
+def test_a_model_is_shown_where_people_drive_on_the_left() -> None:
+    given = "Traffic drives on the left: the turn across oncoming traffic is the right one"
+    assert given not in _words("make it a left turn").user
     left = render_edits_prompt("x", SITUATION, before="A car", ways=FOUR_LEGS, left_hand=True)
-    assert told in left.user
+    assert given in left.user
 
 
-def test_a_model_is_told_who_only_slows_down_and_may_make_it_stand() -> None:
+def test_a_model_is_shown_who_only_slows_down_and_may_make_it_stand() -> None:
     slows = PRESENT[0].model_copy(update={"stops": False, "slows_to": 3.06})
     here = SITUATION.model_copy(update={"present": (slows, *PRESENT[1:])})
     words = render_edits_prompt("make it stop", here, before="A car yields", ways=FOUR_LEGS)
@@ -232,11 +232,11 @@ def test_words_stay_data() -> None:
 
 def test_a_model_that_says_nothing_of_use_is_asked_three_times() -> None:
     model = build_scripted_backend({"edits": [{"edits": []}]}, forever=True)
-    backend = Staged(dict.fromkeys(("plan", "constraints", "summary", "behavior"), model))
+    backend = StagedBackend(dict.fromkeys(("plan", "constraints", "summary", "behavior"), model))
     turn = Turn("make it so", SITUATION, "A car yields", FOUR_LEGS)
     paid: list[Any] = []
     assert read_by_model(turn, backend=backend, seed=1, account=paid.append) is None
-    asked: list[tuple[Question, Any]] = model.speaker.asked  # type: ignore[attr-defined]
+    asked: list[tuple[Question, Any]] = model.text_model.asked  # type: ignore[attr-defined]
     assert [question.task for question, _ in asked] == ["edits"] * 3
     assert "say one thing" in asked[2][1].user
     assert len(paid) == 3

@@ -39,7 +39,7 @@ def tools(bench: ToolState) -> dict[str, BaseTool]:
     return {each.name: each for each in build_tools(bench)}
 
 
-def told(tool: BaseTool, **arguments: Any) -> dict[str, Any]:
+def given(tool: BaseTool, **arguments: Any) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(tool.invoke(arguments))
     return found
 
@@ -47,43 +47,43 @@ def told(tool: BaseTool, **arguments: Any) -> dict[str, Any]:
 def test_the_tools_in_their_order_make_a_verified_scene(
     bench: ToolState, tools: dict[str, BaseTool]
 ) -> None:
-    assert told(tools["ground_plan"], plan=PLAN)["ok"]
+    assert given(tools["ground_plan"], plan=PLAN)["ok"]
     for name in IN_ORDER:
-        assert told(tools[name])["ok"], name
+        assert given(tools[name])["ok"], name
     assert verify(bench.state["scene"]).verified
 
 
 def test_a_refusal_says_what_to_mend(tools: dict[str, BaseTool]) -> None:
-    assert "call ground_plan first" in told(tools["solve"])["detail"]
-    unknown = told(tools["ground_plan"], plan={"agents": [{"id": "car", "type": "vehicle"}]})
+    assert "call ground_plan first" in given(tools["solve"])["detail"]
+    unknown = given(tools["ground_plan"], plan={"agents": [{"id": "car", "type": "vehicle"}]})
     assert (unknown["ok"], unknown["code"]) == (False, "malformed_reply")
     assert unknown["detail"].startswith("plan.agents.0.id")
     nowhere = {"agents": [{"id": "vehicle-1", "type": "vehicle", "entry": "north", "exit": "north",
                            "movement": "left"}]}  # fmt: skip
-    assert told(tools["ground_plan"], plan=nowhere)["code"] == "ungroundable"
-    assert told(tools["ground_plan"], plan=PLAN)["ok"]
-    assert told(tools["draw_candidates"])["ok"]
-    assert "line 1" in told(tools["check_program"], program="collide please")["detail"]
-    stranger = told(tools["solve"], program="gives_way(vehicle-1, pedestrian-77)")
+    assert given(tools["ground_plan"], plan=nowhere)["code"] == "ungroundable"
+    assert given(tools["ground_plan"], plan=PLAN)["ok"]
+    assert given(tools["draw_candidates"])["ok"]
+    assert "line 1" in given(tools["check_program"], program="collide please")["detail"]
+    stranger = given(tools["solve"], program="gives_way(vehicle-1, pedestrian-77)")
     assert stranger["code"] == "malformed_program"
     assert "pedestrian-77" in stranger["detail"]
-    assert told(tools["solve"])["ok"]
+    assert given(tools["solve"])["ok"]
     moon = [{"agent": "vehicle-1", "segments": [{"anchor": "moon", "status": "keep", "end": 4}]}]
-    assert told(tools["edit_segments"], agents=moon)["code"] == "unknown_anchor"
-    extra = told(tools["solve"], program=None, please="now")
+    assert given(tools["edit_segments"], agents=moon)["code"] == "unknown_anchor"
+    extra = given(tools["solve"], program=None, please="now")
     assert extra["ok"] is False
 
 
 def test_a_new_product_outdates_what_was_made_from_the_old(
     bench: ToolState, tools: dict[str, BaseTool]
 ) -> None:
-    told(tools["ground_plan"], plan=PLAN)
+    given(tools["ground_plan"], plan=PLAN)
     for name in IN_ORDER:
-        told(tools[name])
+        given(tools[name])
     assert bench.verified
-    told(tools["draw_candidates"])
+    given(tools["draw_candidates"])
     assert not bench.verified
-    assert "call solve first" in told(tools["edit_segments"])["detail"]
+    assert "call solve first" in given(tools["edit_segments"])["detail"]
 
 
 Say = Callable[[Sequence[BaseMessage]], AIMessage]

@@ -61,10 +61,10 @@ def refused(*names: str) -> Rejection:
 
 def again(state: dict[str, Any], learned: BundledRefiner, *names: str) -> dict[str, Any]:
     """The same after the verifier has named somebody."""
-    told = refused(*names)
+    given = refused(*names)
     # Another figure each time, as after another refinement.
-    detail = f"{told.detail} ({len(state['rejections'])})"
-    state = state | {"refused": told.model_copy(update={"detail": detail})}
+    detail = f"{given.detail} ({len(state['rejections'])})"
+    state = state | {"refused": given.model_copy(update={"detail": detail})}
     state["rejections"] = [*state["rejections"], state["refused"]]
     return state | refine_trajectories(state, runtime=runtime(learned))
 
@@ -81,7 +81,7 @@ def moved(state: dict[str, Any], name: str) -> float:
     return float(np.hypot(*(edited[:n] - refined[:n]).T).max())
 
 
-def test_everybody_moves_a_little_otherwise_and_who_stands_keeps_standing(run, learned):
+def test_all_agents_move_a_little_otherwise_and_who_stands_keeps_standing(run, learned):
     state = first(run, learned)
     assert state["refinement"].refiner == "trajnet"
     assert state["refinement"].weights == "0123456789abcdef"
@@ -113,7 +113,7 @@ def test_refined_positions_lie_on_the_agents_own_path(run, learned):
         assert off.max() <= 0.3
 
 
-def test_who_is_named_is_supervised_more_strongly_and_nobody_else(run, learned):
+def test_who_is_named_is_supervised_more_strongly_and_no_other_agent(run, learned):
     state = first(run, learned)
     later = again(state, learned, GIVER)
     assert moved(later, GIVER) < moved(state, GIVER)
@@ -131,7 +131,9 @@ def test_who_is_named_twice_is_drawn_anew_among_the_others(run, learned):
     assert np.array_equal(twice["rolled"][TAKER], once["rolled"][TAKER])
 
 
-def test_who_is_named_again_and_again_keeps_the_edited_prior_and_the_reason_is_told(run, learned):
+def test_who_is_named_again_and_again_keeps_the_edited_prior_and_the_reason_is_reported(
+    run, learned
+):
     state = first(run, learned)
     for _ in range(len(SHARES) - 1):
         state = again(state, learned, GIVER)
@@ -152,7 +154,7 @@ def test_a_figure_that_no_refinement_changes_is_a_fault_of_the_prior(run, learne
     assert state["refinement"].attempt == 6
 
 
-def test_on_the_last_attempt_everybody_keeps_the_edited_prior(run, learned):
+def test_on_the_last_attempt_all_agents_keep_the_edited_prior(run, learned):
     state = first(run, learned)
     for name in (GIVER, TAKER, GIVER, TAKER, GIVER):
         state = again(state, learned, name)

@@ -15,7 +15,7 @@ from conversation import Conversation, agents, events, same
 from scenewright.authoring.session import SessionVersion
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.scripted import build_scripted_backend
-from scenewright.backends.staged import Staged
+from scenewright.backends.staged import StagedBackend
 from scenewright.scene.behavior import Segment
 from scenewright.scene.yielding_behavior import YieldingModel
 from scenewright.tools.gmm_sampler import priors
@@ -146,7 +146,7 @@ def test_a_yield_becomes_a_near_miss_and_a_collision(talk: Conversation) -> None
     assert agents(other)["pedestrian-1"].id == seen.from_
 
 
-def test_somebody_comes_from_elsewhere(talk: Conversation) -> None:
+def test_an_agent_comes_from_elsewhere(talk: Conversation) -> None:
     talk.made(YIELD)
     east = talk.made("make the pedestrian come from the east instead")
     assert agents(east)["pedestrian-1"].entry == "east"
@@ -176,7 +176,7 @@ def test_others_come_and_go(talk: Conversation) -> None:
     assert same(gone, nobody) == {"vehicle-1", "pedestrian-1"}
 
 
-def test_the_clock_changes_and_nobody_moves(talk: Conversation) -> None:
+def test_the_clock_changes_and_no_agent_moves(talk: Conversation) -> None:
     first = talk.made(YIELD)
     evening = talk.made("make it 5 pm")
     assert evening.record.meta.time_of_day == "17:00"
@@ -274,13 +274,13 @@ def test_words_that_the_grammar_does_not_know_go_to_the_planner_that_is_a_model(
     )
     builtin = load_backend("builtin")
     others: dict[Task, Backend] = dict.fromkeys(TASKS, builtin)
-    talk = Conversation(seed=5, backend=Staged({**others, "plan": model}))
+    talk = Conversation(seed=5, backend=StagedBackend({**others, "plan": model}))
     first = talk.made("Someone lets someone walk")
     assert events(first) == ["yielding"]
     tragic = talk.made("give it a tragic ending")
     assert events(tragic) == ["collision"]
     assert tragic.version["edits"][0]["edit"] == "relate"
-    assert "there is no pedestrian-40 in the scene" in model.speaker.asked[-1][1].user
+    assert "there is no pedestrian-40 in the scene" in model.text_model.asked[-1][1].user
     assert tragic.provenance["models"]["edits"]["answers"] == 3
     assert same(first, tragic) >= set(agents(first)) - {"vehicle-1", "pedestrian-1"}
     assert events(talk.made("a few cars more")) == ["collision"]
@@ -298,7 +298,9 @@ def test_a_model_asks_back_once() -> None:
     slower = {"edits": [{"edit": "set_pace", "agent": "vehicle-2", "factor": 0.8}]}
     model = build_scripted_backend({"edits": [ask, ask, slower]})
     builtin = load_backend("builtin")
-    talk = Conversation(backend=Staged({**dict.fromkeys(TASKS, builtin), "plan": _Reads(model)}))
+    talk = Conversation(
+        backend=StagedBackend({**dict.fromkeys(TASKS, builtin), "plan": _Reads(model)})
+    )
     talk.made(two)
     reply = talk.say("it is too fast")
     assert reply["kind"] == "asked"
@@ -306,7 +308,7 @@ def test_a_model_asks_back_once() -> None:
     assert reply["choices"] == ["vehicle-1", "vehicle-2"]
     slow = talk.made("vehicle-2")
     assert slow.version["edits"] == [{"edit": "set_pace", "agent": "vehicle-2", "factor": 0.8}]
-    said = [words.user for _, words in model.speaker.asked]
+    said = [words.user for _, words in model.text_model.asked]
     assert 'Answered already: {"car":"vehicle-2"}' in said[1]
     assert "it was answered already (car: vehicle-2); give the edits" in said[2]
     talk.threads.close()
@@ -324,7 +326,7 @@ class _Reads:
         return (self._model if question.task == "edits" else self._rule).answer(question)
 
 
-def test_somebody_new_joins_and_leaves(talk: Conversation) -> None:
+def test_a_new_agent_joins_and_leaves(talk: Conversation) -> None:
     first = talk.made("A car from the south turns left and yields to a pedestrian at 5 am")
     behind = talk.made("add a truck that follows the car")
     assert sorted(events(behind)) == ["follow", "yielding"]

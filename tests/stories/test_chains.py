@@ -121,7 +121,7 @@ def test_a_left_turn_across_an_oncoming_car_is_one() -> None:
     ],
 )
 @pytest.mark.parametrize("seed", [0, 4])
-def test_who_is_said_to_run_red_does_and_nobody_else(text: str, who: str, seed: int) -> None:
+def test_who_is_said_to_run_red_does_and_no_other_agent(text: str, who: str, seed: int) -> None:
     scene = synthesize(text, seed=seed)
     runner = agent(scene, who)
     assert {run["agent"] for run in scene.proof.figures["red_light_runs"]} == {runner.id}
@@ -131,7 +131,7 @@ def test_who_is_said_to_run_red_does_and_nobody_else(text: str, who: str, seed: 
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "given"),
     [
         ("Two pedestrians are hit by one car on the north crosswalk.", "2 collisions"),
         ("A car rear-ends a truck which rear-ends a bus.", "2 collisions"),
@@ -143,8 +143,8 @@ def test_who_is_said_to_run_red_does_and_nobody_else(text: str, who: str, seed: 
         ("A car nearly hits a car coming from the same approach.", "the same leg as vehicle"),
     ],
 )
-def test_what_cannot_be_is_refused_at_once_and_says_why(text: str, told: str) -> None:
-    with pytest.raises(Unsatisfiable, match=told) as refused:
+def test_what_cannot_be_is_refused_at_once_and_says_why(text: str, given: str) -> None:
+    with pytest.raises(Unsatisfiable, match=given) as refused:
         synthesize(text, seed=0)
     assert [each.stage for each in refused.value.rejections] == ["scene_planner"]
 

@@ -15,7 +15,7 @@ SCRIPT = Path(__file__).with_name("killed.py")
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def given(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     if not hasattr(os, "fork"):
         pytest.skip("this system cannot fork")
     file = tmp_path_factory.mktemp("threads") / "threads.sqlite"
@@ -27,8 +27,8 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return found
 
 
-def test_killed_in_any_stage_the_last_version_stands(told: dict[str, Any]) -> None:
-    before, rows = told["before"], told["rows"]
+def test_killed_in_any_stage_the_last_version_stands(given: dict[str, Any]) -> None:
+    before, rows = given["before"], given["rows"]
     assert before["verified"]
     second = [row for row in rows if row["version"] is not None]
     assert {row["point"] for row in second} >= {"scene_planner", "scene_verifier", "keep 1"}
@@ -40,14 +40,14 @@ def test_killed_in_any_stage_the_last_version_stands(told: dict[str, Any]) -> No
 
 
 def test_killed_in_the_first_turn_nothing_is_there_and_nothing_is_broken(
-    told: dict[str, Any],
+    given: dict[str, Any],
 ) -> None:
-    first = [row for row in told["rows"] if row["version"] is None]
+    first = [row for row in given["rows"] if row["version"] is None]
     assert [row["point"] for row in first] == ["scene_verifier", "keep 3"]
 
 
-def test_the_turn_can_be_said_again(told: dict[str, Any]) -> None:
-    assert told["reply"]["kind"] == "made"
-    assert told["after"]["version"] == 2
-    assert told["after"]["verified"]
-    assert told["after"]["interrupted"] is None
+def test_the_turn_can_be_said_again(given: dict[str, Any]) -> None:
+    assert given["reply"]["kind"] == "made"
+    assert given["after"]["version"] == 2
+    assert given["after"]["verified"]
+    assert given["after"]["interrupted"] is None

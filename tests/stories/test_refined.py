@@ -30,9 +30,9 @@ def test_refined_tracks_are_proved_and_move_otherwise_than_edited_ones(event, te
     assert [each.type for each in scene.record.events] == [event]
     assert scene.proof == verify(scene)
     assert scene.proof.verified
-    told = scene.provenance["refinement"]
-    assert told["refiner"] == "trajnet"
-    assert set(told["agents"]) == {agent.name for agent in scene.record.agents}
+    given = scene.provenance["refinement"]
+    assert given["refiner"] == "trajnet"
+    assert set(given["agents"]) == {agent.name for agent in scene.record.agents}
     edited, refined = scene.state["edited"], scene.state["refined"]
     assert any(
         len(edited[name].xy) != len(track.xy) or not np.array_equal(edited[name].xy, track.xy)

@@ -117,8 +117,8 @@ def test_a_refusal_names_the_figure_at_fault_and_what_is_possible() -> None:
         str(caught.value),
     )
     assert found is not None
-    told = [each.missed[1] for each in caught.value.rejections if each.missed]
-    assert float(found[1]) == pytest.approx(19.0 - min(told), abs=0.06)
+    given = [each.missed[1] for each in caught.value.rejections if each.missed]
+    assert float(found[1]) == pytest.approx(19.0 - min(given), abs=0.06)
     assert float(found[1]) < 15.0
 
 
@@ -235,7 +235,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
         ("behavior", bad_stop, "event_reasoner", "unknown_anchor"),
     ],
 )
-def test_a_model_that_errs_once_is_told_and_mends_it(
+def test_a_model_that_errs_once_is_shown_it_and_mends_it(
     task: Task, wrong: Answer, stage: str, code: str
 ) -> None:
     backend = Scripted(task, wrong)
@@ -283,7 +283,7 @@ def cut_off(braker: str | None = None, event: str = "near_miss") -> Answer:
     return lambda _: plan
 
 
-def test_a_model_that_leaves_out_who_brakes_is_told_to_name_it() -> None:
+def test_a_model_that_leaves_out_who_brakes_is_asked_to_name_it() -> None:
     backend = Scripted("plan", cut_off(), cut_off("vehicle-2"))
     scene = synthesize(CUT_OFF, backend=backend, seed=1, refiner="none")
     (refused,) = scene.provenance["rejections"]

@@ -117,9 +117,9 @@ def test_its_phrase_brings_about_the_event_of_its_file(name: str) -> None:
     assert pattern.kind in (None, seen.kind)
     agents = {each.id: each for each in scene.record.agents}
     first, second = agents[seen.from_], agents[seen.to]
-    told = plays(first, pattern.from_) and plays(second, pattern.to)
+    given = plays(first, pattern.from_) and plays(second, pattern.to)
     swapped = plays(second, pattern.from_) and plays(first, pattern.to)
-    assert told or (swapped and seen.type in ("collision", "near_miss"))
+    assert given or (swapped and seen.type in ("collision", "near_miss"))
 
 
 def plays(agent: AgentRecord, role: Role) -> bool:

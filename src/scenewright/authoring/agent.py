@@ -20,7 +20,12 @@ from langgraph.graph.message import add_messages
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
-from scenewright.graph.run import DEFAULT_INTERSECTION, ProgressCallback, ground_of, json_bytes
+from scenewright.graph.run import (
+    DEFAULT_INTERSECTION,
+    ProgressCallback,
+    format_json_line,
+    ground_of,
+)
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.toolbox import Recorder, ToolState, build_tools
 from scenewright.scene.events import Proof
@@ -261,7 +266,7 @@ def _run_router(
 
 def format_provenance(made: AgentResult, *, seed: int, model: str | None) -> bytes:
     """provenance.json of a scene that an agent made."""
-    return json_bytes(
+    return format_json_line(
         {
             "schema_version": 1,
             "seed": seed,

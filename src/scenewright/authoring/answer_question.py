@@ -48,7 +48,7 @@ _NOUNS = {word: kind for kind, words in _WORDS.items() for word in words.split()
 
 
 @dataclass(frozen=True, eq=False)
-class _Scene:
+class _SceneFacts:
     record: SceneRecord
     proof: Proof
     intersection_map: IntersectionMap
@@ -65,7 +65,7 @@ class _Scene:
         return [each for each in self.record.agents if each.role == "foreground"]
 
 
-_Answer = Callable[[_Scene, list[AgentRecord]], list[str]]
+_Answer = Callable[[_SceneFacts, list[AgentRecord]], list[str]]
 
 
 def answer_question(
@@ -82,12 +82,12 @@ def answer_question(
         topic: as the model of turns names it, such as `q_speed`; None: found by the words alone.
     """
     plain = " ".join(words.lower().rstrip(" ?.!").split())
-    scene = _Scene(record, proof, intersection_map, plain)
+    scene = _SceneFacts(record, proof, intersection_map, plain)
     about, absent = _find_agents(plain, scene), _find_absent(plain, scene)
     return [*absent, *_answer(scene, about, topic)]
 
 
-def _answer(scene: _Scene, about: list[AgentRecord], topic: str | None) -> list[str]:
+def _answer(scene: _SceneFacts, about: list[AgentRecord], topic: str | None) -> list[str]:
     plain = scene.plain
     if topic in _BY_TOPIC:
         return _BY_TOPIC[topic](scene, about)
@@ -103,7 +103,7 @@ def _answer(scene: _Scene, about: list[AgentRecord], topic: str | None) -> list[
     return ["The scene has no answer to that.", TOPICS]
 
 
-def _find_agents(plain: str, scene: _Scene) -> list[AgentRecord]:
+def _find_agents(plain: str, scene: _SceneFacts) -> list[AgentRecord]:
     """The agents that a question names by id or noun; those of the instruction if it names none."""
     by_id = [each for each in scene.record.agents if re.search(rf"\b{each.name}\b", plain)]
     nouns = {_NOUNS[word] for word in re.findall(r"[a-z]+", plain) if word in _NOUNS}
@@ -114,7 +114,7 @@ def _find_agents(plain: str, scene: _Scene) -> list[AgentRecord]:
     return by_id or by_noun or driven or scene.list_named() or list(scene.record.agents)[:3]
 
 
-def _find_absent(plain: str, scene: _Scene) -> list[str]:
+def _find_absent(plain: str, scene: _SceneFacts) -> list[str]:
     """A line for every kind of road user that the question names and that is not there."""
     there = {kind for each in scene.record.agents for kind in (each.type, each.subtype)}
     there |= {"car", "vehicle"} if "vehicle" in there else set()
@@ -131,13 +131,13 @@ def _name(agent: AgentRecord | None, number: int | None = None) -> str:
     return f"{agent.name} ({agent.subtype})" if agent.subtype else agent.name
 
 
-def _find_time(scene: _Scene, agent: AgentRecord) -> float | None:
+def _find_time(scene: _SceneFacts, agent: AgentRecord) -> float | None:
     """When the first event of this agent happens [s]; that of the scene where it has none."""
     own = [e.time for e in scene.proof.events if agent.id in (e.from_, e.to)]
     return min(own or [e.time for e in scene.proof.events], default=None)
 
 
-def _describe_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_events(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     lines = [_describe_event(scene, event) for event in scene.proof.events]
     if re.search(_TOUCH, scene.plain):
         kinds = {event.type for event in scene.proof.events}
@@ -147,7 +147,7 @@ def _describe_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     ]
 
 
-def _describe_event(scene: _Scene, event: Event) -> str:
+def _describe_event(scene: _SceneFacts, event: Event) -> str:
     first, second = (_name(scene.get_agent(n), n) for n in (event.from_, event.to))
     kind = f" ({event.kind.replace('_', ' ')})" if event.kind else ""
     where = _describe_place(event.location, scene.intersection_map)
@@ -166,7 +166,7 @@ def _describe_place(spot: tuple[float, float], intersection_map: IntersectionMap
     return "in the junction"
 
 
-def _describe_closeness(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_closeness(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     lines = []
     for event in scene.proof.events:
         figures = [_FIGURES[key].format(event.evidence[key]) for key in _FIGURES
@@ -176,7 +176,7 @@ def _describe_closeness(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [*lines, *_describe_distances(scene, about)] or _describe_events(scene, [])
 
 
-def _describe_distances(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_distances(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """How far two agents are apart: at the least, and when either brakes or comes in."""
     pair = _find_pair(scene, about)
     if pair is None:
@@ -196,7 +196,7 @@ def _describe_distances(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines
 
 
-def _find_pair(scene: _Scene, about: list[AgentRecord]) -> list[AgentRecord] | None:
+def _find_pair(scene: _SceneFacts, about: list[AgentRecord]) -> list[AgentRecord] | None:
     """The two that are asked about: those named, else one named and whom it meets."""
     if len(about) == 2:
         return about
@@ -209,7 +209,7 @@ def _find_pair(scene: _Scene, about: list[AgentRecord]) -> list[AgentRecord] | N
     return [about[0], others[0]] if len(about) == 1 and len(others) == 1 else None
 
 
-def _describe_speeds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_speeds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     lines = [_describe_speed(scene, agent) for agent in about]
     if len(about) > 1 and re.search(r"\bwho(?:se)?\b|\bwhich\b|\bfaster|\bcompare", scene.plain):
         most = {_name(each): scene.move(each).speed.max() for each in about}
@@ -218,7 +218,7 @@ def _describe_speeds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines
 
 
-def _describe_speed(scene: _Scene, agent: AgentRecord) -> str:
+def _describe_speed(scene: _SceneFacts, agent: AgentRecord) -> str:
     motion, time = scene.move(agent), _find_time(scene, agent)
     speed, brakes = motion.speed, motion.find_braking_start()
     line = f"{_name(agent)} goes at {_format_speed(speed.max(), scene.plain)} at the most"
@@ -235,11 +235,11 @@ def _format_speed(value: float, plain: str = "") -> str:
     return f"{value:.1f} m/s ({value * KMH:.0f} km/h)"
 
 
-def _describe_braking(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_braking(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [_describe_agent_braking(scene, agent) for agent in about]
 
 
-def _describe_agent_braking(scene: _Scene, agent: AgentRecord) -> str:
+def _describe_agent_braking(scene: _SceneFacts, agent: AgentRecord) -> str:
     motion = scene.move(agent)
     starts, stops = motion.find_braking_start(), motion.list_stops()
     line = f"{_name(agent)} does not slow"
@@ -257,7 +257,7 @@ def _describe_agent_braking(scene: _Scene, agent: AgentRecord) -> str:
     return f"{line}; it stands for {total:.1f} s ({', '.join(spans)})."
 
 
-def _describe_order(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_order(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """Who comes onto the junction first, and who leaves it first."""
     pair = about if len(about) > 1 else (_find_pair(scene, about) or about)
     visits = [
@@ -275,7 +275,7 @@ def _describe_order(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines or _describe_events(scene, about)
 
 
-def _describe_sides(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_sides(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """On which side either of two sees the other, when they are nearest."""
     pair = _find_pair(scene, about)
     closest = None if pair is None else find_closest(*(scene.move(each) for each in pair))
@@ -289,7 +289,7 @@ def _describe_sides(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [*lines, *_describe_routes(scene, about)]
 
 
-def _describe_story(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_story(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """What happens, in the order of time."""
     told: list[tuple[float, str]] = []
     for agent in scene.list_named() or about:
@@ -307,7 +307,7 @@ def _describe_story(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [f"{time:4.1f} s: {what}" for time, what in sorted(told)]
 
 
-def _explain_what_if(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _explain_what_if(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """What would have been is another scene: how this one is, and how to make that one."""
     name = about[0].name if about else "vehicle-1"
     return [
@@ -329,11 +329,11 @@ def list_formats() -> list[str]:
     ]
 
 
-def _list_formats(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _list_formats(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return list_formats()
 
 
-def _describe_routes(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_routes(_scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     lines = []
     for agent in about:
         way = f"comes from the {agent.entry}, goes to the {agent.exit} ({agent.movement})"
@@ -342,7 +342,7 @@ def _describe_routes(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines
 
 
-def _describe_lights(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_lights(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     if not scene.record.signals:
         return ["There are no traffic lights here."]
     sides = re.findall(r"\b(north|south|east|west)\b", scene.plain)
@@ -350,7 +350,7 @@ def _describe_lights(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines + [line for agent in about for line in _describe_light(scene, agent)]
 
 
-def _describe_leg_light(scene: _Scene, leg: str) -> list[str]:
+def _describe_leg_light(scene: _SceneFacts, leg: str) -> list[str]:
     """The light of those who come from a leg, as it is when something happens."""
     stops = {line.id for line in scene.intersection_map.stop_lines if line.leg == leg}
     rows = [row for row in scene.record.signals if row.stop_line in stops]
@@ -368,7 +368,7 @@ def _describe_rows(rows: Sequence[SignalRecord], time: float | None) -> str:
     return f"is {now.colour} at {time:.1f} s, for {time - now.start:.1f} s by then ({phases})"
 
 
-def _describe_light(scene: _Scene, agent: AgentRecord) -> list[str]:
+def _describe_light(scene: _SceneFacts, agent: AgentRecord) -> list[str]:
     names = _find_light_names(scene.intersection_map, agent)
     rows = [row for row in scene.record.signals if (row.crosswalk or row.stop_line) in names]
     if not rows:
@@ -390,7 +390,7 @@ def _find_light_names(intersection_map: IntersectionMap, agent: AgentRecord) -> 
     return {walk.id for walk in intersection_map.crosswalks if walk.leg == agent.crosswalk}
 
 
-def _describe_counts(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_counts(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     named = ", ".join(_name(each) for each in scene.list_named()) or "none"
     kinds = Counter(e.subtype or e.type for e in scene.record.agents if e.role == "background")
     others = ", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"
@@ -398,7 +398,7 @@ def _describe_counts(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [*lines, *(_describe_followers(scene, about) if "behind" in scene.plain else [])]
 
 
-def _describe_followers(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_followers(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """Who drives behind each, when it happens."""
     lines = []
     for agent in about:
@@ -415,7 +415,7 @@ def _describe_followers(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines
 
 
-def _describe_time(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_time(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     meta = scene.record.meta
     clock = f"The scene is at {meta.time_of_day} and lasts {meta.duration:g} s."
     visits = [
@@ -427,14 +427,14 @@ def _describe_time(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [*_describe_events(scene, about), *visits, clock]
 
 
-def _describe_fault(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_fault(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     if not scene.proof.events:
         return _describe_events(scene, [])
     return [line for event in scene.proof.events for line in (_describe_event(scene, event),
             f"  {_find_fault(scene, event)}")]  # fmt: skip
 
 
-def _find_fault(scene: _Scene, event: Event) -> str:
+def _find_fault(scene: _SceneFacts, event: Event) -> str:
     """Agents that broke a rule of the road as the tracks show; lawyers may see it otherwise."""
     pair = [each for n in (event.from_, event.to) if (each := scene.get_agent(n)) is not None]
     for agent in pair:
@@ -455,11 +455,11 @@ def _find_fault(scene: _Scene, event: Event) -> str:
     return "The tracks show no rule broken."
 
 
-def _describe_scene(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_scene(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [*_describe_closeness(scene, about), *_describe_counts(scene, about)]
 
 
-def _describe_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_danger(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     kinds = {event.type for event in scene.proof.events}
     first = (
         "Yes: they collide." if "collision" in kinds
@@ -469,24 +469,24 @@ def _describe_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [first, *_describe_closeness(scene, about)]
 
 
-def _describe_speed_limit(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_speed_limit(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     limits = sorted({lane.speed_limit for lane in scene.intersection_map.lanelets})
     limit = " to ".join(_format_speed(each) for each in (limits[0], limits[-1])[: len(limits)])
     return [f"The speed limit here is {limit}.", *_describe_speeds(scene, about)]
 
 
-def _explain_no_weather(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _explain_no_weather(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return ["There is no weather here: the road is dry and all agents see equally far."]
 
 
-def _explain_no_age(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _explain_no_age(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [
         "Pedestrians have no age or sex here; all are about as wide.",
         *_describe_counts(scene, about),
     ]
 
 
-def _describe_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_kinds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     kinds = [f"{each.name} is a {each.subtype or each.type}." for each in about]
     return [*kinds, *_describe_routes(scene, about)]
 
@@ -501,17 +501,17 @@ def define_terms() -> list[str]:
     ]
 
 
-def _define_figures(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _define_figures(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return define_terms()
 
 
-def _describe_causes(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_causes(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """Causes: the event, the agents that broke a rule, the motion of each."""
     lines = _describe_fault(scene, about)
     return [*lines, *_describe_braking(scene, about)]
 
 
-def _describe_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_sight(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     seen = [
         f"{_name(scene.get_agent(each['observer']))} first sees "
         f"{_name(scene.get_agent(each['subject']))} at {each['first_visible']:.1f} s."
@@ -522,7 +522,7 @@ def _describe_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [*_describe_events(scene, about), *(seen or ([] if hidden else [free]))]
 
 
-def _describe_proof(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_proof(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return [
         "A checker that shares no code with the generator found this on the finished tracks:",
         *_describe_closeness(scene, []),
@@ -530,18 +530,18 @@ def _describe_proof(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     ]
 
 
-def _describe_counts_and_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_counts_and_kinds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [
         *_describe_counts(scene, about),
         *(f"{each.name} is a {each.subtype or each.type}." for each in about),
     ]
 
 
-def _describe_places(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_places(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     return [*_describe_routes(scene, about), *_describe_events(scene, about)]
 
 
-def _list_topics(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _list_topics(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     return [
         TOPICS,
         'Or say what shall be different: "make the car a truck", "have it be a collision".',

@@ -118,9 +118,9 @@ class Talk:
             update={key: value for key, value in now.items() if getattr(node, key) is None}
         )
 
-    def find(self, who: str) -> AgentNode | None:
+    def find(self, phrase: str) -> AgentNode | None:
         """The agent that the words mean; None where that is no agent, or several equally."""
-        words = re.sub(r"^(?:the|that|this|my) ", "", who)
+        words = re.sub(r"^(?:the|that|this|my) ", "", phrase)
         if words in ("me", "i", "myself"):
             return self.find(self.narrator) if self.narrator else None
         if words == "ego":

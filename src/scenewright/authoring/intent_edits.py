@@ -201,7 +201,7 @@ def has_agent_noun(plain: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Wish:
+class EditIntent:
     """Words with an intent, and the scene that they are about.
 
     Attributes:
@@ -276,7 +276,7 @@ def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
         return _decline(f"There is no {noun} that takes part; there is {there or 'none'}.")
     if intent not in _OF_OTHERS and _find_stranger(plain, talk, new=True):
         return None  # "have a truck hit the car" brings in a truck, which no such change does
-    return make(Wish(intent, plain, talk, tuple(named)))
+    return make(EditIntent(intent, plain, talk, tuple(named)))
 
 
 _OF_OTHERS = frozenset(
@@ -322,7 +322,7 @@ def _decline(reason: str) -> DeclinedTurn:
     return DeclinedTurn(code="impossible", reason=reason)
 
 
-def _change_pace(wish: Wish) -> _Answer:
+def _change_pace(wish: EditIntent) -> _Answer:
     faster = wish.intent == "faster"
     every = list(wish.named) if len(wish.named) > 1 else [wish.choose()]
     much = re.search(r"\b(?:a lot|much|way|far|really|super)\b", wish.plain)
@@ -333,7 +333,7 @@ def _change_pace(wish: Wish) -> _Answer:
     return ", ".join(f"make {each} {how}" for each in chosen)
 
 
-def _change_speed(wish: Wish) -> _Answer:
+def _change_speed(wish: EditIntent) -> _Answer:
     node, value = wish.choose(), wish.number()
     if node is None or value is None:
         return None
@@ -349,7 +349,7 @@ def _change_speed(wish: Wish) -> _Answer:
 _UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
 
-def _remove(wish: Wish) -> _Answer:
+def _remove(wish: EditIntent) -> _Answer:
     return f"remove {wish.named[0].id}" if wish.named else None
 
 
@@ -362,7 +362,7 @@ def find_new_kind(plain: str) -> str | None:
     return None if found is None else found["noun"] or found["only"]
 
 
-def _add(wish: Wish) -> _Answer:
+def _add(wish: EditIntent) -> _Answer:
     noun = find_new_kind(wish.plain)
     if noun is None:
         return None
@@ -375,7 +375,7 @@ def _add(wish: Wish) -> _Answer:
     return f"add a {noun}{where}" + (f" that follows {wish.named[0].id}" if behind else "")
 
 
-def _become(wish: Wish) -> _Answer:
+def _become(wish: EditIntent) -> _Answer:
     noun = find_new_kind(wish.plain)
     if noun is None:
         return None
@@ -422,17 +422,17 @@ def _find_side(plain: str) -> str | None:
     return None if found is None else found[1]
 
 
-def _come_from(wish: Wish) -> _Answer:
+def _come_from(wish: EditIntent) -> _Answer:
     node, side = wish.choose(), _find_side(wish.plain)
     return None if node is None or side is None else f"make {node.id} come from the {side}"
 
 
-def _go_to(wish: Wish) -> _Answer:
+def _go_to(wish: EditIntent) -> _Answer:
     node, side = wish.choose(), _find_side(wish.plain)
     return None if node is None or side is None else f"let {node.id} leave to the {side}"
 
 
-def _turn(wish: Wish) -> _Answer:
+def _turn(wish: EditIntent) -> _Answer:
     node = wish.choose()
     turn = _find_turn(wish.plain)
     view = None if node is None else wish.view(node)
@@ -444,7 +444,7 @@ def _turn(wish: Wish) -> _Answer:
     return Edits(edits=(ChangeAgent(node=AgentNode.model_validate({**node.model_dump(), **way})),))
 
 
-def _cross(wish: Wish) -> _Answer:
+def _cross(wish: EditIntent) -> _Answer:
     walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
     node = next((each for each in wish.named if each.type == "pedestrian"), None)
     node = node or (walkers[0] if len(walkers) == 1 else None)
@@ -459,7 +459,7 @@ def _cross(wish: Wish) -> _Answer:
     return None if node is None or side is None else f"put {node.id} on the {side} crosswalk"
 
 
-def _reverse(wish: Wish) -> _Answer:
+def _reverse(wish: EditIntent) -> _Answer:
     node = wish.choose()
     view = None if node is None else wish.view(node)
     if node is None or view is None:
@@ -485,7 +485,7 @@ _HOURS = (
 )  # fmt: skip
 
 
-def _change_clock(wish: Wish) -> _Answer:
+def _change_clock(wish: EditIntent) -> _Answer:
     for pattern, hour in _HOURS:
         found = re.search(pattern, wish.plain)
         if found is None:
@@ -497,8 +497,8 @@ def _change_clock(wish: Wish) -> _Answer:
     return None
 
 
-def _make_event_rule(kind: str) -> Callable[[Wish], _Answer]:
-    def make(wish: Wish) -> _Answer:
+def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
+    def make(wish: EditIntent) -> _Answer:
         edge, pair = wish.find_edge(), wish.pair()
         if edge is not None and (len(wish.named) < 2 or pair is None or kind != "yield_to"):
             turned = kind == "yield_to" and wish.named and wish.named[0].id == edge.to
@@ -516,11 +516,11 @@ def _make_event_rule(kind: str) -> Callable[[Wish], _Answer]:
     return make
 
 
-def _say(sentence: str) -> Callable[[Wish], _Answer]:
+def _say(sentence: str) -> Callable[[EditIntent], _Answer]:
     return lambda _wish: sentence
 
 
-def _change_gap(wish: Wish) -> _Answer:
+def _change_gap(wish: EditIntent) -> _Answer:
     closer = wish.intent == "closer"
     number = wish.number("s", "m")
     if number is not None:
@@ -543,7 +543,7 @@ def _change_gap(wish: Wish) -> _Answer:
     return f"make the gap {'smaller' if closer else 'bigger'}"
 
 
-def _set_gap(wish: Wish) -> _Answer:
+def _set_gap(wish: EditIntent) -> _Answer:
     value, edge = wish.number("s", "m") or wish.number(), wish.find_edge()
     if value is None or edge is None:
         return None
@@ -557,11 +557,11 @@ def _set_gap(wish: Wish) -> _Answer:
     return None
 
 
-def _change_impact(wish: Wish) -> _Answer:
+def _change_impact(wish: EditIntent) -> _Answer:
     return f"make the crash {wish.intent}" if wish.find_edge("collide_at") else None
 
 
-def _set_impact(wish: Wish) -> _Answer:
+def _set_impact(wish: EditIntent) -> _Answer:
     value, edge = wish.number(), wish.find_edge("collide_at")
     if value is None or edge is None:
         return None
@@ -571,7 +571,7 @@ def _set_impact(wish: Wish) -> _Answer:
     )
 
 
-def _change_event_time(wish: Wish) -> _Answer:
+def _change_event_time(wish: EditIntent) -> _Answer:
     seconds = wish.number("s")
     if seconds and re.search(r"\bsec(?:ond)?s? in(?:to)?\b|\bs in(?:to)?\b", wish.plain):
         return f"let it happen {seconds:g} s into the scene"
@@ -579,25 +579,25 @@ def _change_event_time(wish: Wish) -> _Answer:
     return f"{seconds:g} seconds {when}" if seconds else when
 
 
-def _come(wish: Wish) -> _Answer:
+def _come(wish: EditIntent) -> _Answer:
     node, seconds = wish.choose(vehicle_first=False), wish.number("s") or 2.0
     when = "later" if wish.intent == "come_later" else "earlier"
     return None if node is None else f"{node.id} comes {seconds:g} seconds {when}"
 
 
-def _wait(wish: Wish) -> _Answer:
-    who = f"let {wish.named[0].id} " if wish.named else ""
+def _wait(wish: EditIntent) -> _Answer:
+    subject = f"let {wish.named[0].id} " if wish.named else ""
     more = "longer" if wish.intent == "wait_longer" else "less"
-    return f"{who}wait {wish.number('s') or 2.0:g} seconds {more}"
+    return f"{subject}wait {wish.number('s') or 2.0:g} seconds {more}"
 
 
-def _stop_place(wish: Wish) -> _Answer:
-    who = f"let {wish.named[0].id} " if wish.named else ""
+def _stop_place(wish: EditIntent) -> _Answer:
+    subject = f"let {wish.named[0].id} " if wish.named else ""
     where = "later" if wish.intent == "stop_later" else "earlier"
-    return f"{who}stop {wish.number('m') or 1.0:g} metres {where}"
+    return f"{subject}stop {wish.number('m') or 1.0:g} metres {where}"
 
 
-def _make_stop(wish: Wish) -> _Answer:
+def _make_stop(wish: EditIntent) -> _Answer:
     node = wish.choose()
     if node is None:
         return None
@@ -607,7 +607,7 @@ def _make_stop(wish: Wish) -> _Answer:
     return _make_event_rule("yield_to")(wish)
 
 
-def _brake(wish: Wish) -> _Answer:
+def _brake(wish: EditIntent) -> _Answer:
     node, value = wish.choose(), wish.number("m/s") or wish.number()
     if node is None or node.type == "pedestrian":
         return None
@@ -615,7 +615,7 @@ def _brake(wish: Wish) -> _Answer:
     return set_measure("braking", value or (2.0 if gentle else 5.5), node.id)
 
 
-def _change_motion(wish: Wish) -> _Answer:
+def _change_motion(wish: EditIntent) -> _Answer:
     node = wish.named[0] if wish.named else wish.choose(vehicle_first=False)
     if node is None or node.type != "pedestrian":
         walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
@@ -633,7 +633,7 @@ _PEOPLE = r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b"
 _CARS = r"\b(?:cars?|vehicles?|traffic)\b"
 
 
-def _count(wish: Wish) -> dict[str, int]:
+def _count(wish: EditIntent) -> dict[str, int]:
     others = [each for each in wish.talk.situation.present if each.role == "background"]
     return {
         "vehicles": sum(each.type != "pedestrian" for each in others),
@@ -648,7 +648,7 @@ def _find_kinds(plain: str) -> list[str]:
     return ["vehicles"] if cars and not people else ["vehicles", "pedestrians"]
 
 
-def _change_background(wish: Wish) -> _Answer:
+def _change_background(wish: EditIntent) -> _Answer:
     now, kinds, number = _count(wish), _find_kinds(wish.plain), wish.number()
     more = wish.intent == "more_traffic"
     twice, half = re.search(r"\b(?:twice|double)\b", wish.plain), re.search(r"\bhalf\b", wish.plain)
@@ -669,7 +669,7 @@ def _change_background(wish: Wish) -> _Answer:
     return Edits(edits=(SetBackground.model_validate(wanted),))
 
 
-def _remove_background(wish: Wish) -> _Answer:
+def _remove_background(wish: EditIntent) -> _Answer:
     """No agent besides those of the event; or none of a kind of vehicle."""
     rare = {CLASSES[each][1] for each in re.findall(rf"\b({_NOUN})(?:e?s)\b", wish.plain)} - {
         None,
@@ -685,7 +685,7 @@ def _remove_background(wish: Wish) -> _Answer:
     return Edits(edits=(SetBackground.model_validate(dict.fromkeys(kinds, 0)),))
 
 
-def _set_count(wish: Wish) -> _Answer:
+def _set_count(wish: EditIntent) -> _Answer:
     number, kinds = wish.number(), _find_kinds(wish.plain)
     if number is None:
         return None
@@ -697,12 +697,12 @@ def _set_count(wish: Wish) -> _Answer:
     )
 
 
-def _redraw(wish: Wish) -> _Answer:
+def _redraw(wish: EditIntent) -> _Answer:
     one = wish.named and re.search(r"\b(?:path|way|route)\b", wish.plain)
     return Edits(edits=(Redraw(agent=wish.named[0].id if one else None),))
 
 
-def _park_vehicle(wish: Wish) -> _Answer:
+def _park_vehicle(wish: EditIntent) -> _Answer:
     found = re.search(rf"\b(?P<noun>{_NOUN}|box|container|bin)\b", wish.plain)
     side = _find_side(wish.plain)
     if found is None or side is None:
@@ -711,7 +711,7 @@ def _park_vehicle(wish: Wish) -> _Answer:
     return f"add a {parked}{found['noun']} on the {side} leg"
 
 
-def _remove_parked(wish: Wish) -> _Answer:
+def _remove_parked(wish: EditIntent) -> _Answer:
     objects = wish.talk.situation.graph.objects
     if not objects:
         return _decline("Nothing stands in this scene that could be taken away.")
@@ -722,7 +722,7 @@ def _remove_parked(wish: Wish) -> _Answer:
     )
 
 
-def _hide(wish: Wish) -> _Answer:
+def _hide(wish: EditIntent) -> _Answer:
     walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
     if len(walkers) != 1:
         return _decline(
@@ -732,7 +732,7 @@ def _hide(wish: Wish) -> _Answer:
     return f"have her step out from behind a parked {found[0] if found else 'van'}"
 
 
-def _change_light(wish: Wish) -> _Answer:
+def _change_light(wish: EditIntent) -> _Answer:
     running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
     runs = wish.intent == "run_red"
     node = wish.choose() if runs else (running[0] if running else None)
@@ -742,7 +742,7 @@ def _change_light(wish: Wish) -> _Answer:
     return Edits(edits=(ChangeAgent(node=made),))
 
 
-def _make_jaywalker(wish: Wish) -> _Answer:
+def _make_jaywalker(wish: EditIntent) -> _Answer:
     walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
     return f"make {walkers[0].id} jaywalk" if len(walkers) == 1 else None
 
@@ -752,7 +752,7 @@ BEYOND = (
     'intersection, how they move, and the hour. Say for instance "make the car a bus" or "make it '
     'night".'
 )
-_WISHES: dict[str, Callable[[Wish], _Answer]] = {
+_WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "slower": _change_pace, "faster": _change_pace, "set_speed": _change_speed, "remove": _remove,
     "add_agent": _add,
     "become": _become, "come_from": _come_from, "turn": _turn, "go_to": _go_to, "cross_at": _cross,

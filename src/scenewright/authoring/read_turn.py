@@ -62,16 +62,16 @@ def read_words(
     """What the words amount to: as the planner reads them, by rule where it is the grammar.
 
     What the session itself does, such as undoing, and words that say they begin a new scene are
-    read by rule whoever plans; so is what the planner said nothing of use about.
+    read by rule with any planner; so is what the planner had no useful reading of.
 
     Args:
         before: what was said so far.
         chosen: answers to questions about the words: phrase -> agent id.
         account: called with what every answer of a model has cost.
     """
-    from scenewright.backends.offline import begins_anew, read, site_of
+    from scenewright.backends.offline import begins_anew, build_site, read
 
-    by_rule = read(words, situation, chosen=chosen, site=site_of(intersection_map))
+    by_rule = read(words, situation, chosen=chosen, site=build_site(intersection_map))
     asked = not get_backend_of_task(backend, "edits").deterministic
     if situation is None or begins_anew(words) or not asked:
         return by_rule
@@ -131,11 +131,11 @@ def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarific
 
     Of words that it cannot read as a whole, a part that it can is offered, and said to be a part.
     """
-    from scenewright.backends.offline import plan, site_of
+    from scenewright.backends.offline import plan, build_site
     from scenewright.tools.map_grounding.grounding import can_ground
 
     serves = partial(can_ground, intersection_map=intersection_map)
-    site = replace(site_of(intersection_map), can_serve=serves)
+    site = replace(build_site(intersection_map), can_serve=serves)
     found = plan(words, site=site)
     if not isinstance(found, Refusal):
         return None

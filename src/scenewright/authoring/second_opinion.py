@@ -221,7 +221,7 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
         return None
     if len(_NEW_ONE.findall(words.lower())) >= 1:
         return None
-    reason = "There is no scene yet to change; say first what shall happen, and to whom."
+    reason = "There is no scene yet to change; say first what shall happen between which agents."
     return DeclinedTurn(code="no_change", reason=reason)
 
 

@@ -54,7 +54,7 @@ from scenewright.authoring.thread_state import (
 from scenewright.authoring.turn_kind import TurnKind, spell_fully
 from scenewright.authoring.versions import EditResult, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
-from scenewright.backends.offline import answered, begins_anew
+from scenewright.backends.offline import begins_anew, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     ProgressCallback,
@@ -63,13 +63,13 @@ from scenewright.graph.run import (
     check_time_limit,
     encode_proof,
     encode_scene,
-    json_bytes,
+    format_json_line,
     sum_costs_by_task,
 )
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
 from scenewright.memory.threads import Threads
-from scenewright.nodes.wording import ExampleRetriever, recall_nothing
+from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import (
     Clarification,
     DeclinedTurn,
@@ -430,7 +430,7 @@ def _resolve_answer(state: ThreadState) -> tuple[str, dict[str, str]]:
     choice = (
         None
         if pending is None
-        else answered(state["words"], Clarification.model_validate(pending["ask"]))
+        else read_choice(state["words"], Clarification.model_validate(pending["ask"]))
     )
     if pending is not None and choice is None and _AGREES.match(state["words"].lower()):
         choice = Clarification.model_validate(pending["ask"]).choices[0]
@@ -624,7 +624,9 @@ def _enter_version(
         "pace": dict(made.pace),
         "scene": keep(encode_scene(scene.record)),
         "proof": keep(encode_proof(scene.proof)),
-        "provenance": keep(json_bytes(_build_provenance(scene, edits, state.get("models", {})))),
+        "provenance": keep(
+            format_json_line(_build_provenance(scene, edits, state.get("models", {})))
+        ),
         "earlier": keep(serialize_version(made.earlier)),
         "moved": list(made.moved),
         "gone": list(made.gone),

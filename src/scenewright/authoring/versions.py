@@ -12,7 +12,7 @@ from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import ProgressCallback, Scene, synthesize
 from scenewright.intersections import load_map
 from scenewright.nodes.context import Budgets
-from scenewright.nodes.wording import ExampleRetriever, recall_nothing
+from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import Edit
 from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
 from scenewright.scene.record import SceneRecord

@@ -1,4 +1,4 @@
-"""Who answers the questions of the pipeline: a grammar, any language model, or a file of answers.
+"""Backends that answer the pipeline's questions: a grammar, a language model, a file of answers.
 
 `builtin` is the grammar, `chat` any chat model that LangChain reaches, `engine` a model that vLLM
 runs in this process, `recorded` answers from a file, `scripted` says what it is handed. `spoken`
@@ -31,7 +31,7 @@ BACKENDS = ("builtin", "anthropic:MODEL", "openai:MODEL", "vllm:MODEL", "recorde
 
 
 @dataclass(frozen=True)
-class Wording:
+class Prompt:
     """A question in words, as a language model is sent it.
 
     Attributes:
@@ -65,7 +65,7 @@ class Call:
     answered: bool = True
 
 
-def _get_empty_wording() -> Wording:
+def _raise_no_prompt() -> Prompt:
     raise TypeError("this question has no words; only a grammar can answer it")
 
 
@@ -85,7 +85,7 @@ class Question:
         facts: everything the answer may build on, as plain JSON values.
         rejections: why earlier answers to the same question were refused, oldest first.
         seed: of the run, for models that can be given one.
-        wording: renders the prompt, for text models.
+        prompt: renders the prompt, for text models.
         account: called with the cost of an answer.
         can_serve: whether the map has ways for a graph; it decides between readings of a text.
     """
@@ -94,7 +94,7 @@ class Question:
     facts: dict[str, Any]
     rejections: tuple[str, ...] = field(default=())
     seed: int = 0
-    wording: Callable[[], Wording] = field(default=_get_empty_wording, compare=False, repr=False)
+    prompt: Callable[[], Prompt] = field(default=_raise_no_prompt, compare=False, repr=False)
     account: Account = field(default=ignore_account, compare=False, repr=False)
     can_serve: Callable[[SocialGraph], bool] | None = field(default=None, compare=False, repr=False)
 
@@ -152,11 +152,11 @@ def load_backend(
 
 
 def get_backend_of_task(backend: Backend, task: Task) -> Backend:
-    """Who answers questions of a task: a backend may be several, one per stage."""
-    speakers: Mapping[Task, Backend] | None = getattr(backend, "speakers", None)
+    """The backend for questions of a task: a backend may combine several, one per stage."""
+    speakers: Mapping[Task, Backend] | None = getattr(backend, "by_task", None)
     return backend if speakers is None else speakers[map_task(task)]
 
 
 def map_task(task: Task) -> Task:
-    """The task by which it is chosen who answers: edits are planning."""
+    """The task by which the backend is chosen: edits are planning."""
     return "plan" if task == "edits" else task

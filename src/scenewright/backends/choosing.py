@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from scenewright.backends import BACKENDS, TASKS, Backend, Named, Task
-from scenewright.backends.staged import Staged
+from scenewright.backends.staged import StagedBackend
 from scenewright.errors import InputError
 
 STAGES: dict[str, tuple[Task, ...]] = {
@@ -45,11 +45,11 @@ def choose_backend(
 
         speakers = record_answers(speakers, record)
     only = set(map(id, speakers.values()))
-    return speakers[TASKS[0]] if len(only) == 1 else Staged(speakers)
+    return speakers[TASKS[0]] if len(only) == 1 else StagedBackend(speakers)
 
 
 def _parse_by_task(name: Named) -> dict[Task, str | Backend]:
-    """Task -> who answers it."""
+    """Task -> its backend."""
     if isinstance(name, Mapping):
         pairs: list[tuple[str | None, str | Backend]] = [*name.items()]
     else:
@@ -61,15 +61,15 @@ def _parse_by_task(name: Named) -> dict[Task, str | Backend]:
             "as planner=NAME"
         )
     found: dict[Task, str | Backend] = dict.fromkeys(TASKS, plain[0] if plain else DEFAULT)
-    told: set[str] = set()
+    seen: set[str] = set()
     for stage, each in pairs:
         if stage is None:
             continue
         if stage not in STAGES:
             raise InputError(f"there is no stage {stage!r} to ask; there are {', '.join(STAGES)}")
-        if stage in told:
+        if stage in seen:
             raise InputError(f"two backends for the stage {stage}; name one")
-        told.add(stage)
+        seen.add(stage)
         found.update(dict.fromkeys(STAGES[stage], each))
     return found
 
@@ -96,9 +96,9 @@ def _make_backend(
         return replay_answers(name.removeprefix("recorded:"))
     if name.startswith("vllm:"):
         from scenewright.backends.engine import Engine
-        from scenewright.backends.spoken import Spoken
+        from scenewright.backends.text_backend import TextBackend
 
-        return dict.fromkeys(TASKS, Spoken(Engine(name.removeprefix("vllm:"))))
+        return dict.fromkeys(TASKS, TextBackend(Engine(name.removeprefix("vllm:"))))
     if ":" not in name:
         known = ", ".join(BACKENDS)
         raise InputError(f"there is no backend {name!r}; choose one of: {known}")
@@ -108,7 +108,7 @@ def _make_backend(
 def _make_chat_backend(name: str, *, base_url: str | None, timeout: float | None) -> Backend:
     from scenewright.backends.chat.model import ChatModel, Limits
     from scenewright.backends.chat.naming import load_chat_model
-    from scenewright.backends.spoken import Spoken
+    from scenewright.backends.text_backend import TextBackend
 
     limits = Limits() if timeout is None else Limits(timeout=_parse_seconds(timeout))
     # An endpoint of the user's own serves the models named openai:...; others have their own.
@@ -116,7 +116,7 @@ def _make_chat_backend(name: str, *, base_url: str | None, timeout: float | None
     endpoint = load_chat_model(
         name, base_url=theirs, timeout=limits.timeout, max_tokens=limits.tokens
     )
-    return Spoken(ChatModel(endpoint, limits=limits))
+    return TextBackend(ChatModel(endpoint, limits=limits))
 
 
 def _parse_seconds(timeout: float) -> float:

@@ -15,8 +15,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-from scenewright.backends import Question, Wording
-from scenewright.backends.spoken import Said
+from scenewright.backends import Prompt, Question
+from scenewright.backends.text_backend import Completion
 from scenewright.errors import BackendFault, InputError
 
 PREFIX = "vllm:"
@@ -29,14 +29,14 @@ _CUT_OFF = "the reply was cut off before its end; answer with less, as one JSON 
 
 @dataclass(frozen=True)
 class _Waiting:
-    wording: Wording
+    prompt: Prompt
     seed: int
     again: bool
-    reply: Future[Said]
+    reply: Future[Completion]
 
 
 class Engine:
-    """Answers with a model that vLLM runs here (see `Speaker`).
+    """Answers with a model that vLLM runs here (see `TextModel`).
 
     Attributes:
         at_once: how many questions make a full batch.
@@ -63,9 +63,9 @@ class Engine:
         threading.Thread(target=self._work, args=arguments, daemon=True).start()
         loaded.result()
 
-    def say(self, question: Question, wording: Wording) -> Said:
-        """The reply (see `Speaker`)."""
-        asked = _Waiting(wording, question.seed, bool(question.rejections), Future())
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
+        """The reply (see `TextModel`)."""
+        asked = _Waiting(prompt, question.seed, bool(question.rejections), Future())
         self._waiting.put(asked)
         return asked.reply.result()
 
@@ -104,11 +104,11 @@ class Engine:
         for each, said in zip(batch, found, strict=True):
             each.reply.set_result(said)
 
-    def _generate_batch(self, engine: Any, batch: list[_Waiting]) -> list[Said]:
+    def _generate_batch(self, engine: Any, batch: list[_Waiting]) -> list[Completion]:
         talks = [
             [
-                {"role": "system", "content": each.wording.system},
-                {"role": "user", "content": each.wording.user},
+                {"role": "system", "content": each.prompt.system},
+                {"role": "user", "content": each.prompt.user},
             ]
             for each in batch
         ]
@@ -122,14 +122,14 @@ class Engine:
             seed=asked.seed % 2**31,
             max_tokens=self._tokens,
             structured_outputs=sampling.StructuredOutputsParams(
-                json=asked.wording.schema, disable_any_whitespace=True
+                json=asked.prompt.schema, disable_any_whitespace=True
             ),
         )
 
 
-def _read_completion(output: Any) -> Said:
+def _read_completion(output: Any) -> Completion:
     reply = output.outputs[0]
-    return Said(
+    return Completion(
         reply.text,
         fault=_CUT_OFF if reply.finish_reason == "length" else None,
         input_tokens=len(output.prompt_token_ids),

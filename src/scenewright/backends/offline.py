@@ -6,12 +6,19 @@ Rooms above load it from here, so that they need not know how the planner is bui
 from __future__ import annotations
 
 from scenewright.backends.builtin.backend import read_account
-from scenewright.backends.builtin.draft import site_of
+from scenewright.backends.builtin.draft import build_site
 from scenewright.backends.builtin.planner import plan
-from scenewright.backends.builtin.references import answered, which
+from scenewright.backends.builtin.references import build_clarification, read_choice
 from scenewright.backends.builtin.revising import begins_anew, read
 from scenewright.backends.builtin.turn_intent import rank_intents
 
 __all__ = [
-    "answered", "begins_anew", "plan", "rank_intents", "read", "read_account", "site_of", "which",
+    "begins_anew",
+    "build_clarification",
+    "build_site",
+    "plan",
+    "rank_intents",
+    "read",
+    "read_account",
+    "read_choice",
 ]  # fmt: skip

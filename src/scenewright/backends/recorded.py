@@ -1,6 +1,6 @@
 """Answers kept in a file, and answers given from it: a run is replayed bit for bit.
 
-The file is JSON lines: a head that says who answered which task, then one line per answer with the
+The file is JSON lines: a head that names the model of each task, then one line per answer with the
 key of its question (model, prompt, schema and seed). Each line is appended whole, under a lock, so
 that several runs may share a file and one that is killed costs at most its own last line.
 """
@@ -16,16 +16,16 @@ from typing import IO, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from scenewright.backends import TASKS, Backend, Question, Task, Wording
-from scenewright.backends.spoken import Said, Speaker, Spoken, compute_key
+from scenewright.backends import TASKS, Backend, Prompt, Question, Task
+from scenewright.backends.text_backend import Completion, TextBackend, TextModel, compute_key
 from scenewright.errors import BackendFault, InputError
 
 FORMAT: Literal["scenewright answers"] = "scenewright answers"
 _MOST_BYTES = 512_000_000
 
 
-class Identity(BaseModel):
-    """Who answers a task."""
+class ModelIdentity(BaseModel):
+    """The model that answers a task."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -33,14 +33,14 @@ class Identity(BaseModel):
     deterministic: bool
 
 
-class Head(BaseModel):
+class AnswersHead(BaseModel):
     """The first line of a file of answers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     format: Literal["scenewright answers"] = FORMAT
     version: Literal[1] = 1
-    speakers: dict[Task, Identity]
+    speakers: dict[Task, ModelIdentity]
 
 
 class Answer(BaseModel):
@@ -64,9 +64,9 @@ class Answer(BaseModel):
     input_tokens: int | None = None
     output_tokens: int | None = None
 
-    def said(self) -> Said:
+    def to_completion(self) -> Completion:
         """What was said."""
-        return Said(
+        return Completion(
             self.reply,
             fault=self.fault,
             asked=0,
@@ -78,7 +78,7 @@ class Answer(BaseModel):
 class Answers:
     """A file of answers, read once and appended to."""
 
-    def __init__(self, path: str | Path, head: Head) -> None:
+    def __init__(self, path: str | Path, head: AnswersHead) -> None:
         self.path, self.head = Path(path), head
         self._known: dict[str, Answer] = {}
         self._lock = threading.Lock()
@@ -98,7 +98,7 @@ class Answers:
         return found
 
     @classmethod
-    def to_add_to(cls, path: str | Path, head: Head) -> Answers:
+    def open_or_create(cls, path: str | Path, head: AnswersHead) -> Answers:
         """The answers in a file, which is made if it is not there.
 
         Raises:
@@ -143,18 +143,18 @@ class Answers:
 class AnswerRecorder:
     """A model whose answers are recorded; answers already in the file are reused."""
 
-    def __init__(self, speaker: Speaker, answers: Answers, *, by_facts: bool = False) -> None:
-        self.name = speaker.name
-        self._speaker, self._answers, self._by_facts = speaker, answers, by_facts
+    def __init__(self, text_model: TextModel, answers: Answers, *, by_facts: bool = False) -> None:
+        self.name = text_model.name
+        self._text_model, self._answers, self._by_facts = text_model, answers, by_facts
 
-    def say(self, question: Question, wording: Wording) -> Said:
-        """The reply (see `Speaker`)."""
-        key = compute_key(self.name, question, wording, by_facts=self._by_facts)
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
+        """The reply (see `TextModel`)."""
+        key = compute_key(self.name, question, prompt, by_facts=self._by_facts)
         known = self._answers.get(key)
         if known is not None:
-            return known.said()
-        said = self._speaker.say(question, wording)
-        self._answers.add(_build_answer(key, self.name, question, wording, said))
+            return known.to_completion()
+        said = self._text_model.complete(question, prompt)
+        self._answers.add(_build_answer(key, self.name, question, prompt, said))
         return said
 
 
@@ -165,9 +165,9 @@ class ReplaySource:
         self.name = name
         self._answers, self._by_facts = answers, by_facts
 
-    def say(self, question: Question, wording: Wording) -> Said:
-        """The recorded reply (see `Speaker`)."""
-        key = compute_key(self.name, question, wording, by_facts=self._by_facts)
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
+        """The recorded reply (see `TextModel`)."""
+        key = compute_key(self.name, question, prompt, by_facts=self._by_facts)
         known = self._answers.get(key)
         if known is None:
             raise BackendFault(
@@ -175,27 +175,27 @@ class ReplaySource:
                 f"{question.seed}; record it with the same request, seed, intersection and version",
                 final=True,
             )
-        return known.said()
+        return known.to_completion()
 
 
-class _Aloud:
-    """A backend of rules as a speaker: its answers as text, exact to the bit."""
+class _BackendAsModel:
+    """A backend of rules as a text_model: its answers as text, exact to the bit."""
 
     def __init__(self, backend: Backend) -> None:
         self.name = backend.name
         self._backend = backend
 
-    def say(self, question: Question, wording: Wording) -> Said:
-        """The reply (see `Speaker`)."""
-        del wording
-        return Said(json.dumps(self._backend.answer(question), ensure_ascii=False))
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
+        """The reply (see `TextModel`)."""
+        del prompt
+        return Completion(json.dumps(self._backend.answer(question), ensure_ascii=False))
 
 
-class _Heard(Spoken):
+class _ReplayBackend(TextBackend):
     """A model that replays the recorded answers of another."""
 
-    def __init__(self, speaker: Speaker, *, deterministic: bool) -> None:
-        super().__init__(speaker)
+    def __init__(self, text_model: TextModel, *, deterministic: bool) -> None:
+        super().__init__(text_model)
         self.deterministic = deterministic
 
 
@@ -205,16 +205,16 @@ def record_answers(speakers: Mapping[Task, Backend], path: str | Path) -> dict[T
     Raises:
         InputError: the file cannot be used.
     """
-    who = {
-        task: Identity(name=each.name, deterministic=each.deterministic)
+    identities = {
+        task: ModelIdentity(name=each.name, deterministic=each.deterministic)
         for task, each in speakers.items()
     }
-    answers = Answers.to_add_to(path, Head(speakers=who))
+    answers = Answers.open_or_create(path, AnswersHead(speakers=identities))
     found: dict[Task, Backend] = {}
     for task, each in speakers.items():
         rule = each.deterministic
-        kept = AnswerRecorder(_get_speaker(each), answers, by_facts=rule)
-        found[task] = _Heard(kept, deterministic=rule)
+        kept = AnswerRecorder(_get_text_model(each), answers, by_facts=rule)
+        found[task] = _ReplayBackend(kept, deterministic=rule)
     return found
 
 
@@ -226,25 +226,27 @@ def replay_answers(path: str | Path) -> dict[Task, Backend]:
     """
     answers = Answers.read(path)
     found: dict[Task, Backend] = {}
-    for task, who in answers.head.speakers.items():
-        replay = ReplaySource(who.name, answers, by_facts=who.deterministic)
-        found[task] = _Heard(replay, deterministic=who.deterministic)
+    for task, identity in answers.head.speakers.items():
+        replay = ReplaySource(identity.name, answers, by_facts=identity.deterministic)
+        found[task] = _ReplayBackend(replay, deterministic=identity.deterministic)
     return found
 
 
-def _get_speaker(backend: Backend) -> Speaker:
-    return backend.speaker if isinstance(backend, Spoken) else _Aloud(backend)
+def _get_text_model(backend: Backend) -> TextModel:
+    return backend.text_model if isinstance(backend, TextBackend) else _BackendAsModel(backend)
 
 
-def _build_answer(key: str, model: str, question: Question, wording: Wording, said: Said) -> Answer:
+def _build_answer(
+    key: str, model: str, question: Question, prompt: Prompt, said: Completion
+) -> Answer:
     return Answer(
         key=key,
         task=question.task,
         model=model,
         seed=question.seed,
-        system=wording.system,
-        user=wording.user,
-        schema_=wording.schema,
+        system=prompt.system,
+        user=prompt.user,
+        schema_=prompt.schema,
         reply=said.text,
         fault=said.fault,
         input_tokens=said.input_tokens,
@@ -252,7 +254,7 @@ def _build_answer(key: str, model: str, question: Question, wording: Wording, sa
     )
 
 
-def _parse_answers(path: Path) -> tuple[Head | None, list[Answer]]:
+def _parse_answers(path: Path) -> tuple[AnswersHead | None, list[Answer]]:
     try:
         if path.stat().st_size > _MOST_BYTES or not path.is_file():
             raise InputError(f"cannot read {path}: no file of answers, or a larger one than 512 MB")
@@ -267,7 +269,7 @@ def _parse_answers(path: Path) -> tuple[Head | None, list[Answer]]:
     for number, line in enumerate(lines, start=1):
         try:
             if number == 1:
-                head = Head.model_validate_json(line)
+                head = AnswersHead.model_validate_json(line)
             elif line.strip():
                 answers.append(Answer.model_validate_json(line))
         except ValidationError as error:
@@ -319,10 +321,10 @@ def _lock(file: IO[bytes]) -> Iterator[None]:
         fcntl.flock(file, fcntl.LOCK_UN)
 
 
-def _list_asked_tasks(head: Head) -> dict[Task, Identity]:
-    """Who answers the tasks that are still asked: files of earlier versions name one more."""
+def _list_asked_tasks(head: AnswersHead) -> dict[Task, ModelIdentity]:
+    """Models of the tasks that are still asked: files of earlier versions name one more."""
     return {task: head.speakers[task] for task in TASKS}
 
 
-def _format_names(head: Head) -> str:
+def _format_names(head: AnswersHead) -> str:
     return ", ".join(dict.fromkeys(each.name for each in head.speakers.values()))

@@ -8,26 +8,26 @@ from typing import Any
 from scenewright.backends import TASKS, Backend, Question, Task, map_task
 
 
-class Staged:
+class StagedBackend:
     """Hands every question to the backend of its stage.
 
     Attributes:
-        speakers: task -> who answers it; every task has one.
+        by_task: task -> its backend; every task has one.
     """
 
-    def __init__(self, speakers: Mapping[Task, Backend]) -> None:
-        self.speakers = dict(speakers)
-        self.name = _name(self.speakers)
-        self.deterministic = all(each.deterministic for each in self.speakers.values())
+    def __init__(self, by_task: Mapping[Task, Backend]) -> None:
+        self.by_task = dict(by_task)
+        self.name = _join_names(self.by_task)
+        self.deterministic = all(each.deterministic for each in self.by_task.values())
 
     def answer(self, question: Question) -> dict[str, Any]:
         """Return the reply of the task's backend (see `Backend`)."""
-        return self.speakers[map_task(question.task)].answer(question)
+        return self.by_task[map_task(question.task)].answer(question)
 
 
-def _name(speakers: Mapping[Task, Backend]) -> str:
+def _join_names(by_task: Mapping[Task, Backend]) -> str:
     """One name if there is but one, else each with its task."""
-    names = [speakers[task].name for task in TASKS]
+    names = [by_task[task].name for task in TASKS]
     if len(set(names)) == 1:
         return names[0]
     return ", ".join(f"{task}={name}" for task, name in zip(TASKS, names, strict=True))

@@ -49,11 +49,11 @@ def author(
 
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=None)
-    speaker, hide = _load_model(model, base_url, timeout)
+    chat_model, hide = _load_model(model, base_url, timeout)
     with show_progress(quiet=quiet) as log:
         made = authored(
             instruction,
-            model=speaker,
+            model=chat_model,
             intersection=intersection,
             seed=seed,
             most_calls=most_calls,
@@ -91,11 +91,11 @@ def _load_model(
 
 def _write(made: AgentResult, target: Path, *, seed: int, model: str | None) -> list[str]:
     from scenewright.authoring.agent import format_provenance
-    from scenewright.cli.output_folder import whole_folder
+    from scenewright.cli.output_folder import fill_folder
     from scenewright.files import write_atomically
     from scenewright.graph.run import encode_proof, encode_scene
 
-    with whole_folder(target) as part:
+    with fill_folder(target) as part:
         write_atomically(part / "provenance.json", format_provenance(made, seed=seed, model=model))
         write_atomically(part / "proof.json", encode_proof(made.proof))
         write_atomically(part / "scene.json", encode_scene(made.record))

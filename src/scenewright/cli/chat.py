@@ -19,7 +19,7 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
-from scenewright.cli.interrupts import forget_interrupt, was_terminated
+from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
 from scenewright.cli.user_folders import find_threads_file
 from scenewright.errors import InputError
 from scenewright.intersections import find_data_folder
@@ -232,7 +232,7 @@ class _ChatLoop:
                 self._progress_log.to = log
                 return self._session.say(words)
         except KeyboardInterrupt:
-            if was_terminated():
+            if has_terminate_signal():
                 raise
             forget_interrupt()
             return {"kind": "nothing", "reason": "given up; the scene is as it was"}
@@ -461,7 +461,7 @@ def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
                 log_line("")
                 return
             except KeyboardInterrupt:
-                if was_terminated():
+                if has_terminate_signal():
                     raise
                 forget_interrupt()
                 log_line("\n/quit or Ctrl-D ends the conversation")

@@ -94,8 +94,8 @@ def serve_mcp(
     """Serve the tools over the Model Context Protocol, on stdin and stdout (extra `mcp`)."""
     from scenewright.cli.mcp import ServerOptions, serve
 
-    speaker = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
-    serve(ServerOptions(threads, thread, intersection, speaker, seed, out, time_limit))
+    chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    serve(ServerOptions(threads, thread, intersection, chosen_backend, seed, out, time_limit))
 
 
 @memory.command("list")

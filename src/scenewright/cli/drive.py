@@ -15,7 +15,7 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
-from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.cli.output_folder import fill_folder, target_folder
 from scenewright.errors import InputError, Unsatisfiable
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _save(reports: list[Report], target: Path) -> None:
     """One drive as the folder itself, several as folders in it."""
     from scenewright.driving.save import save_drive
 
-    with whole_folder(target) as part:
+    with fill_folder(target) as part:
         for report in reports:
             folder = part if len(reports) == 1 else part / f"drive-{report.drive.seed}"
             save_drive(report, folder)

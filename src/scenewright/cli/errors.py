@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenewright.cli.console import format_one_line
-from scenewright.cli.interrupts import was_stopped, was_terminated
+from scenewright.cli.interrupts import has_stop_signal, has_terminate_signal
 from scenewright.errors import BackendFault, InputError, OutOfTime, ScenewrightError, Unsatisfiable
 
 NOT_VERIFIED = 1
@@ -57,8 +57,8 @@ class CliError:
 
 def to_cli_error(error: BaseException) -> CliError:
     """The error object of an exception; an unexpected one is `internal_error`."""
-    if isinstance(error, KeyboardInterrupt) or was_stopped():
-        code = TERMINATED if was_terminated() else INTERRUPTED
+    if isinstance(error, KeyboardInterrupt) or has_stop_signal():
+        code = TERMINATED if has_terminate_signal() else INTERRUPTED
         return CliError("interrupted", code, "interrupted; nothing was written")
     match error:
         case Unsatisfiable():

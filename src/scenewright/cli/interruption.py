@@ -15,6 +15,6 @@ def forget() -> None:
     _words.clear()
 
 
-def kept() -> str | None:
+def get_note() -> str | None:
     """What was noted last."""
     return _words[0] if _words else None

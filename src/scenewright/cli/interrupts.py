@@ -13,7 +13,7 @@ _received: list[int] = []
 
 
 @contextmanager
-def watched_signals() -> Iterator[None]:
+def watch_signals() -> Iterator[None]:
     """Takes note of the signals; those that are ignored or handled by others are left alone."""
     _received.clear()
     before: dict[signal.Signals, Any] = {
@@ -48,11 +48,11 @@ def forget_interrupt() -> None:
     _received[:] = [number for number in _received if number != signal.SIGINT]
 
 
-def was_stopped() -> bool:
+def has_stop_signal() -> bool:
     """Whether a signal has come."""
     return bool(_received)
 
 
-def was_terminated() -> bool:
+def has_terminate_signal() -> bool:
     """Whether the signal was SIGTERM."""
     return signal.SIGTERM in _received

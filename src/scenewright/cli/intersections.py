@@ -14,20 +14,20 @@ from scenewright.intersections import (
 from scenewright.scene.map import IntersectionMap
 
 
-def overview() -> list[dict[str, Any]]:
+def summarize_intersections() -> list[dict[str, Any]]:
     """A few facts on every bundle; a broken one is listed with what is wrong."""
     from scenewright.errors import InputError
 
     rows: list[dict[str, Any]] = []
     for name in list_intersections():
         try:
-            rows.append(_brief(load_map(name), name))
+            rows.append(_summarize_intersection(load_map(name), name))
         except InputError as error:
             rows.append({"name": name, "error": format_one_line(str(error))})
     return rows
 
 
-def _brief(intersection_map: IntersectionMap, name: str) -> dict[str, Any]:
+def _summarize_intersection(intersection_map: IntersectionMap, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "title": intersection_map.title,
@@ -45,7 +45,7 @@ def _find_origin_of_priors(name: str) -> str:
     return str(stated or "fitted")
 
 
-def details(name: str) -> dict[str, Any]:
+def describe_intersection(name: str) -> dict[str, Any]:
     """What an instruction may refer to at an intersection.
 
     Raises:
@@ -53,7 +53,7 @@ def details(name: str) -> dict[str, Any]:
     """
     intersection_map = load_map(name)
     return {
-        **_brief(intersection_map, name),
+        **_summarize_intersection(intersection_map, name),
         "priors_from": _find_origin_of_priors(name),
         "legs": [{"name": leg.name, "road": leg.road} for leg in intersection_map.legs],
         "movements": [
@@ -69,7 +69,7 @@ def details(name: str) -> dict[str, Any]:
     }
 
 
-def overview_table(rows: list[dict[str, Any]]) -> str:
+def format_intersections(rows: list[dict[str, Any]]) -> str:
     """The bundles as a table."""
     from rich import box
     from rich.table import Table
@@ -88,7 +88,7 @@ def overview_table(rows: list[dict[str, Any]]) -> str:
     return render_table(table)
 
 
-def details_text(facts: dict[str, Any]) -> str:
+def format_intersection(facts: dict[str, Any]) -> str:
     """The facts on one intersection as lines."""
     signals = facts["signals"]
     lights = "none" if signals is None else f"cycle of {signals['cycle']:g} s"

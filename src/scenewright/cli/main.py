@@ -59,8 +59,8 @@ from scenewright.cli.import_commands import (
     show_junctions,
     simulate,
 )
-from scenewright.cli.interruption import forget, kept
-from scenewright.cli.interrupts import watched_signals
+from scenewright.cli.interruption import forget, get_note
+from scenewright.cli.interrupts import watch_signals
 from scenewright.cli.planner import planner
 from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
@@ -223,10 +223,10 @@ def plan(
     if as_json and out == "-":
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     check_out(out)
-    speaker = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
-    planned = plan_all(read_rows(rows), speaker, calls, intersection_map=intersection_map)
+    planned = plan_all(read_rows(rows), chosen_backend, calls, intersection_map=intersection_map)
     write_rows(out, planned)
     refused = sum(row["refused"] for row in planned)
     paid = sum_costs(calls)
@@ -318,13 +318,13 @@ def show(
 @intersections.command("list")
 def list_all(as_json: Json = False) -> None:
     """List the intersections there are."""
-    from scenewright.cli.intersections import overview, overview_table
+    from scenewright.cli.intersections import format_intersections, summarize_intersections
 
-    rows = overview()
+    rows = summarize_intersections()
     if as_json:
         write_json({"ok": True, "intersections": rows})
     else:
-        write_stdout(overview_table(rows))
+        write_stdout(format_intersections(rows))
 
 
 @intersections.command("show")
@@ -337,9 +337,9 @@ def show_one(
     as_json: Json = False,
 ) -> None:
     """Say what an intersection has: legs, movements, crosswalks, signals."""
-    from scenewright.cli.intersections import details, details_text
+    from scenewright.cli.intersections import describe_intersection, format_intersection
 
-    facts = details(name)
+    facts = describe_intersection(name)
     if png is not None:
         from scenewright.cli.custom_intersections import draw_own
 
@@ -353,7 +353,7 @@ def show_one(
     if as_json:
         write_json({"ok": True, **facts})
     else:
-        write_stdout(details_text(facts))
+        write_stdout(format_intersection(facts))
 
 
 @intersections.command("build")
@@ -466,7 +466,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     forget()
-    with watched_signals(), _collect_garbage_rarely() if argv is None else nullcontext():
+    with watch_signals(), _collect_garbage_rarely() if argv is None else nullcontext():
         return _run(words)
 
 
@@ -508,7 +508,7 @@ def _flush() -> None:
 
 
 def _add_kept_work(fault: CliError) -> CliError:
-    word = kept()
+    word = get_note()
     if fault.code != "interrupted" or word is None:
         return fault
     return replace(fault, reason=f"interrupted; {word}")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.cli.output_folder import fill_folder, target_folder
 from scenewright.cli.views import ViewKind, write_view
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -111,7 +111,7 @@ def make_scene(request: MakeOptions, *, log: ProgressCallback) -> MakeResult:
     if target is None:
         name = Path(SCENES) / choose_folder_name(scene.record.meta.scene_id)
         target = target_folder(str(name), force=request.force)
-    with whole_folder(target) as part:
+    with fill_folder(target) as part:
         scene.save(part, profile=request.profile)
         warnings = (*_explain_unrefined(scene), *_add_views(scene, part, request, log))
         files = tuple(sorted(entry.name for entry in part.iterdir()))

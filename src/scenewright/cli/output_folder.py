@@ -46,7 +46,7 @@ def target_folder(path: str, *, force: bool | None) -> Path:
 def _check(target: Path, *, force: bool | None) -> None:
     if target.exists() and not target.is_dir():
         raise InputError(f"{target} is a file; --out must name a folder")
-    if target.is_dir() and not force and not _replaceable(target):
+    if target.is_dir() and not force and not _is_replaceable(target):
         beside = ", or add --force to keep them and write the scene beside them"
         more = "" if force is None else beside
         raise InputError(f"{target} holds other files; choose another --out{more}")
@@ -55,14 +55,14 @@ def _check(target: Path, *, force: bool | None) -> None:
         raise InputError(f"cannot write in {nearest}: no permission, or not a folder")
 
 
-def _replaceable(target: Path) -> bool:
+def _is_replaceable(target: Path) -> bool:
     """Empty, or nothing but an earlier scene."""
     found = {entry.name for entry in target.iterdir()}
     return not found or ("scene.json" in found and found <= set(SCENE_FILES))
 
 
 @contextmanager
-def whole_folder(target: Path) -> Iterator[Path]:
+def fill_folder(target: Path) -> Iterator[Path]:
     """A folder to fill, moved to `target` once the block is through, else removed.
 
     A folder that holds an earlier scene is replaced; other files in it are kept.
@@ -74,15 +74,15 @@ def whole_folder(target: Path) -> Iterator[Path]:
     part: Path | None = None
     try:
         made = _make_parents(target)
-        part = _staging(target)
+        part = _make_staging(target)
         yield part
         _publish(part, target)
         made = []
     except OSError as error:
-        raise _unwritable(target, error) from error
+        raise _describe_unwritable(target, error) from error
     except InputError as error:
         if isinstance(error.__cause__, OSError):
-            raise _unwritable(target, error.__cause__) from error
+            raise _describe_unwritable(target, error.__cause__) from error
         raise
     finally:
         if part is not None:
@@ -92,7 +92,7 @@ def whole_folder(target: Path) -> Iterator[Path]:
                 folder.rmdir()
 
 
-def _unwritable(target: Path, error: OSError) -> InputError:
+def _describe_unwritable(target: Path, error: OSError) -> InputError:
     return InputError(f"cannot write {target}: {error.strerror or error}")
 
 
@@ -103,7 +103,7 @@ def _make_parents(target: Path) -> list[Path]:
     return missing
 
 
-def _staging(target: Path) -> Path:
+def _make_staging(target: Path) -> Path:
     """A new folder beside the target, or inside it where its parent cannot be written."""
     name = f".{target.name[:80]}.{secrets.token_hex(4)}.part"
     beside = target.parent / name
@@ -120,7 +120,7 @@ def _staging(target: Path) -> Path:
 def _publish(part: Path, target: Path) -> None:
     if not target.exists():
         part.rename(target)
-    elif part.parent == target or target == Path.cwd() or not _replaceable(target):
+    elif part.parent == target or target == Path.cwd() or not _is_replaceable(target):
         _fill(part, target)
     else:
         _swap(part, target)

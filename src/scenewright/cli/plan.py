@@ -266,7 +266,7 @@ def _build_question(
     wrong: tuple[str, ...],
     account: Account,
 ) -> Question:
-    from scenewright.nodes.scene_planner.wording import render_plan_prompt
+    from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 
     text, previous = row["text"], row.get("previous")
     left_hand = intersection_map is not None and intersection_map.left_hand_traffic
@@ -282,7 +282,7 @@ def _build_question(
             else {leg.name: leg.road for leg in intersection_map.legs},
         },
         rejections=wrong,
-        wording=lambda: render_plan_prompt(
+        prompt=lambda: render_plan_prompt(
             text, previous, ways, left_hand=left_hand, rejections=wrong
         ),
         account=account,

@@ -58,7 +58,7 @@ def train(
     Beside your instructions it learns from those of the package. Use the weights with
     SCENEWRIGHT_PLANNER=FILE.
     """
-    from scenewright.backends.builtin.training.corpus import find_faults, package_files
+    from scenewright.backends.builtin.training.corpus import find_faults, list_package_files
     from scenewright.backends.builtin.training.fit import train_reader
 
     own = list(files or ())
@@ -69,7 +69,7 @@ def train(
         raise InputError(f"cannot write {out}: --out must name a file in a folder that exists")
     with show_progress(quiet=False) as log:
         rows = train_reader(
-            [*package_files(), *own], own=own, out=out, minilm=minilm,
+            [*list_package_files(), *own], own=own, out=out, minilm=minilm,
             steps=steps or (400 if minilm is None else 8000), seed=seed,
             log=lambda line: log("training", line),
         )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.cli.output_folder import fill_folder, target_folder
 from scenewright.cli.views import ViewKind, write_view
 from scenewright.errors import InputError, ScenewrightError
 
@@ -25,7 +25,7 @@ def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], lis
     from scenewright.files import write_atomically
 
     target = target_folder(path, force=None)
-    with whole_folder(target) as part:
+    with fill_folder(target) as part:
         write_atomically(part / "scene.json", shown.scene_json)
         write_atomically(part / "proof.json", shown.proof_json)
         write_atomically(part / "provenance.json", shown.provenance_json)

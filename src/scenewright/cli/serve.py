@@ -55,10 +55,12 @@ def serve(
     from scenewright.intersections import find_data_folder, load_map
 
     load_map(intersection)
-    speaker = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     listener = _listen(port)
     port = listener.getsockname()[1]
-    conversations = Conversations(str(find_threads_file(threads)), backend=speaker, seed=seed)
+    conversations = Conversations(
+        str(find_threads_file(threads)), backend=chosen_backend, seed=seed
+    )
     name = ", ".join(backend) if backend else "builtin"
     token = secrets.token_urlsafe(24)
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})

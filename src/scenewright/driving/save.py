@@ -8,7 +8,7 @@ from pathlib import Path
 from scenewright.driving.report import Report
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
-from scenewright.graph.run import encode_proof, encode_scene, json_bytes, make_folder
+from scenewright.graph.run import encode_proof, encode_scene, format_json_line, make_folder
 from scenewright.scene.record import SceneRecord
 
 
@@ -26,8 +26,8 @@ def save_drive(
         raise InputError("a drive on recorded tracks has no scene to save")
     target = make_folder(folder)
     scene, proof = report.scene.record, report.scene.proof
-    write_atomically(target / "provenance.json", json_bytes(_describe_origin(report)))
-    write_atomically(target / "drive.json", json_bytes(report.to_json()))
+    write_atomically(target / "provenance.json", format_json_line(_describe_origin(report)))
+    write_atomically(target / "drive.json", format_json_line(report.to_json()))
     write_atomically(target / "proof.json", encode_proof(proof))
     write_atomically(target / "scene.json", encode_scene(scene))
     if picture:

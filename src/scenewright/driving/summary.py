@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.driving.report import Report
-from scenewright.evals.planning import Share
+from scenewright.evals.planning import PlanningShare
 
 
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:
@@ -46,7 +46,7 @@ def _count_resolved(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def describe_rate(count: int, total: int) -> dict[str, Any]:
     """A rate with its count and its 95 % interval."""
-    low, high = Share(count, total).interval or (0.0, 1.0)
+    low, high = PlanningShare(count, total).interval or (0.0, 1.0)
     return {
         "count": count, "of": total, "rate": round(count / total, 4),
         "low": round(low, 4), "high": round(high, 4),

@@ -28,7 +28,7 @@ from scenewright.tools.gmm_sampler import load_priors
 _DRAWS = 1000
 
 
-class Line(NamedTuple):
+class FidelityLine(NamedTuple):
     """One row of the table.
 
     Attributes:
@@ -53,7 +53,7 @@ def weigh(scenes: Iterable[SceneRecord]) -> Iterator[AgentScore]:
         yield from score_drawn(scene, priors, number=number, group=" + ".join(kinds or ["normal"]))
 
 
-def compute_lines(agents: Sequence[AgentScore]) -> Iterator[Line]:
+def compute_lines(agents: Sequence[AgentScore]) -> Iterator[FidelityLine]:
     """The table; normal scenes are the reference, foreground and background together."""
     groups = sorted({(a.group != "normal", a.group, a.type, a.role) for a in agents})
     for event, relation, kind, role in groups:
@@ -63,12 +63,12 @@ def compute_lines(agents: Sequence[AgentScore]) -> Iterator[Line]:
         found = compute_gap(here, normal, "drawn", draws=_DRAWS, rng=rng) if event else None
         nll = [a.nll["drawn"] for a in here]
         beyond = [a.nll["drawn"] - (a.expected or 0.0) for a in here]
-        yield Line(
+        yield FidelityLine(
             relation, kind, role, len(here), float(np.mean(nll)), found, float(np.mean(beyond)) / K
         )
 
 
-def format_markdown(rows: Iterable[Line]) -> str:
+def format_markdown(rows: Iterable[FidelityLine]) -> str:
     """The table as Markdown."""
     head = (
         "| scenes | class | role | agents | NLL [nats] | S2R, signed | S2R, size "
@@ -77,7 +77,7 @@ def format_markdown(rows: Iterable[Line]) -> str:
     return "\n".join([head, *map(_format_row, rows)]) + "\n"
 
 
-def _format_row(line: Line) -> str:
+def _format_row(line: FidelityLine) -> str:
     s2r = size = delta = "–"
     if line.gap is not None:
         s2r, size = f"{line.gap.s2r:+.3f}", f"{abs(line.gap.s2r):.3f}"
@@ -107,9 +107,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = argparse.ArgumentParser(prog="python -m scenewright.evals.fidelity",
                                     description=__doc__)  # fmt: skip
     words.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
-    told = words.parse_args(argv)
+    options = words.parse_args(argv)
     try:
-        sys.stdout.write(format_markdown(compute_lines(list(weigh(read(told.folders))))))
+        sys.stdout.write(format_markdown(compute_lines(list(weigh(read(options.folders))))))
     except InputError as fault:
         print(fault, file=sys.stderr)
         return fault.exit_code

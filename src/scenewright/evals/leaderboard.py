@@ -1,4 +1,4 @@
-"""A leaderboard: a JSON file into which anybody's figures are entered, and a page drawn from it."""
+"""A leaderboard: a JSON file of figures of any program, and a page drawn from it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FORESEEN = {
     "collision": "F1 of collisions",
     "yielding": "F1 of yields and who gives way",
     "near_miss": "F1 of near misses",
-    "exits": "agents whose side of leaving is told",
+    "exits": "agents whose exit is predicted",
 }
 """Figure of predictions -> what it is; all after 4 s of a clip."""
 SECTIONS: Mapping[SectionKey, Section] = {

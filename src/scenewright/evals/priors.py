@@ -64,7 +64,7 @@ class PriorReport:
     waypoints: tuple[WaypointRow, ...]
     counts: tuple[CountRow, ...]
 
-    def markdown(self) -> str:
+    def format_markdown(self) -> str:
         """Both tables as Markdown."""
         first = [
             "| class, movement | test tracks | GMM [nats] | one Gaussian [nats] | gain |",
@@ -189,7 +189,9 @@ def _compute_poisson_nll(rates: FloatArray, counts: np.ndarray) -> FloatArray:
 def main() -> int:
     """Print the tables of the bundle named on the command line."""
     try:
-        print(evaluate_priors(sys.argv[1] if len(sys.argv) > 1 else "amsterdam_120").markdown())
+        print(
+            evaluate_priors(sys.argv[1] if len(sys.argv) > 1 else "amsterdam_120").format_markdown()
+        )
     except InputError as fault:
         print(fault, file=sys.stderr)
         return fault.exit_code

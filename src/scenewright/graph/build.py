@@ -44,15 +44,15 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
         graph.add_node(name, _catch_rejection(node), retry_policy=transport)
     graph.add_node("give_up", give_up)
     graph.add_edge(START, "scene_planner")
-    graph.add_conditional_edges("scene_planner", routes.after_scene_planner)
+    graph.add_conditional_edges("scene_planner", routes.route_after_planner)
     graph.add_edge("agent_generator", "waypoint_filter")
-    graph.add_conditional_edges("waypoint_filter", routes.after_waypoint_filter)
-    graph.add_conditional_edges("event_reasoner", routes.after_event_reasoner)
+    graph.add_conditional_edges("waypoint_filter", routes.route_after_filter)
+    graph.add_conditional_edges("event_reasoner", routes.route_after_reasoner)
     graph.add_edge("trajectory_refiner", "scene_verifier")
     ends: dict[Hashable, str] = {
         name: name for name in ("scene_planner", "trajectory_refiner", "agent_generator", "give_up")
     }
-    graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, ends | {"end": END})
+    graph.add_conditional_edges("scene_verifier", routes.route_after_verifier, ends | {"end": END})
     graph.add_edge("give_up", END)
     return graph
 

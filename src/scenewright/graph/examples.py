@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 
 from scenewright.memory.episodes import Episode, Episodes
-from scenewright.nodes.wording import MOST_EXAMPLES, Example, ExampleRetriever
+from scenewright.nodes.prompts import MOST_EXAMPLES, Example, ExampleRetriever
 from scenewright.scene.social import SocialGraph
 
 

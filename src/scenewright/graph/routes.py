@@ -14,7 +14,7 @@ from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
 _FINAL = ("out_of_scope", "contradictory", "impossible", "ungroundable")
 
 
-def after_scene_planner(
+def route_after_planner(
     state: SceneState, runtime: Runtime[RunContext]
 ) -> Literal["agent_generator", "scene_planner", "give_up"]:
     """On to the generator; else repair the plan; a request that cannot be is not asked again."""
@@ -30,7 +30,7 @@ def after_scene_planner(
     return "scene_planner"
 
 
-def after_waypoint_filter(
+def route_after_filter(
     state: SceneState, runtime: Runtime[RunContext]
 ) -> Literal["event_reasoner", "waypoint_filter", "agent_generator", "give_up"]:
     """On to the reasoner; else repair the program; else sample afresh; else stop."""
@@ -50,7 +50,7 @@ def after_waypoint_filter(
     return _sample_afresh(state, budgets.generator)
 
 
-def after_event_reasoner(
+def route_after_reasoner(
     state: SceneState, runtime: Runtime[RunContext]
 ) -> Literal["trajectory_refiner", "event_reasoner", "agent_generator", "give_up"]:
     """On to the refiner; else ask again, where that may mend it; else sample afresh; else stop."""
@@ -65,7 +65,7 @@ def after_event_reasoner(
     return _sample_afresh(state, context.budgets.generator)
 
 
-def after_scene_verifier(
+def route_after_verifier(
     state: SceneState, runtime: Runtime[RunContext]
 ) -> Literal["end", "trajectory_refiner", "agent_generator", "scene_planner", "give_up"]:
     """Done if proven; else plan again where only that can mend it; else refine less; else sample

@@ -33,8 +33,8 @@ from scenewright.graph.written_proof import compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
+from scenewright.nodes.prompts import LONGEST_REQUEST, ExampleRetriever, recall_nothing
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
-from scenewright.nodes.wording import LONGEST_REQUEST, ExampleRetriever, recall_nothing
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -102,10 +102,12 @@ class Scene:
                 cannot be verified again.
         """
         target = make_folder(folder)
-        write_atomically(target / "provenance.json", json_bytes(self.provenance))
+        write_atomically(target / "provenance.json", format_json_line(self.provenance))
         write_atomically(target / "proof.json", encode_proof(self.proof))
         scene = (
-            encode_scene(self.record) if profile == "full" else json_bytes(self.record.to_paper())
+            encode_scene(self.record)
+            if profile == "full"
+            else format_json_line(self.record.to_paper())
         )
         write_atomically(target / "scene.json", scene)
         return target
@@ -374,12 +376,12 @@ def encode_scene(record: SceneRecord) -> bytes:
     try:
         return record.model_dump_json(by_alias=True).encode() + b"\n"
     except PydanticSerializationError:  # text that no UTF-8 can hold
-        return json_bytes(record.to_json())
+        return format_json_line(record.to_json())
 
 
 def encode_proof(proof: Proof) -> bytes:
     """proof.json."""
-    return json_bytes(proof.model_dump(mode="json", by_alias=True))
+    return format_json_line(proof.model_dump(mode="json", by_alias=True))
 
 
 _grounds: dict[str, MapAreas] = {}
@@ -463,12 +465,12 @@ def choose_max_agents(most: int | None) -> int | None:
     Raises:
         InputError: it is no whole number from 1.
     """
-    told = os.environ.get("SCENEWRIGHT_MAX_AGENTS") if most is None else str(most)
-    if not told:
+    limit = os.environ.get("SCENEWRIGHT_MAX_AGENTS") if most is None else str(most)
+    if not limit:
         return None
-    if not told.isdecimal() or int(told) < 1:
-        raise InputError(f"the most agents of a scene is a whole number from 1, got {told}")
-    return int(told)
+    if not limit.isdecimal() or int(limit) < 1:
+        raise InputError(f"the most agents of a scene is a whole number from 1, got {limit}")
+    return int(limit)
 
 
 def check_arguments(seed: int, refiner: str) -> None:
@@ -506,23 +508,25 @@ def _build_refusal(state: SceneState) -> InputError | Unsatisfiable | BackendFau
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
     if last.stage == "scene_planner":
         return Unsatisfiable(last.detail, rejections)
-    told = _tell_best_reason(rejections)
-    return Unsatisfiable(f"no verified scene within {len(rejections)} attempts; {told}", rejections)
+    reason = _choose_best_reason(rejections)
+    return Unsatisfiable(
+        f"no verified scene within {len(rejections)} attempts; {reason}", rejections
+    )
 
 
 def _build_out_of_time(state: SceneState, error: TimeLimitReachedError) -> OutOfTime:
     rejections = tuple(state.get("rejections", []))
-    told = _tell_best_reason(rejections) if rejections else "the first attempt was not done"
+    reason = _choose_best_reason(rejections) if rejections else "the first attempt was not done"
     count = f"{len(rejections)} attempt{'' if len(rejections) == 1 else 's'}"
     return OutOfTime(
-        f"no verified scene within {error.seconds:g} s, the time limit, and {count}; {told}",
+        f"no verified scene within {error.seconds:g} s, the time limit, and {count}; {reason}",
         rejections,
     )
 
 
-def _tell_best_reason(rejections: tuple[Rejection, ...]) -> str:
+def _choose_best_reason(rejections: tuple[Rejection, ...]) -> str:
     """The last refusal, or the one that came nearest."""
-    # Where most attempts failed on a clause that never held, the nearest of them tells most.
+    # Where most attempts failed on a clause that never held, the nearest of them says most.
     unserved = [each for each in rejections if each.missed is not None]
     if 2 * len(unserved) > len(rejections):
         return f"nearest: {min(unserved, key=_rank_miss).detail}"
@@ -609,7 +613,7 @@ def _list_versions() -> dict[str, str]:
     return {package: version(package) for package in packages}
 
 
-def json_bytes(value: Any) -> bytes:
+def format_json_line(value: Any) -> bytes:
     """A value as one line of JSON, every file's form."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return (text + "\n").encode("utf-8", "backslashreplace")

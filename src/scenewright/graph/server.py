@@ -31,7 +31,7 @@ class MakeRequest(TypedDict):
     intersection: NotRequired[str]
 
 
-class Refused(TypedDict):
+class RefusedRequest(TypedDict):
     """Why there is no scene.
 
     Attributes:
@@ -49,7 +49,7 @@ class MakeReply(TypedDict):
 
     scene: dict[str, Any] | None
     proof: dict[str, Any] | None
-    refusal: Refused | None
+    refusal: RefusedRequest | None
 
 
 class MakeState(MakeRequest, MakeReply):
@@ -107,7 +107,7 @@ def _build_reply(scene: Scene) -> MakeReply:
     return {"scene": scene.record.to_json(), "proof": proof, "refusal": None}
 
 
-def _build_refusal(error: InputError | Unsatisfiable) -> Refused:
+def _build_refusal(error: InputError | Unsatisfiable) -> RefusedRequest:
     rejections = error.rejections if isinstance(error, Unsatisfiable) else ()
     return {
         "code": "unsatisfiable" if isinstance(error, Unsatisfiable) else "unusable_input",

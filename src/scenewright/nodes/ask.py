@@ -77,7 +77,7 @@ def _to_rejection(error: ValidationError, stage: Stage) -> Rejection:
 
 
 def _describe_fault(error: ErrorDetails) -> str:
-    """What is wrong with a value, and the value, for whoever wrote it."""
+    """What is wrong with a value, and the value, as feedback for its writer."""
     match error["type"]:
         case "extra_forbidden":
             return "there is no such key; leave it out"

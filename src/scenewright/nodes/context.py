@@ -11,7 +11,7 @@ import numpy as np
 
 from scenewright.backends import Backend, Call
 from scenewright.geometry.map_areas import MapAreas
-from scenewright.nodes.wording import ExampleRetriever, recall_nothing
+from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import Priors
@@ -77,7 +77,7 @@ class RunContext:
         """The map."""
         return self.ground.intersection_map
 
-    def rng(self, stage: str, rejections: list[Rejection]) -> np.random.Generator:
+    def make_rng(self, stage: str, rejections: list[Rejection]) -> np.random.Generator:
         """A generator of a stage (or part of one), fresh at every attempt, the same for a run."""
         key = (self.seed, self.entropy, zlib.crc32(stage.encode()), len(rejections))
         return np.random.default_rng(np.random.SeedSequence(key))

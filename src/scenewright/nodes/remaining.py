@@ -63,8 +63,8 @@ def refuse_numbers(
     if unknown:
         detail = f"words {unknown[0]}: they are numbered from 1 to {count}"
     elif missing:
-        told = ", ".join(map(str, missing))
-        detail = f"nothing is said of words {told}; serve them, or list them under 'cannot'"
+        numbers = ", ".join(map(str, missing))
+        detail = f"nothing is said of words {numbers}; serve them, or list them under 'cannot'"
     else:
         return
     raise Rejected(Rejection(stage=stage, code="malformed_reply", detail=detail))
@@ -76,7 +76,7 @@ def leave_all(left: Sequence[Left], note: str) -> tuple[Unserved, ...]:
 
 
 def refuse_unrealised(graph: SocialGraph, unserved: Sequence[Unserved], stage: Stage) -> None:
-    """Words that nothing in a scene can stand for are refused, not dropped (SEMANTICS 8).
+    """Words that nothing in a scene can express are refused, not dropped (SEMANTICS 8).
 
     Raises:
         Rejected: `out_of_scope`, naming the words and a sentence without them.

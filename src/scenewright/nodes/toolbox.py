@@ -65,7 +65,7 @@ class PlanArguments(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    plan: SocialGraph = Field(description="who takes part, and what they do to one another")
+    plan: SocialGraph = Field(description="the agents, and their relations")
 
 
 class ProgramArguments(BaseModel):
@@ -100,7 +100,7 @@ class AgentSegments(BaseModel):
 
 
 class SegmentArguments(BaseModel):
-    """Behavior segments of those who shall do otherwise than the solver suggests."""
+    """Behavior segments of agents that shall act otherwise than the solver suggests."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -142,7 +142,8 @@ class ToolState:
         return {"agents": [each.id for each in plan.agents], "ways": routes}
 
     def draw_candidates(self) -> Facts:
-        """GMM sampler (paper 3.2): draws who else is there, and ways to go for everybody."""
+        """GMM sampler (paper 3.2): draws the background agents, and candidate paths for all
+        agents."""
         made = self._step("draw_candidates", generate_agents)["candidates"]
         return {
             "candidates_each": self._context.draws,
@@ -176,8 +177,8 @@ class ToolState:
 
     def edit_segments(self, agents: list[AgentSegments] | None = None) -> Facts:
         """Segment editor (paper 3.4, 3.5, Eq. 6): keep, stop, proceed, terminate, at anchors."""
-        told = {each.agent: each.segments for each in agents or []}
-        node = partial(edit_segments, told) if told else reason_events
+        segments = {each.agent: each.segments for each in agents or []}
+        node = partial(edit_segments, segments) if segments else reason_events
         made = self._step("edit_segments", node)
         front = {each.id for each in self._state["social_graph"].agents}
         return {
@@ -216,18 +217,18 @@ class ToolState:
         }
 
     def record_scene(self) -> Facts:
-        """Recorder: keeps the verified scene where whoever runs this wants it."""
+        """Recorder: saves the verified scene at the configured place."""
         if not self.verified:
             raise _build_order_rejection("record_scene", "check_scene")
         if self._record is None:
-            return {"kept": None, "why": "nobody named a place to keep scenes"}
+            return {"kept": None, "why": "no place to save scenes was given"}
         return {"kept": self._record(self._state["scene"], self._state["proof"])}
 
     def _step(
         self,
         step: str,
         node: Callable[..., Any],
-        told: Facts | None = None,
+        given: Facts | None = None,
     ) -> dict[str, Any]:
         """Runs a stage on what is there; its products replace the old, and later ones go."""
         at = _STEPS.index(step)
@@ -235,7 +236,7 @@ class ToolState:
             # The segment editor and the refiner are one stage in the pipeline, and two tools here.
             if not set(names) - {"edited", "refinement", "rolled"} <= self._state.keys():
                 raise _build_order_rejection(step, before)
-        state: Any = {**self._state, **(told or {})}
+        state: Any = {**self._state, **(given or {})}
         try:
             made = node(state, runtime=Runtime(context=self._context))
         except Rejected as error:
@@ -259,8 +260,8 @@ def _build_order_rejection(step: str, before: str) -> Rejected:
 
 
 def _format_finding(finding: Finding, names: dict[int, str]) -> str:
-    who = ", ".join(names.get(each, str(each)) for each in finding.agents)
-    return f"{finding.rule} ({who}): {finding.detail}"
+    agents = ", ".join(names.get(each, str(each)) for each in finding.agents)
+    return f"{finding.rule} ({agents}): {finding.detail}"
 
 
 def build_tools(bench: ToolState) -> list[BaseTool]:
@@ -304,8 +305,8 @@ def _return_rejections(run: Callable[..., Facts]) -> Callable[..., str]:
 
 def format_rejection(rejection: Rejection) -> str:
     """A rejection as the result of a tool."""
-    told = rejection.model_dump(mode="json", include={"code", "agents", "detail"})
-    return json.dumps({"ok": False, **told})
+    fields = rejection.model_dump(mode="json", include={"code", "agents", "detail"})
+    return json.dumps({"ok": False, **fields})
 
 
 def _format_validation_error(error: ValidationError | Any) -> str:

@@ -19,7 +19,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
 from scenewright.viz.appearance import (
     LIGHTS,
-    Motion,
+    DrawnMotion,
     choose_view,
     find_light_colours,
     list_motions,
@@ -55,7 +55,7 @@ FLASH = 2.5
 """How long [s] a trail reaches back, and how long an event stays marked."""
 
 LEAST_WIDTH = 0.02
-"""Width of a pedestrian, as a share of the picture; in true size nobody would see one."""
+"""Width of a pedestrian, as a share of the picture; in true size it would be invisible."""
 
 UNUSED = 255
 """The palette entry of pixels that stay as they were."""
@@ -166,7 +166,7 @@ class AnimatedScene:
         self.axes.add_collection(trails, autolim=False)
         return trails
 
-    def _update_trails(self, here: list[tuple[Motion, int]]) -> None:
+    def _update_trails(self, here: list[tuple[DrawnMotion, int]]) -> None:
         lines, shades = [], []
         for motion, index in here:
             back = max(0, index - round(TRAIL / self.scene.meta.step))
@@ -202,7 +202,7 @@ class AnimatedScene:
             bbox={"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#C9CCD1"},
         )  # fmt: skip
 
-    def _add_name(self, motion: Motion) -> tuple[int, Text, FloatArray]:
+    def _add_name(self, motion: DrawnMotion) -> tuple[int, Text, FloatArray]:
         """An agent's id, its name, and the room that the name takes [m]."""
         text = self.axes.text(0, 0, make_drawable(motion.agent.name, limit=40), fontsize=8,
                               va="bottom", ha="left", fontweight="bold", color=motion.colour,
@@ -210,7 +210,7 @@ class AnimatedScene:
         extent = text.get_window_extent().transformed(self.axes.transData.inverted())
         return motion.agent.id, add_halo(text), np.array([extent.width, extent.height])
 
-    def _place_names(self, here: list[tuple[Motion, int]]) -> Iterator[Artist]:
+    def _place_names(self, here: list[tuple[DrawnMotion, int]]) -> Iterator[Artist]:
         """Names inside the picture, each on the first side of its agent that is free of others."""
         at = {motion.agent.id: motion.compute_outline(index) for motion, index in here}
         boxes: list[Box] = []

@@ -23,7 +23,7 @@ FOREGROUND = (
     "#5B3A9E",
     "#8C564B",
 )
-"""Colours that colour-blind readers can tell apart, in this order (after Okabe and Ito)."""
+"""Colours that colour-blind readers can distinguish, in this order (after Okabe and Ito)."""
 BACKGROUND_VEHICLE = "#8A94A3"
 BACKGROUND_PEDESTRIAN = "#A39382"
 BACKGROUND_RIDER = "#93927F"
@@ -51,7 +51,7 @@ _DISC = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 24, endpoint=False)), np
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class DrawnMotion:
     """An agent of a scene as arrays.
 
     Attributes:
@@ -136,24 +136,24 @@ def describe_object(record: ObjectRecord) -> str:
     return f"{record.kind.replace('_', '-')} {record.subtype or ''}".strip()
 
 
-def list_motions(scene: SceneRecord) -> list[Motion]:
+def list_motions(scene: SceneRecord) -> list[DrawnMotion]:
     """All agents as arrays, background first, so that the foreground is drawn on top."""
     shades = choose_colours(scene)
     ordered = sorted(scene.agents, key=lambda agent: (agent.role == "foreground", agent.id))
     return [_build_motion(agent, scene, shades[agent.id]) for agent in ordered if agent.trajectory]
 
 
-def _build_motion(agent: AgentRecord, scene: SceneRecord, colour: str) -> Motion:
+def _build_motion(agent: AgentRecord, scene: SceneRecord, colour: str) -> DrawnMotion:
     xy = np.array(agent.trajectory, dtype=float).reshape(-1, 2)
     times = agent.spawn_time + scene.meta.step * np.arange(len(xy), dtype=np.float64)
-    return Motion(
+    return DrawnMotion(
         agent=agent,
         times=times,
         xy=xy,
         heading=np.array(agent.heading, dtype=float),
         speed=_compute_speed(xy, scene.meta.step),
         colour=colour,
-        stays=_stays_as_obstacle(agent.id, float(times[-1]), scene.events),
+        stays=_is_obstacle(agent.id, float(times[-1]), scene.events),
     )
 
 
@@ -163,7 +163,7 @@ def _compute_speed(xy: FloatArray, step: float) -> FloatArray:
     return np.asarray(np.linalg.norm(np.gradient(xy, step, axis=0), axis=1))
 
 
-def _stays_as_obstacle(number: int, end: float, events: Iterable[EventRecord]) -> bool:
+def _is_obstacle(number: int, end: float, events: Iterable[EventRecord]) -> bool:
     return any(
         event.type == "collision"
         and number in (event.from_, event.to)
@@ -188,7 +188,7 @@ def parse_colour(colour: str) -> tuple[int, int, int]:
 
 
 def make_printable(text: str, *, limit: int = 400) -> str:
-    """One line of visible characters, at most `limit` long; an ellipsis stands for the rest."""
+    """One line of visible characters, at most `limit` long; an ellipsis replaces the rest."""
     head = text[: 8 * limit]
     kept = "".join(c if unicodedata.category(c)[0] not in "CZ" else " " for c in head)
     line = " ".join(kept.split())
@@ -219,7 +219,9 @@ def find_main_time(scene: SceneRecord) -> float:
     return float(grid[int(np.argmax(present - 1e-3 * np.abs(grid - scene.meta.duration * 0.4)))])
 
 
-def choose_view(scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap) -> View:
+def choose_view(
+    scene: SceneRecord, moving: list[DrawnMotion], intersection: IntersectionMap
+) -> View:
     """The square that shows the crosswalks and the foreground around its event [m]."""
     time = find_main_time(scene)
     shown_points = [np.array(walk.polygon) for walk in intersection.crosswalks]

@@ -21,7 +21,7 @@ from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
 from scenewright.viz.appearance import (
-    Motion,
+    DrawnMotion,
     choose_view,
     describe_object,
     find_main_time,
@@ -143,7 +143,7 @@ def _list_rings(exterior: ArrayLike, holes: Iterable[ArrayLike]) -> list[Any]:
     return [_round(ring) for ring in (exterior, *holes)]
 
 
-def _describe_agent(motion: Motion) -> dict[str, Any]:
+def _describe_agent(motion: DrawnMotion) -> dict[str, Any]:
     agent = motion.agent
     return {
         **agent.model_dump(

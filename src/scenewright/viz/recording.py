@@ -28,7 +28,7 @@ from scenewright.viz.appearance import (
     LIGHTS,
     STANDING,
     STATES,
-    Motion,
+    DrawnMotion,
     choose_view,
     describe_object,
     list_motions,
@@ -58,7 +58,7 @@ VEHICLE_HEIGHTS = {
 PAPER, PAVING, ASPHALT = (246, 244, 239), (228, 222, 210), (205, 209, 214)
 PAINT, MEDIAN = (255, 255, 255), (224, 178, 60)
 _LAYERS = {"walkable": -0.30, "road": -0.24, "crosswalks": -0.18, "lanes": -0.12}
-"""Heights [m] of the painted layers; the viewer needs them apart to tell which is on top."""
+"""Heights [m] of the painted layers; the viewer needs them apart to order them."""
 
 
 def record_scene(
@@ -234,7 +234,7 @@ def _log_paths(
     stream: rr.RecordingStream,
     root: str,
     paths: Mapping[str, Sequence[FloatArray]],
-    moving: list[Motion],
+    moving: list[DrawnMotion],
     *,
     width: float,
     strength: float,
@@ -258,7 +258,7 @@ def join_entity_path(*parts: str) -> str:
     return "/".join(rr.escape_entity_path_part(part) for part in parts)
 
 
-def _log_motion(stream: rr.RecordingStream, motion: Motion) -> None:
+def _log_motion(stream: rr.RecordingStream, motion: DrawnMotion) -> None:
     """A moving frame with the body in it, a trail, and the speed."""
     import rerun as rr
 
@@ -307,7 +307,7 @@ def _log_object(stream: rr.RecordingStream, record: ObjectRecord) -> None:
     stream.log(join_entity_path("objects", record.id), box, static=True)
 
 
-def _log_body(stream: rr.RecordingStream, motion: Motion) -> None:
+def _log_body(stream: rr.RecordingStream, motion: DrawnMotion) -> None:
     """Log the body when the agent appears; static, it would show before that."""
     import rerun as rr
 
@@ -336,7 +336,7 @@ def _log_body(stream: rr.RecordingStream, motion: Motion) -> None:
     _send(stream, join_entity_path("agents", agent.name, "heading"), begin, arrow)
 
 
-def _log_trail(stream: rr.RecordingStream, motion: Motion) -> None:
+def _log_trail(stream: rr.RecordingStream, motion: DrawnMotion) -> None:
     """Log one short piece per sample; the view shows those of the last seconds."""
     import rerun as rr
 
@@ -428,8 +428,8 @@ def _log_events(stream: rr.RecordingStream, scene: SceneRecord) -> None:
 
 
 def _describe_event(event: EventRecord | Event, names: Mapping[int, str]) -> str:
-    first = names.get(event.from_ or 0, "nobody")
-    second = names.get(event.to or 0, "nobody")
+    first = names.get(event.from_ or 0, "no agent")
+    second = names.get(event.to or 0, "no agent")
     return f"{event.type.replace('_', ' ')}: {first} → {second}"
 
 
@@ -497,7 +497,7 @@ def _format_findings(title: str, findings: tuple[Finding, ...]) -> list[str]:
 
 
 def _build_blueprint(
-    scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap
+    scene: SceneRecord, moving: list[DrawnMotion], intersection: IntersectionMap
 ) -> rrb.Blueprint:
     """Plan view on the left; proof, segments, speeds and messages on the right."""
     import rerun.blueprint as rrb
@@ -530,7 +530,7 @@ def _build_blueprint(
 
 
 def _build_plan_view(
-    scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap
+    scene: SceneRecord, moving: list[DrawnMotion], intersection: IntersectionMap
 ) -> rrb.Spatial3DView:
     """Seen from above, north up, east right; candidates of the background are left out."""
     import rerun.blueprint as rrb

@@ -18,7 +18,7 @@ from scenewright.viz.appearance import (
     BACKGROUND_VEHICLE,
     LIGHTS,
     STANDING,
-    Motion,
+    DrawnMotion,
     choose_view,
     describe_object,
     find_light_colours,
@@ -103,7 +103,7 @@ def _draw_figure(
 
 
 def _draw_agents(
-    axes: Axes, scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap
+    axes: Axes, scene: SceneRecord, moving: list[DrawnMotion], intersection: IntersectionMap
 ) -> None:
     time = find_main_time(scene)
     layout = _reserve_label_space(axes, scene, moving)
@@ -137,7 +137,7 @@ def draw_objects(axes: Axes, scene: SceneRecord) -> None:
         )  # fmt: skip
 
 
-def _reserve_label_space(axes: Axes, scene: SceneRecord, moving: list[Motion]) -> LabelLayout:
+def _reserve_label_space(axes: Axes, scene: SceneRecord, moving: list[DrawnMotion]) -> LabelLayout:
     """Space that labels must not cover; the corners belong to the scale bar and the north arrow."""
     west, east = axes.get_xlim()
     south, north = axes.get_ylim()
@@ -176,13 +176,13 @@ def draw_lights(axes: Axes, scene: SceneRecord, intersection: IntersectionMap, t
         draw_points(axes, spots, s=size, c=LIGHTS[colour], edgecolors=INK, linewidths=1.1, zorder=9)
 
 
-def _draw_recent_track(axes: Axes, motion: Motion, time: float) -> None:
+def _draw_recent_track(axes: Axes, motion: DrawnMotion, time: float) -> None:
     """Draw the last seconds of the track, muted."""
     recent = (motion.times <= time) & (motion.times >= time - 4.0)
     _draw_fading_line(axes, motion.xy[recent], motion.colour, width=1.6, strongest=0.55, order=5)
 
 
-def _draw_trail(axes: Axes, motion: Motion, time: float) -> None:
+def _draw_trail(axes: Axes, motion: DrawnMotion, time: float) -> None:
     before = motion.times <= time + 1e-6
     _draw_fading_line(axes, motion.xy[before], motion.colour, width=2.2, strongest=0.95, order=7)
     after = motion.xy[motion.times >= time - 1e-6]
@@ -211,7 +211,7 @@ def _draw_fading_line(
     )
 
 
-def _draw_ghosts(axes: Axes, motion: Motion, time: float) -> None:
+def _draw_ghosts(axes: Axes, motion: DrawnMotion, time: float) -> None:
     """Footprints before (filled, faint) and after (outlines) the time of the picture."""
     from matplotlib.patches import Polygon
 
@@ -231,7 +231,7 @@ def _draw_ghosts(axes: Axes, motion: Motion, time: float) -> None:
         )
 
 
-def choose_ghost_samples(motion: Motion, time: float) -> list[tuple[int, float]]:
+def choose_ghost_samples(motion: DrawnMotion, time: float) -> list[tuple[int, float]]:
     """Samples at full seconds whose footprints lie apart, and how much later than `time` [s]."""
     here = motion.find_sample(time)
     gap = max(1.3 * motion.agent.length, 2.4) if motion.agent.type != "pedestrian" else 2.4
@@ -243,7 +243,7 @@ def choose_ghost_samples(motion: Motion, time: float) -> list[tuple[int, float]]
     return [(i, float(motion.times[i] - time)) for i in chosen]
 
 
-def find_full_seconds(motion: Motion) -> list[int]:
+def find_full_seconds(motion: DrawnMotion) -> list[int]:
     """Samples nearest to 0 s, 1 s, 2 s, ... of the scene."""
     whole = np.arange(np.ceil(motion.times[0]), np.floor(motion.times[-1]) + 0.5)
     return [int(np.argmin(np.abs(motion.times - t))) for t in whole]
@@ -257,7 +257,7 @@ def _keep_apart(xy: FloatArray, start: list[int], samples: list[int], gap: float
     return kept[len(start) :]
 
 
-def _draw_footprint(axes: Axes, motion: Motion, time: float, *, order: float) -> None:
+def _draw_footprint(axes: Axes, motion: DrawnMotion, time: float, *, order: float) -> None:
     from matplotlib.patches import Polygon
 
     index = motion.find_sample(time)
@@ -292,7 +292,7 @@ def _draw_footprint(axes: Axes, motion: Motion, time: float, *, order: float) ->
         )
 
 
-def compute_windscreen(motion: Motion, index: int) -> FloatArray:
+def compute_windscreen(motion: DrawnMotion, index: int) -> FloatArray:
     """[4, 2] a light bar behind the nose that shows which way a vehicle faces [m]."""
     angle, length, width = motion.heading[index], motion.agent.length, motion.agent.width
     ahead = np.array([np.cos(angle), np.sin(angle)])
@@ -302,7 +302,9 @@ def compute_windscreen(motion: Motion, index: int) -> FloatArray:
     return np.array([motion.xy[index] + a * ahead + b * width * left for a, b in corners])
 
 
-def _draw_labels(axes: Axes, layout: LabelLayout, scene: SceneRecord, moving: list[Motion]) -> None:
+def _draw_labels(
+    axes: Axes, layout: LabelLayout, scene: SceneRecord, moving: list[DrawnMotion]
+) -> None:
     """Write events first: they have the first choice of space."""
     for event in scene.events:
         if event.location is not None and event.time is not None:
@@ -333,7 +335,7 @@ def _draw_event(axes: Axes, layout: LabelLayout, event: EventRecord) -> None:
     )  # fmt: skip
 
 
-def _write_name(axes: Axes, layout: LabelLayout, motion: Motion, time: float) -> None:
+def _write_name(axes: Axes, layout: LabelLayout, motion: DrawnMotion, time: float) -> None:
     index = motion.find_sample(time)
     anchor = motion.xy[index if index is not None else 0]
     if _is_inside(axes, anchor):
@@ -347,7 +349,7 @@ def _is_inside(axes: Axes, point: FloatArray) -> bool:
     return bool(west < point[0] < east and south < point[1] < north)
 
 
-def _mark_stops(axes: Axes, layout: LabelLayout, motion: Motion) -> None:
+def _mark_stops(axes: Axes, layout: LabelLayout, motion: DrawnMotion) -> None:
     """A stop sign and a bar at the front of a stationary agent, with the time it is stationary."""
     for segment in motion.agent.segments:
         stand = (
@@ -362,7 +364,7 @@ def _mark_stops(axes: Axes, layout: LabelLayout, motion: Motion) -> None:
                      color=STOP_RED, zorder=24)  # fmt: skip
 
 
-def _draw_stop_sign(axes: Axes, motion: Motion, index: int) -> FloatArray:
+def _draw_stop_sign(axes: Axes, motion: DrawnMotion, index: int) -> FloatArray:
     angle = motion.heading[index]
     ahead = np.array([np.cos(angle), np.sin(angle)])
     right = np.array([ahead[1], -ahead[0]])
@@ -374,7 +376,7 @@ def _draw_stop_sign(axes: Axes, motion: Motion, index: int) -> FloatArray:
     return np.asarray(bar[1])
 
 
-def _mark_times(axes: Axes, layout: LabelLayout, motion: Motion, time: float) -> None:
+def _mark_times(axes: Axes, layout: LabelLayout, motion: DrawnMotion, time: float) -> None:
     """Write the time of every faded footprint."""
     for index, _ in choose_ghost_samples(motion, time):
         at = motion.xy[index]
@@ -404,7 +406,7 @@ def _draw_title(figure: Figure, lines: list[str], scene: SceneRecord, proof: Pro
 
 
 def _list_legend_entries(
-    scene: SceneRecord, moving: list[Motion]
+    scene: SceneRecord, moving: list[DrawnMotion]
 ) -> list[list[tuple[str, str, str]]]:
     """Rows of (symbol, colour, words)."""
     actions = _describe_events(scene)
@@ -440,7 +442,7 @@ def _describe_events(scene: SceneRecord) -> dict[int, str]:
     return actions
 
 
-def _describe_agent(motion: Motion, actions: dict[int, str]) -> str:
+def _describe_agent(motion: DrawnMotion, actions: dict[int, str]) -> str:
     agent = motion.agent
     way = f"{agent.entry} to {agent.exit}"
     if agent.movement in ("left", "right", "uturn"):

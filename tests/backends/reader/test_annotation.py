@@ -18,9 +18,13 @@ from scenewright.backends.builtin.reader.annotation import (
     parse_annotation,
 )
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
-from scenewright.backends.builtin.reader.reading import reading_of
+from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.backends.builtin.training.augmentation import augment, collect_spans, turn
-from scenewright.backends.builtin.training.corpus import find_faults, package_files, read_corpus
+from scenewright.backends.builtin.training.corpus import (
+    find_faults,
+    list_package_files,
+    read_corpus,
+)
 from scenewright.scene.social import SocialGraph
 
 LINE = (
@@ -31,7 +35,7 @@ LINE = (
 
 def graph_of(line: str) -> SocialGraph:
     row = parse_annotation(line)
-    plan = plan_reading(reading_of(row), Site(), row.text).plan
+    plan = plan_reading(build_reading(row), Site(), row.text).plan
     assert isinstance(plan, SocialGraph), plan
     return plan
 
@@ -123,7 +127,7 @@ def test_faults_are_named_with_their_line(tmp_path: Path) -> None:
 
 
 def test_the_packages_instructions_are_without_fault() -> None:
-    files = package_files()
+    files = list_package_files()
     assert files
     assert [fault for file in files for fault in find_faults(file)] == []
     assert len(read_corpus(files)) > 5_000

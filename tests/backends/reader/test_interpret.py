@@ -9,15 +9,15 @@ from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import count_in, number_in
-from scenewright.backends.builtin.reader.reading import reading_of
-from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
+from scenewright.backends.builtin.reader.reading import build_reading
+from scenewright.backends.builtin.reader.words import find_subtype, time_words_in
 from scenewright.scene.measures import format_measure
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 
 def plan_of(line: str) -> Plan:
     row = parse_annotation(line)
-    return plan_reading(reading_of(row), Site(), row.text).plan
+    return plan_reading(build_reading(row), Site(), row.text).plan
 
 
 def graph_of(line: str) -> SocialGraph:
@@ -225,7 +225,7 @@ def test_numbers_in_words(words: str, number: int | None) -> None:
     assert number_in(words) == number
 
 
-def test_a_number_that_names_counts_nobody() -> None:
+def test_a_number_that_names_counts_no_agent() -> None:
     assert count_in("vehicle 2") is None
     assert count_in("two cars") == 2
 
@@ -237,7 +237,7 @@ def test_a_number_that_names_counts_nobody() -> None:
      ("a school bus", "bus"), ("a motorcyclist", "motorcycle"), ("the vehicle", None)],
 )  # fmt: skip
 def test_subtypes_by_noun(words: str, subtype: str | None) -> None:
-    assert subtype_in(words) == subtype
+    assert find_subtype(words) == subtype
 
 
 def test_the_most_specific_time_of_day_comes_first() -> None:
@@ -253,7 +253,7 @@ ROADS = (
 
 def plan_at(line: str) -> Plan:
     row = parse_annotation(line)
-    return plan_reading(reading_of(row), Site(roads=ROADS), row.text).plan
+    return plan_reading(build_reading(row), Site(roads=ROADS), row.text).plan
 
 
 @pytest.mark.parametrize(
@@ -353,8 +353,8 @@ def test_nearly_head_on_is_a_near_miss_from_opposite_sides(words: str) -> None:
 def test_numbers_become_figures_with_their_tolerance(line: str, measures: list[str]) -> None:
     graph = graph_of(line)
     assert [format_measure(each) for each in graph.measures] == measures
-    told = [each.value for each in graph.said if each.became == "measure"]
-    assert sorted(filter(None, told)) == sorted(measures)
+    given = [each.value for each in graph.said if each.became == "measure"]
+    assert sorted(filter(None, given)) == sorted(measures)
 
 
 @pytest.mark.parametrize(
@@ -450,7 +450,7 @@ def test_a_yellow_light_is_no_red_one(line: str, motion: str | None) -> None:
     assert (agent.motion, agent.runs_red) == (motion, False)
 
 
-def test_who_is_rear_ended_by_nobody_named_is_hit_by_another_vehicle() -> None:
+def test_who_is_rear_ended_by_an_unnamed_agent_is_hit_by_another_vehicle() -> None:
     graph = graph_of(
         "[veh:1 A car] [brake:1 brakes] for [ped:2 a man] and is [hit=rear:1 hit from behind]"
     )
@@ -501,7 +501,7 @@ def test_a_later_mention_says_what_vehicle_it_is() -> None:
 
 def test_a_later_mention_of_another_vehicle_is_in_doubt() -> None:
     row = parse_annotation("[veh:1 A car] [hit:1>2 hit] [ped:2 a man]; [ref:1 the bus] left")
-    assert plan_reading(reading_of(row), Site(), row.text).confidence == 0
+    assert plan_reading(build_reading(row), Site(), row.text).confidence == 0
 
 
 def test_who_rides_a_vehicle_is_one_road_user_with_it() -> None:
@@ -512,7 +512,7 @@ def test_who_rides_a_vehicle_is_one_road_user_with_it() -> None:
 
 
 @pytest.mark.parametrize("words", ["a two-door car", "a 12-seat minibus", "a two-year-old"])
-def test_numbers_of_what_one_is_count_nobody(words: str) -> None:
+def test_numbers_of_what_one_is_count_no_agent(words: str) -> None:
     assert count_in(words) == 1
 
 

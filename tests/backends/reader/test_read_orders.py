@@ -7,7 +7,7 @@ import pytest
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
-from scenewright.backends.builtin.reader.reading import reading_of
+from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 TWO = "[veh:1 A car] from the [from:1 north] and [veh:2 a van] from the [from:2 east]"
@@ -15,7 +15,7 @@ TWO = "[veh:1 A car] from the [from:1 north] and [veh:2 a van] from the [from:2 
 
 def plan_of(line: str) -> Plan:
     row = parse_annotation(line)
-    return plan_reading(reading_of(row), Site(), row.text).plan
+    return plan_reading(build_reading(row), Site(), row.text).plan
 
 
 def order_of(line: str) -> tuple[str, str | None]:

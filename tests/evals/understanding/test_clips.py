@@ -46,16 +46,16 @@ def source(scenes: Path) -> ClipSource:
 
 
 def test_a_clip_begins_2_to_6_s_before_the_conflict_can_be_told(source: ClipSource) -> None:
-    known = ForeseenEvent(event(15.0), told=12.0)
+    known = ForeseenEvent(event(15.0), decided=12.0)
     starts = list_event_starts(replace(source, events=(known,), named=known))
     assert (min(starts), max(starts)) == (6.0, 10.0)
-    late = ForeseenEvent(event(15.0), told=14.5)
+    late = ForeseenEvent(event(15.0), decided=14.5)
     starts = list_event_starts(replace(source, events=(late,), named=late))
     assert (min(starts), max(starts)) == (8.5, 10.0), "no event in the first 5 s of a clip"
 
 
 def test_both_parties_are_in_view_within_the_first_second(source: ClipSource) -> None:
-    known = ForeseenEvent(event(15.0), told=12.0)
+    known = ForeseenEvent(event(15.0), decided=12.0)
     spans = {**source.spans, 2: (8.0, 30.0)}
     starts = list_event_starts(replace(source, events=(known,), named=known, spans=spans))
     assert min(starts) == 7.0
@@ -97,7 +97,7 @@ def test_what_a_clip_shows_is_what_the_scene_shows_then(source: ClipSource) -> N
 def test_clips_with_and_without_an_event_show_as_many_agents(source: ClipSource) -> None:
     """Of two scenes without an event the one with as many agents gives the clip."""
     always = replace(source, case=keep_all(source.case, "always"), near=())
-    known = ForeseenEvent(event(15.0), told=12.0)
+    known = ForeseenEvent(event(15.0), decided=12.0)
     eventful = replace(always, events=(known,), named=known)
     meeting = ((1, 2, np.arange(0.0, 30.0, 0.5)),)
     alike = replace(always, case=keep_all(source.case, "alike"), near=meeting)
@@ -144,7 +144,7 @@ def test_riders_are_named_and_their_exits_count(source: ClipSource) -> None:
     assert counts.exits[2].tolist() == [1, 1]
 
 
-def test_strictly_an_event_of_somebody_unseen_is_missed(source: ClipSource) -> None:
+def test_strictly_an_event_of_an_agent_unseen_is_missed(source: ClipSource) -> None:
     labels = replace(
         source.case.labels, starts={"a": 0.0, "b": 5.0},
         relations=(PairRelation("collision", "a", "b", 7.0),),
@@ -163,8 +163,8 @@ def test_predictions_are_entered_into_the_leaderboard(
     board.write_text('{"schema_version": 1, "entries": {}, "predictions": {}}')
     words = ["evals", "understanding", str(scenes), "--split", "all", "--windows", "4", "--quiet"]
     words.append("--whole")
-    told = ["--method", "oracle_seen", "--board", str(board), "--name", "knows all"]
-    assert main([*words, *told]) == 0
+    given = ["--method", "oracle_seen", "--board", str(board), "--name", "knows all"]
+    assert main([*words, *given]) == 0
     page = board.with_suffix(".md").read_text()
     assert "| knows all |" in page
     assert "100.0 % [100.0, 100.0]" in page

@@ -8,7 +8,7 @@ import pytest
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, SceneForecast
 from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
 from scenewright.evals.understanding.interaction_graph import build_interaction_graph
-from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.pair_features import (
     NAMES,
     compute_pair_features,
@@ -33,7 +33,7 @@ def driver(id_: str) -> ObservedAgent:
 
 
 def fit_of(agent: ObservedAgent) -> RoutePosterior:
-    seen = SceneObservation("00ff00ff00ff00ff", PLACE, 4.0, 12, (agent,), ())
+    seen = ObservedScene("00ff00ff00ff00ff", PLACE, 4.0, 12, (agent,), ())
     return infer_routes(seen)[agent.id]
 
 

@@ -16,7 +16,7 @@ from scenewright.evals.understanding.observation import (
     LightRow,
     ObservationRow,
     ObservedAgent,
-    SceneObservation,
+    ObservedScene,
     observe,
     to_arrays,
 )
@@ -58,8 +58,8 @@ def driven(
     )  # fmt: skip
 
 
-def seen(*agents: ObservedAgent, now: float = 4.0) -> SceneObservation:
-    return SceneObservation("00ff00ff00ff00ff", PLACE, now, 12, agents, ())
+def seen(*agents: ObservedAgent, now: float = 4.0) -> ObservedScene:
+    return ObservedScene("00ff00ff00ff00ff", PLACE, now, 12, agents, ())
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def test_the_answer_is_converted_to_ids(row: ObservationRow) -> None:
     said = understand(row, settings)
     codes = [agent.id for agent in row.agents]
     assert said.exits == dict.fromkeys(codes, "north")
-    names = dict(zip(backend.speaker.asked[0][0].facts["agents"], codes, strict=True))
+    names = dict(zip(backend.text_model.asked[0][0].facts["agents"], codes, strict=True))
     (found,) = said.relations or ()
     one, two = list(names)[:2]
     assert found.key == ("yielding", names[two], names[one])
@@ -66,17 +66,17 @@ def test_the_answer_is_converted_to_ids(row: ObservationRow) -> None:
 def test_the_prompt_holds_entrances_and_findings_and_no_coordinates(row: ObservationRow) -> None:
     settings, backend = asking(all_north)
     understand(row, settings)
-    _, wording = backend.speaker.asked[0]
-    assert "first seen" in wording.user
-    assert "Rule checker on the tracks that constant velocity predicts" in wording.user
-    assert "north crosswalk" in wording.user
-    assert "statistical model: leaves" in wording.user
+    _, prompt = backend.text_model.asked[0]
+    assert "first seen" in prompt.user
+    assert "Rule checker on the tracks that constant velocity predicts" in prompt.user
+    assert "north crosswalk" in prompt.user
+    assert "statistical model: leaves" in prompt.user
     for agent in row.agents:
-        assert agent.id not in wording.user
+        assert agent.id not in prompt.user
         for x, y in agent.trajectory:
             for number in (f"{x:.2f}", f"{y:.2f}", f"{x:.1f}", f"{y:.1f}"):
-                assert number.lstrip("-") not in re.findall(r"\d+\.\d+", wording.user)
-    schema = json.dumps(wording.schema)
+                assert number.lstrip("-") not in re.findall(r"\d+\.\d+", prompt.user)
+    schema = json.dumps(prompt.schema)
     assert "vehicle-1" in schema
     assert "vehicle-99" not in schema
 
@@ -89,7 +89,7 @@ def test_names_that_do_not_exist_go_back_with_the_reason(row: ObservationRow) ->
     )
     said = understand(row, settings)
     assert said.relations == ()
-    users = [wording.user for _, wording in backend.speaker.asked]
+    users = [prompt.user for _, prompt in backend.text_model.asked]
     assert "refused" not in users[0]
     assert "vehicle-99" in users[1]
     assert "with itself" in users[2]
@@ -100,7 +100,7 @@ def test_after_all_attempts_model_and_checker_answer(
 ) -> None:
     settings, backend = asking(*["I do not know"] * ATTEMPTS)
     said = understand(row, settings)
-    assert len(backend.speaker.asked) == ATTEMPTS
+    assert len(backend.text_model.asked) == ATTEMPTS
     alone = understand(
         row, MethodSettings("posterior", "rules", predict_constant_velocity, "constant velocity")
     )

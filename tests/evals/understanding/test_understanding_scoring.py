@@ -20,9 +20,9 @@ def labels(*relations: PairRelation, late: tuple[str, ...] = ()) -> Labels:
     )
 
 
-def row(truth: Labels, *told: PairRelation, window: float = 2.0) -> WindowScores:
+def row(truth: Labels, *given: PairRelation, window: float = 2.0) -> WindowScores:
     exits = {"a": "north", "b": "south", "c": "north", "d": "west"}
-    said = ScenePrediction({k: v for k, v in exits.items() if truth.starts[k] <= window}, told)
+    said = ScenePrediction({k: v for k, v in exits.items() if truth.starts[k] <= window}, given)
     return summarise([count_scene(truth, said, window=window)], window=window, seconds=None)
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.measures import range_in
+from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, SetMeasure, Situation
 from scenewright.scene.measures import UNITS, Measure, MeasureKind
@@ -51,7 +51,7 @@ def read_figure(
     """The figure that a turn asks for; None if it asks for none.
 
     Args:
-        agent: whom the words name; None if nobody.
+        agent: the agent that the words name; None if none.
 
     Raises:
         Refused: a figure of what does not happen in the scene.
@@ -60,7 +60,7 @@ def read_figure(
     if _RELATIVE.search(low) or _DIAL.search(low):
         return None
     for kind, words, unit in _KINDS:
-        found = range_in(low, "", UNITS[kind].tolerance)
+        found = parse_range(low, "", UNITS[kind].tolerance)
         if found is not None and found[2] == unit and re.search(words, low):
             first, second, _ = found
             name, other = _choose_ends(kind, situation, people, agent)
@@ -80,11 +80,11 @@ def read_figure(
 def _choose_ends(
     kind: MeasureKind, situation: Situation, people: People, agent: AgentView | None
 ) -> tuple[str, str | None]:
-    """Of whom the figure is: the one named, or the only one that it can be of."""
+    """The agent of the figure: the one named, or the only one that it can be of."""
     if not UNITS[kind].of_two:
-        here = [each for each in people.foreground() if each.type == "vehicle"]
-        return (agent or people.pick(here or people.foreground(), "vehicle")).id, None
-    edges = list(_fitting(kind, situation, agent))
+        here = [each for each in people.list_foreground() if each.type == "vehicle"]
+        return (agent or people.pick(here or people.list_foreground(), "vehicle")).id, None
+    edges = list(_list_fitting(kind, situation, agent))
     if len(edges) != 1:
         raise Refused("impossible", f"Say between which two the {kind.replace('_', ' ')} is.")
     struck = kind == "side_point"
@@ -92,7 +92,7 @@ def _choose_ends(
     return (edge.to, edge.from_) if struck else (edge.from_, edge.to)
 
 
-def _fitting(
+def _list_fitting(
     kind: MeasureKind, situation: Situation, agent: AgentView | None
 ) -> Iterator[RelationEdge]:
     points = ("collide_at",) if "_point" in kind else None

@@ -27,7 +27,12 @@ def attach(modifier: Modifier, agents: Iterable[AgentDraft], *, crossing: bool =
 def put(agent: AgentDraft, field: str, value: str) -> None:
     """Set one field; Refused where the text has said something else before."""
     old = getattr(agent, field)
-    if old is not None and old != value and field not in agent.edited and not _refines(old, value):
+    if (
+        old is not None
+        and old != value
+        and field not in agent.edited
+        and not _is_refinement(old, value)
+    ):
         raise Refused(
             "contradictory",
             f"The {agent.type} would have both {field} {old} and {field} {value}; keep "
@@ -37,7 +42,7 @@ def put(agent: AgentDraft, field: str, value: str) -> None:
     agent.edited.discard(field)
 
 
-def _refines(old: str, value: str) -> bool:
+def _is_refinement(old: str, value: str) -> bool:
     return {old, value} == {"crossing", "jaywalking"}
 
 
@@ -52,7 +57,7 @@ def _attach(modifier: Modifier, agent: AgentDraft, *, crossing: bool) -> None:
     if means in {"from_to", "cross_from_to"}:
         put(agent, "exit", values[1])
     if means in {"to", "head_to"}:
-        _towards(modifier, agent)
+        _set_towards(modifier, agent)
     if means in {"bound", "cross_bound"}:
         _bound(modifier, agent)
     if means in {"turn", "uturn", "straight"}:
@@ -64,7 +69,7 @@ def _attach(modifier: Modifier, agent: AgentDraft, *, crossing: bool) -> None:
         put(agent, "crosswalk", values[0])
         agent.marked = agent.marked or any(chunk.has("XWALK") for chunk in modifier.chunks)
     if means == "leg":
-        _leg(modifier, agent, crossing=crossing)
+        _set_leg(modifier, agent, crossing=crossing)
 
 
 def cross(agent: AgentDraft) -> None:
@@ -87,7 +92,7 @@ def _bound(modifier: Modifier, agent: AgentDraft) -> None:
         put(agent, "entry", OPPOSITE[modifier.values[0]])
 
 
-def _towards(modifier: Modifier, agent: AgentDraft) -> None:
+def _set_towards(modifier: Modifier, agent: AgentDraft) -> None:
     heading = modifier.first in {"head", "heading", "headed", "heads", "bound", "facing"}
     if modifier.means == "head_to" and heading and not agent.turned:
         put(agent, "entry", OPPOSITE[modifier.values[0]])
@@ -99,7 +104,7 @@ def _towards(modifier: Modifier, agent: AgentDraft) -> None:
     put(agent, "exit", modifier.values[0])
 
 
-def _leg(modifier: Modifier, agent: AgentDraft, *, crossing: bool) -> None:
+def _set_leg(modifier: Modifier, agent: AgentDraft, *, crossing: bool) -> None:
     named_leg = any(chunk.tags.get("LEG") == "leg" for chunk in modifier.chunks)
     if agent.type == "pedestrian":
         if named_leg or crossing:

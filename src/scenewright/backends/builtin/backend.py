@@ -11,7 +11,7 @@ from scenewright.backends.builtin.draft import Refused, Site, is_compass
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.interpret import LATER_STAGE
 from scenewright.backends.builtin.reader.learned_plan import read_plan
-from scenewright.backends.builtin.reader.measures import speed_range
+from scenewright.backends.builtin.reader.measures import parse_speed_range
 from scenewright.backends.builtin.scope import check_text
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.social import SocialGraph
@@ -29,7 +29,7 @@ class BuiltinBackend:
             case "plan":
                 return _plan(question)
             case "constraints":
-                return _clauses(question.facts["words"])
+                return _build_clauses(question.facts["words"])
             case "behavior":
                 return {"stops": [], "cannot": [each["number"] for each in question.facts["words"]]}
             case "summary" | "edits":
@@ -44,7 +44,7 @@ def _plan(question: Question) -> dict[str, Any]:
     return understood.model_dump(mode="json", by_alias=True)
 
 
-def _site(facts: dict[str, Any]) -> Site:
+def _build_site(facts: dict[str, Any]) -> Site:
     return Site(
         compass=is_compass(facts.get("legs", ())),
         left_hand=facts.get("left_hand", False),
@@ -54,30 +54,30 @@ def _site(facts: dict[str, Any]) -> Site:
 
 def read_account(facts: dict[str, Any]) -> tuple[SaidSpan, ...]:
     """What the learned reader takes the words of an instruction to become; empty if it refuses."""
-    site = _site(facts)
+    site = _build_site(facts)
     try:
         check_text(facts["instruction"])
         read = read_plan(facts["instruction"], previous=facts.get("previous"), site=site).plan
     except Refused:  # nothing that the encoder can read
         return ()
-    return tuple(map(_left_to_a_stage, read.said)) if isinstance(read, SocialGraph) else ()
+    return tuple(map(_leave_to_stage, read.said)) if isinstance(read, SocialGraph) else ()
 
 
-def _left_to_a_stage(entry: SaidSpan) -> SaidSpan:
+def _leave_to_stage(entry: SaidSpan) -> SaidSpan:
     """Words beyond the grammar that a later stage may serve, where a model answers it."""
     became = LATER_STAGE.get(entry.note or "") if entry.became == "nothing" else None
     return entry if became is None else entry.model_copy(update={"became": became, "note": None})
 
 
-def _clauses(words: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _build_clauses(words: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Clauses for words that give agents a speed; no others can be read by rule."""
     clauses = [
         {"words": each["number"], "clause": "speed", "agent": agent}
         | dict(zip(("low", "high"), speed, strict=True))
         for each in words
-        if all(speed_range(each["words"], agent) for agent in each["agents"])
+        if all(parse_speed_range(each["words"], agent) for agent in each["agents"])
         for agent in each["agents"]
-        if (speed := speed_range(each["words"], agent))
+        if (speed := parse_speed_range(each["words"], agent))
     ]
     served = {each["words"] for each in clauses}
     cannot = [each["number"] for each in words if each["number"] not in served]

@@ -11,7 +11,7 @@ _BEYOND = (
     (
         r"\b(?:push(?:es|ed|ing)?|shov(?:es|ed|ing)|shunt(?:s|ed|ing)?) (?:it |her |him )?into\b|"
         r"\bpile-?up\b|\bchain reaction\b",
-        "who is in a collision stays there; ask for one collision of each",
+        "agents of a collision stay there; ask for one collision of each",
     ),
 )  # fmt: skip
 _COMPILED = tuple((re.compile(words, re.IGNORECASE), note) for words, note in _BEYOND)

@@ -67,19 +67,19 @@ _CHASES = ("chas", "pursu", "stalk")
 _ALONG = (["on"], ["from"], ["along"])
 
 
-class Reader(Naming):
+class ClauseReader(Naming):
     """Reads items from left to right into a Draft."""
 
     def read(self, items: Sequence[Item]) -> None:
-        """Read all items; relations that name nobody are settled at the end."""
+        """Read all items; relations that name no agent are settled at the end."""
         self.items = items
         for at, item in enumerate(items):
             if isinstance(item, Mention):
-                self._mention(at, item)
+                self._read_mention(at, item)
             elif isinstance(item, Modifier):
-                self._modifier(at, item)
+                self._apply_modifier(at, item)
             else:
-                self._chunk(at, item)
+                self._read_chunk(at, item)
         self._end_sentence()
         self._settle_deferred()
         self._spread_hints()
@@ -88,58 +88,58 @@ class Reader(Naming):
             edge for edge in self.draft.relations if edge.from_ in present and edge.to in present
         ]
 
-    def _chunk(self, at: int, chunk: Chunk) -> None:
+    def _read_chunk(self, at: int, chunk: Chunk) -> None:
         if chunk.has("CORRECTION"):
             self.editing = True
-            self._comma(at)
+            self._read_comma(at)
         elif chunk.mark in {".", ";", "!", "?", "|"}:
             self._end_sentence()
         elif chunk.mark:
-            self._comma(at)
-        elif chunk.has("WHO") and self._relative_clause(at):
+            self._read_comma(at)
+        elif chunk.has("WHO") and self._is_relative_clause(at):
             return
         else:
-            self._word(at, chunk)
+            self._read_word(at, chunk)
 
-    def _word(self, at: int, chunk: Chunk) -> None:
-        self._main_verb(chunk)
+    def _read_word(self, at: int, chunk: Chunk) -> None:
+        self._read_main_verb(chunk)
         causes = chunk.words[0] in _CAUSES and not chunk.has("YIELD")
-        if causes and self.subject and isinstance(self._item(at + 1), Mention):
+        if causes and self.subject and isinstance(self._get_item(at + 1), Mention):
             self.causer, self.caused, self.awaiting = self.subject, True, None
             return
         tag = next((tag for tag in ("NEAR", "COLLIDE", "YIELD", "FOLLOW") if chunk.has(tag)), None)
-        if tag == "FOLLOW" and self._mere_place(at, chunk):
+        if tag == "FOLLOW" and self._is_mere_place(at, chunk):
             return
         if tag is not None and not chunk.has("SIGNAL"):
-            self._relation(at, chunk, tag)
-        elif chunk.text == "into" and self._turned_into(at):
+            self._read_relation(at, chunk, tag)
+        elif chunk.text == "into" and self._is_turned_into(at):
             self._start(OpenRelation("collide_at", None, at, self.subject or None, tag="COLLIDE"))
         elif chunk.has("LATE"):
-            self._brakes_late(at)
-        elif (who := self._stands_for(at, chunk)) is not None:
-            self._pronoun(at, who)
-        elif chunk.tags.get("ALMOST") == "avoid" and self._avoids(at):
+            self._read_late_brake(at)
+        elif (pronoun := self._stands_for(at, chunk)) is not None:
+            self._read_pronoun(at, pronoun)
+        elif chunk.tags.get("ALMOST") == "avoid" and self._is_avoiding(at):
             self._start(OpenRelation("near_miss", None, at, self.subject or None, tag="NEAR"))
-        elif chunk.has("LET") and self._lets(at, chunk):
+        elif chunk.has("LET") and self._is_letting_pass(at, chunk):
             return
         elif chunk.has("WAIT"):
             self._wait(at, chunk)
         elif chunk.has("BY"):
-            self._by()
-        elif chunk.text == "between" and self._once_more_between(at):
+            self._read_by()
+        elif chunk.text == "between" and self._is_repeated_between(at):
             return
         else:
-            self._minor(at, chunk)
+            self._read_minor(at, chunk)
 
     def _stands_for(self, at: int, chunk: Chunk) -> Chunk | None:
         """The pronoun, or that of "hits its bumper"."""
         if chunk.has("PRONOUN"):
             return chunk
-        owns = chunk.text in _OWNERS and self._takes_object() and self._part_follows(at)
+        owns = chunk.text in _OWNERS and self._takes_object() and self._is_part_after(at)
         return _OWNERS[chunk.text] if owns else None
 
-    def _part_follows(self, at: int) -> bool:
-        """ "hits its bumper": a part stands for the whole."""
+    def _is_part_after(self, at: int) -> bool:
+        """ "hits its bumper": a part means the whole."""
         words: list[str] = []
         for item in self.items[at + 1 : at + 4]:
             if not isinstance(item, Chunk) or item.mark:
@@ -147,19 +147,19 @@ class Reader(Naming):
             words += item.words
         return not PARTS.isdisjoint(words)
 
-    def _once_more_between(self, at: int) -> bool:
+    def _is_repeated_between(self, at: int) -> bool:
         """ "two near misses, one between ... and one between ...": a second one of the kind."""
-        before = self._item(at - 1)
-        told = self.open[-1] if self.open else None
+        before = self._get_item(at - 1)
+        relation = self.open[-1] if self.open else None
         one = isinstance(before, Mention) and before.type is None
-        if told is None or not (told.nominal and one):
+        if relation is None or not (relation.nominal and one):
             return False
-        if not told.between:
-            told.between = told.explicit = True
-            told.object, told.closed, self.awaiting = None, False, told
+        if not relation.between:
+            relation.between = relation.explicit = True
+            relation.object, relation.closed, self.awaiting = None, False, relation
             return True
-        told.object = (told.object or [])[:2]
-        again = OpenRelation(told.type, told.kind, at, None, nominal=True, tag=told.tag)
+        relation.object = (relation.object or [])[:2]
+        again = OpenRelation(relation.type, relation.kind, at, None, nominal=True, tag=relation.tag)
         again.between = again.explicit = True
         self._start(again)
         return True
@@ -168,11 +168,11 @@ class Reader(Naming):
         """ "the bus goes first", "the bus has the right of way"."""
         if chunk.words[-1] == "first" and len(chunk.words) > 1:
             return True
-        before = self._item(at - 1)
+        before = self._get_item(at - 1)
         owns = isinstance(before, Chunk) and before.text in {"has", "have", "had", "gets", "takes"}
         return owns and chunk.words[-1] in {"way", "priority", "precedence"}
 
-    def _main_verb(self, chunk: Chunk) -> None:
+    def _read_main_verb(self, chunk: Chunk) -> None:
         """ "the car that hit the pedestrian came from the west": the car came."""
         finite = chunk.has("BE") or (chunk.has("HEAD") and not chunk.words[0].endswith("ing"))
         relation = self.awaiting
@@ -183,71 +183,73 @@ class Reader(Naming):
             self._leave_relative()
             self.last = self.subject or self.last
 
-    def _mere_place(self, at: int, chunk: Chunk) -> bool:
-        """ "the car behind", "stops ahead of the pedestrian": nobody drives after anybody."""
+    def _is_mere_place(self, at: int, chunk: Chunk) -> bool:
+        """ "the car behind", "stops ahead of the pedestrian": no agent follows another."""
         if chunk.text == "behind":
-            verb = self._item(at + 1)
+            verb = self._get_item(at + 1)
             acts = isinstance(verb, Chunk) and verb.has("LATE", "NEGATION", "BE")
-            return acts or not self._mention_ahead(at) or self._walks_behind(at)
+            return acts or not self._has_mention_ahead(at) or self._is_walking_behind(at)
         if chunk.words[0].startswith(_CHASES):
             return not any(agent.type == "vehicle" for agent in self.subject)
-        after = self._item(at + 1)
+        after = self._get_item(at + 1)
         walks = isinstance(after, Mention) and after.type == "pedestrian"
         return chunk.text == "ahead of" and walks
 
-    def _walks_behind(self, at: int) -> bool:
+    def _is_walking_behind(self, at: int) -> bool:
         """ "crosses behind a bus"."""
-        after = self._item(at + 1)
+        after = self._get_item(at + 1)
         on_foot = {agent.type for agent in self.subject} == {"pedestrian"}
         return on_foot and isinstance(after, Mention) and after.type == "vehicle"
 
-    def _brakes_late(self, at: int) -> None:
+    def _read_late_brake(self, at: int) -> None:
         """ "does not brake in time for the bus": it is the bus that is hit."""
         self.said.append("late_brake")
         self.verb_seen = True
-        for_whom = self._next_text(at) in {"for", "behind"}
-        if for_whom and isinstance(self._item(at + 2), Mention):
+        for_whom = self._get_next_text(at) in {"for", "behind"}
+        if for_whom and isinstance(self._get_item(at + 2), Mention):
             self._start(OpenRelation("collide_at", None, at, self.subject or None, tag="COLLIDE"))
 
-    def _turned_into(self, at: int) -> bool:
+    def _is_turned_into(self, at: int) -> bool:
         """ "turned left into a bus", not "into the path of a bus" or "into the avenue"."""
-        before, after = self._item(at - 1), self._item(at + 1)
+        before, after = self._get_item(at - 1), self._get_item(at + 1)
         if isinstance(before, Modifier):
             moved = before.means in {"turn", "straight", "uturn"}
         else:
             moved = isinstance(before, Chunk) and before.has("HEAD")
-        path = self._item(at + 2)
+        path = self._get_item(at + 2)
         way = isinstance(path, Chunk) and path.words[0] in {"path", "way", "lane"}
-        whom = isinstance(after, Mention) and after.type is not None and not after.mass
-        return moved and not way and (whom or is_pronoun(after))
+        is_agent = isinstance(after, Mention) and after.type is not None and not after.mass
+        return moved and not way and (is_agent or is_pronoun(after))
 
-    def _minor(self, at: int, chunk: Chunk) -> None:
+    def _read_minor(self, at: int, chunk: Chunk) -> None:
         if chunk.has("GO_FIRST") and self._has_priority(at, chunk):
             self.leading = self.leading or self.subject
         if chunk.has("BOTH"):
-            self._plural_subject(everyone=chunk.text == "all of them")
+            self._set_plural_subject(everyone=chunk.text == "all of them")
         elif chunk.has("DITTO"):
-            self._ditto()
+            self._repeat_movement()
         elif chunk.has("EXITWALK") or chunk.text == "there":
-            self._at_place(at, chunk)
+            self._read_place(at, chunk)
         elif chunk.has("AND", "WHILE"):
             self._connect(at, chunk)
         elif chunk.has("BE"):
             self.verb_seen = True
         elif chunk.has(*_PROPERTIES) or self._comes_across(at, chunk):
-            self._property(at, chunk)
+            self._read_property(at, chunk)
         elif chunk.has("LEFT", "RIGHT", "THROUGH"):
-            self._bare_turn(at, chunk)
+            self._read_bare_turn(at, chunk)
         elif chunk.has("BACKGROUND") and self.counted and self.counted[-1] is self.last:
-            self.to_background(self.last)
-        elif chunk.tags.keys() <= {"EDIT"} and isinstance(self._item(at - 1), Mention | Modifier):
+            self.move_to_background(self.last)
+        elif chunk.tags.keys() <= {"EDIT"} and isinstance(
+            self._get_item(at - 1), Mention | Modifier
+        ):
             self.verb_seen |= chunk.words[0].endswith(("s", "ed")) or chunk.words[0] in _VERBS
         elif chunk.has("HEAD", "TURN", "EXIT") and not chunk.words[0].endswith("ing"):
             self.verb_seen = True
 
     def _comes_across(self, at: int, chunk: Chunk) -> bool:
         """ "on the cross street", not "turns onto the side street"."""
-        before = [self._item(at - 1), self._item(at - 2)]
+        before = [self._get_item(at - 1), self._get_item(at - 2)]
         links = [item.text for item in before if isinstance(item, Chunk) and not item.has("DET")]
         return chunk.has("ACROSS") and (chunk.words[0] in {"from", "on"} or links[:1] in _ALONG)
 
@@ -263,19 +265,19 @@ class Reader(Naming):
         self.signal, self.crossing, self.causer, self.caused = False, False, [], False
         self.shared = False
 
-    def _comma(self, at: int) -> None:
-        if self.relative and self.verb_seen and not self._then_follows(at):
+    def _read_comma(self, at: int) -> None:
+        if self.relative and self.verb_seen and not self._is_then_after(at):
             self._leave_relative()
         self.boundary = True
         self.linked = True
-        self._elaborates(at)
+        self._read_elaboration(at)
         if self.awaiting and self.awaiting.object is not None:
             self.awaiting.closed = True
 
-    def _elaborates(self, at: int) -> None:
+    def _read_elaboration(self, at: int) -> None:
         """ "two vehicles: a bus and a taxi" names two agents, not four."""
-        group, then = self._item(at - 1), self._item(at + 1)
-        mark = self._item(at)
+        group, then = self._get_item(at - 1), self._get_item(at + 1)
+        mark = self._get_item(at)
         if not (
             isinstance(group, Mention) and isinstance(then, Mention) and isinstance(mark, Chunk)
         ):
@@ -291,47 +293,47 @@ class Reader(Naming):
             for agent in self.last:
                 agent.announced = True
 
-    def _then_follows(self, at: int) -> bool:
-        after = self._item(at + 1)
+    def _is_then_after(self, at: int) -> bool:
+        after = self._get_item(at + 1)
         return isinstance(after, Chunk) and after.has("AND")
 
     def _connect(self, at: int, chunk: Chunk) -> None:
         self.boundary = True
         self.linked = chunk.has("AND")
-        if chunk.text == "and then" and self._bare_sequel(at):
+        if chunk.text == "and then" and self._is_bare_sequel(at):
             return
-        if self._holds_until(at, chunk):
+        if self._is_holding_until(at, chunk):
             return
-        if self.awaiting and (self._complete(self.awaiting) or chunk.text in {"then", "but"}):
+        if self.awaiting and (self._is_complete(self.awaiting) or chunk.text in {"then", "but"}):
             self.awaiting.closed = self.awaiting.object is not None or chunk.text != "and"
             if self.awaiting.object is None:
                 self.awaiting = None
 
-    def _bare_sequel(self, at: int) -> bool:
+    def _is_bare_sequel(self, at: int) -> bool:
         """ "hits a man and then a bus": the verb holds for both."""
-        after = self._item(at + 1)
+        after = self._get_item(at + 1)
         if isinstance(after, Chunk) and after.has("BY"):
-            after = self._item(at + 2)
+            after = self._get_item(at + 2)
             return isinstance(after, Mention)
-        return isinstance(after, Mention) and not self._verb_follows(at + 1)
+        return isinstance(after, Mention) and not self._has_verb_ahead(at + 1)
 
-    def _holds_until(self, at: int, chunk: Chunk) -> bool:
+    def _is_holding_until(self, at: int, chunk: Chunk) -> bool:
         """ "does not turn until a bus has passed", "goes only after she has crossed"."""
-        if not self.subject or self.awaiting is not None or not self._mention_ahead(at):
+        if not self.subject or self.awaiting is not None or not self._has_mention_ahead(at):
             return False
-        before = self._item(at - 1)
+        before = self._get_item(at - 1)
         only = isinstance(before, Chunk) and "only" in before.words
         late = chunk.text in {"after", "once", "when", "as soon as"} and only
-        until = chunk.text in {"until", "till", "before"} and self._holds_off(at)
+        until = chunk.text in {"until", "till", "before"} and self._is_verb_denied(at)
         if not (late or until):
             return False
         self._start(OpenRelation("yield_to", None, at, self.subject, tag="WAIT"))
         return True
 
-    def _holds_off(self, at: int) -> bool:
+    def _is_verb_denied(self, at: int) -> bool:
         """The verb of the subject is denied."""
         for back in range(1, 7):
-            item = self._item(at - back)
+            item = self._get_item(at - back)
             if isinstance(item, Chunk) and item.has("NEGATION"):
                 return item.words[0] not in {"without", "no", "instead", "free"}
             if item is None or isinstance(item, Mention) or (isinstance(item, Chunk) and item.mark):
@@ -340,10 +342,10 @@ class Reader(Naming):
                 return False
         return False
 
-    def _relative_clause(self, at: int) -> bool:
-        before, after = self._item(at - 1), self._item(at + 1)
+    def _is_relative_clause(self, at: int) -> bool:
+        before, after = self._get_item(at - 1), self._get_item(at + 1)
         if isinstance(before, Chunk) and before.mark == ",":
-            before = self._item(at - 2)
+            before = self._get_item(at - 2)
         attached = isinstance(before, Mention | Modifier) or (
             isinstance(before, Chunk)
             and before.has(

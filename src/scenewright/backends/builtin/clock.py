@@ -155,21 +155,21 @@ class Clock:
 
 def read_clock(text: str) -> tuple[str, Clock]:
     """The text without its figures, and the figures; Refused where two clock times differ."""
-    text, pet, ttc = _severity(text)
+    text, pet, ttc = _read_severity(text)
     speed: float | None = None
     if match := _SPEED.search(text):
         speed = float(match[1]) * next(f for key, f in _MPS.items() if match[2].startswith(key))
         text = _cut(text, match)
     times: list[str] = []
-    text = _HALF_PAST.sub(_in_digits, text)
+    text = _HALF_PAST.sub(_write_in_digits, text)
     for pattern, reader in (
-        (_TO, _to),
-        (_RANGE, _range),
-        (_PAST, _past),
-        (_PLAIN, _plain),
-        (_MILITARY, _military),
-        (_HOUR, _full_hour),
-        (_BARE, _bare),
+        (_TO, _rewrite_to),
+        (_RANGE, _rewrite_range),
+        (_PAST, _rewrite_past),
+        (_PLAIN, _rewrite_plain),
+        (_MILITARY, _rewrite_military),
+        (_HOUR, _rewrite_full_hour),
+        (_BARE, _rewrite_bare),
     ):
         text = _collect(text, pattern, reader, times)
     if impossible := _OFF_CLOCK.search(text):
@@ -188,9 +188,9 @@ def read_time_words(words: list[str], *, clock: str | None) -> str | None:
         return None
     allowed = set(range(0, _DAY, 5))
     for name in names:
-        allowed &= _minutes_of(name)
+        allowed &= _list_minutes(name)
     if clock is not None:
-        start = _minute(clock[:5])
+        start = _parse_minute(clock[:5])
         if names and not any(
             (start + d) % _DAY in allowed for d in range(-90, 91) if (start + d) % 5 == 0
         ):
@@ -200,10 +200,10 @@ def read_time_words(words: list[str], *, clock: str | None) -> str | None:
         raise Refused(
             "contradictory", f"{' and '.join(names)} exclude one another; name one time of day."
         )
-    narrow = min(names, key=lambda name: len(_minutes_of(name)))
-    typical = _minute(_TYPICAL[narrow])
+    narrow = min(names, key=lambda name: len(_list_minutes(name)))
+    typical = _parse_minute(_TYPICAL[narrow])
     best = min(allowed, key=lambda m: (min((m - typical) % _DAY, (typical - m) % _DAY), m))
-    return _text(best)
+    return _format_minute(best)
 
 
 def _collect(text: str, pattern: re.Pattern[str], reader: _Reader, times: list[str]) -> str:
@@ -219,34 +219,34 @@ def _collect(text: str, pattern: re.Pattern[str], reader: _Reader, times: list[s
     return text
 
 
-def _range(match: re.Match[str]) -> str | None:
+def _rewrite_range(match: re.Match[str]) -> str | None:
     first, second = match.groups()[:6], match.groups()[6:]
     if " and " in match[0] and "between" not in match[0]:
         return None
     second_suffix = second[3] or second[4] or second[5]
     if not (second_suffix or (first[1] and second[1])):
         return None
-    end = _clock(*second)
+    end = _compute_minute(*second)
     own = first[3] or first[4] or first[5]
     if own:
-        start = _clock(*first)
+        start = _compute_minute(*first)
     else:
-        start = _clock(first[0], first[1], first[2], second[3], second[4], second[5])
+        start = _compute_minute(first[0], first[1], first[2], second[3], second[4], second[5])
         if start is not None and end is not None and start >= end:
-            start = _clock(first[0], first[1], first[2], "am", None, None)
+            start = _compute_minute(first[0], first[1], first[2], "am", None, None)
     if start is None or end is None:
         return None
-    return f"{_text(start)}-{_text(end)}"
+    return f"{_format_minute(start)}-{_format_minute(end)}"
 
 
-def _in_digits(match: re.Match[str]) -> str:
+def _write_in_digits(match: re.Match[str]) -> str:
     """ "half past four" -> "4:30", so that it can begin or end a range."""
     hour = int(match[2]) if match[2].isdigit() else _HOURS[match[2]]
     minute = _MINUTES.get(match[1]) or int(match[1])
     return f"{hour}:{minute:02d}"
 
 
-def _to(match: re.Match[str]) -> str | None:
+def _rewrite_to(match: re.Match[str]) -> str | None:
     """ "ten to nine" is a clock time where a preposition or a part of the day says so."""
     lead, amount, minutes, hour = match.groups()[:4]
     suffix = match.groups()[4:7]
@@ -254,28 +254,28 @@ def _to(match: re.Match[str]) -> str | None:
     if not (lead or minutes or (spelt and any(suffix))):
         return None
     before = _MINUTES.get(amount) or int(amount)
-    return _text(((_clock(hour, None, None, *suffix) or 0) - before) % _DAY)
+    return _format_minute(((_compute_minute(hour, None, None, *suffix) or 0) - before) % _DAY)
 
 
-def _past(match: re.Match[str]) -> str | None:
+def _rewrite_past(match: re.Match[str]) -> str | None:
     amount = _MINUTES.get(match[1]) or (int(match[1]) if match[1].isdigit() else 0)
-    hour = _clock(match[3], None, None, match[4], match[5], match[6])
+    hour = _compute_minute(match[3], None, None, match[4], match[5], match[6])
     if hour is None or not amount or amount > 59:
         return None
     sign = 1 if match[2] in {"past", "after"} else -1
-    return _text((hour + sign * amount) % _DAY)
+    return _format_minute((hour + sign * amount) % _DAY)
 
 
-def _plain(match: re.Match[str]) -> str | None:
+def _rewrite_plain(match: re.Match[str]) -> str | None:
     g = match.groups()
     if g[0] is not None:
-        minute = _clock(g[0], g[1], None, g[2], g[3], g[4])
+        minute = _compute_minute(g[0], g[1], None, g[2], g[3], g[4])
     else:
-        minute = _clock(g[5], g[6], g[7], g[8], g[9], g[10])
-    return None if minute is None else _text(minute)
+        minute = _compute_minute(g[5], g[6], g[7], g[8], g[9], g[10])
+    return None if minute is None else _format_minute(minute)
 
 
-def _military(match: re.Match[str]) -> str | None:
+def _rewrite_military(match: re.Match[str]) -> str | None:
     plain = match[0].strip().isdigit()
     if plain and match[1] in {"19", "20"} and _YEAR.search(match.string[: match.start()]):
         return None
@@ -284,19 +284,19 @@ def _military(match: re.Match[str]) -> str | None:
     return f"{match[1]}:{match[2]}"
 
 
-def _full_hour(match: re.Match[str]) -> str | None:
+def _rewrite_full_hour(match: re.Match[str]) -> str | None:
     """ "23h", "at 13.15"."""
     return f"{int(match[1] or match[2]):02d}:{match[3] or '00'}"
 
 
-def _bare(match: re.Match[str]) -> str | None:
+def _rewrite_bare(match: re.Match[str]) -> str | None:
     hour = int(match[1])
     if not 0 < hour <= 23:
         return None
-    return _text((hour if hour >= 6 else hour + 12) * 60)
+    return _format_minute((hour if hour >= 6 else hour + 12) * 60)
 
 
-def _clock(
+def _compute_minute(
     hour: str,
     digits: str | None,
     words: str | None,
@@ -310,10 +310,10 @@ def _clock(
         raise Refused(
             "impossible", f"{hour}:{digits or '00'} is no time of day; use 00:00 to 23:59."
         )
-    return _half_day(number, half, part) % 24 * 60 + minute
+    return _shift_half_day(number, half, part) % 24 * 60 + minute
 
 
-def _half_day(hour: int, half: str | None, part: str | None) -> int:
+def _shift_half_day(hour: int, half: str | None, part: str | None) -> int:
     late = half == "pm" or (part is not None and "morning" not in part)
     if part is not None and "night" in part and (hour <= 5 or hour == 12):
         late = False
@@ -324,36 +324,36 @@ def _half_day(hour: int, half: str | None, part: str | None) -> int:
     return hour % 12 + (12 if late else 0)
 
 
-def _severity(text: str) -> tuple[str, float | None, float | None]:
+def _read_severity(text: str) -> tuple[str, float | None, float | None]:
     found: dict[str, float] = {}
     for pattern, name, number in ((_PET, 1, 2), (_PET_AFTER, 2, 1)):
         while match := pattern.search(text):
             key = "pet" if match[name].startswith("p") else "ttc"
-            found[key] = _seconds(match[number])
+            found[key] = _parse_seconds(match[number])
             text = _cut(text, match)
     if not found and not _HEADWAY.search(text) and (match := _GAP.search(text)):
-        found["pet"] = _seconds(match[1])
+        found["pet"] = _parse_seconds(match[1])
         text = _cut(text, match)
     return text, found.get("pet"), found.get("ttc")
 
 
-def _seconds(figure: str) -> float:
+def _parse_seconds(figure: str) -> float:
     return _IN_SECONDS.get(figure) or float(figure.replace(",", "."))
 
 
-def _minutes_of(name: str) -> set[int]:
+def _list_minutes(name: str) -> set[int]:
     result: set[int] = set()
     for start, end in WORD_RANGES[name]:
-        first, last = _minute(start), _minute(end)
+        first, last = _parse_minute(start), _parse_minute(end)
         result |= {m % _DAY for m in range(first, (last if last >= first else last + _DAY) + 1, 5)}
     return result
 
 
-def _minute(text: str) -> int:
+def _parse_minute(text: str) -> int:
     return int(text[:2]) * 60 + int(text[3:5])
 
 
-def _text(minute: int) -> str:
+def _format_minute(minute: int) -> str:
     return f"{minute // 60 % 24:02d}:{minute % 60:02d}"
 
 

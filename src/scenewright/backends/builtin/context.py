@@ -17,17 +17,17 @@ def read_context(draft: Draft, chunks: Sequence[Chunk], clock: Clock) -> None:
     """Fill the draft's context from the chunks and the figures of the text."""
     context = draft.context
     words = [chunk.tags["TIMEWORD"] for chunk in chunks if chunk.has("TIMEWORD")]
-    time = read_time_words(_specific(words), clock=clock.time)
+    time = read_time_words(_keep_specific(words), clock=clock.time)
     context.time_of_day = time or context.time_of_day
-    context.density = _density(chunks, context) or context.density
+    context.density = _find_density(chunks, context) or context.density
     context.pet, context.ttc, context.speed = clock.pet, clock.ttc, clock.speed
     if any(chunk.has("NOBODY") for chunk in chunks):
         context.vehicles, context.pedestrians = 0, 0
-    if draft.relations and context.density is None and _plain_traffic(chunks):
+    if draft.relations and context.density is None and _has_plain_traffic(chunks):
         context.density = "medium"
 
 
-def _specific(words: list[str]) -> list[str]:
+def _keep_specific(words: list[str]) -> list[str]:
     """ "rush hour ... in the morning" is the morning rush."""
     if "rush hour" in words and "morning" in words:
         return ["morning rush"]
@@ -36,7 +36,7 @@ def _specific(words: list[str]) -> list[str]:
     return words
 
 
-def _density(chunks: Sequence[Chunk], context: ContextDraft) -> str | None:
+def _find_density(chunks: Sequence[Chunk], context: ContextDraft) -> str | None:
     found: list[str] = []
     for at, chunk in enumerate(chunks):
         after = chunks[at + 1] if at + 1 < len(chunks) else None
@@ -44,17 +44,17 @@ def _density(chunks: Sequence[Chunk], context: ContextDraft) -> str | None:
             table = _BUSIER if chunk.tags["BUSIER"] == "up" else _QUIETER
             found.append(table[context.density])
         elif chunk.has("DENSITY") and not _describes_else(after):
-            found.append(_turned(chunk.tags["DENSITY"], chunks, at))
-        elif chunk.has("LEVEL") and _near_traffic(chunks, at):
+            found.append(_negate_density(chunk.tags["DENSITY"], chunks, at))
+        elif chunk.has("LEVEL") and _is_near_traffic(chunks, at):
             found.append(chunk.tags["LEVEL"])
-        elif chunk.text == "normal" and _near_density(chunks, at):
+        elif chunk.text == "normal" and _is_near_density(chunks, at):
             found.append("medium")
     if {"high", "low"} <= set(found):
         raise Refused("contradictory", "The traffic cannot be both busy and quiet; keep one.")
     return found[0] if found else None
 
 
-def _turned(value: str, chunks: Sequence[Chunk], at: int) -> str:
+def _negate_density(value: str, chunks: Sequence[Chunk], at: int) -> str:
     before = chunks[at - 1] if at else None
     if before is not None and before.has("NEGATION"):
         return {"high": "low", "low": "high", "medium": "medium"}[value]
@@ -73,7 +73,7 @@ def _describes_else(after: Chunk | None) -> bool:
     return vehicle or bool(_NOT_TRAFFIC & set(after.words))
 
 
-def _near_traffic(chunks: Sequence[Chunk], at: int) -> bool:
+def _is_near_traffic(chunks: Sequence[Chunk], at: int) -> bool:
     for step in (1, 2, 3):
         item = chunks[at + step] if at + step < len(chunks) else None
         if item is None or item.mark:
@@ -95,7 +95,7 @@ def _near_traffic(chunks: Sequence[Chunk], at: int) -> bool:
     return False
 
 
-def _near_density(chunks: Sequence[Chunk], at: int) -> bool:
+def _is_near_density(chunks: Sequence[Chunk], at: int) -> bool:
     near = chunks[max(0, at - 3) : at + 3]
     return any(chunk.has("TRAFFIC_NOUN") for chunk in near)
 
@@ -104,7 +104,7 @@ def _is_traffic(chunk: Chunk) -> bool:
     return chunk.has("TRAFFIC_NOUN") or chunk.tags.get("AGENT") == "traffic"
 
 
-def _plain_traffic(chunks: Sequence[Chunk]) -> bool:
+def _has_plain_traffic(chunks: Sequence[Chunk]) -> bool:
     return any(
         chunk.has("NORMAL") and ("traffic" in chunk.words or chunk.text == "normal flow")
         for chunk in chunks

@@ -96,7 +96,7 @@ PARTS = frozenset(
         "panel",
     ]
 )
-"""Nouns for parts of a road user, which stand for the whole."""
+"""Nouns for parts of a road user, which mean the whole."""
 
 _NO_VERBS = frozenset({"across", "straight", "thru"})
 
@@ -161,17 +161,17 @@ class Cursor:
         self.caused = False
         self.shared = False
 
-    def _item(self, at: int) -> Item | None:
+    def _get_item(self, at: int) -> Item | None:
         return self.items[at] if 0 <= at < len(self.items) else None
 
-    def _before_is(self, at: int, tag: str) -> bool:
-        before = self._item(at - 1)
+    def _is_before(self, at: int, tag: str) -> bool:
+        before = self._get_item(at - 1)
         return isinstance(before, Chunk) and (before.has(tag) or before.text in {"and", ","})
 
-    def _next_is(self, at: int, tags: tuple[str, ...]) -> bool:
+    def _is_next(self, at: int, tags: tuple[str, ...]) -> bool:
         """One of the tags follows with at most `and`, `to` or a plain word between."""
         for step in range(1, 4):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if not isinstance(item, Chunk) or item.mark:
                 return False
             if item.has(*tags) and not item.has("AND"):
@@ -180,8 +180,8 @@ class Cursor:
                 return False
         return False
 
-    def _next_text(self, at: int) -> str:
-        item = self._item(at + 1)
+    def _get_next_text(self, at: int) -> str:
+        item = self._get_item(at + 1)
         return item.text if isinstance(item, Chunk) else ""
 
     def _takes_object(self) -> bool:
@@ -193,41 +193,41 @@ class Cursor:
             and (not relation.passive or relation.by)
         )
 
-    def _actors(self) -> Group:
-        """Whoever acts in the relation that still wants its object."""
-        if self.awaiting is None or not self._takes_object() or self._told_of_both():
+    def _find_actors(self) -> Group:
+        """The actors of the relation that still lacks its object."""
+        if self.awaiting is None or not self._takes_object() or self._is_said_of_both():
             return []
         return self.awaiting.subject or []
 
-    def _told_of_both(self) -> bool:
+    def _is_said_of_both(self) -> bool:
         """ "an SUV and a taxi collide, the SUV turning left": no third agent."""
         relation = self.awaiting
-        return relation is not None and self.boundary and self._complete(relation)
+        return relation is not None and self.boundary and self._is_complete(relation)
 
-    def _ahead_of(self, at: int) -> bool:
-        after = self._item(at + 1)
+    def _is_ahead_of(self, at: int) -> bool:
+        after = self._get_item(at + 1)
         return isinstance(after, Chunk) and after.tags.get("SAME") == "ahead"
 
-    def _behind(self, at: int) -> bool:
-        after = self._item(at + 1)
+    def _is_behind(self, at: int) -> bool:
+        after = self._get_item(at + 1)
         return (
             isinstance(after, Chunk)
             and (after.text == "behind" or after.tags.get("SAME") == "behind")
-            and not self._mention_ahead(at + 1)
+            and not self._has_mention_ahead(at + 1)
         )
 
-    def _verb_follows(self, at: int) -> bool:
+    def _has_verb_ahead(self, at: int) -> bool:
         """A finite verb follows before the next mention or mark."""
-        at = self._after_insertion(at)
+        at = self._skip_insertion(at)
         for step in range(1, 8):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if item is None or isinstance(item, Mention):
                 return False
             if isinstance(item, Modifier):
                 if self._is_finite(item):
                     return True
                 continue
-            if item.has("WHO") or _plain_verb(item):
+            if item.has("WHO") or _is_plain_verb(item):
                 return True
             if item.mark or item.has("AND", "WHILE"):
                 return False
@@ -259,17 +259,17 @@ class Cursor:
                 return True
         return False
 
-    def _after_insertion(self, at: int) -> int:
+    def _skip_insertion(self, at: int) -> int:
         """Where "a car, on the other approach, ..." and "a car behind the bus ..." go on."""
-        comma, named = self._item(at + 1), self._item(at + 2)
+        comma, named = self._get_item(at + 1), self._get_item(at + 2)
         if isinstance(comma, Chunk) and comma.text == "behind" and isinstance(named, Mention):
             return at + 2
         if isinstance(comma, Chunk) and comma.mark == "(":
-            return self._after_brackets(at)
+            return self._skip_brackets(at)
         if not (isinstance(comma, Chunk) and comma.mark == ","):
             return at
         for step in range(2, 6):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if not isinstance(item, Chunk | Modifier):
                 return at
             if isinstance(item, Chunk) and item.mark == ",":
@@ -278,10 +278,10 @@ class Cursor:
                 return at
         return at
 
-    def _after_brackets(self, at: int) -> int:
+    def _skip_brackets(self, at: int) -> int:
         """Where "a van (from the south, right) ..." goes on."""
         for step in range(2, 10):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if isinstance(item, Chunk) and item.mark == ")":
                 return at + step
             if item is None or isinstance(item, Mention):
@@ -295,9 +295,9 @@ class Cursor:
         )
         return verb and not head.words[0].endswith("ing") and head.words[0] not in _NO_VERBS
 
-    def _mention_ahead(self, at: int) -> bool:
+    def _has_mention_ahead(self, at: int) -> bool:
         for step in range(1, 4):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if isinstance(item, Mention):
                 return item.det != "no"
             if isinstance(item, Chunk) and item.has("PRONOUN"):
@@ -309,27 +309,27 @@ class Cursor:
                 return False
         return False
 
-    def _follows_comma(self, at: int) -> bool:
+    def _is_after_comma(self, at: int) -> bool:
         for back in (1, 2, 3):
-            before = self._item(at - back)
+            before = self._get_item(at - back)
             if isinstance(before, Chunk) and (before.mark or before.has("AND", "WHILE", "BY")):
                 return True
             if not isinstance(before, Chunk) or before.has("BE"):
                 return False
         return False
 
-    def _after_while(self, at: int) -> bool:
+    def _is_after_while(self, at: int) -> bool:
         for back in (1, 2):
-            before = self._item(at - back)
+            before = self._get_item(at - back)
             if isinstance(before, Chunk) and before.has("WHILE"):
                 return True
             if not (isinstance(before, Chunk) and (before.has("BE") or not before.tags)):
                 return False
         return False
 
-    def _touches_mention(self, at: int) -> bool:
+    def _is_touching_mention(self, at: int) -> bool:
         for back in range(1, 6):
-            before = self._item(at - back)
+            before = self._get_item(at - back)
             if isinstance(before, Mention):
                 return True
             if isinstance(before, Chunk) and (
@@ -339,9 +339,9 @@ class Cursor:
                 return False
         return False
 
-    def _be_before(self, at: int) -> bool:
+    def _has_be_before(self, at: int) -> bool:
         for back in range(1, 5):
-            item = self._item(at - back)
+            item = self._get_item(at - back)
             if isinstance(item, Chunk) and item.has("BE"):
                 return True
             if (
@@ -352,11 +352,11 @@ class Cursor:
                 return False
         return False
 
-    def _by_ahead(self, at: int) -> bool:
+    def _has_by_ahead(self, at: int) -> bool:
         for step in range(1, 7):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if isinstance(item, Chunk) and item.has("BY"):
-                return self._mention_ahead(at + step)
+                return self._has_mention_ahead(at + step)
             if (
                 item is None
                 or isinstance(item, Mention)
@@ -368,19 +368,20 @@ class Cursor:
                 return False
         return False
 
-    def _and_before(self, at: int) -> bool:
+    def _has_and_before(self, at: int) -> bool:
         return any(
-            isinstance(i, Chunk) and i.has("AND") for i in (self._item(at - 1), self._item(at - 2))
+            isinstance(i, Chunk) and i.has("AND")
+            for i in (self._get_item(at - 1), self._get_item(at - 2))
         )
 
-    def _polarity(self, at: int) -> tuple[bool, str]:
+    def _find_polarity(self, at: int) -> tuple[bool, str]:
         negated, almost = False, ""
         for back in range(1, 7):
-            item = self._item(at - back)
+            item = self._get_item(at - back)
             if item is None:
                 break
             if isinstance(item, Mention):
-                if item.det != "neither" and not self._without_before(at - back):
+                if item.det != "neither" and not self._has_without_before(at - back):
                     break
                 return True, almost
             if isinstance(item, Modifier):
@@ -393,7 +394,7 @@ class Cursor:
                 item.has("WAIT")
                 and not item.has("ALMOST")
                 and back > 1
-                and not self._or_between(at - back, at)
+                and not self._has_or_between(at - back, at)
             ):
                 break
             if item.has("ALMOST"):
@@ -403,33 +404,33 @@ class Cursor:
                 break
         return negated, almost
 
-    def _governs(self, at: int, chunk: Chunk) -> bool:
+    def _is_governing(self, at: int, chunk: Chunk) -> bool:
         """ "without" and "no" deny a noun or an -ing form, not a finite verb further on."""
         if chunk.words[0].endswith("ing") or chunk.words[-1] in NOUNS:
             return True
         for back in range(1, 7):
-            item = self._item(at - back)
+            item = self._get_item(at - back)
             if isinstance(item, Chunk) and item.has("NEGATION"):
                 return item.text == "no one" or item.words[0] not in {"without", "no", "free"}
             if isinstance(item, Modifier):
                 return False
         return True
 
-    def _or_between(self, start: int, end: int) -> bool:
+    def _has_or_between(self, start: int, end: int) -> bool:
         return any(isinstance(i, Chunk) and (i.text == "or") for i in self.items[start:end])
 
-    def _without_before(self, at: int) -> bool:
-        before = self._item(at - 1)
+    def _has_without_before(self, at: int) -> bool:
+        before = self._get_item(at - 1)
         return (
             isinstance(before, Chunk)
             and before.has("NEGATION")
             and before.words[0] in {"without", "instead"}
         )
 
-    def _negated_near(self, at: int) -> bool:
-        return self._polarity(at)[0]
+    def _is_negated_near(self, at: int) -> bool:
+        return self._find_polarity(at)[0]
 
-    def _complete(self, relation: OpenRelation) -> bool:
+    def _is_complete(self, relation: OpenRelation) -> bool:
         pair = relation.subject is not None and len(relation.subject) > 1
         return relation.object is not None or (pair and relation.type in SYMMETRIC)
 
@@ -438,17 +439,17 @@ class Cursor:
         self.gap = None
 
 
-def _plain_verb(chunk: Chunk) -> bool:
+def _is_plain_verb(chunk: Chunk) -> bool:
     word = chunk.words[0]
     return not chunk.tags and len(word) > 3 and (word.endswith("s") or word in {"comes", "has"})
 
 
 def can_hold(agent: AgentDraft, what: Modifier | Chunk) -> bool:
     """True if what is said can be true of the agent's class."""
-    return kind_can_hold(agent.type, what)
+    return can_kind_hold(agent.type, what)
 
 
-def kind_can_hold(kind: str, what: Modifier | Chunk) -> bool:
+def can_kind_hold(kind: str, what: Modifier | Chunk) -> bool:
     """True if what is said can be true of the class."""
     if isinstance(what, Modifier):
         if what.means in VEHICLE_ONLY:
@@ -459,7 +460,7 @@ def kind_can_hold(kind: str, what: Modifier | Chunk) -> bool:
     return kind == "vehicle" or not what.has("REDRUN")
 
 
-def words_of(item: Item | None) -> str:
+def get_words(item: Item | None) -> str:
     """The words of an item, the noun of a mention, nothing for None."""
     if isinstance(item, Mention):
         return item.head
@@ -467,7 +468,7 @@ def words_of(item: Item | None) -> str:
 
 
 def is_pronoun(item: Item | None) -> bool:
-    """True for a pronoun that can stand for an agent."""
+    """True for a pronoun that can mean an agent."""
     return (
         isinstance(item, Chunk)
         and item.has("PRONOUN")

@@ -1,4 +1,4 @@
-"""Edits that turn a dial: where somebody stops, how long, how fast, when, how many others."""
+"""Edits of one value: where an agent stops, how long, how fast, when, how many others."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BACK = r"(?:earlier|sooner|before|back|short|behind|shorter)"
 _STOPS = r"\b(?:stops?|stopping|stopped|halts?|stands?|standing|waits?|waiting|pulls? up|brakes?)\b"
 
 _STAND = 2.0
-"""How long who slowed down stands, where nobody says for how long [s]."""
+"""Default time that an agent that slowed down stands [s]."""
 
 _FASTEST_SHARE, _SLOWEST_SHARE = 2.0, 0.3
 
@@ -39,12 +39,12 @@ class _Dial:
     make: Callable[[re.Match[str], str, People, AgentView | None], Edit]
 
 
-def turned(text: str, people: People, agent: AgentView | None) -> Edit | None:
+def build_motion_edit(text: str, people: People, agent: AgentView | None) -> Edit | None:
     """The edit of one agent's motion that the words amount to; None if they turn no dial.
 
     Args:
         text: the words, in lower case.
-        agent: whom they name; None if nobody.
+        agent: the agent that they name; None if none.
     """
     for dial in _DIALS:
         found = dial.pattern.search(text)
@@ -54,38 +54,38 @@ def turned(text: str, people: People, agent: AgentView | None) -> Edit | None:
 
 
 def number(word: str) -> float:
-    """What a number stands for, in figures or in words."""
+    """The value of a number in figures or in words."""
     return _NUMBERS[word] if word in _NUMBERS else float(word)
 
 
-def _amount(found: re.Match[str], default: float) -> float:
+def _parse_amount(found: re.Match[str], default: float) -> float:
     word = found.groupdict().get("amount")
     return default if word is None else number(word)
 
 
 def _stop(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    metres = _bounded(_amount(found, 1.0), 15.0, "m")
+    metres = _check_bounds(_parse_amount(found, 1.0), 15.0, "m")
     back = re.search(rf"\b{_BACK}\b", text) is not None
-    who = agent or _stopping(people)
-    return MoveStop(agent=who.id, metres=-metres if back else metres)
+    chosen = agent or _find_stopping(people)
+    return MoveStop(agent=chosen.id, metres=-metres if back else metres)
 
 
 def _wait(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    seconds = _bounded(_amount(found, 1.0), 20.0, "s")
+    seconds = _check_bounds(_parse_amount(found, 1.0), 20.0, "s")
     less = re.search(r"\b(?:less|shorter)\b", text) is not None
-    who = agent or _stopping(people)
-    return WaitLonger(agent=who.id, seconds=-seconds if less else seconds)
+    chosen = agent or _find_stopping(people)
+    return WaitLonger(agent=chosen.id, seconds=-seconds if less else seconds)
 
 
-def _later(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    seconds = _bounded(_amount(found, 1.0), 20.0, "s")
+def _edit_time(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
+    seconds = _check_bounds(_parse_amount(found, 1.0), 20.0, "s")
     sooner = re.search(r"\b(?:earlier|sooner|before)\b", text) is not None
-    who = agent or people.pick(people.foreground(), "agent")
-    return ComeLater(agent=who.id, seconds=-seconds if sooner else seconds)
+    chosen = agent or people.pick(people.list_foreground(), "agent")
+    return ComeLater(agent=chosen.id, seconds=-seconds if sooner else seconds)
 
 
-def _pace(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    who = agent or _driving(people)
+def _edit_pace(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
+    chosen = agent or _find_driving(people)
     slower = found.group("slower") is not None
     percent = re.search(r"(\d+(?:\.\d+)?) ?(?:%|percent|per cent)", text)
     if percent is not None:
@@ -99,17 +99,17 @@ def _pace(found: re.Match[str], text: str, people: People, agent: AgentView | No
         factor = 0.5 if slower or "half" in text else 2.0
     else:
         factor = 0.8 if slower else 1.25
-    return SetPace(agent=who.id, factor=_share(factor))
+    return SetPace(agent=chosen.id, factor=_share(factor))
 
 
-def _speed(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
+def _edit_speed(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     del text
-    who = agent or _driving(people)
+    chosen = agent or _find_driving(people)
     unit = found.group("unit")
     scale = 1.0 if unit.startswith("m/") or unit.startswith("met") else 1 / 3.6
     scale = 0.44704 if unit.startswith(("mph", "mile")) else scale
     wanted = float(found.group("speed")) * scale
-    return SetPace(agent=who.id, factor=_share(wanted / max(who.speed, 0.1)))
+    return SetPace(agent=chosen.id, factor=_share(wanted / max(chosen.speed, 0.1)))
 
 
 def _share(factor: float) -> float:
@@ -122,42 +122,45 @@ def _share(factor: float) -> float:
     return round(factor, 3)
 
 
-def _bounded(amount: float, most: float, unit: str) -> float:
+def _check_bounds(amount: float, most: float, unit: str) -> float:
     if amount > most:
         raise Refused("impossible", f"{amount:g} {unit} is too much at once; at most {most:g}.")
     return amount
 
 
-def _halt(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    """Who slows down shall stand."""
+def _edit_stop(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
+    """An agent that slows down shall stand."""
     del text
-    who = agent or _stopping(people)
-    seconds = _bounded(_amount(found, _STAND), 20.0, "s")
-    if who.stops:
+    chosen = agent or _find_stopping(people)
+    seconds = _check_bounds(_parse_amount(found, _STAND), 20.0, "s")
+    if chosen.stops:
         raise Refused(
             "no_change",
-            f"{who.id} stands already; say how much longer, or how far from there.",
+            f"{chosen.id} stands already; say how much longer, or how far from there.",
         )
-    if who.slows_to is None:
+    if chosen.slows_to is None:
         raise Refused(
-            "impossible", f"{who.id} gives way to nobody here; say to whom it shall yield."
+            "impossible",
+            f"{chosen.id} gives way to no agent here; say which one it shall yield to.",
         )
-    return WaitLonger(agent=who.id, seconds=seconds)
+    return WaitLonger(agent=chosen.id, seconds=seconds)
 
 
-def _stopping(people: People) -> AgentView:
-    here = people.foreground()
+def _find_stopping(people: People) -> AgentView:
+    here = people.list_foreground()
     stopping = [each for each in here if each.stops] or [e for e in here if e.slows_to is not None]
     if not stopping:
-        raise Refused("impossible", "Nobody of those named stops in this scene; say who.")
+        raise Refused(
+            "impossible", "None of the agents named stops in this scene; say which one shall."
+        )
     return people.pick(stopping, "agent")
 
 
-def _driving(people: People) -> AgentView:
-    here = people.foreground()
+def _find_driving(people: People) -> AgentView:
+    here = people.list_foreground()
     vehicles = [each for each in here if each.type == "vehicle"]
     if not here:
-        raise Refused("impossible", "Nobody in particular takes part; say whom you mean.")
+        raise Refused("impossible", "There is no foreground agent; say which agent you mean.")
     return people.pick(vehicles or here, "vehicle" if vehicles else "pedestrian")
 
 
@@ -168,7 +171,7 @@ _DIALS = (
             r"(?: (?:completely|fully|there|properly|altogether|instead|first|dead))*"
             rf"(?: for {_AMOUNT} {_SECONDS})?[.!]?$"
         ),
-        _halt,
+        _edit_stop,
     ),
     _Dial(re.compile(rf"{_STOPS}.*?\b{_AMOUNT} {_METRES}.*?\b(?:{_ONWARD}|{_BACK})\b"), _stop),
     _Dial(re.compile(rf"\b{_AMOUNT} {_METRES} (?:{_ONWARD}|{_BACK})\b"), _stop),
@@ -185,7 +188,7 @@ _DIALS = (
             rf"\b{_AMOUNT} {_SECONDS} (?:later|earlier|sooner|before)\b"
             rf"|\b(?:delay|postpone)\b.*?\bby {_AMOUNT.replace('amount', 'by')} {_SECONDS}"
         ),
-        _later,
+        _edit_time,
     ),
     _Dial(re.compile(rf"{_STOPS} (?:a (?:little |bit )?)?(?:{_ONWARD}|{_BACK})\b(?! than)"), _stop),
     _Dial(
@@ -194,7 +197,7 @@ _DIALS = (
             r".*?\b(?:at|to|with) (?P<speed>\d+(?:\.\d+)?) ?"
             r"(?P<unit>km/?h|kmh|kph|kilomet\w+ per hour|mph|miles per hour|m/s|met\w+ per second)"
         ),
-        _speed,
+        _edit_speed,
     ),
     _Dial(
         re.compile(
@@ -202,6 +205,6 @@ _DIALS = (
             r"half as fast)|(?P<faster>fast(?:er)?\b|speeds?\b.*?\bup\b|quicker\b|hurr(?:y|ies)"
             r"\b|twice the speed))"
         ),
-        _pace,
+        _edit_pace,
     ),
 )

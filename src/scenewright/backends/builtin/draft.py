@@ -35,7 +35,7 @@ class Site:
     """What must be known of the place to read a text about it.
 
     Attributes:
-        compass: the legs' names are true of turns: who comes from the north and turns left leaves
+        compass: the legs' names are true of turns: an agent from the north that turns left leaves
             to the east. So it is wherever all legs are called north, east, south or west.
         left_hand: people drive on the left.
         ways: through the intersection.
@@ -51,7 +51,7 @@ class Site:
 
     @property
     def across(self) -> str:
-        """The turn that crosses the way of those who come towards one."""
+        """The turn that crosses the way of oncoming vehicles."""
         return "right" if self.left_hand else "left"
 
 
@@ -60,7 +60,7 @@ def is_compass(legs: Iterable[str]) -> bool:
     return _FOUR.issuperset(legs)
 
 
-def site_of(intersection_map: IntersectionMap) -> Site:
+def build_site(intersection_map: IntersectionMap) -> Site:
     """What must be known of a map."""
     return Site(
         compass=is_compass(leg.name for leg in intersection_map.legs),
@@ -134,8 +134,8 @@ class RelationDraft:
             which may also stand the other way round.
         point_from, point_to: where on either vehicle a collision strikes.
         pattern: id of the relation file whose phrase the text uses.
-        braker: who brakes hard or late, where the text says so.
-        first: who passes first, where the text says so.
+        braker: the agent that brakes hard or late, where the text says so.
+        first: the agent that passes first, where the text says so.
         manoeuvre: how it comes about in one lane, where the text says so.
     """
 
@@ -154,7 +154,7 @@ class RelationDraft:
 
     @property
     def ahead(self) -> AgentDraft | None:
-        """Who comes first by what the relation is; None where that is left open."""
+        """The agent that comes first by the type of the relation; None where that is left open."""
         in_one_lane = self.kind == "rear_end" or self.manoeuvre is not None
         return self.to if self.type in ("yield_to", "follow") or in_one_lane else None
 
@@ -173,7 +173,7 @@ class MeasureDraft:
     low: float
     high: float
 
-    def named(self, ids: Mapping[int, str]) -> Measure | None:
+    def name_agents(self, ids: Mapping[int, str]) -> Measure | None:
         """The measure with agents by name (id of a draft -> name); None if one has gone."""
         agents = (self.agent,) if self.other is None else (self.agent, self.other)
         if any(id(agent) not in ids for agent in agents):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clauses import ClauseReader
 from scenewright.backends.builtin.clock import Clock
 from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
-from scenewright.backends.builtin.lexicon import Chunk, lexicon
-from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.lexicon import Chunk, load_lexicon
+from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.scene.social import MOST_BACKGROUND
 
 _CUE = re.compile(
@@ -30,9 +30,9 @@ def is_edit(text: str) -> bool:
     plain = clean(text)
     if _FULL.search(plain):
         return False
-    chunks = lexicon().chunks(tokenise(plain))
+    chunks = load_lexicon().split_chunks(split_tokens(plain))
     agents = [at for at, chunk in enumerate(chunks) if chunk.has("AGENT")]
-    introduced = [at for at in agents if _indefinite(chunks, at)]
+    introduced = [at for at in agents if _is_indefinite(chunks, at)]
     relation = any(
         chunk.has("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET") for chunk in chunks
     )
@@ -42,29 +42,32 @@ def is_edit(text: str) -> bool:
 
 
 def apply(
-    draft: Draft, chunks: Sequence[Chunk], read: Callable[[Sequence[Chunk]], Reader], clock: Clock
+    draft: Draft,
+    chunks: Sequence[Chunk],
+    read: Callable[[Sequence[Chunk]], ClauseReader],
+    clock: Clock,
 ) -> None:
     """Change the draft in place as the chunks say."""
     text = " ".join(chunk.text for chunk in chunks)
     if any(chunk.tags.get("EDIT") == "swap" for chunk in chunks):
         _swap(draft)
         return
-    rest = _added(draft, chunks) if _ADD.search(text) else list(chunks)
-    rest = _subtypes(draft, rest)
+    rest = _add_agents(draft, chunks) if _ADD.search(text) else list(chunks)
+    rest = _change_subtypes(draft, rest)
     if "instead" in text:
-        rest = [_definite(chunk) for chunk in rest]
-    if _removed(draft, chunks):
+        rest = [_make_definite(chunk) for chunk in rest]
+    if _remove_agents(draft, chunks):
         return
     earlier = list(draft.relations)
     draft.relations.clear()
     agents = list(draft.agents)
     read(rest)
-    _relations(draft, earlier, rest, known=agents)
+    _replace_relations(draft, earlier, rest, known=agents)
     read_context(draft, chunks, clock)
     _forget(draft)
 
 
-def _indefinite(chunks: Sequence[Chunk], at: int) -> bool:
+def _is_indefinite(chunks: Sequence[Chunk], at: int) -> bool:
     for chunk in reversed(chunks[max(0, at - 4) : at]):
         if chunk.has("AGENT") or chunk.mark:
             return False
@@ -73,13 +76,13 @@ def _indefinite(chunks: Sequence[Chunk], at: int) -> bool:
     return False
 
 
-def _definite(chunk: Chunk) -> Chunk:
+def _make_definite(chunk: Chunk) -> Chunk:
     """ "a car from the south instead" speaks of the car that is there."""
     indefinite = chunk.tags.get("DET") == "indefinite"
     return Chunk(("the",), {"DET": "definite"}) if indefinite else chunk
 
 
-def _removed(draft: Draft, chunks: Sequence[Chunk]) -> bool:
+def _remove_agents(draft: Draft, chunks: Sequence[Chunk]) -> bool:
     """ "remove the pedestrian": the agent goes, and every relation it had."""
     at = next((i for i, chunk in enumerate(chunks) if chunk.tags.get("EDIT") == "remove"), None)
     named = (
@@ -87,7 +90,7 @@ def _removed(draft: Draft, chunks: Sequence[Chunk]) -> bool:
     )
     if named is None or any(chunk.has("NOBODY", "NEGATION") for chunk in chunks):
         return False
-    gone = _changed(draft, [named])
+    gone = _change_agent(draft, [named])
     if gone is None:
         return False
     draft.agents.remove(gone)
@@ -100,7 +103,7 @@ def _swap(draft: Draft) -> None:
         relation.from_, relation.to = relation.to, relation.from_
 
 
-def _added(draft: Draft, chunks: Sequence[Chunk]) -> list[Chunk]:
+def _add_agents(draft: Draft, chunks: Sequence[Chunk]) -> list[Chunk]:
     """Counted agents after "add" join the background; the rest is read on."""
     rest: list[Chunk] = []
     number: int | None = None
@@ -108,14 +111,14 @@ def _added(draft: Draft, chunks: Sequence[Chunk]) -> list[Chunk]:
         if chunk.has("NUMBER"):
             number = int(chunk.tags["NUMBER"])
         elif chunk.has("AGENT") and (number is not None):
-            _more(draft, chunk, number)
+            _change_count(draft, chunk, number)
             number = None
         elif not chunk.has("DET", "BACKGROUND", "EDIT"):
             rest.append(chunk)
     return rest
 
 
-def _more(draft: Draft, chunk: Chunk, number: int) -> None:
+def _change_count(draft: Draft, chunk: Chunk, number: int) -> None:
     context = draft.context
     pedestrian = chunk.tags["AGENT"].startswith("pedestrian")
     total = ((context.pedestrians if pedestrian else context.vehicles) or 0) + number
@@ -130,17 +133,17 @@ def _more(draft: Draft, chunk: Chunk, number: int) -> None:
         context.vehicles = total
 
 
-def _subtypes(draft: Draft, chunks: Sequence[Chunk]) -> list[Chunk]:
+def _change_subtypes(draft: Draft, chunks: Sequence[Chunk]) -> list[Chunk]:
     """ "make one of them a bus", "replace the car with a truck": the vehicle changes its kind."""
     text = " ".join(chunk.text for chunk in chunks)
     if not re.search(r"\b(?:make|replace|change|turn|switch|should be)\b", text):
         return list(chunks)
     named = [at for at, chunk in enumerate(chunks) if chunk.has("AGENT")]
-    if not named or not _indefinite(chunks, named[-1]):
+    if not named or not _is_indefinite(chunks, named[-1]):
         return list(chunks)
     if any(chunk.has("COLLIDE", "NEAR", "YIELD", "FOLLOW", "LET", "WAIT") for chunk in chunks):
         return list(chunks)
-    target = _changed(draft, chunks[: named[-1]])
+    target = _change_agent(draft, chunks[: named[-1]])
     kind, _, subtype = chunks[named[-1]].tags["AGENT"].partition(".")
     if target is None or (kind == "pedestrian") != (target.type == "pedestrian"):
         return list(chunks)
@@ -148,17 +151,17 @@ def _subtypes(draft: Draft, chunks: Sequence[Chunk]) -> list[Chunk]:
     opened = max(at for at in range(named[-1]) if chunks[at].has("DET"))
     said = chunks[opened + 1 : named[-1]]
     known = [Chunk(("the",), {"DET": "definite"}), chunks[named[-1]]]
-    start = _np_start(chunks, named[0])
+    start = _find_phrase_start(chunks, named[0])
     return [*chunks[:start], *known, *said, *chunks[named[-1] + 1 :]]
 
 
-def _np_start(chunks: Sequence[Chunk], at: int) -> int:
+def _find_phrase_start(chunks: Sequence[Chunk], at: int) -> int:
     while at > 0 and (chunks[at - 1].has("DET", "NUMBER") or chunks[at - 1].text in {"of", "one"}):
         at -= 1
     return at
 
 
-def _changed(draft: Draft, chunks: Sequence[Chunk]) -> AgentDraft | None:
+def _change_agent(draft: Draft, chunks: Sequence[Chunk]) -> AgentDraft | None:
     for chunk in reversed(chunks):
         if chunk.has("AGENT"):
             same = [a for a in draft.agents if a.head == chunk.text] or [
@@ -169,14 +172,14 @@ def _changed(draft: Draft, chunks: Sequence[Chunk]) -> AgentDraft | None:
     return vehicles[-1] if vehicles else None
 
 
-def _relations(
+def _replace_relations(
     draft: Draft, earlier: list[RelationDraft], chunks: Sequence[Chunk], *, known: list[AgentDraft]
 ) -> None:
     """A relation said anew takes the place of the old one of the same agents."""
     said = list(draft.relations)
     if not said and draft.normal is False and any(chunk.has("NORMAL") for chunk in chunks):
         return
-    if len(draft.agents) > len(known) and said and earlier and _implied_only(said, known):
+    if len(draft.agents) > len(known) and said and earlier and _is_only_implied(said, known):
         draft.agents[:] = known
         said = [RelationDraft(said[0].type, earlier[0].from_, earlier[0].to, said[0].kind)]
     pairs = {relation.pair() for relation in said}
@@ -184,7 +187,7 @@ def _relations(
     draft.relations[:] = kept + said
 
 
-def _implied_only(said: list[RelationDraft], known: list[AgentDraft]) -> bool:
+def _is_only_implied(said: list[RelationDraft], known: list[AgentDraft]) -> bool:
     return (
         len(said) == 1
         and not (said[0].from_ in known and said[0].to in known)

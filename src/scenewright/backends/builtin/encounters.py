@@ -1,4 +1,4 @@
-"""Words about a vehicle in somebody's way: read by a small grammar, before the readings.
+"""Words about a vehicle in an agent's way: read by a small grammar, before the readings.
 
 "A car goes around a stalled van" is read as "A car drives"; the van becomes an object of the plan
 that the car goes round.
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.words import subtype_in
+from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.backends.builtin.standing import (
     AT_REST,
     PLACE,
@@ -19,8 +19,8 @@ from scenewright.backends.builtin.standing import (
     STATE,
     THE,
     VEHICLE,
-    any_of,
-    maybe,
+    allow,
+    join_any,
 )
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import Compass
@@ -33,7 +33,7 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
-_MOVES = any_of(
+_MOVES = join_any(
     "go(?:es|ing)?", "went", "driv(?:es?|ing)", "drove", "steer(?:s|ing|ed)?",
     "swerv(?:es?|ing|ed)",
     "pull(?:s|ing|ed)?",
@@ -45,9 +45,9 @@ _MOVES = any_of(
     "mak(?:es?|ing) its way", "chang(?:es?|ing|ed) lanes?",
     "cross(?:es|ing|ed)? (?:over )?the (?:cent(?:er|re) ?|lane ?)line", "slip(?:s|ping|ped)?",
 )  # fmt: skip
-_OVER = maybe(
-    " " + any_of("out", "over", "aside", "left", "right", "wide", "slightly", "carefully", "slowly",
-                 "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
+_OVER = allow(
+    " " + join_any("out", "over", "aside", "left", "right", "wide", "slightly", "carefully",
+                 "slowly", "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
 )  # fmt: skip
 VERBS: dict[Encounter, str] = {
     "stops_short": any_of(
@@ -68,16 +68,16 @@ VERBS: dict[Encounter, str] = {
         "pass(?:es|ing|ed)?(?: by)?", "overtak(?:es?|ing)", "overtook", "avoid(?:s|ing|ed)?",
         "bypass(?:es|ing|ed)?",
     ),
-    "waits_behind": maybe("(?:slows?(?: down)?|brak(?:es?|ing)|slowing) and ")
-    + any_of(
+    "waits_behind": allow("(?:slows?(?: down)?|brak(?:es?|ing)|slowing) and ")
+    + join_any(
         "stop(?:s|ping|ped)?", "halt(?:s|ing|ed)?", "wait(?:s|ing|ed)?", "stand(?:s|ing)?",
         "queu(?:es?|ing|ed)", "(?:is|gets?|was|got|being) (?:stuck|held up|trapped|stopped)",
         "com(?:es?|ing) to (?:a )?(?:complete |full )?(?:stop|halt|standstill|rest)",
         "brak(?:es?|ing|ed) to (?:a )?(?:stop|halt|standstill)", "(?:pulls?|pulling) up",
     )
-    + maybe(" and (?:waits?|stays|stands|stops|queues)")
+    + allow(" and (?:waits?|stays|stands|stops|queues)")
     + " (?:short of|behind|for|because of|due to|before)",
-    "hits": any_of(
+    "hits": join_any(
         "hit(?:s|ting)?", "str(?:ikes?|iking|uck)", "collid(?:es?|ing|ed) with",
         "(?:crash(?:es|ing|ed)?|runs?|running|ran|driv(?:es?|ing)|drove|slam(?:s|ming|med)?|"
         "ram(?:s|ming|med)?|smash(?:es|ing|ed)?|plough(?:s|ing|ed)?|plow(?:s|ing|ed)?|"
@@ -95,32 +95,32 @@ _PASSIVE: dict[Encounter, str] = {
     "run into|driven into)",
     "stops_short": "(?:almost|nearly|narrowly) (?:hit|struck|rear[- ]?ended|missed|run into)",
 }
-_HAS_TO = maybe(any_of("(?:has|had|have) to", "must", "manages to", "needs to", "is", "was",
+_HAS_TO = allow(join_any("(?:has|had|have) to", "must", "manages to", "needs to", "is", "was",
                        "safely", "then", "slowly", "carefully", then=" "))  # fmt: skip
 _BROKEN = f"{THE}{VEHICLE} (?:that |which )?(?:has|had) (?:broken down|stalled|stopped|died)"
 _AT_LIGHT = (
     r"(?! (?:at|for|by|behind|before|in front of) (?:an?|the)?(?: \w+)? ?"
     "(?:red|amber|light|signal|stop line|cross|zebra|queue|pedestrian|junction|line))"
 )
-"""Who stands there takes part in the traffic."""
-_STOOD = any_of(STATE, "stationary", "standing", "stopped", "halted")
+"""Objects that stand there take part in the traffic."""
+_STOOD = join_any(STATE, "stationary", "standing", "stopped", "halted")
 _THING = (
-    any_of(
+    join_any(
         _BROKEN, STANDING_VEHICLE, f"{THE}(?:[\\w-]+ ){{0,2}}?{_STOOD} {VEHICLE}",
         f"{THE}{VEHICLE} (?:that (?:is|was) )?{_STOOD}",
     )
     + _AT_LIGHT
 )  # fmt: skip
 _TAIL = (
-    maybe(" (?:right |directly |straight )?ahead(?: of (?:it|him|her))?")
-    + maybe(" (?:standing |stopped |stuck )?(?:in|blocking|obstructing) "
+    allow(" (?:right |directly |straight )?ahead(?: of (?:it|him|her))?")
+    + allow(" (?:standing |stopped |stuck )?(?:in|blocking|obstructing) "
             "(?:its|his|her|the|one|a) (?:\\w+ )?(?:lane|way|path|road)")
     + PLACE
 )  # fmt: skip
-_STOPS = maybe(" and (?:just |then )?(?:waits?|stays|stops|stands)(?: there| behind it)?")
+_STOPS = allow(" and (?:just |then )?(?:waits?|stays|stops|stands)(?: there| behind it)?")
 _HALTS = (
     "(?:stops|waits|halts|comes to a (?:stop|halt|standstill))"
-    + maybe(" and (?:waits|stays|stands)")
+    + allow(" and (?:waits|stays|stands)")
     + "(?! (?:for|behind|before|at))"
 )
 _NOT = re.compile(
@@ -128,16 +128,16 @@ _NOT = re.compile(
     r"(?: \w+)? $",
     re.IGNORECASE,
 )
-_MEETS = any_of(
+_MEETS = join_any(
     "com(?:es?|ing) (?:up )?(?:to|up(?: |)on|across|behind|towards?)", "approach(?:es|ing|ed)?",
     "encounter(?:s|ing|ed)?", "meet(?:s|ing)?", "finds", "reach(?:es|ing)?", "sees",
     "driv(?:es?|ing) (?:up to|towards?)",
 )  # fmt: skip
 _AND = ",? (?:and |but |then |so |and so |and then )?(?:it |he |she )?"
 _IT = f"(?:it|the (?:obstacle|obstruction|{AT_REST} )?(?:{VEHICLE}|obstacle|obstruction)|them)"
-_BLOCKS = maybe(
+_BLOCKS = allow(
     " "
-    + any_of("(?:is|stands|sits|waits|lies)" + maybe(f" {AT_REST}"),
+    + join_any("(?:is|stands|sits|waits|lies)" + allow(f" {AT_REST}"),
              "(?:partly |partially )?(?:blocks|obstructs|is blocking|blocking)"
              " (?:the |a |one |its )?(?:\\w+ )?(?:lane|road|way|street|traffic)")
 )  # fmt: skip
@@ -164,7 +164,7 @@ _ACTIVE["waits_then_passes"] = re.compile(
 _MET_FIRST = {
     how: re.compile(
         rf"(?P<verb>{_MEETS}) (?P<object>{_THING}){_TAIL}{_AND}{_HAS_TO}"
-        + (any_of(f"{verb} {_IT}{_STOPS}", _HALTS) if how == "waits_behind" else f"{verb} {_IT}"),
+        + (join_any(f"{verb} {_IT}{_STOPS}", _HALTS) if how == "waits_behind" else f"{verb} {_IT}"),
         re.IGNORECASE,
     )
     for how, verb in VERBS.items()
@@ -222,7 +222,7 @@ class EncounterPhrase:
 
     Attributes:
         start, end: characters of the text; words: those; object: the words that name it.
-        agent_follows: whether who meets it is named after the words, not before.
+        agent_follows: whether the agent that meets it is named after the words, not before.
         named: characters of the words that name the object elsewhere in the text.
         figure: bounds of the speed, where one is said [m/s].
     """
@@ -326,7 +326,7 @@ def add_encounters(
     """The graph with the objects that agents meet, and the account of their words.
 
     Raises:
-        Refused: it is not clear who meets an object, or it cannot.
+        Refused: it is not clear which agent meets an object, or it cannot.
     """
     if len(graph.objects) + len(phrases) > MOST_OBJECTS:
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
@@ -336,18 +336,18 @@ def add_encounters(
         name = _find_agent(graph, phrase)
         node = _make_node(phrase, f"object-{len(nodes) + 1}", name)
         own = next(k for k, each in enumerate(agents) if each.id == name)
-        agents[own] = _bring_to(agents[own], node)
+        agents[own] = _reroute_agent(agents[own], node)
         node = node if node.leg is None else node.model_copy(update=_find_side(agents[own], node))
-        told = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
+        fields = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
         value = f"{node.id} {node.kind} {node.subtype or ''}".strip()
         said = [each for each in said if not phrase.start <= each.start < phrase.end]
         named = phrase.named or (phrase.start, phrase.end)
         thing = {"start": named[0], "end": named[1], "words": phrase.object}
         if phrase.named is None:
-            thing = told
+            thing = fields
         said.append(SaidSpan.model_validate({**thing, "became": "object", "value": value}))
         meets = {"became": "encounter", "agents": (name,), "value": f"{node.id} {phrase.how}"}
-        said.append(SaidSpan.model_validate({**told, **meets}))
+        said.append(SaidSpan.model_validate({**fields, **meets}))
         nodes.append(node)
     said.sort(key=lambda each: each.start)
     parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
@@ -377,7 +377,8 @@ def _find_agent(graph: SocialGraph, phrase: EncounterPhrase) -> str:
     if found is None:
         raise Refused(
             "out_of_scope",
-            f"It is not clear who '{phrase.words}' is said of; name the vehicle or rider first.",
+            f"It is not clear which agent '{phrase.words}' is said of; "
+            "name the vehicle or rider first.",
         )
     return found.agents[0]
 
@@ -413,7 +414,7 @@ def _find_side(agent: AgentNode, node: ObjectNode) -> dict[str, str]:
     return {"side": "entry" if agent.entry == node.leg else "exit"}
 
 
-def _bring_to(agent: AgentNode, node: ObjectNode) -> AgentNode:
+def _reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
     """The agent with a route by the leg on which the object stands.
 
     Raises:

@@ -21,43 +21,43 @@ TURNS = {
 _VEHICLE_TAKES = frozenset({"rear_end", "sideswipe", "head_on", "angle"})
 
 
-def entail(draft: Draft) -> None:
+def fill_entailed(draft: Draft) -> None:
     """Fill what follows from what is said; Refused where it cannot be."""
     for relation in draft.relations:
         _turn_across(relation, draft.site)
     for _ in range(2):
         for agent in draft.agents:
-            complete(agent, draft.site)
-            _relatives(agent, draft)
+            fill_agent(agent, draft.site)
+            _fill_relatives(agent, draft)
         for relation in draft.relations:
-            _shared_lane(relation, draft.site)
-            _head_on(relation, draft.site)
+            _check_shared_lane(relation, draft.site)
+            _check_head_on(relation, draft.site)
     for agent in draft.agents:
-        complete(agent, draft.site)
+        fill_agent(agent, draft.site)
     for relation in draft.relations:
-        _possible(relation, draft.site)
+        _check_possible(relation, draft.site)
 
 
-def complete(agent: AgentDraft, site: Site) -> None:
+def fill_agent(agent: AgentDraft, site: Site) -> None:
     """Entry, exit, movement and crosswalk of one agent from one another."""
     if agent.drives and agent.movement not in (None, *TURNS):
         raise Refused(
             "impossible", "Only pedestrians cross or jaywalk; give the crossing to a pedestrian."
         )
     if agent.type == "pedestrian" and agent.movement == "jaywalking":
-        _unmarked(agent)
+        _fill_unmarked(agent)
     if site.compass:
-        _by_compass(agent)
+        _fill_by_compass(agent)
 
 
-def _by_compass(agent: AgentDraft) -> None:
+def _fill_by_compass(agent: AgentDraft) -> None:
     if agent.drives:
-        _vehicle(agent)
+        _fill_vehicle(agent)
     elif agent.movement == "crossing":
-        _pedestrian(agent)
+        _fill_pedestrian(agent)
 
 
-def _vehicle(agent: AgentDraft) -> None:
+def _fill_vehicle(agent: AgentDraft) -> None:
     entry, exit_, movement = agent.entry, agent.exit, agent.movement
     if movement is not None and entry in TURNS[movement]:
         follows = TURNS[movement][str(entry)]
@@ -75,7 +75,7 @@ def _vehicle(agent: AgentDraft) -> None:
         agent.movement = next((m for m, table in TURNS.items() if table.get(entry) == exit_), None)
 
 
-def _unmarked(agent: AgentDraft) -> None:
+def _fill_unmarked(agent: AgentDraft) -> None:
     if agent.crosswalk is not None and agent.marked:
         raise Refused(
             "contradictory",
@@ -83,7 +83,7 @@ def _unmarked(agent: AgentDraft) -> None:
         )
 
 
-def _pedestrian(agent: AgentDraft) -> None:
+def _fill_pedestrian(agent: AgentDraft) -> None:
     for field, other in (("entry", "exit"), ("exit", "entry")):
         side = getattr(agent, field)
         if side is None:
@@ -104,9 +104,9 @@ def _pedestrian(agent: AgentDraft) -> None:
             )
 
 
-def _relatives(agent: AgentDraft, draft: Draft) -> None:
+def _fill_relatives(agent: AgentDraft, draft: Draft) -> None:
     for word, named in agent.relatives:
-        other = named or partner(agent, draft)
+        other = named or find_partner(agent, draft)
         if other is None or other is agent or not other.drives:
             continue
         if word.endswith("_crosswalk"):
@@ -118,7 +118,7 @@ def _relatives(agent: AgentDraft, draft: Draft) -> None:
         if other.entry is None and word in {"opposite", "mutual"} and agent.entry is not None:
             other.entry = OPPOSITE[agent.entry]
         if agent.entry is None and other.entry is not None:
-            agent.entry = _relative_entry(word, other.entry)
+            agent.entry = _compute_relative_entry(word, other.entry)
         elif agent.entry is not None and other.entry is None and word == "same":
             other.entry = agent.entry
         elif agent.entry is not None and other.entry is not None and word == "opposite":
@@ -133,7 +133,7 @@ def _check_opposite(agent: AgentDraft, other: AgentDraft) -> None:
         )
 
 
-def _relative_entry(word: str, entry: str) -> str | None:
+def _compute_relative_entry(word: str, entry: str) -> str | None:
     heading = OPPOSITE[entry]
     if word in {"opposite", "mutual"}:
         return OPPOSITE[entry]
@@ -146,7 +146,7 @@ def _relative_entry(word: str, entry: str) -> str | None:
     return None
 
 
-def partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
+def find_partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
     """The vehicle that the agent has to do with, else the only other one."""
     bound = [
         other
@@ -160,7 +160,7 @@ def partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
     return others[0] if len(others) == 1 else None
 
 
-def _shared_lane(relation: RelationDraft, site: Site) -> None:
+def _check_shared_lane(relation: RelationDraft, site: Site) -> None:
     first, second = relation.from_, relation.to
     lane = relation.type == "follow" or relation.kind == "rear_end"
     if not lane or not (first.drives and second.drives):
@@ -187,7 +187,7 @@ _TURN_CRASHES = {"left_turn": "left", "right_turn": "right"}
 
 
 def _turn_across(relation: RelationDraft, site: Site) -> None:
-    """A left-turn crash has somebody turning left, a right-turn crash right.
+    """A left-turn crash has an agent turning left, a right-turn crash right.
 
     It is of the kind `left_turn` if that turn crosses the way of oncoming traffic.
     """
@@ -201,7 +201,7 @@ def _turn_across(relation: RelationDraft, site: Site) -> None:
     relation.kind = "left_turn" if turn == site.across else None
 
 
-def _head_on(relation: RelationDraft, site: Site) -> None:
+def _check_head_on(relation: RelationDraft, site: Site) -> None:
     if relation.kind != "head_on" or not (relation.from_.drives and relation.to.drives):
         return
     if not site.compass:
@@ -221,7 +221,7 @@ def _head_on(relation: RelationDraft, site: Site) -> None:
         )
 
 
-def _possible(relation: RelationDraft, site: Site) -> None:
+def _check_possible(relation: RelationDraft, site: Site) -> None:
     first, second = relation.from_, relation.to
     if first.type == second.type == "pedestrian" and relation.type != "follow":
         raise Refused(
@@ -234,12 +234,12 @@ def _possible(relation: RelationDraft, site: Site) -> None:
             "use two of a kind.",
         )
     if relation.type != "follow" and first.walks != second.walks and site.compass:
-        _meets(*((first, second) if first.drives else (second, first)))
+        _check_crosswalk(*((first, second) if first.drives else (second, first)))
     if relation.type == "collide_at" and "pedestrian" in (first.type, second.type):
-        _strike(relation)
+        _check_strike(relation)
 
 
-def _meets(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:
+def _check_crosswalk(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:
     """A vehicle drives over the crosswalks of its entry and its exit, and no other."""
     legs, crosswalk = (vehicle.entry, vehicle.exit), pedestrian.crosswalk
     if (
@@ -254,8 +254,8 @@ def _meets(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:
         )
 
 
-def _strike(relation: RelationDraft) -> None:
-    """A car may hit a pedestrian head-on; a pedestrian rear-ends nobody."""
+def _check_strike(relation: RelationDraft) -> None:
+    """A car may hit a pedestrian head-on; a pedestrian never rear-ends."""
     if relation.kind in _VEHICLE_TAKES and relation.from_.type == "pedestrian":
         raise Refused(
             "impossible",

@@ -51,13 +51,13 @@ class _Item:
 Node = Chunk | Modifier
 
 
-def modifiers(chunks: Sequence[Chunk]) -> list[Node]:
+def build_modifiers(chunks: Sequence[Chunk]) -> list[Node]:
     """Replace every stretch of chunks that a rule matches by one Modifier."""
-    chunks = _places(chunks)
+    chunks = _mark_places(chunks)
     result: list[Node] = []
     at = 0
     while at < len(chunks):
-        best = _best(chunks, at)
+        best = _find_best_rule(chunks, at)
         if best is None:
             result.append(chunks[at])
             at += 1
@@ -65,13 +65,13 @@ def modifiers(chunks: Sequence[Chunk]) -> list[Node]:
         means, end, values = best
         result.append(Modifier(means, values, tuple(chunks[at:end])))
         at = end
-    return _implied_heads(result)
+    return _add_implied_heads(result)
 
 
-def _best(chunks: Sequence[Chunk], at: int) -> tuple[str, int, tuple[str, ...]] | None:
+def _find_best_rule(chunks: Sequence[Chunk], at: int) -> tuple[str, int, tuple[str, ...]] | None:
     best: tuple[str, int, tuple[str, ...]] | None = None
-    for means, pattern in _rules():
-        if not _may_start(pattern, chunks[at]):
+    for means, pattern in _load_rules():
+        if not _can_start(pattern, chunks[at]):
             continue
         match = _match(pattern, chunks, at)
         if match is not None and (best is None or match[0] > best[1]):
@@ -79,7 +79,7 @@ def _best(chunks: Sequence[Chunk], at: int) -> tuple[str, int, tuple[str, ...]] 
     return best
 
 
-def _places(chunks: Sequence[Chunk]) -> list[Chunk]:
+def _mark_places(chunks: Sequence[Chunk]) -> list[Chunk]:
     """ "at the pedestrian crossing" is a place, "a pedestrian crossing the road" is not."""
     result: list[Chunk] = []
     for chunk in chunks:
@@ -97,7 +97,7 @@ def _places(chunks: Sequence[Chunk]) -> list[Chunk]:
     return result
 
 
-def _implied_heads(nodes: list[Node]) -> list[Node]:
+def _add_implied_heads(nodes: list[Node]) -> list[Node]:
     """ "NB left turn vs SB through" and "a left-turner" name vehicles without the noun."""
     result: list[Node] = []
     for at, node in enumerate(nodes):
@@ -105,23 +105,23 @@ def _implied_heads(nodes: list[Node]) -> list[Node]:
         after = nodes[at + 1] if at + 1 < len(nodes) else None
         if isinstance(after, Chunk) and after.has("AGENT"):
             continue
-        if _shares_noun(nodes, at):
+        if _is_noun_shared(nodes, at):
             result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
             continue
-        if _against(nodes, at):
+        if _is_against(nodes, at):
             result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
             continue
-        if _turner(node) or (
-            _movement_noun(node) and _bare_bound(nodes, at) and _ends_phrase(after)
+        if _is_turner(node) or (
+            _is_movement_noun(node) and _is_bare_bound(nodes, at) and _is_phrase_end(after)
         ):
             result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
     return result
 
 
-def _shares_noun(nodes: Sequence[Node], at: int) -> bool:
+def _is_noun_shared(nodes: Sequence[Node], at: int) -> bool:
     """ "southbound and westbound cars" and "one southbound and one westbound car" are two."""
     following = list(nodes[at : at + 5])
-    if len(following) > 3 and _counts_one(following[2]):
+    if len(following) > 3 and _is_count_of_one(following[2]):
         del following[2]
     if len(following) < 4:
         return False
@@ -136,37 +136,37 @@ def _shares_noun(nodes: Sequence[Node], at: int) -> bool:
     return directions and joined and isinstance(noun, Chunk) and noun.has("AGENT")
 
 
-def _against(nodes: Sequence[Node], at: int) -> bool:
+def _is_against(nodes: Sequence[Node], at: int) -> bool:
     """ "eastbound vs northbound" are two vehicles."""
     node = nodes[at]
     if not (isinstance(node, Modifier) and node.means == "bound" and len(node.chunks) == 1):
         return False
     sides = [nodes[i] if 0 <= i < len(nodes) else None for i in (at - 1, at + 1)]
     versus = [isinstance(n, Chunk) and n.text in {"vs", "versus", "x"} for n in sides]
-    moves = sides[1] is not None and _movement_noun(sides[1])
+    moves = sides[1] is not None and _is_movement_noun(sides[1])
     return any(versus) and not moves and not (at and _is_agent(nodes[at - 1]))
 
 
-def _counts_one(node: Node) -> bool:
+def _is_count_of_one(node: Node) -> bool:
     return isinstance(node, Chunk) and (
         node.tags.get("NUMBER") == "1" or node.tags.get("DET") in {"indefinite", "definite"}
     )
 
 
-def _turner(node: Node) -> bool:
+def _is_turner(node: Node) -> bool:
     last = node.chunks[-1] if isinstance(node, Modifier) else node
     return last.words[-1] in {"turner", "turners"} or (
         last.has("REDRUN") and last.words[-1] == "runner"
     )
 
 
-def _movement_noun(node: Node) -> bool:
+def _is_movement_noun(node: Node) -> bool:
     if isinstance(node, Modifier):
         return node.means in {"turn", "straight", "uturn"} and not node.first.endswith("ing")
     return node.has("THROUGH", "LEFT", "RIGHT") and len(node.words) == 1
 
 
-def _bare_bound(nodes: Sequence[Node], at: int) -> bool:
+def _is_bare_bound(nodes: Sequence[Node], at: int) -> bool:
     before = nodes[at - 1] if at else None
     if not (isinstance(before, Modifier) and before.means == "bound" and len(before.chunks) == 1):
         return False
@@ -186,13 +186,13 @@ def _is_agent(node: Node) -> bool:
     return isinstance(node, Chunk) and node.has("AGENT", "NUMBER")
 
 
-def _ends_phrase(after: Node | None) -> bool:
+def _is_phrase_end(after: Node | None) -> bool:
     if after is None:
         return True
     return isinstance(after, Chunk) and not after.has("DET", "AGENT", "XWALK", "ROAD", "LANE")
 
 
-def _may_start(pattern: tuple[_Item, ...], chunk: Chunk) -> bool:
+def _can_start(pattern: tuple[_Item, ...], chunk: Chunk) -> bool:
     for item in pattern:
         if _fits(item, chunk):
             return True
@@ -213,11 +213,11 @@ def _match(
     if here:
         tail = _match(rest, chunks, at + 1)
         if tail is not None:
-            return (tail[0], (_kept(item, chunks[at]), *tail[1])) if item.keep else tail
+            return (tail[0], (_get_kept(item, chunks[at]), *tail[1])) if item.keep else tail
     return _match(rest, chunks, at) if item.optional else None
 
 
-def _kept(item: _Item, chunk: Chunk) -> str:
+def _get_kept(item: _Item, chunk: Chunk) -> str:
     return next(chunk.tags[tag] for tag in sorted(item.tags) if tag in chunk.tags)
 
 
@@ -277,16 +277,16 @@ def _is_plain(chunk: Chunk) -> bool:
 
 
 @lru_cache(maxsize=1)
-def _rules() -> tuple[tuple[str, tuple[_Item, ...]], ...]:
+def _load_rules() -> tuple[tuple[str, tuple[_Item, ...]], ...]:
     source = files("scenewright.backends.builtin").joinpath("grammar.toml").read_text("utf-8")
     return tuple(
-        (rule["means"], tuple(_item(word) for word in pattern.split()))
+        (rule["means"], tuple(_parse_item(word) for word in pattern.split()))
         for rule in tomllib.loads(source)["rule"]
         for pattern in rule["patterns"]
     )
 
 
-def _item(word: str) -> _Item:
+def _parse_item(word: str) -> _Item:
     optional, keep, never = word.endswith("?"), "@" in word, word.startswith("!")
     name, _, value = word.strip("?@!").partition("=")
     tags = frozenset(

@@ -11,28 +11,28 @@ from collections.abc import Sequence
 from copy import deepcopy
 
 from scenewright.backends.builtin import edits
-from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clauses import ClauseReader
 from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import Draft, Refused, RelationDraft, Site
-from scenewright.backends.builtin.grammar import modifiers
+from scenewright.backends.builtin.grammar import build_modifiers
 from scenewright.backends.builtin.graph_making import (
     finish_draft,
     make_graph,
     place_impacts,
     set_cause,
 )
-from scenewright.backends.builtin.impacts import brakes_hard, read_impacts
-from scenewright.backends.builtin.lexicon import Chunk, lexicon
-from scenewright.backends.builtin.mentions import noun_phrases
-from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.impacts import has_hard_braking, read_impacts
+from scenewright.backends.builtin.lexicon import Chunk, load_lexicon
+from scenewright.backends.builtin.mentions import build_noun_phrases
+from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.scope import (
+    build_nothing_planned,
     check_language,
     check_scope,
     check_text,
-    nothing_planned,
 )
-from scenewright.backends.builtin.shorthand import denied, expand
+from scenewright.backends.builtin.shorthand import expand, find_denied
 from scenewright.backends.builtin.unread import check_read
 from scenewright.scene.base import RIDERS
 from scenewright.scene.social import (
@@ -52,61 +52,61 @@ _NOTHING = (
 def read_by_grammar(text: str, previous: str | None = None, site: Site | None = None) -> Plan:
     """The social graph that the grammar reads in a text, or why it reads none."""
     try:
-        return make_graph(_understand(text, previous, site or Site()))
+        return make_graph(_read_draft(text, previous, site or Site()))
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
 
-def _understand(text: str, previous: str | None, site: Site) -> Draft:
+def _read_draft(text: str, previous: str | None, site: Site) -> Draft:
     base = None
     if previous is not None and previous.strip() and edits.is_edit(text):
-        base = _base(previous)
+        base = _build_base(previous)
     if base is not None:
-        draft = _edited(text, base)
+        draft = _edit_draft(text, base)
         draft.site = site
         return finish_draft(draft)
-    draft, reader = _draft(text)
+    draft, reader = _build_draft(text)
     draft.site = site
     finish_draft(draft)
     check_read(draft, reader)
     return draft
 
 
-def _base(previous: str) -> Draft | None:
+def _build_base(previous: str) -> Draft | None:
     try:
-        return _draft(previous)[0]
+        return _build_draft(previous)[0]
     except Refused:
         return None
 
 
-def _draft(text: str) -> tuple[Draft, Reader]:
+def _build_draft(text: str) -> tuple[Draft, ClauseReader]:
     """What a full instruction says, before entailments."""
     check_text(text)
     plain, impacts = read_impacts(expand(clean(text)))
-    check_language(text, tokenise(plain))
+    check_language(text, split_tokens(plain))
     without_figures, clock = read_clock(plain)
-    chunks = lexicon().chunks(tokenise(without_figures))
+    chunks = load_lexicon().split_chunks(split_tokens(without_figures))
     check_scope(plain, chunks, measured=clock.pet is not None or clock.ttc is not None)
     draft = Draft(
         normal=any(chunk.has("NORMAL") and chunk.tags["NORMAL"] == "normal" for chunk in chunks)
     )
     reader = _read(draft, chunks, without_figures)
     read_context(draft, chunks, clock)
-    _told_by_figures(draft, chunks)
-    if brakes_hard(plain):
-        _brakes(draft)
+    _infer_from_figures(draft, chunks)
+    if has_hard_braking(plain):
+        _infer_braking(draft)
     place_impacts(draft, impacts)
     _settle_normal(draft, reader, chunks)
-    _check_denied(draft, denied(plain))
+    _check_denied(draft, find_denied(plain))
     if draft.agents and any(chunk.has("EMPTY") for chunk in chunks):
         raise Refused(
             "contradictory", "The scene cannot be empty and hold agents; drop one of the two."
         )
-    _class_riders(draft)
+    _classify_riders(draft)
     return draft, reader
 
 
-def _class_riders(draft: Draft) -> None:
+def _classify_riders(draft: Draft) -> None:
     """Cyclists and scooters, read like subtypes of vehicles, become agents of their own classes."""
     for agent in draft.agents:
         for kind in RIDERS:
@@ -114,30 +114,32 @@ def _class_riders(draft: Draft) -> None:
                 agent.type, agent.subtype = kind, None
 
 
-def _edited(text: str, base: Draft) -> Draft:
+def _edit_draft(text: str, base: Draft) -> Draft:
     check_text(text)
     whole = expand(clean(text))
-    check_language(text, tokenise(whole))
+    check_language(text, split_tokens(whole))
     plain, clock = read_clock(whole)
-    chunks = lexicon().chunks(tokenise(plain))
+    chunks = load_lexicon().split_chunks(split_tokens(plain))
     check_scope(whole, chunks, editing=True)
     draft = deepcopy(base)
     edits.apply(draft, chunks, lambda words: _read(draft, words, plain, editing=True), clock)
-    _class_riders(draft)
+    _classify_riders(draft)
     return draft
 
 
-def _read(draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = False) -> Reader:
-    reader = Reader(draft, editing=editing)
-    reader.read(noun_phrases(modifiers(chunks), text=text))
+def _read(
+    draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = False
+) -> ClauseReader:
+    reader = ClauseReader(draft, editing=editing)
+    reader.read(build_noun_phrases(build_modifiers(chunks), text=text))
     settle_failed_yields(draft, reader)
     if "late_brake" in reader.said:
-        _too_late(draft)
+        _infer_too_late(draft)
         set_cause(draft, "late_brake")
     return reader
 
 
-def _told_by_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
+def _infer_from_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
     """A PET or TTC alone asks for a near miss, "truck versus pedestrian" for a collision."""
     if draft.relations or draft.normal or draft.denied - {"collide_at"} or len(draft.agents) != 2:
         return
@@ -149,13 +151,13 @@ def _told_by_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
         draft.relations.append(RelationDraft(type_, first, second))
 
 
-def _too_late(draft: Draft) -> None:
+def _infer_too_late(draft: Draft) -> None:
     """ "cannot stop in time" means a collision where the text names no other event."""
     if not draft.relations and not draft.normal and not draft.denied and len(draft.agents) == 2:
         draft.relations.append(RelationDraft("collide_at", draft.agents[1], draft.agents[0]))
 
 
-def settle_failed_yields(draft: Draft, reader: Reader) -> None:
+def settle_failed_yields(draft: Draft, reader: ClauseReader) -> None:
     """A yield denied: contradicts the same yield, and alone amounts to a near miss."""
     for edge in reader.failed:
         same = [r for r in draft.relations if r.pair() == edge.pair()]
@@ -171,7 +173,7 @@ def settle_failed_yields(draft: Draft, reader: Reader) -> None:
         draft.relations.append(RelationDraft("near_miss", denied[0].from_, denied[0].to))
 
 
-def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> None:
+def _settle_normal(draft: Draft, reader: ClauseReader, chunks: Sequence[Chunk]) -> None:
     if draft.denied & {relation.type for relation in draft.relations}:
         raise Refused(
             "contradictory", "The text both asks for an event and denies it; keep one of the two."
@@ -187,7 +189,7 @@ def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> Non
     _drop_generic(draft)
     for group in list(reader.counted):
         if not any(a.entry or a.exit or a.movement for a in group):
-            reader.to_background(group)
+            reader.move_to_background(group)
     said = draft.normal or draft.denied or draft.agents
     context = draft.context
     traffic = any(
@@ -195,11 +197,11 @@ def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> Non
     )
     counted = context.vehicles is not None or context.pedestrians is not None
     if not said and not (traffic and (context.density or context.time_of_day)) and not counted:
-        raise nothing_planned()
+        raise build_nothing_planned()
 
 
 def _check_denied(draft: Draft, none: frozenset[str]) -> None:
-    """ "no vehicles at all in which a truck ...": the text denies what it then tells."""
+    """ "no vehicles at all in which a truck ...": the text denies what it then describes."""
     events = "event" in none and bool(draft.relations)
     if events or any(agent.type in none for agent in draft.agents):
         raise Refused(
@@ -208,7 +210,7 @@ def _check_denied(draft: Draft, none: frozenset[str]) -> None:
 
 
 def _drop_generic(draft: Draft) -> None:
-    """Drop agents that stand for all traffic: "cars and people move on as usual"."""
+    """Drop agents that mean all traffic: "cars and people move on as usual"."""
     bound = [agent for edge in draft.relations for agent in (edge.from_, edge.to)]
     draft.agents[:] = [
         agent
@@ -222,7 +224,7 @@ def _drop_generic(draft: Draft) -> None:
     ]
 
 
-def _brakes(draft: Draft) -> None:
+def _infer_braking(draft: Draft) -> None:
     """A near miss with hard braking is caused by it."""
     for relation in draft.relations:
         if relation.type == "near_miss" and not (relation.from_.runs_red or relation.to.runs_red):

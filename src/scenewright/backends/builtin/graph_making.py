@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import get_args
 
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
-from scenewright.backends.builtin.entail import entail
+from scenewright.backends.builtin.entail import fill_entailed
 from scenewright.backends.builtin.impacts import Impacts
 from scenewright.backends.builtin.orders import pass_order_on, settle_orders
-from scenewright.backends.builtin.phrases import cast
+from scenewright.backends.builtin.phrases import assign_agents
 from scenewright.backends.builtin.reader.words import narrow_subtype
-from scenewright.backends.builtin.scope import nothing_planned
-from scenewright.backends.builtin.ties import name_turns_across, ties
+from scenewright.backends.builtin.scope import build_nothing_planned
+from scenewright.backends.builtin.ties import list_ties, name_turns_across
 from scenewright.scene.base import AgentClass
 from scenewright.scene.social import (
     MOST_AGENTS,
@@ -37,11 +37,11 @@ def finish_draft(draft: Draft) -> Draft:
     _check_numbers(draft)
     if any(edge.from_ is edge.to for edge in draft.relations):
         raise Refused("impossible", "Nothing happens between an agent and itself; name another.")
-    _one_event_per_pair(draft)
+    _keep_one_event_per_pair(draft)
     settle_orders(draft.relations)
     for relation in draft.relations:
-        cast(relation, draft.site)
-    entail(draft)
+        assign_agents(relation, draft.site)
+    fill_entailed(draft)
     name_turns_across(draft)
     if any(agent.runs_red for agent in draft.agents):
         set_cause(draft, "red_light_run")
@@ -61,7 +61,7 @@ def finish_draft(draft: Draft) -> Draft:
             )
     empty = draft.context.vehicles == 0 and draft.context.pedestrians == 0
     if not draft.agents and empty:
-        raise nothing_planned()
+        raise build_nothing_planned()
     return draft
 
 
@@ -78,7 +78,7 @@ def _check_numbers(draft: Draft) -> None:
             )
 
 
-def _one_event_per_pair(draft: Draft) -> None:
+def _keep_one_event_per_pair(draft: Draft) -> None:
     """Collision, else yielding, else near miss (SEMANTICS 4); a follow may come before any."""
     for relation in list(draft.relations):
         types = {r.type for r in draft.relations if r.pair() == relation.pair()}
@@ -142,9 +142,9 @@ def make_graph(draft: Draft) -> SocialGraph:
     edges = tuple(make_edge(relation, ids, draft) for relation in draft.relations)
     tied = tuple(
         EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
-        for agent, other, side in ties(draft)
+        for agent, other, side in list_ties(draft)
     )
-    measures = tuple(m for each in draft.measures if (m := each.named(ids)) is not None)
+    measures = tuple(m for each in draft.measures if (m := each.name_agents(ids)) is not None)
     return SocialGraph(
         agents=nodes,
         relations=edges,

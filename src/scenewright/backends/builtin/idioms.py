@@ -1,4 +1,4 @@
-"""Turns of phrase that come down to words the lexicon knows, whoever takes part."""
+"""Turns of phrase that mean words the lexicon knows, for any agents."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ _HAPPENING = (
 )
 
 
-def _way(match: re.Match[str]) -> str:
+def _rewrite_way(match: re.Match[str]) -> str:
     """ "N-S" between words that name a vehicle."""
     first, second = (letter for letter in match.groups() if letter is not None)
     return f"{_SIDES[first]} to {_SIDES[second]}"
 
 
-def _entry(match: re.Match[str]) -> str:
+def _rewrite_entry(match: re.Match[str]) -> str:
     """ "car (N, left)"."""
     return f"{match[1]} (from the {_SIDES.get(match[2], match[2])}"
 
@@ -71,7 +71,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r"challeng|assess)\w* [^:,.;]{0,80}[:,]",
             "",
         ),
-        # Who tells it is no road user.
+        # The narrator is no road user.
         (
             r"(^\W*|[.;] )(?:the |a |one )?(?:callers?|officers?|police|witness(?:es)?|bystanders?|"
             r"onlookers?|"
@@ -100,7 +100,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         (r"(^\W*|[.;] )what (?:i|we) (?:saw|remember|noticed) (?:was|is)(?: that)?\b", r"\1"),
         (r"\b(?:zero|no|0|without(?: any)?) npcs?\b", "no other traffic"),
         (r"\bnpc (?=[a-z])", ""),
-        # Parts of a vehicle stand for it.
+        # Parts of a vehicle mean the vehicle.
         (
             r"(?<!on )(?<!from )(?<! to )\bmy (?:own )?(?:(?:rear|front|back|left|right|near "
             r"?side|off ?side|"
@@ -136,7 +136,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r"inche|met(?:re|er)|hand|hair|step|pace)s?(?: or (?:two|so))? to spare\b",
             "with inches to spare",
         ),
-        # Nobody of that kind is there.
+        # There is no agent of that kind.
         (
             r"\b(?:cyclist|bicycle|bike|scooter|tram|train|animal|dog|car|vehicle|pedestrian|"
             r"people|"
@@ -165,7 +165,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r"|\b(?:half[- ]?way|mid ?way|part ?way|half) (?:down|along|up) (?:the|a) block\b",
             "mid block",
         ),
-        # Who goes first.
+        # The agent that goes first.
         (
             r"\b(?:all (?:of )?(?:the )?others?|every(?:one|body) else|the rest(?: of the "
             r"traffic)?|"
@@ -217,7 +217,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r"(?= (?:[a-z]+ ){1,4}?(?:has|have|had) (?:crossed|passed|gone|cleared|left|finished))",
             r"\1 only \2",
         ),
-        # Who is hit, and how close it gets.
+        # The agent that is hit, and how close it gets.
         (
             r"\b(?:narrowly |barely |just |only just )?(?:miss|avoid|escap|dodg|evad)(?:es|ed|e|s|"
             r"ing)? (?:being|getting) (?=hit|struck|run|knocked|clipped|mown|crushed|rammed)",
@@ -340,7 +340,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r"\s*[.:;] (?=[a-z].*\bleft\b)",
             "",
         ),
-        # Straight on into somebody's back is no way through the junction.
+        # Straight on into another agent's back is no way through the junction.
         (
             r"\b(go(?:es|ing)?|went|r[ua]ns?|running|driv\w+|drove|slam\w*|crash\w*|plo\w+) "
             r"(?:straight|right|directly|smack|bang|squarely|head first) "
@@ -349,7 +349,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         ),
         (r"\b(?:is|was) (?:right |directly |just |close(?:ly)? )?behind\b", "follows"),
         (r"\b(?:right|directly|immediately|closely) behind (?=(?:an?|the|another)\b)", "behind "),
-        # Who does not give way.
+        # The agent that does not give way.
         (
             r"\bneither of (?:the |these )(two [a-z]+) "
             r"(?:yields?|gives? way|stops?|brakes?)(?= ?(?:[:;,.]|and\b|so\b))",
@@ -443,7 +443,7 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r" (?=\d|[a-z]+ (?:vehicles|cars|pedestrians))",
             "background: ",
         ),
-        # Everybody at once.
+        # All agents at once.
         (
             rf"\b(?:one|an?|1) ({_VEHICLE}) (?:from|on|at) each (?:of the four )?"
             r"(?:direction|side|approach|leg|arm)s?\b",
@@ -479,11 +479,11 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         ),
         (
             rf"\b({_VEHICLE}(?: \w)?) \((?:from )?({SIDE}|[nsew])(?=\s*[,;)])",
-            _entry,
+            _rewrite_entry,
         ),
         (
             rf"\b([nsew])-([nsew])(?= (?:\w+ )?{_VEHICLE}\b)|(?<=[a-z\d] )([nsew])-([nsew])\b",
-            _way,
+            _rewrite_way,
         ),
     )
 )
@@ -498,7 +498,7 @@ _YOU = re.compile(
 )
 
 
-def plain(text: str) -> str:
+def rewrite_idioms(text: str) -> str:
     """Clean text with idioms in words that the lexicon knows."""
     if _YOU.search(text):
         text = re.sub(r"\byou(?: (?:are|were)\b)?(?=\s+[a-z]+ing\b)", "i was", text)

@@ -1,4 +1,4 @@
-"""How hard it gets: where vehicles strike one another, and whether somebody brakes hard."""
+"""Severity of an event: where vehicles strike one another, and whether an agent brakes hard."""
 
 from __future__ import annotations
 
@@ -69,26 +69,26 @@ class Impacts:
 def read_impacts(text: str) -> tuple[str, Impacts]:
     """The text without its points of impact, and these."""
     found: dict[str, ImpactPoint] = {}
-    for pattern, whose in (
+    for pattern, party in (
         (_STRUCK_BY, "striking"), (_STRUCK_AT, "struck"), (_WITH, "striking"), (_ON, "struck"),
         (_OWN, "struck"),
     ):  # fmt: skip
         match = pattern.search(text)
-        if match is None or whose in found:
+        if match is None or party in found:
             continue
-        found[whose] = _named(match)
+        found[party] = _name_impact(match)
         # "into the back of a bus" is a rear-end, which the words themselves must go on saying.
-        if not (match["plain"] and found[whose] == "rear"):
+        if not (match["plain"] and found[party] == "rear"):
             text = f"{text[: match.start()]}{match['before']}{text[match.end() :]}"
     return text, Impacts(found.get("striking"), found.get("struck"))
 
 
-def brakes_hard(text: str) -> bool:
-    """Whether somebody in the text brakes hard."""
+def has_hard_braking(text: str) -> bool:
+    """Whether an agent in the text brakes hard."""
     return _HARD_BRAKING.search(text) is not None
 
 
-def _named(match: re.Match[str]) -> ImpactPoint:
+def _name_impact(match: re.Match[str]) -> ImpactPoint:
     end, hand = match["end"] or match["end2"], match["hand"] or match["hand2"]
     corners: dict[tuple[str, str], ImpactPoint] = {
         ("front", "left"): "front_left", ("front", "right"): "front_right",

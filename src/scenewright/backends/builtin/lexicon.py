@@ -12,8 +12,8 @@ from typing import Any
 from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
-from scenewright.backends.builtin.normalise import Token, stem, tokenise
-from scenewright.backends.builtin.phrases import Phrase, all_phrases
+from scenewright.backends.builtin.normalise import Token, split_tokens, stem
+from scenewright.backends.builtin.phrases import Phrase, load_phrases
 from scenewright.scene.cache import RecentCache
 
 _MENDED_TAGS = [
@@ -79,28 +79,30 @@ class Lexicon:
     known: frozenset[str]
     targets: tuple[str, ...]
 
-    def chunks(self, tokens: Sequence[Token]) -> list[Chunk]:
+    def split_chunks(self, tokens: Sequence[Token]) -> list[Chunk]:
         """Split tokens into chunks, longest phrase first, left to right."""
-        mended = self.mend(tokens)
+        mended = self.correct_tokens(tokens)
         result: list[Chunk] = []
         at = 0
         while at < len(mended):
-            length, tags = self._longest(mended, at)
-            result.append(_chunk(mended[at : at + length], tags))
+            length, tags = self._find_longest(mended, at)
+            result.append(_build_chunk(mended[at : at + length], tags))
             at += length
-        return [part for at, chunk in enumerate(result) for part in _parts(result, at) or [chunk]]
+        return [
+            part for at, chunk in enumerate(result) for part in _split_parts(result, at) or [chunk]
+        ]
 
-    def mend(self, tokens: Sequence[Token]) -> list[Token]:
+    def correct_tokens(self, tokens: Sequence[Token]) -> list[Token]:
         """The tokens with the typos of known words put right."""
-        return [self._mend(token) for token in tokens]
+        return [self._correct_token(token) for token in tokens]
 
-    def familiar(self, tokens: Sequence[Token]) -> float:
+    def measure_familiar(self, tokens: Sequence[Token]) -> float:
         """Share of words that are English as far as the lexicon knows."""
         words = [token for token in tokens if token.text.isalpha()]
         hits = sum(token.text in self.known or token.stem in self.known for token in words)
         return hits / len(words) if words else 0.0
 
-    def _longest(self, tokens: Sequence[Token], at: int) -> tuple[int, dict[str, str]]:
+    def _find_longest(self, tokens: Sequence[Token], at: int) -> tuple[int, dict[str, str]]:
         best = 1
         tags: dict[str, str] = {}
         layer = [(self.root, at)]
@@ -122,16 +124,16 @@ class Lexicon:
             layer = deeper
         return best, dict(tags)
 
-    def _mend(self, token: Token) -> Token:
+    def _correct_token(self, token: Token) -> Token:
         word = token.text
         if len(word) < 4 or not word.isalpha() or word in self.known or token.stem in self.known:
             return token
-        mended = _nearest(word, self.targets)
+        mended = _find_nearest(word, self.targets)
         return token if mended is None else Token(mended, stem(mended))
 
 
 @lru_cache(maxsize=4096)
-def _nearest(word: str, targets: tuple[str, ...]) -> str | None:
+def _find_nearest(word: str, targets: tuple[str, ...]) -> str | None:
     budget = 1 if len(word) < 7 else 2
     close = process.extract(word, targets, scorer=OSA.distance, score_cutoff=budget, limit=5)
     ranked = sorted(
@@ -147,7 +149,7 @@ def _nearest(word: str, targets: tuple[str, ...]) -> str | None:
     return None if other_initial and distance > 1 else target
 
 
-def _chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
+def _build_chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
     words = tuple(token.text for token in tokens)
     first = tokens[0]
     if first.mark:
@@ -157,7 +159,7 @@ def _chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
     return Chunk(words, tags)
 
 
-def _parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
+def _split_parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
     """Phrases that mean something else before a road user: "by the taxi", "no background cars"."""
     chunk = chunks[at]
     made = any(c.words[0].startswith(("mak", "made", "forc")) for c in chunks[max(0, at - 3) : at])
@@ -166,13 +168,13 @@ def _parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
             Chunk(("bus",), {"AGENT": "vehicle.bus"}),
             Chunk(("stop",), {"WAIT": "any"}),
         ]
-    if chunk.text in {"car following", "vehicle following"} and _followed(chunks, at):
+    if chunk.text in {"car following", "vehicle following"} and _is_followed(chunks, at):
         noun, verb = chunk.words
         kind = "vehicle.car" if noun == "car" else "vehicle"
         return [Chunk((noun,), {"AGENT": kind}), Chunk((verb,), {"FOLLOW": "any"})]
-    if chunk.text == "by the" and _agent_in(chunks[at + 1 : at + 5]):
+    if chunk.text == "by the" and _has_agent(chunks[at + 1 : at + 5]):
         return [Chunk(("by",), {"BY": "by"}), Chunk(("the",), {"DET": "definite"})]
-    if chunk.text in {"no background", "zero background"} and _agent_in(chunks[at + 1 : at + 2]):
+    if chunk.text in {"no background", "zero background"} and _has_agent(chunks[at + 1 : at + 2]):
         return [Chunk(("no",), {"DET": "no"}), Chunk(("background",), {"BACKGROUND": "background"})]
     if chunk.text in {"cross traffic", "crossing traffic"}:
         return [
@@ -182,7 +184,7 @@ def _parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
     return []
 
 
-def _followed(chunks: Sequence[Chunk], at: int) -> bool:
+def _is_followed(chunks: Sequence[Chunk], at: int) -> bool:
     """ "a car following it", not "a car following event"."""
     before = chunks[at - 1] if at else None
     after = chunks[at + 1] if at + 1 < len(chunks) else None
@@ -190,7 +192,7 @@ def _followed(chunks: Sequence[Chunk], at: int) -> bool:
     return names and after is not None and after.has("PRONOUN", "DET", "AGENT", "NUMBER", "BOUND")
 
 
-def _agent_in(chunks: Sequence[Chunk]) -> bool:
+def _has_agent(chunks: Sequence[Chunk]) -> bool:
     for chunk in chunks:
         if chunk.has("AGENT"):
             return True
@@ -199,16 +201,16 @@ def _agent_in(chunks: Sequence[Chunk]) -> bool:
     return False
 
 
-def lexicon() -> Lexicon:
+def load_lexicon() -> Lexicon:
     """The lexicon shipped with the package, and the phrases of the relation files."""
-    spoken = all_phrases()
-    return _COMPILED.get(None, spoken, make=lambda: _compiled(spoken))
+    spoken = load_phrases()
+    return _COMPILED.get(None, spoken, make=lambda: _compile_lexicon(spoken))
 
 
 _COMPILED: RecentCache[None, Lexicon] = RecentCache(most=1)
 
 
-def _compiled(spoken: tuple[Phrase, ...]) -> Lexicon:
+def _compile_lexicon(spoken: tuple[Phrase, ...]) -> Lexicon:
     folder = files("scenewright.backends.builtin")
     table: dict[str, dict[str, Any]] = tomllib.loads(
         folder.joinpath("lexicon.toml").read_text("utf-8")
@@ -225,7 +227,7 @@ def _compiled(spoken: tuple[Phrase, ...]) -> Lexicon:
                 known.update(stem(word) for word in words)
                 if tag in _MENDED_TAGS:
                     targets.update(
-                        form for word in words if len(word) >= 4 for form in _forms(word, tag)
+                        form for word in words if len(word) >= 4 for form in _list_forms(word, tag)
                     )
     known.update(_add_phrases(root, spoken))
     return Lexicon(root, frozenset(known), tuple(sorted(targets)))
@@ -242,7 +244,7 @@ def _add_phrases(root: _Node, spoken: Sequence[Phrase]) -> set[str]:
     }
 
 
-def _forms(word: str, tag: str) -> tuple[str, ...]:
+def _list_forms(word: str, tag: str) -> tuple[str, ...]:
     """The word with the endings that a typo may hide."""
     if tag in {"AGENT", "BAD_AGENT", "XWALK"}:
         return word, f"{word}s"
@@ -254,7 +256,7 @@ def _forms(word: str, tag: str) -> tuple[str, ...]:
 
 def _add(root: _Node, phrase: str, tag: str, value: str) -> list[str]:
     exact = phrase.startswith("=") or tag in _EXACT_TAGS
-    tokens = tokenise(phrase.lstrip("=").replace("'", " "))
+    tokens = split_tokens(phrase.lstrip("=").replace("'", " "))
     if tag == "BAD_AGENT":
         return _add_noun(root, [token.text for token in tokens], tag, value)
     node = root

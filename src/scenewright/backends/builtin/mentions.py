@@ -54,7 +54,7 @@ _LABELLED = re.compile(r"\b(?:car|vehicle|truck|bus|cab|taxi|driver|unit|agent|p
 
 @dataclass(slots=True)
 class Mention:
-    """A noun phrase that stands for agents.
+    """A noun phrase that means agents.
 
     Attributes:
         type: None for "one", "the other", "the first".
@@ -92,7 +92,7 @@ class Mention:
 Item = Chunk | Modifier | Mention
 
 
-def noun_phrases(nodes: Sequence[Node], *, text: str) -> list[Item]:
+def build_noun_phrases(nodes: Sequence[Node], *, text: str) -> list[Item]:
     """Replace every stretch of nodes that names agents by one Mention."""
     parser = _NounPhrases(nodes, lettered=bool(_LABELLED.search(text)))
     result: list[Item] = []
@@ -118,14 +118,14 @@ class _NounPhrases:
         at = start
         while at < len(self.nodes):
             node = self.nodes[at]
-            if isinstance(node, Chunk) and node.has("AGENT") and not self._verbal(node, at):
-                return self._head(mention, node, start, at)
-            if not self._premodifier(mention, node, start, at):
+            if isinstance(node, Chunk) and node.has("AGENT") and not self._is_verbal(node, at):
+                return self._read_head(mention, node, start, at)
+            if not self._read_premodifier(mention, node, start, at):
                 break
             at += 1
-        return self._described(mention, at) or self._pronominal(start)
+        return self._read_described(mention, at) or self._read_pronominal(start)
 
-    def _described(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
+    def _read_described(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
         """ "the northbound one": no noun, but a direction."""
         before = self.nodes[at - 1] if at else None
         one = isinstance(before, Chunk) and before.text in {"one", "ones"}
@@ -138,7 +138,7 @@ class _NounPhrases:
         mention.head, mention.count, mention.counted = "one", 1, False
         return mention, at
 
-    def _verbal(self, node: Chunk, at: int) -> bool:
+    def _is_verbal(self, node: Chunk, at: int) -> bool:
         """ "unit" needs a label; "pedestrian density" is no pedestrian."""
         value = node.tags["AGENT"]
         if value == "unit":
@@ -148,30 +148,32 @@ class _NounPhrases:
             after.has("TRAFFIC_NOUN") or after.tags.get("AGENT") == "traffic"
         )
 
-    def _premodifier(self, mention: Mention, node: Node, start: int, at: int) -> bool:
+    def _read_premodifier(self, mention: Mention, node: Node, start: int, at: int) -> bool:
         if isinstance(node, Modifier):
-            return self._modifier(mention, node, start, at)
+            return self._read_modifier(mention, node, start, at)
         opened = mention.det != "bare" or mention.counted or bool(mention.premods)
         if node.has("DET", "BOTH"):
-            return self._determiner(mention, node, at == start)
+            return self._read_determiner(mention, node, at == start)
         if node.has("NUMBER") and not mention.counted:
             mention.count, mention.counted = int(node.tags["NUMBER"]), True
             return True
         if node.has("COMMA"):
-            return node.mark == "," and bool(mention.premods) and self._more_premodifiers(at + 1)
+            return (
+                node.mark == "," and bool(mention.premods) and self._has_more_premodifiers(at + 1)
+            )
         if node.has(*_ADJECTIVE_TAGS):
-            if not self._adjectival(node, at, opened):
+            if not self._is_adjectival(node, at, opened):
                 return False
             mention.premods.append(node)
             return True
-        if not opened or not _plain_adjective(node):
+        if not opened or not _is_plain_adjective(node):
             return False
-        if node.text in {"in", "of", "on"} or self._plain_run(at) > 3:
+        if node.text in {"in", "of", "on"} or self._count_plain_run(at) > 3:
             return False
         mention.words += node.words
         return True
 
-    def _modifier(self, mention: Mention, node: Modifier, start: int, at: int) -> bool:
+    def _read_modifier(self, mention: Mention, node: Modifier, start: int, at: int) -> bool:
         turning = node.means == "turn" and node.first in {"left", "right", "a", "the", "an"}
         fine = node.means in _PREMODIFIER_RULES or turning
         opener = node.first in {"a", "an", "the", "another"}
@@ -188,7 +190,7 @@ class _NounPhrases:
         mention.premods.append(node)
         return True
 
-    def _determiner(self, mention: Mention, node: Chunk, first: bool) -> bool:
+    def _read_determiner(self, mention: Mention, node: Chunk, first: bool) -> bool:
         value = node.tags.get("DET") or "both"
         if not first and mention.det not in {"bare", "indefinite"} and value == "indefinite":
             return False
@@ -211,7 +213,7 @@ class _NounPhrases:
             mention.counted, mention.count = True, 2
         return True
 
-    def _adjectival(self, node: Chunk, at: int, opened: bool) -> bool:
+    def _is_adjectival(self, node: Chunk, at: int, opened: bool) -> bool:
         after = self.nodes[at + 1] if at + 1 < len(self.nodes) else None
         last = node.words[-1]
         if node.has("OPPOSITE", "BACKGROUND", "ACROSS", "THROUGH") and node.words[0] not in {
@@ -224,19 +226,19 @@ class _NounPhrases:
         }:
             return True
         if node.text in _PARTICIPLES and isinstance(after, Chunk) and after.has("AGENT"):
-            return opened or not self._after_be(at)
+            return opened or not self._is_after_be(at)
         if node.has("WAIT", "FOLLOW", "HEAD", "EXIT", "NEAR", "FROM", "SAME"):
             return opened and last.endswith(("ing", "ed")) and len(last) > 4
         if node.has("JAYWALK", "CROSS", "TURN"):
             return last.endswith("ing") and (opened or node.has("JAYWALK", "CROSS"))
         return opened
 
-    def _after_be(self, at: int) -> bool:
-        """ "was following vehicle 1" tells what somebody does."""
+    def _is_after_be(self, at: int) -> bool:
+        """ "was following vehicle 1" says what an agent does."""
         before = self.nodes[at - 1] if at else None
         return isinstance(before, Chunk) and before.has("BE")
 
-    def _more_premodifiers(self, at: int) -> bool:
+    def _has_more_premodifiers(self, at: int) -> bool:
         if at >= len(self.nodes):
             return False
         node = self.nodes[at]
@@ -246,9 +248,9 @@ class _NounPhrases:
                 "right",
                 "straight",
             } | {node.chunks[-1].words[0]}
-        return not node.tags and self._plain_run(at) <= 2
+        return not node.tags and self._count_plain_run(at) <= 2
 
-    def _plain_run(self, at: int) -> int:
+    def _count_plain_run(self, at: int) -> int:
         run = 0
         while at + run < len(self.nodes):
             node = self.nodes[at + run]
@@ -263,20 +265,20 @@ class _NounPhrases:
             return 99
         return run
 
-    def _head(
+    def _read_head(
         self, mention: Mention, node: Chunk, start: int, at: int
     ) -> tuple[Mention, int] | None:
         value = node.tags["AGENT"]
         if value == "traffic":
-            return self._traffic(mention, at)
+            return self._read_traffic(mention, at)
         self._name(mention, node)
-        at = self._compound(mention, at + 1)
+        at = self._count_compound(mention, at + 1)
         label = self._label(at)
         if label is not None and (mention.det in {"bare", "definite"} and not mention.counted):
             mention.label, at = label, at + 1
         first = self.nodes[start]
         mention.first_word = first.words[0] if isinstance(first, Chunk) else first.first
-        self._grammatical_number(mention, node)
+        self._set_number(mention, node)
         return mention, at
 
     def _name(self, mention: Mention, node: Chunk) -> None:
@@ -293,7 +295,7 @@ class _NounPhrases:
             mention.det = "another"
         mention.head = node.text
 
-    def _compound(self, mention: Mention, at: int) -> int:
+    def _count_compound(self, mention: Mention, at: int) -> int:
         """ "truck driver" is one agent, "truck pedestrian" and "car car" are two."""
         while at < len(self.nodes):
             node = self.nodes[at]
@@ -307,7 +309,7 @@ class _NounPhrases:
             return at
         return at
 
-    def _grammatical_number(self, mention: Mention, node: Chunk) -> None:
+    def _set_number(self, mention: Mention, node: Chunk) -> None:
         word = node.words[-1]
         irregular = {
             "people",
@@ -332,16 +334,16 @@ class _NounPhrases:
         if mention.det == "both" and not mention.counted:
             mention.count, mention.counted = 2, True
 
-    def _traffic(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
-        """ "Oncoming traffic" and "eastbound through traffic" stand for a vehicle."""
-        if not self._introduced(at, mention) or not any(
-            _gives_direction(premod) for premod in mention.premods
+    def _read_traffic(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
+        """ "Oncoming traffic" and "eastbound through traffic" mean a vehicle."""
+        if not self._is_introduced(at, mention) or not any(
+            _has_direction(premod) for premod in mention.premods
         ):
             return None
         mention.type, mention.head, mention.mass = "vehicle", "traffic", True
         return mention, at + 1
 
-    def _introduced(self, at: int, mention: Mention) -> bool:
+    def _is_introduced(self, at: int, mention: Mention) -> bool:
         """Mass traffic counts as an agent where something is done to it or by it."""
         start = at - len(mention.premods) - (mention.det != "bare")
         before = self.nodes[start - 1] if start > 0 else None
@@ -353,7 +355,7 @@ class _NounPhrases:
         if at >= len(self.nodes):
             return None
         node = self.nodes[at]
-        if not isinstance(node, Chunk) or self._agent_follows(at + 1):
+        if not isinstance(node, Chunk) or self._has_agent_ahead(at + 1):
             return None
         word = node.text
         if node.has("NUMBER") and int(node.tags["NUMBER"]) <= 8:
@@ -362,11 +364,11 @@ class _NounPhrases:
             return word
         return None
 
-    def _agent_follows(self, at: int) -> bool:
+    def _has_agent_ahead(self, at: int) -> bool:
         node = self.nodes[at] if at < len(self.nodes) else None
         return isinstance(node, Chunk) and node.has("AGENT")
 
-    def _pronominal(self, start: int) -> tuple[Mention, int] | None:
+    def _read_pronominal(self, start: int) -> tuple[Mention, int] | None:
         """ "one", "the other one", "the first" without a noun."""
         node = self.nodes[start]
         if not isinstance(node, Chunk):
@@ -385,16 +387,16 @@ class _NounPhrases:
                 2 if one and node.text != "one" else 1
             )
         gapped = det in {"other", "first", "second", "third"} and node.words[0] == "the"
-        if gapped and _opens_phrase(after):
+        if gapped and _is_phrase_start(after):
             return Mention(None, None, det, 1, "one", first_word=node.text), start + 1
-        ordinal = det in {"first", "second", "third"} and self._predicated(after)
+        ordinal = det in {"first", "second", "third"} and self._is_predicated(after)
         if ordinal or (
-            det in {"other", "another"} and node.text != "other" and self._predicated(after)
+            det in {"other", "another"} and node.text != "other" and self._is_predicated(after)
         ):
             return Mention(None, None, det, 1, "one", first_word=node.text), start + 1
         return None
 
-    def _predicated(self, after: Node | None) -> bool:
+    def _is_predicated(self, after: Node | None) -> bool:
         if after is None or isinstance(after, Modifier):
             return after is None or after.first not in {"a", "an", "the"}
         return not after.has(
@@ -402,20 +404,20 @@ class _NounPhrases:
         ) and bool(after.tags)
 
 
-def _opens_phrase(node: Node | None) -> bool:
+def _is_phrase_start(node: Node | None) -> bool:
     """ "the other a taxi"."""
     if isinstance(node, Modifier):
         return node.first in {"a", "an"}
     return node is not None and node.tags.get("DET") == "indefinite"
 
 
-def _plain_adjective(node: Chunk) -> bool:
+def _is_plain_adjective(node: Chunk) -> bool:
     if node.has("NORMAL"):
         return len(node.words) == 1
     return not node.tags or node.has("IGNORE", "EDIT", "DRIVING", "LEG", "ROAD")
 
 
-def _gives_direction(premod: Node) -> bool:
+def _has_direction(premod: Node) -> bool:
     if isinstance(premod, Modifier):
         return premod.means in {"bound", "straight", "turn", "from", "leg"}
     return premod.has("OPPOSITE", "ACROSS", "THROUGH", "STRAIGHT")
@@ -426,17 +428,17 @@ def _merge_drivers(items: list[Item]) -> list[Item]:
     result: list[Item] = []
     for item in items:
         if isinstance(item, Mention) and item.type == "vehicle" and item.det != "no":
-            person = _person_before(result)
+            person = _find_person_before(result)
             if person is not None:
                 owner, length = person
                 del result[-length:]
                 item.det, item.premods = owner.det, owner.premods + item.premods
                 item.count, item.counted, item.plural = owner.count, owner.counted, owner.plural
-        result.append(_heading(item, result))
+        result.append(_read_heading(item, result))
     return result
 
 
-def _heading(item: Item, before: list[Item]) -> Item:
+def _read_heading(item: Item, before: list[Item]) -> Item:
     """ "driving an SUV north", "walking her dog west": a compass word with nothing to name."""
     if not (isinstance(item, Chunk) and item.has("COMPASS") and item.text in _SIDES and before):
         return item
@@ -447,7 +449,7 @@ def _heading(item: Item, before: list[Item]) -> Item:
     return Modifier("bound", (item.tags["COMPASS"],), (item,)) if free else item
 
 
-def _person_before(items: list[Item]) -> tuple[Mention, int] | None:
+def _find_person_before(items: list[Item]) -> tuple[Mention, int] | None:
     if len(items) < 2:
         return None
     link, owner = items[-1], items[-2]

@@ -14,7 +14,7 @@ from scenewright.backends.builtin.coreference import OPPOSITE
 from scenewright.backends.builtin.cursor import (
     Group,
     can_hold,
-    kind_can_hold,
+    can_kind_hold,
 )
 from scenewright.backends.builtin.draft import AgentDraft, Refused
 from scenewright.backends.builtin.grammar import Modifier
@@ -99,24 +99,24 @@ _TOUCHES = {
 class Modifying(Settling):
     """Attaches directions, turns, crosswalks and properties."""
 
-    def _modifier(self, at: int, modifier: Modifier) -> None:
+    def _apply_modifier(self, at: int, modifier: Modifier) -> None:
         if modifier.means in IGNORED:
             return
         if modifier.means.startswith("cross"):
             self.crossing = True
         if modifier.means == "side":
-            self._sided(modifier)
+            self._set_sides(modifier)
             return
-        finite = self._is_finite(modifier) or self._all_do(at)
-        finite = finite and not self._told_of_last(at, modifier)
-        if modifier.means in {"crosswalk", "on_crosswalk"} and self._kept_off(at):
+        finite = self._is_finite(modifier) or self._is_said_of_all(at)
+        finite = finite and not self._is_of_last(at, modifier)
+        if modifier.means in {"crosswalk", "on_crosswalk"} and self._is_kept_off(at):
             return
         if finite:
-            self._main_clause(modifier)
+            self._return_to_main_clause(modifier)
         if modifier.means in VEHICLE_ONLY or modifier.first.startswith(("driv", "drov")):
-            self._at_the_wheel(finite=finite)
-        targets = self._targets(at, modifier, finite=finite)
-        if isinstance(self._item(at - 1), Modifier) and modifier.means in {
+            self._mark_as_driver(finite=finite)
+        targets = self._find_targets(at, modifier, finite=finite)
+        if isinstance(self._get_item(at - 1), Modifier) and modifier.means in {
             "from",
             "to",
             "from_to",
@@ -125,7 +125,7 @@ class Modifying(Settling):
             targets = [agent for agent in self.modified if can_hold(agent, modifier)] or targets
         self.modified = targets
         if not targets:
-            self._only_vehicles_turn(at, modifier)
+            self._drop_turning_pedestrians(at, modifier)
             self.fronted.append(modifier)
             return
         if finite:
@@ -133,19 +133,19 @@ class Modifying(Settling):
         for agent in targets:
             self._reopen(agent, modifier)
         if modifier.means in {"from_two", "bound_two"}:
-            self._one_each(at, modifier, targets)
+            self._give_one_each(at, modifier, targets)
             return
-        if modifier.means == "from_to" and self._along_with():
+        if modifier.means == "from_to" and self._is_along_with():
             targets = targets + [a for a in self.subject if a not in targets and a.entry is None]
         attach(modifier, targets, crossing=self.crossing)
-        self._reconcile(targets)
+        self._reconcile_crosswalks(targets)
 
-    def _told_of_last(self, at: int, modifier: Modifier) -> bool:
+    def _is_of_last(self, at: int, modifier: Modifier) -> bool:
         """ "hits a bus bound north": the bus is."""
-        noun = isinstance(self._item(at - 1), Mention)
+        noun = isinstance(self._get_item(at - 1), Mention)
         return modifier.first == "bound" and noun and self.verb_seen
 
-    def _main_clause(self, modifier: Modifier) -> None:
+    def _return_to_main_clause(self, modifier: Modifier) -> None:
         """ "the car that should have waited for a bus turns left": the car turns."""
         relation = self.awaiting
         closed = relation is not None and relation.object is not None
@@ -154,30 +154,30 @@ class Modifying(Settling):
             self._leave_relative()
             self.last = self.subject or self.last
 
-    def _all_do(self, at: int) -> bool:
+    def _is_said_of_all(self, at: int) -> bool:
         """ "a truck and a sedan are going straight": the verb belongs to both."""
-        before = self._item(at - 1)
-        told = self._item(at)
-        first = told.first if isinstance(told, Modifier) else ""
+        before = self._get_item(at - 1)
+        earlier = self._get_item(at)
+        first = earlier.first if isinstance(earlier, Modifier) else ""
         plural = isinstance(before, Chunk) and before.text in {"are", "were"}
         plural |= first in {"are", "were"}
         return plural and len(self.subject) > 1 and not self.relative
 
-    def _at_the_wheel(self, *, finite: bool) -> None:
-        """ "some guy turned left", "a man ran the light": whoever does that is driving."""
+    def _mark_as_driver(self, *, finite: bool) -> None:
+        """ "some guy turned left", "a man ran the light": that agent is driving."""
         group = (self.subject if finite else self.last) or self.last
         for agent in group if len(group) == 1 else []:
             on_foot = agent.movement or agent.crosswalk or agent.head not in _ANYBODY
             if agent.type == "pedestrian" and not on_foot:
                 agent.type = "vehicle"
 
-    def _only_vehicles_turn(self, at: int, modifier: Modifier) -> None:
+    def _drop_turning_pedestrians(self, at: int, modifier: Modifier) -> None:
         turns = modifier.means in {"turn", "uturn"} and not modifier.first.startswith(
             ("left", "right", "a")
         )
         if (
             turns
-            and isinstance(self._item(at - 1), Mention)
+            and isinstance(self._get_item(at - 1), Mention)
             and self.last
             and self.last[0].type == "pedestrian"
         ):
@@ -187,7 +187,7 @@ class Modifying(Settling):
                 "to a vehicle.",
             )
 
-    def _one_each(self, at: int, modifier: Modifier, targets: Group) -> None:
+    def _give_one_each(self, at: int, modifier: Modifier, targets: Group) -> None:
         """ "two cars from the north and the west": a side each; one agent cannot have both."""
         single = "from" if modifier.means == "from_two" else "bound"
         if len(targets) == 1 and targets[0].generic:
@@ -206,37 +206,37 @@ class Modifying(Settling):
             self._reopen(agent, side)
             attach(side, [agent])
 
-    def _along_with(self) -> bool:
+    def _is_along_with(self) -> bool:
         """ "A follows B from south to north": both go that way."""
         relation = self.awaiting
         return relation is not None and relation.type == "follow" and relation.object is self.last
 
-    def _sided(self, modifier: Modifier) -> None:
+    def _set_sides(self, modifier: Modifier) -> None:
         for agent in self.last or self.subject:
-            self._side(agent, "map_" + modifier.values[0])
+            self._set_side(agent, "map_" + modifier.values[0])
 
-    def _kept_off(self, at: int) -> bool:
-        before = self._item(at - 1)
+    def _is_kept_off(self, at: int) -> bool:
+        before = self._get_item(at - 1)
         return isinstance(before, Chunk) and before.has("NEARBY")
 
-    def _targets(self, at: int, modifier: Modifier, *, finite: bool) -> Group:
-        if not finite and not self.sentence and self._introduces(at, modifier):
+    def _find_targets(self, at: int, modifier: Modifier, *, finite: bool) -> Group:
+        if not finite and not self.sentence and self._is_introduction(at, modifier):
             return []
-        if not finite and self._ushers(at, modifier):
+        if not finite and self._is_before_agent(at, modifier):
             return []
         prefer = (
             self.subject
-            if (finite and not self._made_way_for()) or self._after_while(at)
+            if (finite and not self._is_of_passing_agent()) or self._is_after_while(at)
             else self.last
         )
-        if modifier.means in {"turn", "straight", "uturn"} and self._nominal_turn(at):
+        if modifier.means in {"turn", "straight", "uturn"} and self._is_nominal_turn(at):
             prefer = self.subject or self.last
-        drives = self._of_who_turns(at, modifier)
+        drives = self._is_of_turning_agent(at, modifier)
         for group in (prefer, *(group for _, group in reversed(self.sentence))):
             fits = [a for a in group if can_hold(a, modifier) and not (drives and a.type[0] == "p")]
             if fits:
                 return fits
-        if not self._mentions_follow(at, modifier):
+        if not self._has_mentions_ahead(at, modifier):
             kinds = [a for a in self.draft.agents if can_hold(a, modifier)]
             if len(kinds) == 1 and (
                 modifier.means in VEHICLE_ONLY | PEDESTRIAN_ONLY or len(self.draft.agents) == 1
@@ -244,9 +244,9 @@ class Modifying(Settling):
                 return kinds
         return []
 
-    def _of_who_turns(self, at: int, modifier: Modifier) -> bool:
+    def _is_of_turning_agent(self, at: int, modifier: Modifier) -> bool:
         """ "..., northbound, left turn": a side that stands with a turn is a vehicle's."""
-        before, comma, turn = self._item(at - 1), self._item(at + 1), self._item(at + 2)
+        before, comma, turn = self._get_item(at - 1), self._get_item(at + 1), self._get_item(at + 2)
         return (
             modifier.means in {"bound", "from"}
             and isinstance(before, Chunk)
@@ -257,17 +257,17 @@ class Modifying(Settling):
             and turn.means in VEHICLE_ONLY
         )
 
-    def _ushers(self, at: int, modifier: Modifier) -> bool:
+    def _is_before_agent(self, at: int, modifier: Modifier) -> bool:
         """ "from the east a bus, from the north a car": each side comes before its agent."""
-        before, after = self._item(at - 1), self._item(at + 1)
-        first = self._item(at - 2)
+        before, after = self._get_item(at - 1), self._get_item(at + 1)
+        first = self._get_item(at - 2)
         opens = isinstance(before, Chunk) and (before.mark == "," or before.has("AND"))
         named = isinstance(after, Mention) and after.type is not None
-        told = isinstance(first, Mention) and isinstance(self._item(at - 3), Modifier)
+        earlier = isinstance(first, Mention) and isinstance(self._get_item(at - 3), Modifier)
         new = named and isinstance(after, Mention) and after.det in {"indefinite", "bare"}
-        return modifier.means in {"from", "from_to"} and opens and new and told
+        return modifier.means in {"from", "from_to"} and opens and new and earlier
 
-    def _introduces(self, at: int, modifier: Modifier) -> bool:
+    def _is_introduction(self, at: int, modifier: Modifier) -> bool:
         """ "From the south comes a bus": a new sentence brings in a new agent."""
         if self.editing or modifier.means not in {"from", "bound", "from_to", "crosswalk"}:
             return False
@@ -275,11 +275,11 @@ class Modifying(Settling):
             if isinstance(item, Chunk) and item.mark in {".", ";", "!", "?"}:
                 return False
             if isinstance(item, Mention):
-                kind = item.type is not None and kind_can_hold(item.type, modifier)
+                kind = item.type is not None and can_kind_hold(item.type, modifier)
                 return kind and item.det in {"indefinite", "bare"}
         return False
 
-    def _made_way_for(self) -> bool:
+    def _is_of_passing_agent(self) -> bool:
         """ "lets B turn left": the verb belongs to B."""
         relation = self.awaiting
         return (
@@ -289,18 +289,18 @@ class Modifying(Settling):
             and not self.boundary
         )
 
-    def _mentions_follow(self, at: int, modifier: Modifier) -> bool:
+    def _has_mentions_ahead(self, at: int, modifier: Modifier) -> bool:
         for item in self.items[at + 1 :]:
             if isinstance(item, Chunk) and item.mark in {".", ";", "!", "?"}:
                 return False
             if isinstance(item, Mention) and (
-                item.type is None or kind_can_hold(item.type, modifier)
+                item.type is None or can_kind_hold(item.type, modifier)
             ):
                 return True
         return False
 
-    def _nominal_turn(self, at: int) -> bool:
-        before = self._item(at - 1)
+    def _is_nominal_turn(self, at: int) -> bool:
+        before = self._get_item(at - 1)
         return isinstance(before, Chunk) and before.has("WHILE", "BY")
 
     def _reopen(self, agent: AgentDraft, modifier: Modifier) -> None:
@@ -308,7 +308,7 @@ class Modifying(Settling):
             return
         agent.edited |= _TOUCHES.get(modifier.means, set())
 
-    def _reconcile(self, agents: Group) -> None:
+    def _reconcile_crosswalks(self, agents: Group) -> None:
         """A crosswalk named anew outlives the sides that do not go with it."""
         for agent in agents:
             along = (
@@ -317,9 +317,9 @@ class Modifying(Settling):
             if self.editing and agent.crosswalk and agent.entry in along:
                 agent.entry = agent.exit = None
 
-    def _bare_turn(self, at: int, chunk: Chunk) -> None:
-        before, after = self._item(at - 1), self._item(at + 1)
-        self._both_ways(at, chunk)
+    def _read_bare_turn(self, at: int, chunk: Chunk) -> None:
+        before, after = self._get_item(at - 1), self._get_item(at + 1)
+        self._refuse_both_ways(at, chunk)
         closed = after is None or (isinstance(after, Chunk) and (after.mark or after.has("AND")))
         follows = (isinstance(before, Chunk) and bool(before.mark)) or (
             isinstance(before, Modifier) and before.means in {"from", "bound", "leg"}
@@ -343,9 +343,9 @@ class Modifying(Settling):
         relation = self.awaiting
         return relation is not None and relation.tag == "LET" and relation.object is self.last
 
-    def _both_ways(self, at: int, chunk: Chunk) -> None:
+    def _refuse_both_ways(self, at: int, chunk: Chunk) -> None:
         """ "turns left and right": one vehicle cannot do both."""
-        link, turn = self._item(at - 1), self._item(at - 2)
+        link, turn = self._get_item(at - 1), self._get_item(at - 2)
         joined = isinstance(link, Chunk) and link.text == "and"
         if (
             joined
@@ -356,12 +356,12 @@ class Modifying(Settling):
             for agent in self.modified:
                 put(agent, "movement", "left" if chunk.has("LEFT") else "right")
 
-    def _property(self, at: int, chunk: Chunk) -> None:
+    def _read_property(self, at: int, chunk: Chunk) -> None:
         if chunk.has("SIGNAL") and not chunk.has("REDRUN"):
             self.signal = True
             return
         self.crossing |= chunk.has("CROSS")
-        if chunk.text == "from behind" and self._hit_from_behind():
+        if chunk.text == "from behind" and self._is_hit_from_behind():
             return
         finite = (
             chunk.has("CROSS", "REDRUN", "JAYWALK")
@@ -370,10 +370,10 @@ class Modifying(Settling):
         )
         prefer = (
             self.subject
-            if (finite and not self._made_way_for()) or self._after_while(at)
+            if (finite and not self._is_of_passing_agent()) or self._is_after_while(at)
             else self.last
         )
-        if chunk.has("REDRUN") and self._walks_on_red(at, chunk, finite=finite):
+        if chunk.has("REDRUN") and self._is_walking_on_red(at, chunk, finite=finite):
             return
         fits = [agent for agent in prefer if can_hold(agent, chunk)]
         if not fits and finite and chunk.has("CROSS"):
@@ -391,17 +391,19 @@ class Modifying(Settling):
             not fits
             and chunk.has("JAYWALK", "CROSS")
             and (chunk.has("JAYWALK") or not finite)
-            and not self._peds_follow(at)
+            and not self._has_pedestrians_ahead(at)
         ):
-            ped = self.discourse.recent("pedestrian")
+            ped = self.discourse.find_recent("pedestrian")
             fits = [ped] if ped is not None and chunk.has("JAYWALK") else []
         if fits:
             self._mark(fits, chunk)
-            if self._after_while(at):
+            if self._is_after_while(at):
                 self.last = fits
-            if chunk.has("CROSS") and self._next_text(at) == "there":
+            if chunk.has("CROSS") and self._get_next_text(at) == "there":
                 self._cross_there(fits)
-        elif chunk.has("JAYWALK") and finite and self.subject and not self._peds_follow(at):
+        elif (
+            chunk.has("JAYWALK") and finite and self.subject and not self._has_pedestrians_ahead(at)
+        ):
             raise Refused(
                 "impossible", "Only pedestrians jaywalk; give the crossing to a pedestrian."
             )
@@ -412,7 +414,7 @@ class Modifying(Settling):
         if finite:
             self.verb_seen = True
 
-    def _hit_from_behind(self) -> bool:
+    def _is_hit_from_behind(self) -> bool:
         """ "the second hits the first from behind"."""
         relation = self.open[-1] if self.open else None
         if relation is not None and relation.type == "near_miss":
@@ -428,15 +430,16 @@ class Modifying(Settling):
         relation.kind = "rear_end"
         return True
 
-    def _walks_on_red(self, at: int, chunk: Chunk, *, finite: bool) -> bool:
-        """ "a pedestrian ignores the light", "crossing against the signal": said of who walks."""
+    def _is_walking_on_red(self, at: int, chunk: Chunk, *, finite: bool) -> bool:
+        """ "a pedestrian ignores the light", "crossing against the signal": said of a
+        pedestrian."""
         placed = chunk.words[0] in {"against", "on", "in", "through"}
         if finite and not placed:
-            self._at_the_wheel(finite=True)
+            self._mark_as_driver(finite=True)
         walkers = self.last
         if not walkers or any(agent.type != "pedestrian" for agent in walkers):
             return False
-        before = self._item(at - 1)
+        before = self._get_item(at - 1)
         if placed:
             crossing = isinstance(before, Modifier) and before.means.startswith("cross")
             walking = isinstance(before, Chunk) and (
@@ -452,7 +455,7 @@ class Modifying(Settling):
         self.verb_seen |= said and finite
         return said
 
-    def _at_place(self, at: int, chunk: Chunk) -> None:
+    def _read_place(self, at: int, chunk: Chunk) -> None:
         """ "on the crosswalk of its exit", "a second one there"."""
         walkers = [agent for agent in self.last if agent.type == "pedestrian"]
         if chunk.has("EXITWALK"):
@@ -462,24 +465,24 @@ class Modifying(Settling):
                 self.fronted.append(chunk)
             return
         known = next((a.crosswalk for a in reversed(self.draft.agents) if a.crosswalk), None)
-        after = self._item(at + 1)
+        after = self._get_item(at + 1)
         exists = isinstance(after, Chunk) and after.has("BE")
-        if known is None or (exists and not isinstance(self._item(at - 1), Mention)):
+        if known is None or (exists and not isinstance(self._get_item(at - 1), Mention)):
             return
         for agent in walkers:
             if agent.crosswalk is None:
                 agent.crosswalk = known
                 cross(agent)
 
-    def _ditto(self) -> None:
-        """ "... and the SUV does the same": the movement of whoever was told of before."""
+    def _repeat_movement(self) -> None:
+        """ "... and the SUV does the same": the movement of the agent mentioned before."""
         open_ = [agent for agent in self.subject if not agent.movement]
-        told = open_ or [agent for agent in self.last if not agent.movement]
-        others = [a for a in self.draft.agents if a not in told and a.type == "vehicle"]
+        earlier = open_ or [agent for agent in self.last if not agent.movement]
+        others = [a for a in self.draft.agents if a not in earlier and a.type == "vehicle"]
         model = next((a for a in reversed(others) if a.movement or a.exit or a.entry), None)
         self.verb_seen = True
-        yields = self._gives_way_too(told)
-        for agent in told:
+        yields = self._is_giving_way_too(earlier)
+        for agent in earlier:
             if model is None or agent.type != "vehicle":
                 continue
             agent.movement = model.movement
@@ -487,14 +490,14 @@ class Modifying(Settling):
                 agent.exit = agent.exit or model.exit
                 agent.entry = agent.entry or model.entry
 
-    def _gives_way_too(self, told: Group) -> bool:
+    def _is_giving_way_too(self, earlier: Group) -> bool:
         """ "yields to a pedestrian, and so does the bus"."""
         for relation in reversed(self.open):
             bound = [*(relation.subject or []), *(relation.object or [])]
             same = relation.type == "yield_to" and relation.object and relation.subject
-            if same and not (relation.negated or relation.passive) and told:
-                if not any(agent in bound for agent in told):
-                    relation.subject = [*(relation.subject or []), *told]
+            if same and not (relation.negated or relation.passive) and earlier:
+                if not any(agent in bound for agent in earlier):
+                    relation.subject = [*(relation.subject or []), *earlier]
                 return True
         return False
 
@@ -505,7 +508,7 @@ class Modifying(Settling):
         for agent in agents:
             agent.crosswalk = agent.crosswalk or leg
 
-    def _peds_follow(self, at: int) -> bool:
+    def _has_pedestrians_ahead(self, at: int) -> bool:
         return any(isinstance(i, Mention) and i.type == "pedestrian" for i in self.items[at + 1 :])
 
     def _mark(self, agents: Group, chunk: Chunk) -> None:
@@ -529,7 +532,7 @@ class Modifying(Settling):
                     agent, "opposite" if chunk.tags["OPPOSITE"] == "opposite" else "mutual"
                 )
             elif chunk.has("OF_OTHER"):
-                self._side(agent, chunk.tags["OF_OTHER"])
+                self._set_side(agent, chunk.tags["OF_OTHER"])
             elif chunk.has("SAME") and chunk.tags["SAME"] == "same":
                 self._relate(agent, "same")
             elif chunk.has("ACROSS"):
@@ -541,7 +544,7 @@ class Modifying(Settling):
         agent.entry = OPPOSITE[agent.entry] if agent.entry else None
         agent.exit = OPPOSITE[agent.exit] if agent.exit else None
 
-    def _side(self, agent: AgentDraft, side: str) -> None:
+    def _set_side(self, agent: AgentDraft, side: str) -> None:
         others = [a for a in self.draft.agents if a is not agent and a.entry is not None]
         if side.startswith("map_") and not others:
             put(agent, "entry", {"map_left": "west", "map_right": "east"}[side])
@@ -558,7 +561,7 @@ class Modifying(Settling):
         agent.relatives.append((word, other))
 
     def _spread_hints(self) -> None:
-        """Directions said of nobody in particular hold for everyone who can have them."""
+        """Directions said of no agent in particular hold for all agents that can have them."""
         for hint in self.hints:
             fits = [a for a in self.draft.agents if can_hold(a, hint)]
             if isinstance(hint, Modifier):

@@ -136,25 +136,25 @@ def stem(word: str) -> str:
 
 def clean(text: str) -> str:
     """The text in lower case with contractions, quotes, dashes and arrows made plain."""
-    result = _lettered(unicodedata.normalize("NFKC", text)).lower().replace("\r", "\n")
+    result = _mark_letters(unicodedata.normalize("NFKC", text)).lower().replace("\r", "\n")
     for pattern, new in _REPLACEMENTS:
         result = pattern.sub(new, result)
     return result
 
 
-def _lettered(text: str) -> str:
-    """ "A (northbound) hits B": capital letters that stand for road users."""
+def _mark_letters(text: str) -> str:
+    """ "A (northbound) hits B": capital letters that name road users."""
     text = _SLASHED.sub(r"\1\2", text)
     if text.isupper() or not _SECOND.search(text):
         return text
     return _LETTERED.sub(r"unit \1", text)
 
 
-def tokenise(text: str) -> list[Token]:
+def split_tokens(text: str) -> list[Token]:
     """Tokens of text that went through `clean`."""
-    return [_token(word) for word in _TOKEN.findall(text)]
+    return [_build_token(word) for word in _TOKEN.findall(text)]
 
 
 @lru_cache(maxsize=8192)
-def _token(word: str) -> Token:
+def _build_token(word: str) -> Token:
     return Token(word, stem(word), end=word in _END, soft=word in _SOFT)

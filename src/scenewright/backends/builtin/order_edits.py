@@ -1,4 +1,4 @@
-"""Turns of a conversation that say who passes first: "the van goes first instead"."""
+"""Turns of a conversation that say which agent passes first: "the van goes first instead"."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.mentions import Item, Mention
-from scenewright.backends.builtin.redraft import next_item
+from scenewright.backends.builtin.redraft import get_next_item
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, Edit, Relate, Situation
 from scenewright.scene.social import RelationEdge
@@ -45,7 +45,7 @@ def read_order(
 
 
 def reorder(edge: RelationEdge, *, first: str, second: str) -> RelationEdge:
-    """The relation with the other order; who gives way, follows or runs into the other changes."""
+    """The relation with the other order; the agent that yields, follows or strikes changes."""
     plain = edge.model_dump(by_alias=True)
     if edge.type in ("yield_to", "follow") or edge.kind == "rear_end":
         plain |= {"from": second, "to": first, "pattern": None}
@@ -58,7 +58,7 @@ def reorder(edge: RelationEdge, *, first: str, second: str) -> RelationEdge:
 
 def _list_named(items: Sequence[Item], people: People) -> list[AgentView]:
     found = (
-        people.named(item, next_item(items, at))
+        people.find_named(item, get_next_item(items, at))
         for at, item in enumerate(items)
         if isinstance(item, Mention)
     )
@@ -70,14 +70,16 @@ def _find_edge(named: list[AgentView], situation: Situation, people: People) -> 
     ids = {each.id for each in named[:2]}
     edges = [each for each in situation.graph.relations if ids <= {each.from_, each.to}]
     if not edges:
-        told = " and ".join(sorted(ids))
+        names = " and ".join(sorted(ids))
         raise Refused(
             "impossible",
-            f"Nothing happens of which {told} could be first; say that one yields to the other, or "
-            "that the two nearly collide.",
+            f"Nothing happens of which {names} could be first; say that one yields to the other, "
+            "or that the two nearly collide.",
         )
     if len(edges) == 1:
         return edges[0]
     others = {name for each in edges for name in (each.from_, each.to)} - ids
-    partner = people.pick([e for e in people.foreground() if e.id in others], "other of the two")
+    partner = people.pick(
+        [e for e in people.list_foreground() if e.id in others], "other of the two"
+    )
     return next(each for each in edges if partner.id in (each.from_, each.to))

@@ -1,4 +1,4 @@
-"""Who passes first, held against what else is said of the two."""
+"""Order of passing, compared with what else is said of the two."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft
 
 _UNORDERED = ("sideswipe", "head_on")
-"""Collisions along one road, where nobody comes to a place first that both pass."""
+"""Collisions along one road, where no agent comes first to a place that both pass."""
 
 
 def pass_order_on(gone: RelationDraft, relations: Iterable[RelationDraft]) -> None:
@@ -21,7 +21,7 @@ def settle_orders(relations: Iterable[RelationDraft]) -> None:
     """Orders that the relation has by itself are left to it.
 
     Raises:
-        Refused: who is to pass first gives way, follows, drives into the other or brakes for it.
+        Refused: the agent to pass first yields, follows, drives into the other or brakes for it.
     """
     for relation in relations:
         if relation.first is None:
@@ -35,8 +35,8 @@ def settle_orders(relations: Iterable[RelationDraft]) -> None:
         if relation.type == "near_miss" and relation.first is relation.braker:
             raise Refused(
                 "contradictory",
-                "Who brakes hard for another lets it pass first; say that the other one brakes, "
-                "or that it passes first.",
+                "An agent that brakes hard for another lets it pass first; say that the other "
+                "one brakes, or that it passes first.",
             )
         if relation.ahead is not None or _is_along_one_road(relation):
             relation.first = None

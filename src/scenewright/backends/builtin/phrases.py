@@ -37,19 +37,19 @@ class Phrase:
     tags: tuple[tuple[str, str], ...]
 
 
-def all_phrases() -> tuple[Phrase, ...]:
+def load_phrases() -> tuple[Phrase, ...]:
     """Every phrase of every relation file; the same tuple as long as the files are the same."""
     found = load_patterns()
     return _SPOKEN.get(
-        None, found, make=lambda: tuple(itertools.chain.from_iterable(map(_phrases, found)))
+        None, found, make=lambda: tuple(itertools.chain.from_iterable(map(_list_phrases, found)))
     )
 
 
-def says_a_phrase(text: str) -> bool:
+def has_phrase(text: str) -> bool:
     """Whether a text holds the phrase of a relation file."""
     plain = f" {' '.join(expand(clean(text)).split())} "
     return any(
-        f" {spelling} " in plain for phrase in all_phrases() for spelling in phrase.spellings
+        f" {spelling} " in plain for phrase in load_phrases() for spelling in phrase.spellings
     )
 
 
@@ -58,7 +58,7 @@ def is_of_phrase(words: str, pattern: str) -> bool:
     part = f" {' '.join(expand(clean(words)).split())} "
     return any(
         part in f" {spelling} "
-        for phrase in all_phrases()
+        for phrase in load_phrases()
         if read_pattern(dict(phrase.tags)["PATTERN"])[0] == pattern
         for spelling in phrase.spellings
     )
@@ -67,22 +67,22 @@ def is_of_phrase(words: str, pattern: str) -> bool:
 _SPOKEN: RecentCache[None, tuple[Phrase, ...]] = RecentCache(most=1)
 
 
-def _phrases(pattern: Pattern) -> Iterator[Phrase]:
+def _list_phrases(pattern: Pattern) -> Iterator[Phrase]:
     for words, turned in pattern.spoken():
-        yield _phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
+        yield _build_phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
 
 
 @lru_cache(maxsize=4096)
-def _phrase(relation: RelationType, kind: str, name: str, words: str, turned: bool) -> Phrase:
+def _build_phrase(relation: RelationType, kind: str, name: str, words: str, turned: bool) -> Phrase:
     meaning = kind if relation == "collide_at" else "any"
     pattern = f"{name}{_REVERSED if turned else ''}"
     return Phrase(
-        tuple(dict.fromkeys((words, _plain(words)))),
+        tuple(dict.fromkeys((words, _normalise_words(words)))),
         ((_TAGS[relation], meaning), ("PATTERN", pattern)),
     )
 
 
-def _plain(words: str) -> str:
+def _normalise_words(words: str) -> str:
     """The words after all that is done to a text before it is read; unchanged if they dissolve."""
     said, _ = read_impacts(expand(clean(f"a car {words} a truck")))
     found = _CARRIER.match(read_clock(said)[0])
@@ -96,7 +96,7 @@ def read_pattern(value: str | None) -> tuple[str | None, bool]:
     return value.removesuffix(_REVERSED), value.endswith(_REVERSED)
 
 
-def cast(relation: RelationDraft, site: Site) -> None:
+def assign_agents(relation: RelationDraft, site: Site) -> None:
     """Gives both agents what the pattern of the phrase leaves no choice about.
 
     A phrase that names a turn means that turn. In left-hand traffic the files' patterns are played
@@ -111,32 +111,33 @@ def cast(relation: RelationDraft, site: Site) -> None:
     if site.left_hand and pattern.names_a_turn:
         relation.pattern = None
         relation.kind = None if relation.kind == "left_turn" else relation.kind
-    for agent, role in _roles(relation, pattern):
+    for agent, role in _list_roles(relation, pattern):
         if agent.movement is None and len(role.movements) == 1:
             agent.movement = role.movements[0]
         if agent.movement is not None and agent.movement not in role.movements:
             raise Refused(
                 "contradictory",
-                f"'{_said(pattern)}' is for {' or '.join(role.movements)}, not {agent.movement}; "
-                "change the one or the other.",
+                f"'{_describe_pattern(pattern)}' is for {' or '.join(role.movements)}, "
+                f"not {agent.movement}; change the one or the other.",
             )
 
 
-def _roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, Role]]:
+def _list_roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, Role]]:
     given, wanted = (relation.from_, relation.to), (pattern.from_, pattern.to)
     for pair in (given, given[::-1]):
         if all(role.admits(agent.type) for agent, role in zip(pair, wanted, strict=True)):
             return list(zip(pair, wanted, strict=True))
     raise Refused(
         "contradictory",
-        f"'{_said(pattern)}' is said of {_two(pattern)}; name these, or use other words.",
+        f"'{_describe_pattern(pattern)}' is said of {_describe_pair(pattern)}; "
+        "name these, or use other words.",
     )
 
 
-def _said(pattern: Pattern) -> str:
+def _describe_pattern(pattern: Pattern) -> str:
     return pattern.spoken()[0][0]
 
 
-def _two(pattern: Pattern) -> str:
+def _describe_pair(pattern: Pattern) -> str:
     first, second = pattern.from_.type, pattern.to.type
     return f"two {first}s" if first == second else f"a {first} and a {second}"

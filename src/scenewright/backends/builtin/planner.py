@@ -11,13 +11,13 @@ from scenewright.backends.builtin.beyond import note_beyond, refuse_beyond
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
-from scenewright.backends.builtin.normalise import clean, tokenise
-from scenewright.backends.builtin.phrases import is_of_phrase, says_a_phrase
+from scenewright.backends.builtin.normalise import clean, split_tokens
+from scenewright.backends.builtin.phrases import has_phrase, is_of_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
 from scenewright.backends.builtin.reader.coverage import (
     find_passed_over,
-    passes_over_exception,
-    passes_over_order,
+    is_exception_unread,
+    is_order_unread,
 )
 from scenewright.backends.builtin.reader.learned_plan import (
     OPENERS,
@@ -140,9 +140,9 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
         Refused: blank or oversized text, or control characters.
     """
     check_text(text)
-    check_language(text, tokenise(clean(text)))
+    check_language(text, split_tokens(clean(text)))
     learned = read_plan(text, previous=previous, site=site)
-    return Readings(learned, read_by_grammar(text, previous, site), says_a_phrase(text))
+    return Readings(learned, read_by_grammar(text, previous, site), has_phrase(text))
 
 
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
@@ -186,10 +186,12 @@ def decide(readings: Readings, site: Site, again: Iterable[LearnedPlan] = ()) ->
         again: the learned reading of the same text after some openers, made only if need be.
     """
     learned, other = readings.learned, readings.by_grammar
-    if (readings.says_a_phrase or _names_pattern(other)) and not _loses_numbers(other, learned):
-        return _with_account(_soften(other, learned.plan), learned)
+    if (readings.says_a_phrase or _has_pattern_phrase(other)) and not _is_losing_numbers(
+        other, learned
+    ):
+        return _add_account(_soften_collisions(other, learned.plan), learned)
     if _are_one(learned, other):
-        return _filled(learned.plan, other)
+        return _fill_plan(learned.plan, other)
     text = learned.reading.text
     hard = _TAKEN_BACK.search(text) or _DENIED.search(text)
     sure = learned.confidence >= (SURE_OF_HARD if hard else SURE) and not _is_bare(learned.plan)
@@ -198,8 +200,8 @@ def decide(readings: Readings, site: Site, again: Iterable[LearnedPlan] = ()) ->
     seconds = tuple(again)
     for each in seconds:
         if not isinstance(other, Refusal) and _are_one(each, other):
-            return _filled(each.plan, other)
-    if sure and all(agree(each.plan, learned.plan) for each in seconds):
+            return _fill_plan(each.plan, other)
+    if sure and all(is_same_plan(each.plan, learned.plan) for each in seconds):
         return learned.plan
     return _offer(readings, seconds, site)
 
@@ -209,12 +211,12 @@ def _are_one(learned: LearnedPlan, other: Plan) -> bool:
     reading = learned.reading
     doubtful = learned.confidence < SURE and reading.kind == "scene"
     taken_back = _TAKEN_BACK.search(reading.text) is not None
-    doubt = taken_back or _is_refused(learned.plan) or passes_over_order(reading)
-    doubt = doubt or passes_over_exception(reading)
-    return agree(learned.plan, other) and not (doubtful and doubt)
+    doubt = taken_back or _is_refused(learned.plan) or is_order_unread(reading)
+    doubt = doubt or is_exception_unread(reading)
+    return is_same_plan(learned.plan, other) and not (doubtful and doubt)
 
 
-def _soften(plan: Plan, learned: Plan) -> Plan:
+def _soften_collisions(plan: Plan, learned: Plan) -> Plan:
     """A collision's phrase beside "nearly hit", of which only the learned reading sees both.
 
     What it makes of the phrase itself counts for nothing: it does not know the relation files.
@@ -224,7 +226,7 @@ def _soften(plan: Plan, learned: Plan) -> Plan:
     misses = [e for e in learned.said if (e.became, e.value) == ("relation", "near_miss")]
     known = {each.id for each in load_patterns()}
 
-    def soften(edge: RelationEdge) -> RelationEdge:
+    def soften_edge(edge: RelationEdge) -> RelationEdge:
         if edge.type != "collide_at" or not edge.pattern:
             return edge
         said = [each.words for each in misses if set(each.agents) == {edge.from_, edge.to}]
@@ -234,14 +236,14 @@ def _soften(plan: Plan, learned: Plan) -> Plan:
         pattern = name if name in known and name != edge.pattern else None
         return edge.model_copy(update={"type": "near_miss", "kind": None, "pattern": pattern})
 
-    return plan.model_copy(update={"relations": tuple(map(soften, plan.relations))})
+    return plan.model_copy(update={"relations": tuple(map(soften_edge, plan.relations))})
 
 
 def _is_refused(plan: Plan) -> bool:
     return isinstance(plan, Refusal)
 
 
-def _filled(plan: Plan, other: Plan) -> Plan:
+def _fill_plan(plan: Plan, other: Plan) -> Plan:
     """The plan with what only the other reading of the same events says: cause, kind, severity."""
     if isinstance(plan, Refusal) or isinstance(other, Refusal):
         return plan
@@ -299,12 +301,12 @@ def _is_bare(plan: Plan) -> bool:
     return said.isdisjoint(("normal", "denied")) and not (ways and len(plan.agents) == 1)
 
 
-def _names_pattern(plan: Plan) -> bool:
+def _has_pattern_phrase(plan: Plan) -> bool:
     """Whether a text uses the phrase of a relation file, which only the grammar knows."""
     return isinstance(plan, SocialGraph) and any(edge.pattern for edge in plan.relations)
 
 
-def _loses_numbers(plan: Plan, learned: LearnedPlan) -> bool:
+def _is_losing_numbers(plan: Plan, learned: LearnedPlan) -> bool:
     """Whether figures that the learned reading sees are of other agents than the grammar's."""
     if isinstance(plan, Refusal) or isinstance(learned.plan, Refusal):
         return False
@@ -312,7 +314,7 @@ def _loses_numbers(plan: Plan, learned: LearnedPlan) -> bool:
     return bool(learned.plan.measures) and ways[0] != ways[1]
 
 
-def _with_account(plan: Plan, learned: LearnedPlan) -> Plan:
+def _add_account(plan: Plan, learned: LearnedPlan) -> Plan:
     """The grammar's plan with as much of the learned account as is true of it."""
     if isinstance(plan, SocialGraph) and isinstance(learned.plan, SocialGraph):
         said = learned.plan.said
@@ -329,14 +331,14 @@ def _with_account(plan: Plan, learned: LearnedPlan) -> Plan:
     return plan
 
 
-def agree(first: Plan, second: Plan) -> bool:
+def is_same_plan(first: Plan, second: Plan) -> bool:
     """Whether two plans are the same but for their accounts, subtypes and the order of agents."""
     if isinstance(first, Refusal) or isinstance(second, Refusal):
         return isinstance(first, Refusal) and isinstance(second, Refusal)
-    return _essence(first) == _essence(second)
+    return _reduce_graph(first) == _reduce_graph(second)
 
 
-def _essence(graph: SocialGraph) -> object:
+def _reduce_graph(graph: SocialGraph) -> object:
     ways = {
         agent.id: (agent.type, agent.entry, agent.exit, agent.movement, agent.crosswalk)
         for agent in graph.agents
@@ -355,7 +357,7 @@ _SYMMETRIC = ("collide_at", "near_miss")
 def _offer(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> Refusal:
     """A refusal that quotes the doubtful words, with plain sentences that would be understood."""
     reading = readings.learned.reading
-    offers = tuple(islice(_sentences(readings, again, site), MOST_OFFERS))
+    offers = tuple(islice(_list_sentences(readings, again, site), MOST_OFFERS))
     doubtful = find_doubtful(reading)
     passed = find_passed_over(reading)
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
@@ -371,7 +373,7 @@ def _offer(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> Refu
     )
 
 
-def _sentences(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> Iterator[str]:
+def _list_sentences(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> Iterator[str]:
     """What the text may mean, likeliest first, each once and only if it would be understood."""
     known: set[str] = set()
     learned = readings.learned
@@ -381,17 +383,17 @@ def _sentences(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> 
     for plan in islice(candidates, MOST_TRIED):
         if isinstance(plan, SocialGraph) and (plan.agents or plan.context != SceneContext()):
             sentence = describe_graph(plan)
-            if sentence not in known and _understood(sentence, plan, site):
+            if sentence not in known and _is_understood(sentence, plan, site):
                 yield sentence
             known.add(sentence)
 
 
-def _understood(sentence: str, meant: SocialGraph, site: Site) -> bool:
+def _is_understood(sentence: str, meant: SocialGraph, site: Site) -> bool:
     """Whether a sentence would be read as it is meant."""
     learned, other = read_plan(sentence, site=site), read_by_grammar(sentence, None, site)
-    if not agree(learned.plan, meant):
+    if not is_same_plan(learned.plan, meant):
         return False
-    if agree(other, meant) or learned.confidence >= SURE_OF_HARD:
+    if is_same_plan(other, meant) or learned.confidence >= SURE_OF_HARD:
         return True
     seconds = _read_after_openers(sentence, site)
-    return learned.confidence >= SURE and all(agree(each.plan, meant) for each in seconds)
+    return learned.confidence >= SURE and all(is_same_plan(each.plan, meant) for each in seconds)

@@ -1,4 +1,4 @@
-"""Whom words of a conversation speak of: one agent of the scene, several, or nobody."""
+"""The agents that words of a conversation mean: one agent of the scene, several, or none."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _PLAIN_WORDS = frozenset(
     ]
 )
 _RESTRICTS = frozenset({"from", "leg", "crosswalk"})
-"""What may follow a noun to say which one; turns are what somebody shall do."""
+"""What may follow a noun to say which one; turns are movements asked for."""
 
 _SIDE_OF = {"northbound": "south", "southbound": "north", "eastbound": "west", "westbound": "east"}
 
@@ -80,15 +80,15 @@ class People:
         self._present = {each.id: each for each in situation.present}
         self._chosen = chosen
 
-    def named(self, mention: Mention, after: Item | None = None) -> AgentView | None:
-        """The agent that the mention means; None where it introduces one or stands for a group.
+    def find_named(self, mention: Mention, after: Item | None = None) -> AgentView | None:
+        """The agent that the mention means; None where it introduces one or means a group.
 
         Args:
             after: what follows it, such as "from the north".
 
         Raises:
             Unclear: it may be any of several.
-            Refused: nobody in the scene is like that.
+            Refused: no agent of the scene is like that.
         """
         if mention.type is None or mention.det in _NEW or mention.mass:
             return None
@@ -96,16 +96,16 @@ class People:
             return None
         if mention.counted and mention.count != 1:
             return None
-        key = phrase(mention)
+        key = format_phrase(mention)
         if key in self._chosen:
             return self._present.get(self._chosen[key])
-        return self._one(self._fitting(mention, after), mention, key)
+        return self._choose_one(self._list_fitting(mention, after), mention, key)
 
-    def by_id(self, text: str) -> AgentView | None:
+    def find_by_id(self, text: str) -> AgentView | None:
         """The agent whose id stands in the text, such as vehicle-12.
 
         Raises:
-            Refused: there is an id in it, but nobody has it.
+            Refused: there is an id in it, but no agent has it.
         """
         found = re.search(
             r"\b(vehicle|pedestrian)([ -])(\d+)\b(?! (?:m|s|metre|meter|sec))", text.lower()
@@ -117,7 +117,7 @@ class People:
             raise Refused("impossible", f"There is no {found[0]} in this scene; /show lists all.")
         return agent
 
-    def foreground(self) -> list[AgentView]:
+    def list_foreground(self) -> list[AgentView]:
         """Those of the social graph."""
         return [each for each in self._present.values() if each.role == "foreground"]
 
@@ -127,61 +127,66 @@ class People:
             return self._present[self._chosen[noun]]
         if len(among) == 1:
             return among[0]
-        raise Unclear(which(among, noun))
+        raise Unclear(build_clarification(among, noun))
 
-    def _fitting(self, mention: Mention, after: Item | None) -> list[AgentView]:
+    def _list_fitting(self, mention: Mention, after: Item | None) -> list[AgentView]:
         if mention.label is not None:
             numbered = f"{mention.type}-{mention.label}"
             return [self._present[numbered]] if numbered in self._present else []
-        alike = [each for each in self._present.values() if _alike(each, mention)]
+        alike = [each for each in self._present.values() if _is_alike(each, mention)]
         front = [each for each in alike if each.role == "foreground"]
         if not front and mention.type == "vehicle":
-            # Whoever said "a vehicle" calls it a car, whatever was drawn for it.
-            only = [each for each in self.foreground() if each.type == "vehicle"]
+            # A user that said "a vehicle" calls it a car, whatever was drawn for it.
+            only = [each for each in self.list_foreground() if each.type == "vehicle"]
             if mention.head in {"car", "vehicle"} and len(only) == 1:
                 front = only
         found = front or alike
         if mention.det in _ORDINALS:
             return found[_ORDINALS[mention.det] :][:1] if found else []
-        told = [each for each in mention.premods if isinstance(each, Modifier)]
-        narrowed = [each for each in found if all(_as_told(each, premod) for premod in told)]
+        given = [each for each in mention.premods if isinstance(each, Modifier)]
+        narrowed = [
+            each for each in found if all(_is_as_described(each, premod) for premod in given)
+        ]
         if len(narrowed) > 1 and isinstance(after, Modifier) and after.means in _RESTRICTS:
-            narrowed = [each for each in narrowed if _as_told(each, after)] or narrowed
+            narrowed = [each for each in narrowed if _is_as_described(each, after)] or narrowed
         return narrowed
 
-    def _one(self, found: list[AgentView], mention: Mention, key: str) -> AgentView | None:
+    def _choose_one(self, found: list[AgentView], mention: Mention, key: str) -> AgentView | None:
         if len(found) == 1:
             return found[0]
         if found:
-            raise Unclear(which(found, key))
+            raise Unclear(build_clarification(found, key))
         if mention.det == "bare":
             return None
-        here = ", ".join(described(each) for each in self.foreground()) or "nobody in particular"
+        here = (
+            ", ".join(describe_agent(each) for each in self.list_foreground())
+            or "no foreground agent"
+        )
         raise Refused("impossible", f"There is no {key} in this scene; there is {here}.")
 
 
-def phrase(mention: Mention) -> str:
+def format_phrase(mention: Mention) -> str:
     """What the mention is called, without its determiner."""
     premods = " ".join(premod.text for premod in mention.premods)
     return " ".join(f"{premods} {mention.head} {mention.label or ''}".split())
 
 
-def which(found: Sequence[AgentView], noun: str) -> Clarification:
+def build_clarification(found: Sequence[AgentView], noun: str) -> Clarification:
     """The question which of several is meant."""
     shown = found[:6]
-    told = [described(each) for each in shown]
-    options = f"{', '.join(told[:-1])} or {told[-1]}"
+    given = [describe_agent(each) for each in shown]
+    options = f"{', '.join(given[:-1])} or {given[-1]}"
     return Clarification(
         question=f"Which {noun}: {options}?",
         choices=tuple(
-            Choice(answer=each.id, means=f"{noun}={each.id}: {described(each)}")
+            Choice(answer=each.id, means=f"{noun}={each.id}: {describe_agent(each)}")
             for each in found[:24]
         ),
     )
 
 
-def described(agent: AgentView) -> str:
-    """An agent with what tells it apart, and its id."""
+def describe_agent(agent: AgentView) -> str:
+    """An agent with what distinguishes it, and its id."""
     if agent.type == "pedestrian":
         where = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
         return f"the pedestrian {where}, from the {agent.entry} ({agent.id})"
@@ -190,7 +195,7 @@ def described(agent: AgentView) -> str:
     return f"the {agent.subtype or 'vehicle'} from the {agent.entry}, {turn} ({agent.id})"
 
 
-def answered(words: str, ask: Clarification) -> Choice | None:
+def read_choice(words: str, ask: Clarification) -> Choice | None:
     """The choice that an answer means; None if it is none of them, or several."""
     said = words.lower().strip(" .!")
     exact = [each for each in ask.choices if each.answer in said.split()]
@@ -202,26 +207,28 @@ def answered(words: str, ask: Clarification) -> Choice | None:
         at = index[only.pop()]
         return ask.choices[at] if at < len(ask.choices) else None
     only = {_SIDE_OF.get(word, word) for word in only}
-    fits = [each for each in ask.choices if only and only <= _words(each.means.partition(":")[2])]
+    fits = [
+        each for each in ask.choices if only and only <= _split_words(each.means.partition(":")[2])
+    ]
     return fits[0] if len(fits) == 1 else None
 
 
-def _words(text: str) -> set[str]:
+def _split_words(text: str) -> set[str]:
     return set(re.findall(r"[a-z0-9-]+", text.lower()))
 
 
-def _alike(agent: AgentView, mention: Mention) -> bool:
+def _is_alike(agent: AgentView, mention: Mention) -> bool:
     if agent.type != mention.type:
         return False
     named = narrow_subtype(mention.subtype, mention.head)
     return named not in _SUBTYPES or named in (agent.subtype, COARSE.get(agent.subtype or ""))
 
 
-def _as_told(agent: AgentView, told: Modifier) -> bool:
-    if not told.values:
-        return told.means != "straight" or agent.movement == "straight"
-    value = told.values[0]
-    match told.means:
+def _is_as_described(agent: AgentView, given: Modifier) -> bool:
+    if not given.values:
+        return given.means != "straight" or agent.movement == "straight"
+    value = given.values[0]
+    match given.means:
         case "from" | "from_to" | "leg" if agent.type == "vehicle":
             return agent.entry == value
         case "from":

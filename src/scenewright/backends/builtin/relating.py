@@ -8,8 +8,8 @@ from scenewright.backends.builtin.cursor import (
     NOUNS,
     Group,
     OpenRelation,
+    get_words,
     is_pronoun,
-    words_of,
 )
 from scenewright.backends.builtin.draft import RelationDraft
 from scenewright.backends.builtin.grammar import Modifier
@@ -58,7 +58,7 @@ _EVASIONS = (
     "hard",
     "panic",
 )
-"""What somebody who does not do so may well collide for."""
+"""Verbs whose denial may be the cause of a collision."""
 
 _PRIORITY = frozenset(["way", "priority", "precedence", "room", "space", "ahead"])
 
@@ -66,15 +66,15 @@ _PRIORITY = frozenset(["way", "priority", "precedence", "room", "space", "ahead"
 class Relating(Modifying):
     """Opens relations where a predicate stands."""
 
-    def _relation(self, at: int, chunk: Chunk, tag: str) -> None:
+    def _read_relation(self, at: int, chunk: Chunk, tag: str) -> None:
         value = chunk.tags[tag]
         kind = value if tag == "COLLIDE" and value != "any" else None
-        negated, almost = self._polarity(at)
-        negated = negated and self._governs(at, chunk)
+        negated, almost = self._find_polarity(at)
+        negated = negated and self._is_governing(at, chunk)
         if negated and tag == "NEAR" and chunk.words[0].startswith(_EVASIONS):
             return
         if tag == "NEAR" and "brake" in chunk.text:
-            self._at_the_wheel(finite=True)
+            self._mark_as_driver(finite=True)
         type_ = _RELATION_TAGS[tag]
         if tag == "COLLIDE" and almost and not (negated and almost == "avoid"):
             type_, negated = "near_miss", False
@@ -82,7 +82,7 @@ class Relating(Modifying):
                 almost = "avoided"
         elif tag == "COLLIDE" and negated and almost == "avoid":
             negated = False
-        if tag == "COLLIDE" and self._averted(at):
+        if tag == "COLLIDE" and self._is_averted(at):
             type_, negated, kind = "near_miss", False, None
         if tag == "FOLLOW" and value == "chain":
             self._chain()
@@ -99,22 +99,22 @@ class Relating(Modifying):
             avoided=almost == "avoided",
             pattern=pattern if type_ == _RELATION_TAGS[tag] else None,
         )
-        self._voice(relation, at, chunk)
-        self._listed_actor(relation, at)
+        self._set_voice(relation, at, chunk)
+        self._set_listed_actor(relation, at)
         if relation.nominal:
-            self._heading(at)
+            self._read_heading(at)
         if tag == "FOLLOW" and chunk.text == "behind":
             relation.subject = self.last if self.sentence else None
         self._start(relation)
 
-    def _averted(self, at: int) -> bool:
+    def _is_averted(self, at: int) -> bool:
         """ "collision averted": it came close to one."""
-        after = self._item(at + 1)
+        after = self._get_item(at + 1)
         return isinstance(after, Chunk) and after.text in {"averted", "avoided", "prevented"}
 
-    def _listed_actor(self, relation: OpenRelation, at: int) -> None:
+    def _set_listed_actor(self, relation: OpenRelation, at: int) -> None:
         """ "pedestrian on the west crosswalk, truck turning right, yields": the truck does."""
-        before, after = self._item(at - 1), self._item(at + 1)
+        before, after = self._get_item(at - 1), self._get_item(at + 1)
         bare = after is None or (isinstance(after, Chunk) and bool(after.mark))
         comma = isinstance(before, Chunk) and before.mark == ","
         groups = [group for _, group in self.sentence]
@@ -125,28 +125,28 @@ class Relating(Modifying):
         if len(vehicles) == 1:
             relation.subject = vehicles[0]
 
-    def _heading(self, at: int) -> None:
+    def _read_heading(self, at: int) -> None:
         """ "Vehicle-pedestrian collision: a cab ..." announces agents that are named later."""
-        before = self._item(at - 1)
-        chunk = self._item(at)
+        before = self._get_item(at - 1)
+        chunk = self._get_item(at)
         noun = isinstance(chunk, Chunk) and chunk.words[-1] in _CRASHES
         heads = isinstance(before, Mention) and (
             before.det == "bare" or (noun and before.det == "indefinite")
         )
         if not heads:
             return
-        self._announce(at - 1)
+        self._announce_agents(at - 1)
         for back in (2, 3):
-            item = self._item(at - back)
+            item = self._get_item(at - back)
             if isinstance(item, Mention) and item.det == "bare" and not item.counted:
-                self._announce(at - back)
+                self._announce_agents(at - back)
             elif not (
                 isinstance(item, Chunk)
                 and (item.has("TO") or item.text in {"on", "vs", "versus", "and"})
             ):
                 return
 
-    def _announce(self, at: int) -> None:
+    def _announce_agents(self, at: int) -> None:
         for place, group in self.sentence:
             if place == at:
                 for agent in group:
@@ -165,16 +165,16 @@ class Relating(Modifying):
         self.verb_seen = True
         self.boundary = self.linked = False
 
-    def _voice(self, relation: OpenRelation, at: int, chunk: Chunk) -> None:
+    def _set_voice(self, relation: OpenRelation, at: int, chunk: Chunk) -> None:
         surface = chunk.words[0]
-        be = self._be_before(at)
-        by = self._by_ahead(at)
+        be = self._has_be_before(at)
+        by = self._has_by_ahead(at)
         participle = not surface.endswith(("ing", "s")) or surface in {"t", "rear"}
         relation.passive = participle and (be or by) and not (be and surface.endswith("ing"))
         reduced = relation.passive and not be
         if self._is_nominal(at, chunk) and not relation.passive:
             relation.nominal = True
-            follows = self._item(at + 1)
+            follows = self._get_item(at + 1)
             relation.between = (
                 isinstance(follows, Chunk)
                 and follows.has("BETWEEN")
@@ -182,17 +182,17 @@ class Relating(Modifying):
             )
             relation.explicit = relation.between
             relation.subject = (
-                None if relation.between or not self._light_verb(at) else self.subject
+                None if relation.between or not self._is_light_verb(at) else self.subject
             )
             return
         attributive = (
             surface.endswith("ing")
             and not be
-            and not self._follows_comma(at)
-            and not self._after_while(at)
-            and not self._negated_near(at)
+            and not self._is_after_comma(at)
+            and not self._is_after_while(at)
+            and not self._is_negated_near(at)
         )
-        if (reduced or attributive) and self.last and self._touches_mention(at):
+        if (reduced or attributive) and self.last and self._is_touching_mention(at):
             relation.subject = self.last
         else:
             if (
@@ -209,12 +209,12 @@ class Relating(Modifying):
                 and not self.sentence
                 and not surface.endswith("ing")
                 and self.previous_subject
-                and self._and_before(at)
+                and self._has_and_before(at)
             ):
                 relation.subject = self.previous_subject
 
     def _is_nominal(self, at: int, chunk: Chunk) -> bool:
-        before, after = self._item(at - 1), self._item(at + 1)
+        before, after = self._get_item(at - 1), self._get_item(at + 1)
         if isinstance(after, Chunk) and after.text in {"between", "involving", "among"}:
             return True
         heading = isinstance(after, Chunk) and after.mark == ":"
@@ -235,7 +235,7 @@ class Relating(Modifying):
             and not before.mark
             and back < 5
         ):
-            before = self._item(at - back)
+            before = self._get_item(at - back)
             determined = isinstance(before, Chunk) and before.has("DET")
             back += 1
         if determined and (noun or not chunk.has("COLLIDE")):
@@ -253,21 +253,21 @@ class Relating(Modifying):
             and not (isinstance(after, Chunk) and after.has("TO"))
         )
 
-    def _light_verb(self, at: int) -> bool:
+    def _is_light_verb(self, at: int) -> bool:
         """ "is involved in a collision with", "has a near miss with"."""
-        after = self._item(at + 1)
+        after = self._get_item(at + 1)
         return bool(self.subject) and isinstance(after, Chunk) and after.has("WITH")
 
-    def _avoids(self, at: int) -> bool:
+    def _is_avoiding(self, at: int) -> bool:
         """ "barely avoids a jogger": an object, and no collision between."""
-        after, chunk = self._item(at + 1), self._item(at)
-        if words_of(chunk).startswith("prevent"):
+        after, chunk = self._get_item(at + 1), self._get_item(at)
+        if get_words(chunk).startswith("prevent"):
             return False
         if isinstance(after, Chunk) and after.tags.get("PRONOUN") == "each":
             return True
-        return self._mention_ahead(at) and (isinstance(after, Mention) or is_pronoun(after))
+        return self._has_mention_ahead(at) and (isinstance(after, Mention) or is_pronoun(after))
 
-    def _by(self) -> None:
+    def _read_by(self) -> None:
         if self.awaiting is not None and self.awaiting.passive:
             self.awaiting.by = True
             self.boundary = False
@@ -290,7 +290,7 @@ class Relating(Modifying):
             self.deferred.append(OpenRelation("follow", None, 0, None, nominal=True))
             return
         for first, second in pairwise(vehicles):
-            self._edge(RelationDraft("follow", first, second, soft=True))
+            self._add_edge(RelationDraft("follow", first, second, soft=True))
 
     def _chain_behind(self) -> bool:
         """ "Two cars follow a truck in a chain": the second follows the first."""
@@ -309,17 +309,17 @@ class Relating(Modifying):
         return True
 
     def _wait(self, at: int, chunk: Chunk) -> None:
-        before = self._item(at - 1)
+        before = self._get_item(at - 1)
         if isinstance(before, Chunk) and (before.has("DET") or before.has("FROM")):
             return
-        if self._next_is(at, ("LET", "YIELD", "NEAR")) or self._stops_at_signal(at):
+        if self._is_next(at, ("LET", "YIELD", "NEAR")) or self._is_stopping_at_signal(at):
             self.verb_seen = True
             return
-        negated, almost = self._polarity(at)
-        negated = negated and self._governs(at, chunk)
+        negated, almost = self._find_polarity(at)
+        negated = negated and self._is_governing(at, chunk)
         if almost == "almost":
             return
-        target = self._waits_for(at)
+        target = self._find_waited_for(at)
         relation = OpenRelation(
             "yield_to",
             None,
@@ -336,7 +336,7 @@ class Relating(Modifying):
                 relation.object, relation.weak = self.causer, False
             self.open.append(relation)
             self.verb_seen = True
-            if self.gap is not None and self._next_text(at) == "for":
+            if self.gap is not None and self._get_next_text(at) == "for":
                 relation.object, relation.weak = self.gap, False
             return
         self._start(relation)
@@ -344,18 +344,18 @@ class Relating(Modifying):
     def _wait_subject(self, at: int, chunk: Chunk) -> Group | None:
         if (
             chunk.words[0].endswith("ing")
-            and not self._be_before(at)
-            and self._touches_mention(at)
-            and not self._follows_comma(at)
+            and not self._has_be_before(at)
+            and self._is_touching_mention(at)
+            and not self._is_after_comma(at)
         ):
             return self.last or None
         return self.subject or None
 
-    def _waits_for(self, at: int) -> int | None:
-        """Index of the one waited for; None where the text names nobody."""
+    def _find_waited_for(self, at: int) -> int | None:
+        """Index of the one waited for; None where the text names no agent."""
         marker = turning = False
         for step in range(1, 12):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if item is None:
                 return None
             if isinstance(item, Mention):
@@ -377,9 +377,9 @@ class Relating(Modifying):
                 return None
         return None
 
-    def _stops_at_signal(self, at: int) -> bool:
+    def _is_stopping_at_signal(self, at: int) -> bool:
         for step in range(1, 5):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if isinstance(item, Chunk) and item.has("SIGNAL"):
                 self.signal = True
                 return True
@@ -387,11 +387,11 @@ class Relating(Modifying):
                 return False
         return False
 
-    def _lets(self, at: int, chunk: Chunk) -> bool:
+    def _is_letting_pass(self, at: int, chunk: Chunk) -> bool:
         """ "lets B pass", "gives B the right of way", "is allowed to go first by"."""
         giving = chunk.words[0].startswith(("giv", "gave", "grant"))
         if (
-            self._be_before(at)
+            self._has_be_before(at)
             and chunk.words[0] in {"given", "granted", "let", "allowed", "permitted", "waved"}
             and self._goes_first(at, giving=giving)
         ):
@@ -401,32 +401,32 @@ class Relating(Modifying):
             self._start(relation)
             return True
         fronting = chunk.words[0].endswith("ing")
-        if not self.subject and not self.gap and not self._continues(at) and not fronting:
+        if not self.subject and not self.gap and not self._is_continuing(at) and not fronting:
             return False
         target = next(
             (
                 s
                 for s in range(1, 4)
-                if isinstance(self._item(at + s), Mention) or is_pronoun(self._item(at + s))
+                if isinstance(self._get_item(at + s), Mention) or is_pronoun(self._get_item(at + s))
             ),
             None,
         )
         if target is None or not self._goes_first(at + target, giving=giving):
             return False
         subject = self.subject or (None if fronting else self.previous_subject)
-        negated, _ = self._polarity(at)
+        negated, _ = self._find_polarity(at)
         self._start(OpenRelation("yield_to", None, at, subject or None, negated=negated, tag="LET"))
         return True
 
-    def _continues(self, at: int) -> bool:
-        return bool(self.previous_subject) and self._and_before(at)
+    def _is_continuing(self, at: int) -> bool:
+        return bool(self.previous_subject) and self._has_and_before(at)
 
     def _goes_first(self, at: int, *, giving: bool) -> bool:
         for step in range(1, 10):
-            item = self._item(at + step)
+            item = self._get_item(at + step)
             if item is None or (isinstance(item, Chunk) and item.mark in {".", ";"}):
                 return False
-            words = set(words_of(item).split())
+            words = set(get_words(item).split())
             if giving:
                 if words & _PRIORITY:
                     return True

@@ -1,7 +1,7 @@
 """What a turn of a conversation means: words, and the scene as it is -> a reading of them.
 
 Dials, removals and numbers are read here. Everything else is read by the planner's own grammar,
-against a draft made of the social graph, in which whoever the words name is labelled.
+against a draft made of the social graph, in which agents that the words name are labelled.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import get_args
 from scenewright.backends.builtin import edits as grammar_of_edits
 from scenewright.backends.builtin.asked_figures import read_figure
 from scenewright.backends.builtin.clock import read_clock
-from scenewright.backends.builtin.dials import number, turned
+from scenewright.backends.builtin.dials import build_motion_edit, number
 from scenewright.backends.builtin.draft import Refused, Site
-from scenewright.backends.builtin.grammar import Modifier, modifiers
-from scenewright.backends.builtin.lexicon import Chunk, lexicon
-from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
-from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.grammar import Modifier, build_modifiers
+from scenewright.backends.builtin.lexicon import Chunk, load_lexicon
+from scenewright.backends.builtin.mentions import Item, Mention, build_noun_phrases
+from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.reader.words import narrow_subtype
-from scenewright.backends.builtin.redraft import by_grammar, free_name, next_item
+from scenewright.backends.builtin.redraft import free_name, get_next_item, read_by_grammar
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.standing_edits import read_standing_edits
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
@@ -128,18 +128,20 @@ def begins_anew(words: str) -> bool:
     return _FRESH.search(" ".join(words.lower().split())) is not None
 
 
-def _edits(words: str, situation: Situation, chosen: Mapping[str, str], site: Site) -> Reading:
+def _build_edits(
+    words: str, situation: Situation, chosen: Mapping[str, str], site: Site
+) -> Reading:
     again = _ANOTHER.match(" ".join(words.lower().split()))
     if again is not None:
         return Edits(edits=(_redraw(again, situation, chosen),))
     if standing := read_standing_edits(words, situation):
         return Edits(edits=standing)
-    if not grammar_of_edits.is_edit(words) and not _of_scene(words, situation, chosen):
+    if not grammar_of_edits.is_edit(words) and not _is_about_scene(words, situation, chosen):
         return NewScene()
     found: list[Edit] = []
     for part in _PARTS.split(words.strip()):
         if part.strip():
-            made = _part(part, situation, chosen, site)
+            made = _read_part(part, situation, chosen, site)
             found += made
             graph = apply_edits(situation.graph, made)
             situation = situation.model_copy(update={"graph": graph})
@@ -151,13 +153,13 @@ def _edits(words: str, situation: Situation, chosen: Mapping[str, str], site: Si
     return Edits(edits=tuple(found))
 
 
-def _of_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bool:
-    """Whether the words, though they tell an event, name agents that are there."""
+def _is_about_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bool:
+    """Whether the words, though they describe an event, name agents of the scene."""
     people = People(situation, chosen)
     try:
-        items = _items(clean(words))
+        items = _build_items(clean(words))
         return any(
-            people.named(item, next_item(items, at)) is not None
+            people.find_named(item, get_next_item(items, at)) is not None
             for at, item in enumerate(items)
             if isinstance(item, Mention) and item.det == "definite"
         )
@@ -168,57 +170,59 @@ def _of_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bo
 
 
 def _redraw(found: re.Match[str], situation: Situation, chosen: Mapping[str, str]) -> Redraw:
-    who = found.group("who")
-    if not who:
+    name = found.group("who")
+    if not name:
         return Redraw()
     people = People(situation, chosen)
-    agent = _subject(_items(clean(who)), people) or people.by_id(who)
+    agent = _find_subject(_build_items(clean(name)), people) or people.find_by_id(name)
     if agent is None:
-        raise Refused("impossible", f"I do not see who is meant by {who!r}.")
+        raise Refused("impossible", f"I do not see which agent {name!r} means.")
     return Redraw(agent=agent.id)
 
 
-def _part(
+def _read_part(
     text: str, situation: Situation, chosen: Mapping[str, str], site: Site
 ) -> tuple[Edit, ...]:
     """The edits that one clause asks for."""
     people = People(situation, chosen)
-    text = _ORDINARY.sub("", _spelt_out(text, people))
+    text = _ORDINARY.sub("", _spell_out(text, people))
     plain = clean(text)
-    items = _items(plain)
+    items = _build_items(plain)
     event = any(isinstance(each, Chunk) and each.has(*_EVENTS) for each in items)
-    related = _which_events(items, situation, people) if event and not _figures(plain) else None
+    related = (
+        _choose_events(items, situation, people) if event and not _has_figures(plain) else None
+    )
     if related is not None:
         return related
-    made = _removed(text, plain, items, situation, people)
-    made = made or (None if event else _more_or_fewer(plain, items, situation))
+    made = _read_removal(text, plain, items, situation, people)
+    made = made or (None if event else _read_count_change(plain, items, situation))
     made = made or (None if event else read_order(plain, items, situation, people))
-    made = made or _figure(text, items, situation, people)
-    made = made or _dial(text, items, people)
-    made = made or (None if event else _kind(plain, items, situation, people))
-    return made or by_grammar(text, situation, people, site=site)
+    made = made or _read_figure(text, items, situation, people)
+    made = made or _read_motion(text, items, people)
+    made = made or (None if event else _read_kind(plain, items, situation, people))
+    return made or read_by_grammar(text, situation, people, site=site)
 
 
-def _figures(plain: str) -> bool:
-    """Whether the words tell how severe it shall be: those are for the grammar."""
+def _has_figures(plain: str) -> bool:
+    """Whether the words say how severe it shall be: those are for the grammar."""
     clock = read_clock(plain)[1]
     return any(each is not None for each in (clock.pet, clock.ttc, clock.speed))
 
 
-def _figure(
+def _read_figure(
     text: str, items: Sequence[Item], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """The figure that a clause asks for; a speed at which to drive is a dial."""
-    found = read_figure(text, situation, people, _subject(items, people))
+    found = read_figure(text, situation, people, _find_subject(items, people))
     return None if found is None else (found,)
 
 
-def _which_events(
+def _choose_events(
     items: Sequence[Item], situation: Situation, people: People
 ) -> tuple[Relate, ...] | None:
-    """The relations as they shall be, where there are several and nobody is named.
+    """The relations as they shall be, where there are several and no agent is named.
 
-    Who does the same to several does something else to all of them, but can hit only one.
+    An agent of several equal relations changes all of them, but can hit only one other agent.
 
     Raises:
         Unclear: the answer is the agent that acts.
@@ -233,7 +237,7 @@ def _which_events(
         if isinstance(item, Chunk) and item.has(tag)
     ]
     acting = {each.from_ for each in edges}
-    actor = people.pick([p for p in people.foreground() if p.id in acting], "event, that of")
+    actor = people.pick([p for p in people.list_foreground() if p.id in acting], "event, that of")
     meant = [each for each in edges if each.from_ == actor.id]
     meant = [each for each in meant if each.type == meant[0].type]
     return tuple(
@@ -244,14 +248,14 @@ def _which_events(
     )
 
 
-def _items(plain: str) -> list[Item]:
-    chunks = lexicon().chunks(tokenise(plain))
-    return noun_phrases(modifiers(chunks), text=plain)
+def _build_items(plain: str) -> list[Item]:
+    chunks = load_lexicon().split_chunks(split_tokens(plain))
+    return build_noun_phrases(build_modifiers(chunks), text=plain)
 
 
-def _spelt_out(text: str, people: People) -> str:
+def _spell_out(text: str, people: People) -> str:
     """ "have it turn left" with the vehicle instead of the pronoun."""
-    walkers = [each for each in people.foreground() if each.type == "pedestrian"]
+    walkers = [each for each in people.list_foreground() if each.type == "pedestrian"]
     if len(walkers) == 1:
         text = _PERSON.sub(walkers[0].id, text)
     found = _PRONOUN.search(text.lower())
@@ -259,40 +263,40 @@ def _spelt_out(text: str, people: People) -> str:
         return text
     kind = "vehicle" if found["it"] == "it" else "pedestrian"
     if _HOLDS.match(text[found.end() :].lower()):
-        held = [e for e in people.foreground() if e.stops or e.slows_to is not None]
+        held = [e for e in people.list_foreground() if e.stops or e.slows_to is not None]
         if len(held) == 1 and held[0].type == kind:
             return f"{text[: found.start('it')]}{held[0].id}{text[found.end('it') :]}"
-    if not any(each.type == kind for each in people.foreground()):
+    if not any(each.type == kind for each in people.list_foreground()):
         return text
     return f"{text[: found.start('it')]}the {kind}{text[found.end('it') :]}"
 
 
-def _subject(items: Sequence[Item], people: People) -> AgentView | None:
+def _find_subject(items: Sequence[Item], people: People) -> AgentView | None:
     """The first agent that is named."""
     for at, item in enumerate(items):
         if isinstance(item, Mention):
-            agent = people.named(item, next_item(items, at))
+            agent = people.find_named(item, get_next_item(items, at))
             if agent is not None:
                 return agent
     return None
 
 
-def _dial(text: str, items: Sequence[Item], people: People) -> tuple[Edit, ...] | None:
+def _read_motion(text: str, items: Sequence[Item], people: People) -> tuple[Edit, ...] | None:
     lowered = " ".join(text.lower().split())
     if re.search(r"\b(?:pet|ttc|impact|collid|hits?)\b", lowered):
         return None
-    agent = people.by_id(text) or _subject(items, people)
-    edit = turned(lowered, people, agent)
+    agent = people.find_by_id(text) or _find_subject(items, people)
+    edit = build_motion_edit(lowered, people, agent)
     return None if edit is None else (edit,)
 
 
-def _removed(
+def _read_removal(
     text: str, plain: str, items: Sequence[Item], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """ "remove the truck", "drop the collision", "remove all pedestrians"."""
     if not _REMOVES.search(plain):
         return None
-    agent = people.by_id(text) or _subject(items, people)
+    agent = people.find_by_id(text) or _find_subject(items, people)
     if agent is not None:
         return (RemoveAgent(agent=agent.id),)
     for type_, pattern in _EVENT_WORDS.items():
@@ -304,19 +308,19 @@ def _removed(
         return (SetBackground(vehicles=0, pedestrians=0),)
     if not groups:
         return None
-    rare = {_kind_of(each) for each in groups} & (_SUBTYPES - {"car"})
+    rare = {_get_kind(each) for each in groups} & (_SUBTYPES - {"car"})
     if rare and len(groups) == 1 and not groups[0].counted:
-        return _removed_kind(groups[0], situation)
-    counts = _background(situation)
+        return _remove_kind(groups[0], situation)
+    counts = _count_background(situation)
     for group in groups:
         kind = str(group.type)
         counts[kind] = max(counts[kind] - group.count, 0) if group.counted else 0
-    return (_counted(counts, [str(each.type) for each in groups]),)
+    return (_build_background_edit(counts, [str(each.type) for each in groups]),)
 
 
-def _removed_kind(group: Mention, situation: Situation) -> tuple[Edit, ...]:
-    """ "remove the buses": all of that kind in the background, and nobody else."""
-    kind = _kind_of(group)
+def _remove_kind(group: Mention, situation: Situation) -> tuple[Edit, ...]:
+    """ "remove the buses": all of that kind in the background, and no other agent."""
+    kind = _get_kind(group)
     others = [each for each in situation.present if each.role == "background"]
     gone = [each.id for each in others if each.subtype == kind]
     if not gone:
@@ -324,23 +328,23 @@ def _removed_kind(group: Mention, situation: Situation) -> tuple[Edit, ...]:
     return tuple(RemoveAgent(agent=each) for each in gone[:32])
 
 
-def _more_or_fewer(
+def _read_count_change(
     plain: str, items: Sequence[Item], situation: Situation
 ) -> tuple[Edit, ...] | None:
     """ "add three cars", "two more pedestrians", "fewer cars"; kinds of vehicles by name."""
     more, fewer = _ADDS.search(plain) is not None, _FEWER.search(plain) is not None
     groups = [each for each in items if isinstance(each, Mention) and each.type is not None]
-    told = [each for each in items if isinstance(each, Modifier)]
-    if not groups or not (more or fewer) or told:
+    modifiers = [each for each in items if isinstance(each, Modifier)]
+    if not groups or not (more or fewer) or modifiers:
         return None
     if any(each.det == "definite" or each.premods for each in groups if not each.counted):
         return None
-    named = [each for each in groups if _kind_of(each) in _SUBTYPES - {"car"}]
+    named = [each for each in groups if _get_kind(each) in _SUBTYPES - {"car"}]
     if named and more:
-        return _kinds(groups, situation)
-    counts = _background(situation)
+        return _read_kinds(groups, situation)
+    counts = _count_background(situation)
     for group in groups:
-        many = group.count if group.counted else (_vague(plain) if group.plural else 1)
+        many = group.count if group.counted else (_parse_vague(plain) if group.plural else 1)
         counts[str(group.type)] += -many if fewer else many
     kinds = [str(each.type) for each in groups]
     for kind in kinds:
@@ -350,15 +354,15 @@ def _more_or_fewer(
                 f"{counts[kind]} others of one class are too many; at most {MOST_BACKGROUND}.",
             )
         counts[kind] = max(counts[kind], 0)
-    return (_counted(counts, kinds),)
+    return (_build_background_edit(counts, kinds),)
 
 
-def _vague(plain: str) -> int:
+def _parse_vague(plain: str) -> int:
     found = re.search(r"\b(a couple of|a few|some|several)\b", plain)
     return 3 if found is None else int(number(found[1]))
 
 
-def _kinds(groups: Sequence[Mention], situation: Situation) -> tuple[Edit, ...]:
+def _read_kinds(groups: Sequence[Mention], situation: Situation) -> tuple[Edit, ...]:
     """Trucks, buses and motorcycles take part by name: a crowd has the kinds it was drawn with."""
     taken = {each.id for each in situation.present} | {a.id for a in situation.graph.agents}
     made: list[Edit] = []
@@ -368,29 +372,29 @@ def _kinds(groups: Sequence[Mention], situation: Situation) -> tuple[Edit, ...]:
             taken.add(name)
             made.append(
                 AddAgent.model_validate(
-                    {"node": {"id": name, "type": group.type, "subtype": _kind_of(group)}}
+                    {"node": {"id": name, "type": group.type, "subtype": _get_kind(group)}}
                 )
             )
     return tuple(made)
 
 
-def _kind_of(mention: Mention) -> str | None:
+def _get_kind(mention: Mention) -> str | None:
     return narrow_subtype(mention.subtype, mention.head)
 
 
-def _background(situation: Situation) -> dict[str, int]:
+def _count_background(situation: Situation) -> dict[str, int]:
     others = [each for each in situation.present if each.role == "background"]
     return {kind: sum(each.type == kind for each in others) for kind in ("vehicle", "pedestrian")}
 
 
-def _counted(counts: Mapping[str, int], kinds: Sequence[str]) -> SetBackground:
+def _build_background_edit(counts: Mapping[str, int], kinds: Sequence[str]) -> SetBackground:
     return SetBackground(
         vehicles=counts["vehicle"] if "vehicle" in kinds else None,
         pedestrians=counts["pedestrian"] if "pedestrian" in kinds else None,
     )
 
 
-def _kind(
+def _read_kind(
     plain: str, items: Sequence[Item], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """ "make the car a truck", "replace the bus with a motorcycle"."""
@@ -401,9 +405,9 @@ def _kind(
     if last.det != "indefinite" or last.subtype not in _SUBTYPES:
         return None
     earlier = [each for _, each in mentions[:-1]]
-    subject = _subject(earlier, people)
+    subject = _find_subject(earlier, people)
     if subject is None:
-        vehicles = [each for each in people.foreground() if each.type == "vehicle"]
+        vehicles = [each for each in people.list_foreground() if each.type == "vehicle"]
         if not vehicles:
             return None
         subject = people.pick(vehicles, "vehicle")
@@ -412,4 +416,4 @@ def _kind(
     if any(isinstance(each, Modifier) for each in items[at:]):
         return None
     node = situation.graph.agent(subject.id)
-    return (ChangeAgent(node=node.model_copy(update={"subtype": _kind_of(last)})),)
+    return (ChangeAgent(node=node.model_copy(update={"subtype": _get_kind(last)})),)

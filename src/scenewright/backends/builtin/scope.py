@@ -8,7 +8,7 @@ from functools import lru_cache
 from importlib.resources import files
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.lexicon import Chunk, lexicon
+from scenewright.backends.builtin.lexicon import Chunk, load_lexicon
 from scenewright.backends.builtin.normalise import Token
 
 MOST_CHARACTERS = 2_000
@@ -61,24 +61,27 @@ def check_language(text: str, tokens: Sequence[Token]) -> None:
     letters = [char for char in text if char.isalpha()]
     latin = sum(char.isascii() for char in letters)
     if not letters or latin < 0.8 * len(letters):
-        raise not_english()
+        raise build_not_english()
     words = [token.text for token in tokens if token.text.isalpha()]
-    foreign_words = _foreign_words()
+    foreign_words = _load_foreign_words()
     foreign = sum(word in foreign_words for word in words)
-    if not words or not _familiar(tokens) or (foreign >= 2 and foreign >= 0.2 * len(words)):
-        raise not_english()
+    if not words or not _is_familiar(tokens) or (foreign >= 2 and foreign >= 0.2 * len(words)):
+        raise build_not_english()
 
 
 @lru_cache(maxsize=1)
-def _foreign_words() -> frozenset[str]:
+def _load_foreign_words() -> frozenset[str]:
     """Function words that betray another language."""
     source = files("scenewright.backends.builtin").joinpath("foreign.txt")
     return frozenset(source.read_text("utf-8").split())
 
 
-def _familiar(tokens: Sequence[Token]) -> bool:
-    words = lexicon()
-    return words.familiar(tokens) >= 0.2 and words.familiar(words.mend(tokens)) >= 0.6
+def _is_familiar(tokens: Sequence[Token]) -> bool:
+    words = load_lexicon()
+    return (
+        words.measure_familiar(tokens) >= 0.2
+        and words.measure_familiar(words.correct_tokens(tokens)) >= 0.6
+    )
 
 
 def check_scope(
@@ -90,19 +93,19 @@ def check_scope(
         measured: the text gives a PET or a TTC, which nothing but a scene has.
     """
     for at, chunk in enumerate(chunks):
-        if chunk.has("BAD_AGENT") and not _excused(chunks, at):
+        if chunk.has("BAD_AGENT") and not _is_excused(chunks, at):
             reason = _BAD_AGENT[chunk.tags["BAD_AGENT"]]
             raise Refused(
                 "out_of_scope",
                 f"{reason} ({chunk.text}); use vehicles, cyclists, e-scooters and pedestrians.",
             )
-        if chunk.has("BAD_PLACE") and not _excused(chunks, at):
+        if chunk.has("BAD_PLACE") and not _is_excused(chunks, at):
             raise Refused(
                 "out_of_scope",
                 "Scenes take place at a four-leg intersection, not at a "
                 f"{chunk.tags['BAD_PLACE']}; move it there.",
             )
-        if chunk.has("BAD_OBJECT") and _struck(chunks, at):
+        if chunk.has("BAD_OBJECT") and _is_struck(chunks, at):
             raise Refused(
                 "out_of_scope",
                 f"Only vehicles and pedestrians take part, not a {chunk.text}; name one of them.",
@@ -112,21 +115,21 @@ def check_scope(
                 "impossible",
                 f"Vehicles and pedestrians cannot do that ({chunk.text}); leave it out.",
             )
-        if chunk.has("SIDEWALK") and _drives_there(chunks, at):
+        if chunk.has("SIDEWALK") and _is_driving_there(chunks, at):
             raise Refused(
                 "impossible",
                 "Vehicles stay on the road here, not on the sidewalk; move the vehicle "
                 "to the road.",
             )
     if _QUESTION.search(clean):
-        raise nothing_planned()
+        raise build_nothing_planned()
     evidence = _EVIDENCE + _EDITS if editing else _EVIDENCE
     first = any(chunk.has("GO_FIRST") and chunk.text.endswith(" first") for chunk in chunks)
     if not (first or measured) and not any(chunk.has(*evidence) for chunk in chunks):
-        raise nothing_planned()
+        raise build_nothing_planned()
 
 
-def nothing_planned() -> Refused:
+def build_nothing_planned() -> Refused:
     """The verdict on a text that names no agent and no event."""
     return Refused(
         "out_of_scope",
@@ -135,15 +138,15 @@ def nothing_planned() -> Refused:
     )
 
 
-def not_english() -> Refused:
+def build_not_english() -> Refused:
     """The verdict on a text in another language."""
     return Refused(
         "out_of_scope",
-        "The text is not English as far as the planner can tell; describe the scene in English.",
+        "The text does not seem to be English; describe the scene in English.",
     )
 
 
-def _excused(chunks: Sequence[Chunk], at: int) -> bool:
+def _is_excused(chunks: Sequence[Chunk], at: int) -> bool:
     """ "walking her dog" and "no cyclists" bring no such agent into the scene."""
     before = [chunk.text for chunk in chunks[max(0, at - 3) : at]]
     if chunks[at].tags.get("BAD_AGENT") == "animal":
@@ -157,7 +160,7 @@ def _has_agent(chunks: Sequence[Chunk]) -> bool:
     return any(chunk.has("AGENT") for chunk in chunks)
 
 
-def _struck(chunks: Sequence[Chunk], at: int) -> bool:
+def _is_struck(chunks: Sequence[Chunk], at: int) -> bool:
     for chunk in reversed(chunks[max(0, at - 4) : at]):
         if chunk.has("COLLIDE") or (chunk.has("NEAR") and _HITS.search(chunk.text)):
             return True
@@ -166,7 +169,7 @@ def _struck(chunks: Sequence[Chunk], at: int) -> bool:
     return False
 
 
-def _drives_there(chunks: Sequence[Chunk], at: int) -> bool:
+def _is_driving_there(chunks: Sequence[Chunk], at: int) -> bool:
     for chunk in reversed(chunks[max(0, at - 8) : at]):
         if chunk.has("AGENT"):
             return chunk.tags["AGENT"].startswith("vehicle")

@@ -28,7 +28,7 @@ def _needs_pedestrian(hint: Modifier | Chunk) -> bool:
     return hint.has("JAYWALK", "CROSS")
 
 
-def _unique(agents: object) -> Group:
+def _drop_duplicates(agents: object) -> Group:
     return list(dict.fromkeys(agents))  # type: ignore[call-overload]
 
 
@@ -38,23 +38,23 @@ class Settling(Cursor):
     def _close(self, relation: OpenRelation) -> None:
         subject, object_ = relation.subject, relation.object
         unasked = relation.nominal and not (relation.explicit or relation.negated)
-        if unasked and self._told_by_verb(relation):
+        if unasked and self._is_given_by_verb(relation):
             self._lend_kind(relation)
             return
         if relation.weak and object_ is None:
             self._close_weak(relation)
             return
-        listed = self._listed_pairs(relation) if relation.nominal else []
+        listed = self._list_pairs(relation) if relation.nominal else []
         if len(listed) > 1:
             for first, second in listed:
-                self._settle(relation, *self._by_right_of_way(relation, (first, second)))
+                self._settle(relation, *self._order_by_right_of_way(relation, (first, second)))
             return
         if relation.nominal or subject is None:
-            pair = self._nominal_pair(relation)
+            pair = self._find_nominal_pair(relation)
             if pair is None:
-                self._defer(relation)
+                self._defer_relation(relation)
             else:
-                self._settle(relation, *self._by_right_of_way(relation, pair))
+                self._settle(relation, *self._order_by_right_of_way(relation, pair))
             return
         if object_ is not None and relation.type in SYMMETRIC:
             object_ = [agent for agent in object_ if agent not in subject] or None
@@ -67,13 +67,13 @@ class Settling(Cursor):
             self._settle_group(relation, subject)
             return
         if object_ is None:
-            object_ = self._missing_object(relation, subject)
+            object_ = self._find_missing_object(relation, subject)
         if object_ is None:
-            self._defer(relation)
+            self._defer_relation(relation)
         else:
             self._settle(relation, subject, object_)
 
-    def _told_by_verb(self, relation: OpenRelation) -> bool:
+    def _is_given_by_verb(self, relation: OpenRelation) -> bool:
         """ "a yielding scene: the car yields ..." asks for one yield."""
         return any(
             other.type == relation.type
@@ -88,12 +88,12 @@ class Settling(Cursor):
             if edge.type == relation.type:
                 edge.kind = edge.kind or relation.kind
 
-    def _by_right_of_way(
+    def _order_by_right_of_way(
         self, relation: OpenRelation, pair: tuple[Group, Group]
     ) -> tuple[Group, Group]:
         """Where a noun names no direction, the vehicle yields, else the one named first."""
         first, second = pair
-        after = self._item(relation.at + 1)
+        after = self._get_item(relation.at + 1)
         if relation.type != "yield_to" or (isinstance(after, Chunk) and after.has("TO")):
             return pair
         order = self.draft.agents
@@ -106,19 +106,21 @@ class Settling(Cursor):
         return pair
 
     def _close_weak(self, relation: OpenRelation) -> None:
-        halts = isinstance(chunk := self._item(relation.at), Chunk) and chunk.words[0][:3] in _HALTS
+        halts = (
+            isinstance(chunk := self._get_item(relation.at), Chunk) and chunk.words[0][:3] in _HALTS
+        )
         if relation.subject and halts and not self.signal:
             relation.sentence = list(self.sentence)
             self.deferred.append(relation)
 
-    def _defer(self, relation: OpenRelation) -> None:
+    def _defer_relation(self, relation: OpenRelation) -> None:
         if relation.negated:
             if relation.nominal or relation.type in SYMMETRIC:
                 self.draft.denied.add(relation.type)
             return
         self.deferred.append(relation)
 
-    def _listed_pairs(self, relation: OpenRelation) -> list[tuple[Group, Group]]:
+    def _list_pairs(self, relation: OpenRelation) -> list[tuple[Group, Group]]:
         """ "two near misses: a car with a pedestrian and a bus with another one"."""
         after = [(at, group) for at, group in self.sentence if at > relation.at]
         return [
@@ -129,15 +131,19 @@ class Settling(Cursor):
             )
         ]
 
-    def _nominal_pair(self, relation: OpenRelation) -> tuple[Group, Group] | None:
+    def _find_nominal_pair(self, relation: OpenRelation) -> tuple[Group, Group] | None:
         object_ = relation.object or []
         if relation.subject and object_:
             return relation.subject, object_
         if len(object_) >= 2:
             return object_[:1], object_[1:2]
         agents = [(at, agent) for at, group in self.sentence for agent in group]
-        before = _unique(agent for at, agent in agents if at < relation.at and agent not in object_)
-        after = _unique(agent for at, agent in agents if at > relation.at and agent not in object_)
+        before = _drop_duplicates(
+            agent for at, agent in agents if at < relation.at and agent not in object_
+        )
+        after = _drop_duplicates(
+            agent for at, agent in agents if at > relation.at and agent not in object_
+        )
         earlier = next(
             (
                 r
@@ -161,14 +167,14 @@ class Settling(Cursor):
             return before[:1], after[:1]
         return (after[:1], after[1:2]) if len(after) >= 2 else None
 
-    def _missing_object(self, relation: OpenRelation, subject: Group) -> Group | None:
+    def _find_missing_object(self, relation: OpenRelation, subject: Group) -> Group | None:
         if relation.causer:
             return relation.causer
         if relation.kind in _BETWEEN_VEHICLES and subject[0].type == "vehicle":
-            return self._other_vehicle(relation, subject)
+            return self._find_other_vehicle(relation, subject)
         agents = [(at, a) for at, group in self.sentence for a in group if a not in subject]
-        after = _unique(a for at, a in agents if at > relation.at)
-        before = _unique(a for at, a in agents if at < relation.at)
+        after = _drop_duplicates(a for at, a in agents if at > relation.at)
+        before = _drop_duplicates(a for at, a in agents if at < relation.at)
         if relation.type == "follow" and not after:
             before = [a for a in before if a.type == subject[0].type]
         found = (before[-1:] or after[:1]) if relation.passive else (after[:1] or before[-1:])
@@ -185,15 +191,15 @@ class Settling(Cursor):
             return [a for a in self.draft.agents if a not in subject][-1:] or None
         return None
 
-    def _other_vehicle(self, relation: OpenRelation, subject: Group) -> Group | None:
+    def _find_other_vehicle(self, relation: OpenRelation, subject: Group) -> Group | None:
         """ "brakes for a jaywalker and nearly gets hit from behind": not by the jaywalker."""
-        told = [(at, a) for at, group in self.sentence for a in group if a not in subject]
-        vehicles = [(at, a) for at, a in told if a.type == "vehicle"]
-        after = _unique(a for at, a in vehicles if at > relation.at)
-        before = _unique(a for at, a in vehicles if at < relation.at)
+        earlier = [(at, a) for at, group in self.sentence for a in group if a not in subject]
+        vehicles = [(at, a) for at, a in earlier if a.type == "vehicle"]
+        after = _drop_duplicates(a for at, a in vehicles if at > relation.at)
+        before = _drop_duplicates(a for at, a in vehicles if at < relation.at)
         found = (before[-1:] or after[:1]) if relation.passive else (after[:1] or before[-1:])
         known = [a for a in self.draft.agents if a.type == "vehicle" and a not in subject]
-        if found or known or not told:
+        if found or known or not earlier:
             return found or None
         return [self.discourse.create("vehicle")]
 
@@ -212,7 +218,9 @@ class Settling(Cursor):
             for target in targets:
                 if actor is target:
                     continue
-                striker = self._at_wheel(actor, target) if relation.type in SYMMETRIC else actor
+                striker = (
+                    self._find_driver_of(actor, target) if relation.type in SYMMETRIC else actor
+                )
                 edge = RelationDraft(relation.type, striker, target, relation.kind)
                 edge.soft = relation.tag == "WAIT"
                 edge.pattern = relation.pattern
@@ -223,19 +231,19 @@ class Settling(Cursor):
                 ):
                     continue
                 else:
-                    self._edge(edge)
+                    self._add_edge(edge)
 
-    def _at_wheel(self, actor: AgentDraft, target: AgentDraft) -> AgentDraft:
-        """ "he struck the pedestrian": he is the one who drives, not a second pedestrian."""
+    def _find_driver_of(self, actor: AgentDraft, target: AgentDraft) -> AgentDraft:
+        """ "he struck the pedestrian": he is the driver, not a second pedestrian."""
         vehicles = [agent for agent in self.draft.agents if agent.type == "vehicle"]
         both = actor.type == target.type == "pedestrian"
         return vehicles[0] if both and len(vehicles) == 1 else actor
 
     def _add(self, type_: str, first: AgentDraft, second: AgentDraft | None) -> None:
         if second is not None and first is not second:
-            self._edge(RelationDraft(type_, first, second))
+            self._add_edge(RelationDraft(type_, first, second))
 
-    def _edge(self, edge: RelationDraft) -> None:
+    def _add_edge(self, edge: RelationDraft) -> None:
         for known in self.draft.relations:
             if known.type == edge.type and known.pair() == edge.pair():
                 if edge.type in {"yield_to", "follow"} and known.from_ is not edge.from_:
@@ -244,7 +252,8 @@ class Settling(Cursor):
                         return
                     raise Refused(
                         "contradictory",
-                        "Two agents cannot each give way to, or follow, the other; say who does.",
+                        "Two agents cannot each give way to, or follow, the other; "
+                        "say which one does.",
                     )
                 known.kind = known.kind or edge.kind
                 known.pattern = known.pattern or edge.pattern
@@ -252,7 +261,7 @@ class Settling(Cursor):
         self.draft.relations.append(edge)
 
     def _turn_row(self) -> None:
-        """ "three cars in a row, the last follows ...": the row is told from behind."""
+        """ "three cars in a row, the last follows ...": the row is listed from behind."""
         for edge in self.draft.relations:
             if edge.type == "follow" and edge.soft:
                 edge.from_, edge.to = edge.to, edge.from_
@@ -264,19 +273,19 @@ class Settling(Cursor):
             if known:
                 known[0].kind = known[0].kind or relation.kind
                 continue
-            self._about_traffic(relation)
+            self._check_about_traffic(relation)
             vehicles = [agent for agent in self.draft.agents if agent.type == "vehicle"]
             if relation.type == "follow" and relation.nominal and len(vehicles) > 2:
                 self._settle_group(relation, vehicles)
                 continue
-            self._settle(relation, *self._whole_text_pair(relation))
+            self._settle(relation, *self._find_text_pair(relation))
         if self.draft.relations or self.draft.normal:
             return
         self._settle_trailing()
         self._settle_weak([r for r in self.deferred if r.weak and r.subject])
 
     def _settle_weak(self, weak: list[OpenRelation]) -> None:
-        """ "a car waits; a pedestrian crosses": whoever stops does it for the others."""
+        """ "a car waits; a pedestrian crosses": the agent that stops does it for the others."""
         stopping = [agent for relation in weak for agent in relation.subject or []]
         others = [agent for agent in self.draft.agents if agent not in stopping]
         together = len(others) == 1 or {a.type for a in others} == {"pedestrian"}
@@ -297,9 +306,9 @@ class Settling(Cursor):
             if len(ahead) == 1 and not self.deferred:
                 self._add("follow", agent, ahead[0])
 
-    def _about_traffic(self, relation: OpenRelation) -> None:
-        """ "two galaxies collide": the verb's subject is nobody we know."""
-        chunk = self._item(relation.at)
+    def _check_about_traffic(self, relation: OpenRelation) -> None:
+        """ "two galaxies collide": the verb's subject is no agent."""
+        chunk = self._get_item(relation.at)
         verb = (
             isinstance(chunk, Chunk)
             and chunk.words[-1] not in NOUNS
@@ -307,25 +316,25 @@ class Settling(Cursor):
         )
         if not self.draft.agents and relation.kind is None and verb:
             raise Refused(
-                "out_of_scope", "The text names no vehicle and no pedestrian; say who takes part."
+                "out_of_scope", "The text names no vehicle and no pedestrian; name the agents."
             )
 
-    def _whole_text_pair(self, relation: OpenRelation) -> tuple[Group, Group]:
+    def _find_text_pair(self, relation: OpenRelation) -> tuple[Group, Group]:
         agents = list(self.draft.agents)
         subject = (relation.subject or relation.object or [])[:1]
         others = [a for a in agents if a not in subject]
         if subject:
             first, second = (
                 subject[0],
-                (others[0] if others else self._partner(relation, subject[0])),
+                (others[0] if others else self._find_partner_of(relation, subject[0])),
             )
         elif len(agents) >= 2:
             first, second = agents[0], agents[1]
         elif agents:
-            first, second = agents[0], self._partner(relation, agents[0])
+            first, second = agents[0], self._find_partner_of(relation, agents[0])
         else:
             first = self.discourse.create("vehicle")
-            second = self._partner(relation, first)
+            second = self._find_partner_of(relation, first)
         if (
             relation.type == "yield_to"
             and not subject
@@ -335,7 +344,7 @@ class Settling(Cursor):
             first, second = second, first
         return [first], [second]
 
-    def _partner(self, relation: OpenRelation, agent: AgentDraft) -> AgentDraft:
+    def _find_partner_of(self, relation: OpenRelation, agent: AgentDraft) -> AgentDraft:
         pedestrian = agent.type == "vehicle" and (
             (relation.type == "yield_to" and not relation.passive)
             or any(_needs_pedestrian(h) for h in self.fronted + self.hints)

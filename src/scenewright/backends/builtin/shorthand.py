@@ -240,7 +240,7 @@ def expand(text: str) -> str:
     both = _BOTH_WAYS.search(text)
     if both and both[1] != both[2]:
         raise Refused("contradictory", "One vehicle cannot go two ways at once; keep one of them.")
-    text = idioms.plain(text)
+    text = idioms.rewrite_idioms(text)
     for pattern, new in _SIMPLE:
         text = pattern.sub(new, text)
     if _MAP_WORDS.search(text):
@@ -248,15 +248,15 @@ def expand(text: str) -> str:
     if _EGO_AND_OTHER.search(text):
         text = re.sub(r"\bego\b", "vehicle 1", _OTHER.sub("vehicle 2", text))
     text = _OF_MAP.sub(lambda match: f"the {_MAP_SIDES[match[1]]}", text)
-    text = _BOTH_BOUND.sub(_both_vehicles, text)
-    text = _VERSUS.sub(_vehicle, text)
+    text = _BOTH_BOUND.sub(_rewrite_both_vehicles, text)
+    text = _VERSUS.sub(_rewrite_vehicle, text)
     text = _OPENS.sub(lambda m: f"{m[1]}a {m[2]} vehicle {_MOVES[m[3]]}", text)
-    text = _THAT_LEG.sub(_that_leg, text)
+    text = _THAT_LEG.sub(_rewrite_leg, text)
     text = _ENTRY_CROSSWALK.sub("the entrywalk", text)
-    return _backgrounds(_EXIT_CROSSWALK.sub("the exitwalk", text))
+    return _rewrite_backgrounds(_EXIT_CROSSWALK.sub("the exitwalk", text))
 
 
-def denied(text: str) -> frozenset[str]:
+def find_denied(text: str) -> frozenset[str]:
     """What clean text says there is none of: event, vehicle, pedestrian."""
     found = {"event"} if _NOTHING_IN_WHICH.search(text) else set()
     for match in _NONE_AT_ALL.finditer(text):
@@ -264,25 +264,25 @@ def denied(text: str) -> frozenset[str]:
     return frozenset(found)
 
 
-def _vehicle(match: re.Match[str]) -> str:
+def _rewrite_vehicle(match: re.Match[str]) -> str:
     """ "NB left vs SB thru": two vehicles."""
     bound, move = (group for group in match.groups() if group is not None)
     return f"a {bound} vehicle {_MOVES[move]}"
 
 
-def _both_vehicles(match: re.Match[str]) -> str:
+def _rewrite_both_vehicles(match: re.Match[str]) -> str:
     """ "EB and WB left turns": two vehicles."""
     move = _MOVES[match[3]]
     return f"a {match[1]} vehicle {move} and a {match[2]} vehicle {move}"
 
 
-def _that_leg(match: re.Match[str]) -> str:
+def _rewrite_leg(match: re.Match[str]) -> str:
     """ "that leg" is the side that was named last."""
     sides = _NAMED_SIDE.findall(match.string[: match.start()])
     return f"the {sides[-1]} crosswalk" if sides else "the exitwalk"
 
 
-def _backgrounds(text: str) -> str:
+def _rewrite_backgrounds(text: str) -> str:
     text = _BACKGROUND_LIST.sub(lambda match: _COUNT.sub(r"\1 background \2", match[1]), text)
     text = _LABELLED_COUNT.sub(
         lambda match: f"{'no' if match[2] == 'none' else match[2]} background {match[1]}", text

@@ -12,117 +12,119 @@ from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.numbers import TO_TWENTY
-from scenewright.backends.builtin.reader.words import subtype_in
+from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.social import MOST_OBJECTS, ObjectKind, ObjectNode, SocialGraph
 
 
-def any_of(*words: str, then: str = "") -> str:
+def join_any(*words: str, then: str = "") -> str:
     """One of some words, each with the same to follow."""
     return f"(?:{'|'.join(words)}){then}"
 
 
-def maybe(pattern: str) -> str:
+def allow(pattern: str) -> str:
     """The pattern, or nothing."""
     return f"(?:{pattern})?"
 
 
-STATE = maybe(any_of("illegally", "legally", "badly", then=" ")) + any_of(
+STATE = allow(join_any("illegally", "legally", "badly", then=" ")) + join_any(
     r"double[- ]?parked", r"parked(?:[- ]up)?", "stalled", "stranded", "broken[- ]down",
     "disabled", "abandoned", "unloading",
 )  # fmt: skip
-AT_REST = any_of(STATE, "stationary", "standing", "stopped", "waiting", "halted")
-_KIND_OF_VEHICLE = any_of(
+AT_REST = join_any(STATE, "stationary", "standing", "stopped", "waiting", "halted")
+_KIND_OF_VEHICLE = join_any(
     "delivery", "moving", "removal", "panel", "box", "dump", "tow", "garbage", "bin", "fire",
     "police", "school", "city", "tour", "courier", "white", "red", "blue", "big", "large", "tall",
     "small", "long", "heavy", "cargo", then=" ",
 )  # fmt: skip
-VEHICLE = f"(?:{_KIND_OF_VEHICLE})*" + any_of(
+VEHICLE = f"(?:{_KIND_OF_VEHICLE})*" + join_any(
     "cars?", "vans?", "trucks?", "lorr(?:y|ies)", "bus(?:es)?", "coach(?:es)?", "taxis?", "cabs?",
     "suvs?", "pick-?ups?", "vehicles?", "minivans?", "minibus(?:es)?", "motorcycles?",
     "motorbikes?", "mopeds?", "ambulances?", "hgvs?", "tankers?", "campers?", "jeeps?", "sedans?",
 )  # fmt: skip
-_KIND_OF_THING = any_of(
+_KIND_OF_THING = join_any(
     "large", "big", "tall", "metal", "litter", "rubbish", "trash", "garbage", "wheelie",
     "recycling", "shipping", "construction", "waste", "electrical", "utility", "switch", "control",
     "telephone", "phone", "news", "market", "wooden", "storage", then=" ",
 )  # fmt: skip
-_THING = f"(?:{_KIND_OF_THING})*" + any_of(
+_THING = f"(?:{_KIND_OF_THING})*" + join_any(
     "bins?", "trash cans?", "dustbins?", "dumpsters?", "skips?", "containers?", "kiosks?",
     "cabinets?", "box(?:es)?", "booths?", "stalls?", "newsstands?",
 )  # fmt: skip
-THE = maybe(any_of("an?", "the", "one", "another", "some", then=" "))
+THE = allow(join_any("an?", "the", "one", "another", "some", then=" "))
 _ADJECTIVES = r"(?:(?!and\b|of\b|by\b|is\b|hits?\b)[\w-]+,? ){0,2}?"
-_THAT_IS = maybe(r" (?:that|which) (?:is|was|has)")
+_THAT_IS = allow(r" (?:that|which) (?:is|was|has)")
 _BUS_AT_STOP = (
-    f"{THE}{_ADJECTIVES}(?:bus|coach){_THAT_IS}{maybe(' (?:standing|stopped|waiting|stopping)')}"
+    f"{THE}{_ADJECTIVES}(?:bus|coach){_THAT_IS}{allow(' (?:standing|stopped|waiting|stopping)')}"
     " (?:at|in) (?:a|the|its) (?:bus )?(?:stop|bay)"
 )
-STANDING_VEHICLE = any_of(
+STANDING_VEHICLE = join_any(
     f"{THE}{_ADJECTIVES}{STATE} {_ADJECTIVES}{VEHICLE}", f"{THE}{VEHICLE}{_THAT_IS} {STATE}"
 )
-_STANDS = any_of(_BUS_AT_STOP, STANDING_VEHICLE, f"{THE}{_THING}")
-_RESTS = any_of(
+_STANDS = join_any(_BUS_AT_STOP, STANDING_VEHICLE, f"{THE}{_THING}")
+_RESTS = join_any(
     _STANDS, f"{THE}{_ADJECTIVES}{AT_REST} {VEHICLE}", f"{THE}{VEHICLE} {AT_REST}",
     f"{THE}{VEHICLE}",
 )  # fmt: skip
 """What hides a road user stands, whether the text says so or not: "from behind a bus"."""
 
 _COMPASS = r"(?:north|south|east|west)(?:ern)?(?:bound)?"
-_ON = any_of(
+_ON = join_any(
     f"(?:on|at|in|along) the {_COMPASS}"
-    + maybe(" (?:leg|arm|approach|exit|side|street|road|entry|kerb|curb|sidewalk|pavement)")
+    + allow(" (?:leg|arm|approach|exit|side|street|road|entry|kerb|curb|sidewalk|pavement)")
     + "(?! ?(?:cross|zebra))",
-    f"{any_of('before', 'by', 'at', 'near', 'beside', 'in front of', 'next to', 'ahead of')} the "
-    f"{maybe(_COMPASS + ' ')}"
-    + any_of("crosswalk", "zebra crossing", "crossing", "corner", "kerb", "curb", "kerbside",
+    f"{join_any('before', 'by', 'at', 'near', 'beside', 'in front of', 'next to', 'ahead of')} the "
+    f"{allow(_COMPASS + ' ')}"
+    + join_any("crosswalk", "zebra crossing", "crossing", "corner", "kerb", "curb", "kerbside",
            "curbside", "bus stop", "stop line", "intersection", "junction"),
     "(?:on|by|at|along) the (?:sidewalk|pavement|roadside|kerb|curb|side|street|road)"
-    + maybe(" of the (?:road|street)"),
-    "in (?:the|a|its) " + maybe("(?:right|left|outer|inner|parking) ") + "(?:lane|bay)",
+    + allow(" of the (?:road|street)"),
+    "in (?:the|a|its) " + allow("(?:right|left|outer|inner|parking) ") + "(?:lane|bay)",
     "there",
 )  # fmt: skip
-PLACE = maybe(
-    f",? {maybe(any_of('standing', 'parked', 'waiting', then=' '))}"
-    f"{maybe(any_of('right', 'just', 'directly', 'close', 'shortly', then=' '))}{_ON}"
+PLACE = allow(
+    f",? {allow(join_any('standing', 'parked', 'waiting', then=' '))}"
+    f"{allow(join_any('right', 'just', 'directly', 'close', 'shortly', then=' '))}{_ON}"
 )
 _SECONDS = rf"(?P<seconds>\d+(?:[.,]\d+)?|{'|'.join(TO_TWENTY)}|half a)"
-_EVENT = any_of(
+_EVENT = join_any(
     "impact", "collision", "crash", "contact", "conflict", "near[- ]miss", "event", "incident",
     "encounter", "meet", "hit",
 )  # fmt: skip
-_LEAD = maybe(
+_LEAD = allow(
     ",? "
-    + f"(?:{any_of('and', 'but', 'is', 'was', 'only', 'just', 'first', 'becomes', then=' ')})*"
-    + maybe(any_of("until", "till", "up to", "visible", "seen", "in(?:to)? (?:view|sight)"))
-    + f"(?: {any_of('only', 'just', 'about', 'for', 'from', 'at', 'some')})*"
+    + f"(?:{join_any('and', 'but', 'is', 'was', 'only', 'just', 'first', 'becomes', then=' ')})*"
+    + allow(join_any("until", "till", "up to", "visible", "seen", "in(?:to)? (?:view|sight)"))
+    + f"(?: {join_any('only', 'just', 'about', 'for', 'from', 'at', 'some')})*"
     + rf" ?{_SECONDS}[ -]?(?:s|secs?|seconds?)\b"
-    + maybe(f" (?:before|prior to|ahead of) {maybe('(?:the|they|it|an?) ')}{_EVENT}")
+    + allow(f" (?:before|prior to|ahead of) {allow('(?:the|they|it|an?) ')}{_EVENT}")
 )
 _DRIVER = r"(?:driver|car|van|truck|bus|vehicle|taxi|motorcycle|motorcyclist)"
 _WALKER = r"(?:pedestrian|woman|man|child|boy|girl|walker|person|kid)"
 _VIEW = r"(?:view|sight|line of sight|sightline|vision)"
 _HIDDEN = (
-    any_of("hidden", "obscured", "occluded", "concealed", "masked", "screened", "blocked",
+    join_any("hidden", "obscured", "occluded", "concealed", "masked", "screened", "blocked",
            "covered", "obstructed", "shielded", "invisible", "unseen", "not visible",
            "out of (?:sight|view)")
-    + maybe(f" (?:from|to|for) (?:{_VIEW}|the {_DRIVER}{maybe(chr(39) + 's ' + _VIEW)})")
-    + maybe(" (?:at first|initially)")
+    + allow(f" (?:from|to|for) (?:{_VIEW}|the {_DRIVER}{allow(chr(39) + 's ' + _VIEW)})")
+    + allow(" (?:at first|initially)")
     + " (?:by|behind|because of)"
 )  # fmt: skip
 _BLOCKED_VIEW = (
-    maybe(any_of("because", "as", "since", "while", "with", "and", then=" "))
-    + rf"(?:the {_DRIVER}(?:'s)?|its|his|her|their|the) {maybe('driver.s ')}{_VIEW}"
-    + maybe(r" of (?:the \w+|her|him|them|it)")
-    + maybe(" (?:is|was|being|gets|got)")
+    allow(join_any("because", "as", "since", "while", "with", "and", then=" "))
+    + rf"(?:the {_DRIVER}(?:'s)?|its|his|her|their|the) {allow('driver.s ')}{_VIEW}"
+    + allow(r" of (?:the \w+|her|him|them|it)")
+    + allow(" (?:is|was|being|gets|got)")
     + " (?:blocked|obstructed|obscured|hidden|restricted|occluded) by"
 )
 _CANNOT_SEE = (
-    maybe(any_of("and", "but", "who", "whose driver", "the driver", then=" "))
-    + any_of("cannot", "can't", "could not", "couldn't", "does not", "doesn't", "did not", "didn't")
+    allow(join_any("and", "but", "who", "whose driver", "the driver", then=" "))
+    + join_any(
+        "cannot", "can't", "could not", "couldn't", "does not", "doesn't", "did not", "didn't"
+    )
     + r" see (?:the \w+|her|him|them|it) (?:because of|due to|past|behind|for)"
 )
-_WHO = any_of(
+_WHO = join_any(
     ",? ?(?:who|that|which) (?:(?:is|was|had been|has been|were) )?", ",? ?(?:is|was|being) ", ""
 )
 _OUT = r"(?P<out>(?:emerg(?:es?|ed|ing)|appear(?:s|ed|ing)?|(?:com(?:es?|ing)|came|pops?) out) )?"
@@ -145,10 +147,10 @@ _STANDS_FOR_SURE = re.compile(_STANDS, re.IGNORECASE)
 
 _HIDES = re.compile(
     rf"(?P<object>{_STANDS}){PLACE},? (?:that |which )?"
-    + any_of("hides?", "conceals?", "obscures?", "occludes?", "screens?", "masks?", "blocks?",
+    + join_any("hides?", "conceals?", "obscures?", "occludes?", "screens?", "masks?", "blocks?",
            "covers?", "obstructs?")
     + rf" (?:(?:the|a) {_WALKER}|her|him|them"
-    + rf"|(?:the |his |her |its )?{maybe(_DRIVER + '.s ')}{_VIEW})"
+    + rf"|(?:the |his |her |its )?{allow(_DRIVER + '.s ')}{_VIEW})"
     + rf"(?: (?:of|to|from) (?:the (?:{_WALKER}|{_DRIVER})|her|him|{_VIEW})(?:'s {_VIEW})?)*"
     + _LEAD,
     re.IGNORECASE,
@@ -167,11 +169,11 @@ _SEEN = re.compile(
 
 _THERE = re.compile(
     ",? ?"
-    + maybe(any_of("and", "while", "where", then=" "))
-    + any_of("there(?:'s| is| are| stands?)", "with", "past", "next to", "beside", "near")
-    + f" (?P<object>{_STANDS}){maybe(' (?:standing|waiting|parked|stands)')}{PLACE}"
+    + allow(join_any("and", "while", "where", then=" "))
+    + join_any("there(?:'s| is| are| stands?)", "with", "past", "next to", "beside", "near")
+    + f" (?P<object>{_STANDS}){allow(' (?:standing|waiting|parked|stands)')}{PLACE}"
     + f"|(?P<subject>{_STANDS}) (?:is|stands|sits|waits|has (?:stalled|broken down))"
-    + f"{maybe(' (?:standing|parked|waiting|there)')}{PLACE}"
+    + f"{allow(' (?:standing|parked|waiting|there)')}{PLACE}"
     + f"|(?P<parked>{THE}{VEHICLE} (?:is|was|has|stands|has been) {STATE}){PLACE}"
     + rf"|(?P<alone>^{THE}{VEHICLE} {STATE}){PLACE}(?=\s*[;:.])",
     re.IGNORECASE,
@@ -222,7 +224,7 @@ class StandingPhrase:
             {
                 "id": f"object-{number}",
                 "kind": kind,
-                "subtype": subtype_in(self.object) if vehicle else None,
+                "subtype": find_subtype(self.object) if vehicle else None,
                 "leg": leg[1].lower() if leg else None,
                 "side": "exit" if _EXIT.search(self.words) else None,
             }
@@ -256,7 +258,7 @@ def _take_lead(text: str, found: list[StandingPhrase]) -> tuple[str, tuple[Stand
 
 def _read(match: re.Match[str], *, hides: bool) -> StandingPhrase | None:
     groups = match.groupdict()
-    if _only_follows(groups):
+    if _is_only_follow(groups):
         return None
     named = next(filter(None, map(groups.get, ("object", "subject", "parked", "alone"))), None)
     lead = _read_seconds(groups.get("seconds"))
@@ -265,7 +267,7 @@ def _read(match: re.Match[str], *, hides: bool) -> StandingPhrase | None:
     return StandingPhrase(start, start + len(words), words, named or "", hides, lead)
 
 
-def _only_follows(groups: Mapping[str, str | None]) -> bool:
+def _is_only_follow(groups: Mapping[str, str | None]) -> bool:
     """Whether the words are "behind a bus" alone, which drives for all that is said."""
     bare = groups.get("behind") == "behind" and not groups.get("out")
     return bare and _STANDS_FOR_SURE.fullmatch(groups.get("object") or "") is None
@@ -310,7 +312,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
     """The graph with the objects that a text speaks of, and the account of their words.
 
     Raises:
-        Refused: it is not clear whom an object hides from whom, or there are too many.
+        Refused: it is not clear which agents an object hides from which, or there are too many.
     """
     if len(phrases) > MOST_OBJECTS:
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
@@ -349,7 +351,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
 
 
 def _let_jaywalk(graph: SocialGraph, walker: str) -> SocialGraph:
-    """Nobody parks on a crosswalk: who comes out between two vehicles crosses beside it."""
+    """No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it."""
     agents = tuple(
         each.model_copy(update={"movement": "jaywalking"})
         if each.id == walker and each.crosswalk is None
@@ -385,11 +387,13 @@ def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
         raise Refused(
             "out_of_scope",
             f"'{phrase.words}' seems to hide {named}, and only pedestrians can be hidden; say "
-            "who comes out: 'a pedestrian steps out from behind a parked truck'.",
+            "the agent that comes out: 'a pedestrian steps out from behind a parked truck'.",
         )
     walker = named if named in walkers else next(iter(walkers))
     if named not in walkers and len(walkers) > 1:
-        raise Refused("out_of_scope", f"It is not clear whom '{phrase.words}' hides; say who.")
+        raise Refused(
+            "out_of_scope", f"It is not clear which agent '{phrase.words}' hides; name it."
+        )
     return next(pair for pair in pairs if pair[1] == walker)
 
 
@@ -404,7 +408,7 @@ def _list_pairs(graph: SocialGraph) -> Iterator[tuple[str, str]]:
 def _find_nearest(graph: SocialGraph, phrase: StandingPhrase) -> str | None:
     """The agent mentioned last before the words, if they say that it comes out or is hidden.
 
-    What blocks a view is said of nobody in particular.
+    What blocks a view is said of no agent in particular.
     """
     if re.match(r".*\b(?:view|sight|sightline|see|vision)\b", phrase.words, re.IGNORECASE):
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.words import subtype_in
+from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.backends.builtin.standing import (
     StandingPhrase,
     find_addition,
@@ -34,7 +34,7 @@ def read_standing_edits(words: str, situation: Situation) -> tuple[Edit, ...]:
     """The edits that the words ask for, if they speak of nothing but what stands; else none.
 
     Raises:
-        Refused: it is not clear whom an object is to hide, or there would be too many.
+        Refused: it is not clear which agent an object is to hide, or there would be too many.
     """
     removed = _find_removed(words, situation)
     if removed:
@@ -75,7 +75,7 @@ def _find_removed(words: str, situation: Situation) -> tuple[Edit, ...]:
     if _ANY_OBJECT.search(what):
         return tuple(RemoveObject(object=each.id) for each in objects)
     named = [each for each in objects if each.id in what or _is_meant(each, what)]
-    moving = {each.subtype for each in situation.present} & {subtype_in(what)} - {None}
+    moving = {each.subtype for each in situation.present} & {find_subtype(what)} - {None}
     if len(named) != 1 or (moving and not _STATE.search(what) and named[0].id not in what):
         return ()
     return (RemoveObject(object=named[0].id),)
@@ -84,7 +84,7 @@ def _find_removed(words: str, situation: Situation) -> tuple[Edit, ...]:
 def _is_meant(node: ObjectNode, what: str) -> bool:
     """Whether words such as "the parked truck" or "the bin" name an object."""
     kind = node.kind.replace("_", "[- ]?")
-    subtype = subtype_in(what)
+    subtype = find_subtype(what)
     if subtype is not None:
         return subtype == (node.subtype or ("bus" if node.kind == "bus_stop" else None))
     return re.search(rf"\b{kind}\b", what, re.IGNORECASE) is not None

@@ -291,7 +291,7 @@ def say_no_such_street(words: str, roads: Sequence[tuple[str, str]]) -> str:
 def _replace(text: str, found: Sequence[StreetMention], legs: Sequence[str]) -> CompassText:
     out, pieces, at = "", [], 0
     for number, (mention, leg) in enumerate(zip(found, legs, strict=True)):
-        start, end, words = _word_leg(text, at, mention, leg, found[number + 1 :])
+        start, end, words = _rewrite_leg(text, at, mention, leg, found[number + 1 :])
         out += text[at:start]
         pieces.append((len(out), len(out) + len(words), start, end))
         out += words
@@ -300,7 +300,7 @@ def _replace(text: str, found: Sequence[StreetMention], legs: Sequence[str]) -> 
     return CompassText(out + text[at:], text, tuple(pieces), left_open)
 
 
-def _word_leg(
+def _rewrite_leg(
     text: str, at: int, mention: StreetMention, leg: str, later: Sequence[StreetMention]
 ) -> tuple[int, int, str]:
     """Which characters are replaced, and by which words."""
@@ -337,7 +337,7 @@ def _word_leg(
 
 
 def _stands_last(text: str) -> bool:
-    """Whether the last road user told of is on foot."""
+    """Whether the last road user mentioned is on foot."""
     drives = re.compile(
         r"\b(?:car|van|truck|bus|taxi|vehicle|motorcycle|cyclist|scooter)\b", re.IGNORECASE
     )

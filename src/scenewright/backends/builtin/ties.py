@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from scenewright.backends.builtin.attach import LEFT_OF_HEADING
 from scenewright.backends.builtin.coreference import OPPOSITE
 from scenewright.backends.builtin.draft import AgentDraft, Draft, RelationDraft
-from scenewright.backends.builtin.entail import partner
+from scenewright.backends.builtin.entail import find_partner
 from scenewright.scene.social import EntrySide
 
 _SIDES: dict[str, EntrySide] = {
@@ -19,40 +19,40 @@ Tie = tuple[AgentDraft, AgentDraft, EntrySide]
 """Agent, the other one, and where the agent comes from as seen by the other one."""
 
 
-def ties(draft: Draft) -> list[Tie]:
+def list_ties(draft: Draft) -> list[Tie]:
     """What the text says of entries, once for every pair, without what an edit has overruled."""
     found: dict[frozenset[int], Tie] = {}
-    for agent, other, side in (*_told(draft), *_implied(draft)):
+    for agent, other, side in (*_list_stated_ties(draft), *_list_implied_ties(draft)):
         vehicles = agent.drives and other.drives and agent is not other
-        if vehicles and other in draft.agents and not _overruled(agent, other, side):
+        if vehicles and other in draft.agents and not _is_overruled(agent, other, side):
             found.setdefault(frozenset((id(agent), id(other))), (agent, other, side))
     return list(found.values())
 
 
 def name_turns_across(draft: Draft) -> None:
-    """Who turns across the way of an oncoming vehicle and hits it has a left-turn collision.
+    """An agent that turns across an oncoming vehicle and hits it has a left-turn collision.
 
     In left-hand traffic it turns right; the kind has one name.
     """
-    opposite = {frozenset((id(a), id(b))) for a, b, side in ties(draft) if side == "opposite"}
+    opposite = {frozenset((id(a), id(b))) for a, b, side in list_ties(draft) if side == "opposite"}
     for relation in draft.relations:
         moves = {relation.from_.movement, relation.to.movement}
         across = draft.site.across
         turns = across in moves and moves <= {across, None, "straight"} and len(moves) == 2
-        oncoming = relation.pair() in opposite or _facing(relation)
+        oncoming = relation.pair() in opposite or _is_facing(relation)
         if relation.type == "collide_at" and relation.kind is None and turns and oncoming:
             relation.kind = "left_turn"
 
 
-def _told(draft: Draft) -> Iterator[Tie]:
+def _list_stated_ties(draft: Draft) -> Iterator[Tie]:
     for agent in draft.agents:
         for word, named in agent.relatives:
-            other = named or partner(agent, draft)
+            other = named or find_partner(agent, draft)
             if word in _SIDES and other is not None:
                 yield agent, other, _SIDES[word]
 
 
-def _implied(draft: Draft) -> Iterator[Tie]:
+def _list_implied_ties(draft: Draft) -> Iterator[Tie]:
     """ "nearly collide head-on": towards one another; "nearly rear-ends": in one lane."""
     for relation in draft.relations:
         if relation.type == "near_miss" and relation.kind == "rear_end":
@@ -61,12 +61,12 @@ def _implied(draft: Draft) -> Iterator[Tie]:
             yield relation.to, relation.from_, "opposite"
 
 
-def _facing(relation: RelationDraft) -> bool:
+def _is_facing(relation: RelationDraft) -> bool:
     entry = relation.from_.entry
     return entry is not None and relation.to.entry == OPPOSITE[entry]
 
 
-def _overruled(agent: AgentDraft, other: AgentDraft, side: EntrySide) -> bool:
+def _is_overruled(agent: AgentDraft, other: AgentDraft, side: EntrySide) -> bool:
     """Whether both entries are known and lie otherwise."""
     if agent.entry is None or other.entry is None:
         return False

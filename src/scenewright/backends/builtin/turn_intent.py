@@ -1,4 +1,4 @@
-"""What somebody wants who types a turn of a conversation: intents by their probability.
+"""Intents of a turn of a conversation, by their probability.
 
 A linear model over what the planner's encoder makes of the words. It is trained on phrases
 (`training/turns.toml`) and only ranks; what is done with the words is decided, and made, by rules.

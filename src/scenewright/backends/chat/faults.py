@@ -33,17 +33,17 @@ _OPTIONS = {
 
 def is_cut_off(error: Exception) -> bool:
     """Whether the reply ended where its tokens did."""
-    return _CUT_OFF in _names(error)
+    return _CUT_OFF in _list_class_names(error)
 
 
 def is_filtered(error: Exception) -> bool:
     """Whether the endpoint withheld the reply."""
-    return _FILTERED in _names(error)
+    return _FILTERED in _list_class_names(error)
 
 
 def find_refused_option(error: Exception) -> str | None:
     """The option of a request that the endpoint does not take, if that is what is wrong."""
-    status, words = _status(error), _message(error).lower()
+    status, words = _get_status(error), _get_message(error).lower()
     if status == 500 and "response_format" in words:
         return "response_format"  # llama-cpp-python's server calls every bad request its own fault
     if status not in (400, 404, 422, 501):
@@ -56,17 +56,19 @@ def find_refused_option(error: Exception) -> str | None:
 
 def convert_fault(error: Exception, *, model: str, key: str | None) -> Exception | None:
     """A TransientError or a BackendFault; None if the exception is no fault of an endpoint."""
-    names = _names(error)
-    status = _status(error)
+    names = _list_class_names(error)
+    status = _get_status(error)
     if status is not None:
-        told = _told(error, status, key)
+        reason = _format_reason(error, status, key)
         if status in _MAY_PASS:
-            return TransientError(f"{model} answered {status}{told}", after=_retry_after(error))
-        return BackendFault(f"{model} answered {status}{told}", final=True)
+            return TransientError(
+                f"{model} answered {status}{reason}", after=_parse_retry_after(error)
+            )
+        return BackendFault(f"{model} answered {status}{reason}", final=True)
     if _TIMED_OUT in names or isinstance(error, httpx.TimeoutException):
         return TransientError(f"{model} did not answer in time")
     if _UNREACHED in names or isinstance(error, httpx.TransportError):
-        return TransientError(f"{model} cannot be reached: {_cause(error)}")
+        return TransientError(f"{model} cannot be reached: {_find_cause(error)}")
     if _NO_RESPONSE in names or _is_garbled(error):
         return TransientError(f"{model} sent no answer of a chat model")
     return None
@@ -83,23 +85,23 @@ def _is_garbled(error: Exception) -> bool:
     return known and raised_in.partition(".")[0] in (*packages, "pydantic", "langchain_core")
 
 
-def _names(error: Exception) -> set[str]:
+def _list_class_names(error: Exception) -> set[str]:
     return {each.__name__ for each in type(error).__mro__}
 
 
-def _status(error: Exception) -> int | None:
+def _get_status(error: Exception) -> int | None:
     status = getattr(error, "status_code", None)
     return status if isinstance(status, int) else None
 
 
-def _message(error: Exception) -> str:
+def _get_message(error: Exception) -> str:
     body = getattr(error, "body", None)
     inner: Any = body.get("error", body) if isinstance(body, dict) else body
     message = inner.get("message") if isinstance(inner, dict) else None
     return message if isinstance(message, str) else str(error)
 
 
-def _told(error: Exception, status: int, key: str | None) -> str:
+def _format_reason(error: Exception, status: int, key: str | None) -> str:
     """What the endpoint says; nothing on keys, as such messages quote them."""
     match status:
         case 401 | 403:
@@ -108,7 +110,7 @@ def _told(error: Exception, status: int, key: str | None) -> str:
             return ": there is no such model or address"
         case 300 | 301 | 302 | 303 | 307 | 308:
             return ": it redirects elsewhere, which is not followed"
-    text = " ".join("".join(c if c.isprintable() else " " for c in _message(error)).split())
+    text = " ".join("".join(c if c.isprintable() else " " for c in _get_message(error)).split())
     return f": {hide_key(text, key)[:_LONGEST]}" if text else ""
 
 
@@ -117,7 +119,7 @@ def hide_key(text: str, key: str | None) -> str:
     return text.replace(key, "[key]") if key and len(key) > 3 else text
 
 
-def _retry_after(error: Exception) -> float | None:
+def _parse_retry_after(error: Exception) -> float | None:
     headers = getattr(getattr(error, "response", None), "headers", None) or {}
     try:
         seconds = float(headers.get("retry-after", ""))
@@ -126,7 +128,7 @@ def _retry_after(error: Exception) -> float | None:
     return seconds if 0.0 <= seconds < 1e6 else None
 
 
-def _cause(error: Exception) -> str:
+def _find_cause(error: Exception) -> str:
     root: BaseException = error
     while root.__cause__ is not None:
         root = root.__cause__

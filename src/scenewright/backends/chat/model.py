@@ -1,4 +1,4 @@
-"""A chat model as a speaker: one question, one reply, with patience and within limits."""
+"""A chat model as a text_model: one question, one reply, with patience and within limits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from scenewright.backends import Question, Wording
+from scenewright.backends import Prompt, Question
 from scenewright.backends.chat.faults import (
     convert_fault,
     find_refused_option,
@@ -17,7 +17,7 @@ from scenewright.backends.chat.faults import (
 )
 from scenewright.backends.chat.naming import Endpoint
 from scenewright.backends.chat.retry import RetryPolicy, retry_transient
-from scenewright.backends.spoken import Said
+from scenewright.backends.text_backend import Completion
 
 _CUT_OFF = ("length", "max_tokens", "model_length")
 _REFUSED = ("refusal", "content_filter")
@@ -44,7 +44,7 @@ class Limits:
 
 
 class ChatModel:
-    """Puts questions to a LangChain chat model (see `Speaker`).
+    """Puts questions to a LangChain chat model (see `TextModel`).
 
     The reply's schema is asked for as `response_format`: of the type `json_schema`, else, of an
     OpenAI-compatible server, of the older `json_object` with the schema in it. An endpoint that
@@ -59,12 +59,12 @@ class ChatModel:
         self._forms: tuple[str, ...] = _FORMS if self.name.startswith("openai:") else _FORMS[:1]
         self._unknown: set[str] = set()
 
-    def say(self, question: Question, wording: Wording) -> Said:
-        """The reply (see `Speaker`)."""
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
+        """The reply (see `TextModel`)."""
         said, asked = retry_transient(
-            lambda: self._once(question, wording), policy=self._limits.retries
+            lambda: self._ask_once(question, prompt), policy=self._limits.retries
         )
-        return Said(
+        return Completion(
             text=hide_key(said.text, self._key),
             fault=None if said.fault is None else hide_key(said.fault, self._key),
             asked=asked,
@@ -72,103 +72,103 @@ class ChatModel:
             output_tokens=said.output_tokens,
         )
 
-    def _once(self, question: Question, wording: Wording) -> Said:
+    def _ask_once(self, question: Question, prompt: Prompt) -> Completion:
         try:
             with self._turn:
-                return self._invoke(question, wording)
+                return self._invoke(question, prompt)
         except Exception as error:
             if is_cut_off(error):
                 return self._cut_off(error)
             if is_filtered(error):
-                return Said("", fault=_declined("content filter"))
+                return Completion("", fault=_describe_declined("content filter"))
             fault = convert_fault(error, model=self.name, key=self._key)
             if fault is None:
                 raise
             raise fault from None
 
-    def _invoke(self, question: Question, wording: Wording) -> Said:
-        messages = [("system", wording.system), ("human", wording.user)]
+    def _invoke(self, question: Question, prompt: Prompt) -> Completion:
+        messages = [("system", prompt.system), ("human", prompt.user)]
         for _ in range(len(_OPTIONAL) + len(self._forms) - 1):
-            options = self._options(question, wording)
+            options = self._build_options(question, prompt)
             try:
-                return _said(self._model.invoke(messages, **options))
+                return _read_message(self._model.invoke(messages, **options))
             except Exception as error:
                 refused = find_refused_option(error)
                 if refused not in options:
                     raise
                 self._leave_out(str(refused), options)
-        return _said(self._model.invoke(messages))
+        return _read_message(self._model.invoke(messages))
 
-    def _options(self, question: Question, wording: Wording) -> dict[str, Any]:
+    def _build_options(self, question: Question, prompt: Prompt) -> dict[str, Any]:
         """The reply's schema and, where models take them, a temperature and a seed."""
         options: dict[str, Any] = {}
         forms = self._forms
         if forms:
-            options["response_format"] = _form(forms[0], question.task, wording.schema)
+            options["response_format"] = _build_format(forms[0], question.task, prompt.schema)
         if self.name.startswith("openai:"):
-            # At no temperature a model that is told of a fault often makes the same one again.
+            # At no temperature a model that is shown a fault often makes the same one again.
             options["temperature"] = _AGAIN if question.rejections else 0.0
             options["seed"] = question.seed % 2**31
         return {key: each for key, each in options.items() if key not in self._unknown}
 
-    def _leave_out(self, option: str, told: Mapping[str, Any]) -> None:
+    def _leave_out(self, option: str, fields: Mapping[str, Any]) -> None:
         """What this endpoint does not take is not sent again; of a schema, in that form."""
         if option != "response_format":
             self._unknown.add(option)
             return
-        sent = told[option]["type"]
+        sent = fields[option]["type"]
         self._forms = tuple(each for each in self._forms if each != sent)
 
-    def _cut_off(self, error: Exception) -> Said:
+    def _cut_off(self, error: Exception) -> Completion:
         usage = getattr(getattr(error, "completion", None), "usage", None)
-        return Said(
+        return Completion(
             "",
-            fault=_too_long(),
+            fault=_describe_too_long(),
             input_tokens=_count(getattr(usage, "prompt_tokens", None)),
             output_tokens=_count(getattr(usage, "completion_tokens", None)),
         )
 
 
-def _form(kind: str, task: str, schema: dict[str, Any]) -> dict[str, Any]:
+def _build_format(kind: str, task: str, schema: dict[str, Any]) -> dict[str, Any]:
     """A reply's schema as an option of the request."""
-    told = {"name": task, "schema": schema}
-    return {"type": kind, **({kind: told} if kind == "json_schema" else {"schema": schema})}
+    fields = {"name": task, "schema": schema}
+    return {"type": kind, **({kind: fields} if kind == "json_schema" else {"schema": schema})}
 
 
-def _said(message: Any) -> Said:
+def _read_message(message: Any) -> Completion:
     usage = message.usage_metadata or {}
-    return Said(
-        text=_text(message.content),
-        fault=_fault(message),
+    return Completion(
+        text=_extract_text(message.content),
+        fault=_find_fault(message),
         input_tokens=_count(usage.get("input_tokens")),
         output_tokens=_count(usage.get("output_tokens")),
     )
 
 
-def _fault(message: Any) -> str | None:
+def _find_fault(message: Any) -> str | None:
     """Why a reply is none, whatever it says."""
-    told: Mapping[str, Any] = message.response_metadata or {}
-    ended = told.get("finish_reason") or told.get("stop_reason")
+    fields: Mapping[str, Any] = message.response_metadata or {}
+    ended = fields.get("finish_reason") or fields.get("stop_reason")
     refused = (message.additional_kwargs or {}).get("refusal")
     if ended in _CUT_OFF:
-        return _too_long()
+        return _describe_too_long()
     if refused or ended in _REFUSED:
-        return _declined(refused if isinstance(refused, str) else str(ended))
+        return _describe_declined(refused if isinstance(refused, str) else str(ended))
     if message.tool_calls or message.invalid_tool_calls:
         return "the reply calls a tool; there are none, answer with one JSON object"
     return None
 
 
-def _too_long() -> str:
+def _describe_too_long() -> str:
     return "the reply was cut off before its end; answer with less, as one JSON object"
 
 
-def _declined(why: str) -> str:
+def _describe_declined(why: str) -> str:
     words = " ".join("".join(c if c.isprintable() else " " for c in why[:400]).split())
     return f"the model declined to answer ({words[:160]}); this is a simulated traffic scene"
 
 
-def _text(content: str | Sequence[Any]) -> str:
+def _extract_text(content: str | Sequence[Any]) -> str:
     """The text of a reply; parts of other kinds, such as thoughts, are passed over."""
     if isinstance(content, str):
         return content

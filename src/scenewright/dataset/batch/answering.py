@@ -14,7 +14,7 @@ from typing import Any
 from filelock import BaseFileLock, FileLock, Timeout
 
 from scenewright.backends import Backend, Question, Task, load_backend
-from scenewright.backends.staged import Staged
+from scenewright.backends.staged import StagedBackend
 from scenewright.errors import InputError
 
 Names = tuple[str, ...]
@@ -133,9 +133,11 @@ class _Turns:
 
 
 def _make_take_turns(backend: Backend, turns: _Turns) -> Backend:
-    speakers: Mapping[Task, Backend] | None = getattr(backend, "speakers", None)
+    speakers: Mapping[Task, Backend] | None = getattr(backend, "by_task", None)
     if speakers is not None:
-        return Staged({task: _make_one_take_turns(each, turns) for task, each in speakers.items()})
+        return StagedBackend(
+            {task: _make_one_take_turns(each, turns) for task, each in speakers.items()}
+        )
     return _make_one_take_turns(backend, turns)
 
 

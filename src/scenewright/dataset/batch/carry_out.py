@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
 
-from scenewright.dataset.batch.journal import Entry, Journal, lock_journal
+from scenewright.dataset.batch.journal import Journal, JournalEntry, lock_journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.pool import TRIES, Died, Overdue, spread
 from scenewright.dataset.batch.publish import discard_leftovers, is_whole, publish
@@ -43,7 +43,7 @@ class Progress:
 ProgressCallback = Callable[[Progress], None]
 
 
-class Batch:
+class BatchFolder:
     """A folder that jobs are carried out into, by this process alone."""
 
     def __init__(self, out: Path, *, header: Mapping[str, Any], name: str = JOURNAL) -> None:
@@ -105,7 +105,7 @@ class Batch:
         Raises:
             InputError: the folder cannot be written any more; what is done stays.
         """
-        clock = _Clock(of, log)
+        clock = _ProgressClock(of, log)
         todo = self._open(jobs, clock)
         for job, result in _load_engine(engine)(todo, work, workers=workers, limit=limit):
             if not clock.now:
@@ -125,7 +125,7 @@ class Batch:
         ):
             yield journal
 
-    def _open(self, jobs: Iterable[Job], clock: _Clock) -> Iterator[Job]:
+    def _open(self, jobs: Iterable[Job], clock: _ProgressClock) -> Iterator[Job]:
         for job in jobs:
             if self.is_done(job):
                 entry = self.journal.get_entry(job.number)
@@ -133,12 +133,12 @@ class Batch:
             else:
                 yield job
 
-    def _build_entry(self, job: Job, outcome: Outcome) -> Entry:
+    def _build_entry(self, job: Job, outcome: Outcome) -> JournalEntry:
         place = self.out / job.folder
         hashes = {}
         if outcome.status == "made":
             hashes = publish(outcome.files, place, parts=self.out / f".{self._name}.parts")
-        return Entry(
+        return JournalEntry(
             number=job.number,
             key=job.key,
             folder=job.folder,
@@ -152,7 +152,7 @@ class Batch:
         )
 
 
-class _Clock:
+class _ProgressClock:
     """Counts rows and reports progress."""
 
     def __init__(self, of: int, log: ProgressCallback) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.dataset.batch.answering import label
-from scenewright.dataset.batch.journal import Entry, Journal
+from scenewright.dataset.batch.journal import Journal, JournalEntry
 from scenewright.dataset.batch.manifest import hash_files, write_manifest
 from scenewright.dataset.batch.overview import draw_overview
 from scenewright.dataset.batch.statistics import Statistics, draw_statistics
@@ -44,7 +44,7 @@ class _Tally:
     intersections: Counter[str] = field(default_factory=Counter)
     statistics: Statistics = field(default_factory=Statistics)
 
-    def note(self, entry: Entry, files: SceneFiles) -> None:
+    def note(self, entry: JournalEntry, files: SceneFiles) -> None:
         """Counts one row."""
         self.counts[entry.status] += 1
         if entry.code is not None:
@@ -120,7 +120,7 @@ class _Done:
     def __init__(self, journal: Journal, jobs: Iterable[Job]) -> None:
         self._journal, self._jobs = journal, jobs
 
-    def __iter__(self) -> Iterator[tuple[Job, Entry]]:
+    def __iter__(self) -> Iterator[tuple[Job, JournalEntry]]:
         for job in self._jobs:
             entry = self._journal.get_entry(job.number)
             if entry is not None:
@@ -145,7 +145,7 @@ def _chain(ours: Iterable[tuple[str, str]], done: _Done) -> Iterator[tuple[str, 
             yield f"{entry.folder}/{name}", sha256
 
 
-def _read_files(out: Path, job: Job, entry: Entry) -> SceneFiles:
+def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
     made = entry.status == "made"
     about = {
         "row": job.key,

@@ -25,7 +25,7 @@ _FILE_BITS = 40
 
 
 @dataclass(frozen=True)
-class Entry:
+class JournalEntry:
     """What became of a row, as the journal has it.
 
     Attributes:
@@ -87,7 +87,7 @@ class Journal:
             if stream is not None:
                 stream.close()
 
-    def append(self, entry: Entry) -> None:
+    def append(self, entry: JournalEntry) -> None:
         """Adds a line, at once and whole."""
         if self._writer is None:
             raise ValueError("this journal is only read")
@@ -97,14 +97,14 @@ class Journal:
             raise InputError("cannot write the journal: no space left")
         self._note(entry.number, self._number, place)
 
-    def get_entry(self, number: int) -> Entry | None:
+    def get_entry(self, number: int) -> JournalEntry | None:
         """The last line about a row."""
         place = self._places[number] if number < len(self._places) else -1
         if place < 0:
             return None
         reader = self._readers[place >> _FILE_BITS]
         reader.seek(place & ((1 << _FILE_BITS) - 1))
-        return Entry(**json.loads(reader.readline()))
+        return JournalEntry(**json.loads(reader.readline()))
 
     def _load(self, number: int, path: Path, header: dict[str, Any]) -> None:
         reader = path.open("rb")

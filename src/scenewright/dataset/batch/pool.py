@@ -44,7 +44,7 @@ class Overdue:
 
 
 @dataclass(frozen=True)
-class _Task(Generic[JobT]):
+class _PoolTask(Generic[JobT]):
     """A job, and how many workers died of it."""
 
     job: JobT
@@ -62,11 +62,11 @@ class _Worker(Generic[JobT]):
         with _use_one_thread():
             self.process.start()
         theirs.close()
-        self.task: _Task[JobT] | None = None
+        self.task: _PoolTask[JobT] | None = None
         self.given = 0
         self._since = 0.0
 
-    def give(self, task: _Task[JobT]) -> None:
+    def give(self, task: _PoolTask[JobT]) -> None:
         """Hands over a job; a dead worker is noticed when its answer is awaited."""
         self.task, self.given, self._since = task, self.given + 1, time.monotonic()
         with suppress(OSError):
@@ -156,13 +156,13 @@ class _Queue(Generic[JobT]):
     """Jobs to do: first those whose worker died."""
 
     def __init__(self, jobs: Iterator[JobT]) -> None:
-        self._jobs, self.again = jobs, deque[_Task[JobT]]()
+        self._jobs, self.again = jobs, deque[_PoolTask[JobT]]()
 
-    def take_next(self) -> _Task[JobT] | None:
+    def take_next(self) -> _PoolTask[JobT] | None:
         """The next one; None if none is left."""
         if self.again:
             return self.again.popleft()
-        return next((_Task(job) for job in self._jobs), None)
+        return next((_PoolTask(job) for job in self._jobs), None)
 
 
 def _collect_answers(
@@ -179,7 +179,7 @@ def _collect_answers(
     result = overdue or _receive(worker)
     again = isinstance(result, Died) and done.deaths + 1 < TRIES
     if again:
-        queue.again.append(_Task(done.job, done.deaths + 1))
+        queue.again.append(_PoolTask(done.job, done.deaths + 1))
     following = queue.take_next()
     if isinstance(result, Died | Overdue) or worker.given >= RECYCLED_AFTER:
         worker.stop()

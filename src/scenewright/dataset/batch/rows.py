@@ -88,7 +88,7 @@ class Named:
 
 
 @dataclass(frozen=True)
-class Source:
+class RowSource:
     """An input that was read once from end to end and is in order.
 
     Attributes:
@@ -129,7 +129,7 @@ def choose_seed(row: DatasetRow, *, seed: int) -> int:
     return int.from_bytes(hashlib.sha256(text).digest()[:6], "big")
 
 
-def read_source(path: str | Path) -> Source:
+def read_source(path: str | Path) -> RowSource:
     """Reads a whole input once, keeping 16 bytes of each row.
 
     Raises:
@@ -145,7 +145,7 @@ def read_source(path: str | Path) -> Source:
     if not lines:
         raise InputError(f"{file} holds no rows; each line is an object with 'id' and 'text'")
     clashing = _find_clashes(file, _find_duplicates(bytes(keys)))
-    return Source(file, _hash_file(file), lines, clashing)
+    return RowSource(file, _hash_file(file), lines, clashing)
 
 
 def _hash_key(text: str) -> bytes:

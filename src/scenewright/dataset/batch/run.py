@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.answering import PLAINLY, Asking, check_asking, load_speaking_backend
-from scenewright.dataset.batch.carry_out import JOURNAL, Batch, Engine, ProgressCallback
+from scenewright.dataset.batch.carry_out import JOURNAL, BatchFolder, Engine, ProgressCallback
 from scenewright.dataset.batch.finish import finish
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
-from scenewright.dataset.batch.rows import Source, read_source
+from scenewright.dataset.batch.rows import RowSource, read_source
 from scenewright.dataset.batch.worker import Job, Options, build_job
 from scenewright.errors import InputError
 from scenewright.graph.run import MAX_SEED, REFINERS, check_time_limit
@@ -95,7 +95,7 @@ def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Su
     i, n = request.shard
     name = JOURNAL if n == 1 else f"journal-{i}-of-{n}.jsonl"
     ours, all_jobs = _Jobs(source, request), _Jobs(source, replace(request, **_WHOLE))
-    with Batch(request.out, header=header, name=name) as batch:
+    with BatchFolder(request.out, header=header, name=name) as batch:
         now = batch.carry_out(
             ours, of=len(ours), workers=request.workers, engine=request.engine,
             limit=request.row_timeout, log=log,
@@ -142,7 +142,7 @@ def check_options(options: Options, asking: Asking = PLAINLY) -> None:
         raise InputError(f"there is no refiner {options.refiner!r}; choose one of: {known}")
 
 
-def build_batch_header(source: Source, options: Options) -> dict[str, Any]:
+def build_batch_header(source: RowSource, options: Options) -> dict[str, Any]:
     """What the first line of a journal holds: all that decides what the scenes are."""
     from scenewright import __version__
 
@@ -200,7 +200,7 @@ def build_summary(
 class _Jobs:
     """The jobs of a run, in the order of the input; may be gone through again."""
 
-    def __init__(self, source: Source, request: Request) -> None:
+    def __init__(self, source: RowSource, request: Request) -> None:
         self._source, self._request = source, request
 
     def __iter__(self) -> Iterator[Job]:

@@ -40,7 +40,7 @@ class Options:
         base_url: of the endpoint that serves the backend's model, where it has one.
         lenient: words that cannot be realised are left out and listed, not refused.
         max_agents: most agents of a scene; what the environment says where none is named, so that
-            the dataset's own files tell; None for as many as the time of day has.
+            the dataset's own files say; None for as many as the time of day has.
         time_limit: longest that a scene may be computed [s]; it may change from run to run, as it
             never changes a scene.
     """

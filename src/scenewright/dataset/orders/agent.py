@@ -25,11 +25,11 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 
 from scenewright.dataset.batch.answering import BUILTIN, Asking, Names, find_url, make_plain_name
-from scenewright.dataset.batch.carry_out import Batch, Engine, ProgressCallback
-from scenewright.dataset.batch.journal import Entry as Done
+from scenewright.dataset.batch.carry_out import BatchFolder, Engine, ProgressCallback
+from scenewright.dataset.batch.journal import JournalEntry as Done
 from scenewright.dataset.batch.worker import Job, Options
-from scenewright.dataset.orders.order_log import Book, Entry
-from scenewright.dataset.orders.order_spec import Quota, Wish
+from scenewright.dataset.orders.order_log import Book, OrderEntry
+from scenewright.dataset.orders.order_spec import OrderSpec, Quota
 from scenewright.dataset.orders.scenario_spec import (
     Party,
     Story,
@@ -83,7 +83,7 @@ class OrderState(TypedDict, total=False):
     """Channels of the agent."""
 
     slots: tuple[Slot, ...]
-    due: tuple[Entry, ...]
+    due: tuple[OrderEntry, ...]
     spent: int
 
 
@@ -96,8 +96,8 @@ class OrderContext:
         asking: backend -> how its questions are put.
     """
 
-    wish: Wish
-    batch: Batch
+    wish: OrderSpec
+    batch: BatchFolder
     book: Book
     writer: Writer
     options: Options
@@ -150,7 +150,7 @@ class SettleReads(TypedDict):
     """Channels that `settle` reads."""
 
     slots: tuple[Slot, ...]
-    due: tuple[Entry, ...]
+    due: tuple[OrderEntry, ...]
 
 
 def settle(state: SettleReads, *, runtime: Runtime[OrderContext]) -> OrderState:
@@ -171,7 +171,7 @@ class RouteReads(TypedDict):
     """Channels that the route reads."""
 
     slots: tuple[Slot, ...]
-    due: tuple[Entry, ...]
+    due: tuple[OrderEntry, ...]
     spent: int
 
 
@@ -197,7 +197,7 @@ def build_order_graph() -> Any:
     return graph.compile(name="order")
 
 
-def build_slots(wish: Wish, *, seed: int) -> Iterator[Slot]:
+def build_slots(wish: OrderSpec, *, seed: int) -> Iterator[Slot]:
     """A slot for each scene; each quota's patterns in turn, in an order that the seed decides."""
     number, names = 0, _choose_id_prefixes(wish)
     for quota in wish.quotas:
@@ -213,7 +213,7 @@ def build_slots(wish: Wish, *, seed: int) -> Iterator[Slot]:
             number += 1
 
 
-def _choose_id_prefixes(wish: Wish) -> dict[str, str]:
+def _choose_id_prefixes(wish: OrderSpec) -> dict[str, str]:
     """Backend -> how the ids of its rows begin; no two alike."""
     backends = dict.fromkeys(quota.backend for quota in wish.quotas if quota.backend)
     plain = {backend: make_plain_name((backend,)) for backend in backends}
@@ -229,7 +229,7 @@ def _make_rng(*key: int | str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(numbers))
 
 
-def _write_instruction(slot: Slot, context: OrderContext) -> Entry:
+def _write_instruction(slot: Slot, context: OrderContext) -> OrderEntry:
     """The instruction of this attempt: as it was written before, or a new one."""
     known = context.book.find(slot.number, slot.attempts)
     if known is not None:
@@ -238,7 +238,7 @@ def _write_instruction(slot: Slot, context: OrderContext) -> Entry:
     earlier = [context.book.find(slot.number, k) for k in range(1, slot.attempts)]
     story, written = _word_story(slot, context, [each.text for each in earlier if each], rng)
     background = context.wish.context.background
-    entry = Entry(
+    entry = OrderEntry(
         id=slot.name if slot.attempts == 1 else f"{slot.name}-try{slot.attempts}",
         slot=slot.number,
         attempt=slot.attempts,
@@ -302,7 +302,7 @@ def _choose_leaf(slot: Slot) -> str | None:
 
 
 def build_jobs(
-    entries: Iterable[Entry], options: Options, asking: Mapping[Names, Asking]
+    entries: Iterable[OrderEntry], options: Options, asking: Mapping[Names, Asking]
 ) -> list[Job]:
     """The jobs of all that was written."""
     return [

@@ -19,7 +19,7 @@ BOOK = "order.jsonl"
 
 
 @dataclass(frozen=True)
-class Entry:
+class OrderEntry:
     """One instruction.
 
     Attributes:
@@ -61,18 +61,18 @@ class Book:
         if len(whole) < len(data):
             os.truncate(self._file, len(whole))
         try:
-            self.entries = [Entry(**json.loads(line)) for line in whole.splitlines()]
+            self.entries = [OrderEntry(**json.loads(line)) for line in whole.splitlines()]
         except (ValueError, TypeError) as error:
             raise InputError(f"{self._file} is damaged; begin in another folder") from error
         self._known = {(each.slot, each.attempt): each for each in self.entries}
         self.number = {each.id: k for k, each in enumerate(self.entries)}
         self.texts = {each.text for each in self.entries}
 
-    def find(self, slot: int, attempt: int) -> Entry | None:
+    def find(self, slot: int, attempt: int) -> OrderEntry | None:
         """What was written for this attempt at a slot."""
         return self._known.get((slot, attempt))
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: OrderEntry) -> None:
         """Writes one more."""
         with self._file.open("ab", buffering=0) as stream:
             stream.write(format_json_line(asdict(entry)))

@@ -104,7 +104,7 @@ class Quota:
 
 
 @dataclass(frozen=True)
-class Wish:
+class OrderSpec:
     """An order as it was understood.
 
     Attributes:
@@ -134,7 +134,7 @@ def _format_clock(minute: int) -> str:
     return f"{minute // 60 % 24:02d}:{minute % 60:02d}"
 
 
-def read_order(text: str) -> Wish:
+def read_order(text: str) -> OrderSpec:
     """The wish that an order in plain language amounts to.
 
     Raises:
@@ -159,7 +159,7 @@ def read_order(text: str) -> Wish:
             f"the order names no count of scenes of a known kind; say, for instance, {EXAMPLE}; "
             f"{_KNOWN_KINDS}"
         )
-    wish = Wish(tuple(_merge_quotas(quotas)), *_parse_setting(" ".join(rest)))
+    wish = OrderSpec(tuple(_merge_quotas(quotas)), *_parse_setting(" ".join(rest)))
     if wish.count > MOST:
         raise InputError(f"an order is of at most {MOST} scenes, this one of {wish.count}")
     return wish

@@ -17,7 +17,7 @@ from scenewright.dataset.batch.answering import (
     find_url,
     make_plain_name,
 )
-from scenewright.dataset.batch.carry_out import Batch, Engine, ProgressCallback
+from scenewright.dataset.batch.carry_out import BatchFolder, Engine, ProgressCallback
 from scenewright.dataset.batch.finish import finish
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
@@ -38,7 +38,7 @@ from scenewright.dataset.orders.agent import (
     list_shown,
 )
 from scenewright.dataset.orders.order_log import BOOK, Book
-from scenewright.dataset.orders.order_spec import NORMAL, Quota, Wish
+from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
 from scenewright.dataset.orders.writers import load_writer
 from scenewright.errors import InputError
@@ -65,7 +65,7 @@ class Order:
     """
 
     text: str
-    wish: Wish
+    wish: OrderSpec
     out: Path
     options: Options
     writer: str = "builtin"
@@ -112,7 +112,7 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
         asking=replace(order.asking, record=kept),
     )
     header = build_order_header(order)
-    with Batch(order.out, header=header) as batch:
+    with BatchFolder(order.out, header=header) as batch:
         book = Book(order.out)
         context = OrderContext(
             wish=order.wish, batch=batch, book=book, writer=writer, options=order.options,
@@ -242,7 +242,7 @@ def _report_quota(
     }
 
 
-def build_paper_order(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
+def build_paper_order(backends: Sequence[str], *, scale: float = 1.0) -> OrderSpec:
     """The paper's composition (4.1): 100 normal scenes, and 40 collisions and 50 yields of each
     backend, two agents in the foreground, medium density.
 
@@ -262,4 +262,4 @@ def build_paper_order(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
             Quota("collision", collision, "collision", leaves["collide_at"], backend, place=place),
             Quota("yielding", yielding, "yielding", leaves["yield_to"], backend, place=place),
         ]
-    return Wish(tuple(quotas), context=SceneContext(density="medium"))
+    return OrderSpec(tuple(quotas), context=SceneContext(density="medium"))

@@ -138,20 +138,20 @@ def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
     if story.leaf is None:
         return _render_normal(story, voice, rng)
     pattern = get_pattern(story.leaf)
-    names, who = _draw_nouns(story, rng)
+    names, nouns = _draw_nouns(story, rng)
     verb = _draw_one(VERBS.get(pattern.kind or "", VERBS[pattern.relation]), rng)
-    event = f"{who[0]} {verb.present} {who[1]}"
-    passive = verb.passive and f"{who[1]} is {verb.passive} {who[0]}"
+    event = f"{nouns[0]} {verb.present} {nouns[1]}"
+    passive = verb.passive and f"{nouns[1]} is {verb.passive} {nouns[0]}"
     setting = _render_setting(story, rng)
     text = VOICES[voice]
     parts = {
         **setting,
         "event": event, "Event": _capitalize(event), "EVENT": event.upper(),
-        "Past": _capitalize(f"{who[0]} {verb.past} {who[1]}"),
+        "Past": _capitalize(f"{nouns[0]} {verb.past} {nouns[1]}"),
         "Passive": _capitalize(passive or event),
-        "first": who[0], "First": _capitalize(who[0]), "second": who[1], "verb": verb.present,
+        "first": nouns[0], "First": _capitalize(nouns[0]), "second": nouns[1], "verb": verb.present,
         "second again": f"the {names[1]}",
-        "Own": _capitalize(_draw_own_phrase(pattern, who, rng)),
+        "Own": _capitalize(_draw_own_phrase(pattern, nouns, rng)),
     }  # fmt: skip
     return _fill(text, parts)
 
@@ -254,9 +254,9 @@ def _render_walking(party: Party, name: str, rng: np.random.Generator) -> str:
     return f"{_choose_article(name)} {name} {_draw_one(where, rng)}"
 
 
-def _draw_own_phrase(pattern: Pattern, who: Sequence[str], rng: np.random.Generator) -> str:
+def _draw_own_phrase(pattern: Pattern, nouns: Sequence[str], rng: np.random.Generator) -> str:
     phrase = _draw_one(pattern.phrases, rng)
-    return phrase.replace("{from}", who[0]).replace("{to}", who[1])
+    return phrase.replace("{from}", nouns[0]).replace("{to}", nouns[1])
 
 
 def _choose_article(words: str) -> str:

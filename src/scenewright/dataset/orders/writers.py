@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from scenewright.backends import STAGE_OF, Backend, Question, Wording, load_backend
+from scenewright.backends import STAGE_OF, Backend, Prompt, Question, load_backend
 from scenewright.dataset.batch.answering import PLAINLY, Asking, find_url, load_speaking_backend
 from scenewright.dataset.orders.scenario_spec import Story
 from scenewright.dataset.orders.templates import list_voices, render_text
@@ -264,9 +264,9 @@ class ModelWriter:
         """A text, in one line."""
         given = {**facts, "wrong with your last texts": list(faults)} if faults else facts
         words = json.dumps(given, ensure_ascii=False)
-        wording = Wording(system=_RULES, user=words, schema=_SCHEMA)
+        prompt = Prompt(system=_RULES, user=words, schema=_SCHEMA)
         question = Question(
-            task="plan", facts=given, rejections=tuple(faults), seed=seed, wording=lambda: wording
+            task="plan", facts=given, rejections=tuple(faults), seed=seed, prompt=lambda: prompt
         )
         text = self._backend.answer(question).get("text")
         if not isinstance(text, str):

@@ -18,7 +18,7 @@ _MOST_PERMUTED = 6
 
 
 @dataclass(frozen=True)
-class Share:
+class PlanningShare:
     """A rate with its count and 95 % Wilson interval; None where n is 0."""
 
     right: int
@@ -50,8 +50,8 @@ class PlanningScore:
         wrong: id -> names of the fields that were wrong.
     """
 
-    all_fields: Share
-    fields: Mapping[str, Share]
+    all_fields: PlanningShare
+    fields: Mapping[str, PlanningShare]
     wrong: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
@@ -77,7 +77,7 @@ def score(rows: Sequence[Row], predictions: Sequence[Row]) -> PlanningScore:
     verdicts = {row["id"]: compare(row["expected"], by_id[row["id"]]) for row in rows}
     names = dict.fromkeys(name for verdict in verdicts.values() for name in verdict)
     return PlanningScore(
-        all_fields=Share(sum(all(v.values()) for v in verdicts.values()), len(verdicts)),
+        all_fields=PlanningShare(sum(all(v.values()) for v in verdicts.values()), len(verdicts)),
         fields={name: _share(name, verdicts.values()) for name in names},
         wrong={
             key: tuple(name for name, right in verdict.items() if not right)
@@ -102,9 +102,9 @@ def compare(expected: Row, predicted: Row) -> dict[str, bool]:
     return {"refused": True, **best, **context}
 
 
-def _share(name: str, verdicts: Any) -> Share:
+def _share(name: str, verdicts: Any) -> PlanningShare:
     seen = [verdict[name] for verdict in verdicts if name in verdict]
-    return Share(sum(seen), len(seen))
+    return PlanningShare(sum(seen), len(seen))
 
 
 def _list_renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:

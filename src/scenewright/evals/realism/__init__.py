@@ -6,9 +6,9 @@ bootstrap intervals over scenes; beside them stands what two halves of the refer
 """
 
 from scenewright.evals.realism.distances import (
+    ClusterSample,
     Distance,
-    Gain,
-    Sample,
+    DistanceGain,
     compute_distance,
     compute_wasserstein,
 )
@@ -16,11 +16,11 @@ from scenewright.evals.realism.judge import judge
 from scenewright.evals.realism.report import Comparison, ComparisonReport
 
 __all__ = [
+    "ClusterSample",
     "Comparison",
     "ComparisonReport",
     "Distance",
-    "Gain",
-    "Sample",
+    "DistanceGain",
     "compute_distance",
     "compute_wasserstein",
     "judge",

@@ -16,7 +16,7 @@ import numpy as np
 from scenewright.evals.markdown import format_table
 from scenewright.evals.realism.likelihood import FEATURES, measure_features, score_likelihood
 from scenewright.evals.realism.motion_windows import Windows, cut_windows, find_constant_speed
-from scenewright.evals.realism.sources import Source
+from scenewright.evals.realism.sources import TrackSource
 from scenewright.evals.realism.street_measures import (
     MEASURES,
     MeanShare,
@@ -33,12 +33,12 @@ ProgressLog = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Test:
+class SeparationTest:
     """One two-sample test.
 
     Attributes:
         type: class of agents; one, other: the data sets compared; part: of the first's agents.
-        situation: `all`, or what the agents do; told: how well the two are separated.
+        situation: `all`, or what the agents do; separability: how well the two are separated.
         floor: whether both are recorded traffic, or halves of it.
     """
 
@@ -47,12 +47,12 @@ class Test:
     other: str
     part: str
     situation: str
-    told: Separability
+    separability: Separability
     floor: bool = False
 
 
 @dataclass(frozen=True)
-class Measure:
+class MeasuredDistance:
     """A share or mean of a data set: `name` of `source`, perhaps of its `part`."""
 
     source: str
@@ -75,8 +75,8 @@ class Likelihood:
 class Assessment:
     """The report."""
 
-    tests: tuple[Test, ...]
-    measures: tuple[Measure, ...]
+    tests: tuple[SeparationTest, ...]
+    measures: tuple[MeasuredDistance, ...]
     likelihoods: tuple[Likelihood, ...]
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -93,10 +93,10 @@ class Assessment:
 
 
 def assess(
-    sets: Sequence[Source],
-    real: Sequence[Source],
+    sets: Sequence[TrackSource],
+    real: Sequence[TrackSource],
     *,
-    corpus: Source | None = None,
+    corpus: TrackSource | None = None,
     mass_of: Callable[[str, int], FloatArray] | None = None,
     ground_of: Callable[[str], Any] | None = None,
     seed: int = 0,
@@ -127,14 +127,14 @@ def assess(
 
 
 def _run_tests(
-    sets: Sequence[Source],
-    real: Sequence[Source],
-    beside: Sequence[Source],
+    sets: Sequence[TrackSource],
+    real: Sequence[TrackSource],
+    beside: Sequence[TrackSource],
     kind: AgentClass,
     *,
     seed: int,
     log: ProgressLog,
-) -> Iterator[Test]:
+) -> Iterator[SeparationTest]:
     cut = {each.name: cut_windows(each, kind) for each in (*sets, *beside)}
     for each in beside:
         log(f"{kind}s: halves of {each.name}")
@@ -168,14 +168,14 @@ def _run_test(
     seed: int,
     part: str = "all",
     floor: bool = False,
-) -> Iterator[Test]:
-    for situation, told in compare_windows(*pair, seed=seed).items():
-        yield Test(kind, one, other, part, situation, told, floor)
+) -> Iterator[SeparationTest]:
+    for situation, separability in compare_windows(*pair, seed=seed).items():
+        yield SeparationTest(kind, one, other, part, situation, separability, floor)
 
 
 def _compute_measures(
-    source: Source, mass_of: Callable[[str, int], FloatArray] | None, seed: int
-) -> Iterator[Measure]:
+    source: TrackSource, mass_of: Callable[[str, int], FloatArray] | None, seed: int
+) -> Iterator[MeasuredDistance]:
     for kind in CLASSES:
         windows = cut_windows(source, kind)
         for part in PARTS if windows.foreground.any() else PARTS[:1]:
@@ -184,36 +184,36 @@ def _compute_measures(
                 find_constant_speed(own.select(own.group == name)) for name in np.unique(own.group)
             ]
             name = f"{kind}s: 3 s at one speed"
-            yield Measure(source.name, name, part, compute_share(parts, seed=seed))
+            yield MeasuredDistance(source.name, name, part, compute_share(parts, seed=seed))
     for name, measure in MEASURES.items():
         shares = [measure(stretch) for stretch in source.stretches]
-        yield Measure(source.name, name, "all", compute_share(shares, seed=seed))
+        yield MeasuredDistance(source.name, name, "all", compute_share(shares, seed=seed))
     yield from _measure_reactions(source, seed)
     if mass_of is not None:
         for kind, values in compute_count_ranks(source.stretches, mass_of, seed=seed).items():
             if values:
                 name = f"{kind}s in 30 s: place in p_tod, mean"
-                yield Measure(source.name, name, "all", compute_share(values, seed=seed))
+                yield MeasuredDistance(source.name, name, "all", compute_share(values, seed=seed))
 
 
-def _measure_reactions(source: Source, seed: int) -> Iterator[Measure]:
+def _measure_reactions(source: TrackSource, seed: int) -> Iterator[MeasuredDistance]:
     found = [find_reactions(stretch) for stretch in source.stretches]
     for event in ("collision", "near_miss"):
         pairs = [[pair for pair in own if pair[0].event == event] for own in found]
         word = event.replace("_", " ")
         either = [[one.reacts or two.reacts for one, two in own] for own in pairs]
-        yield Measure(
+        yield MeasuredDistance(
             source.name, f"{word}: a party reacts", "all", compute_share(either, seed=seed)
         )
         for kind in CLASSES:
             own = [[p.reacts for pair in each for p in pair if p.kind == kind] for each in pairs]
             name = f"{word}: {kind}s that react"
-            yield Measure(source.name, name, "all", compute_share(own, seed=seed))
+            yield MeasuredDistance(source.name, name, "all", compute_share(own, seed=seed))
 
 
 def _score_likelihoods(
-    sets: Sequence[Source],
-    beside: Sequence[Source],
+    sets: Sequence[TrackSource],
+    beside: Sequence[TrackSource],
     kind: AgentClass,
     ground_of: Callable[[str], Any] | None,
 ) -> Iterator[Likelihood]:
@@ -232,24 +232,25 @@ def _score_likelihoods(
                 yield Likelihood(source.name, reference.name, kind, scores)
 
 
-def _find_ground(source: Source, ground_of: Callable[[str], Any] | None) -> Any:
+def _find_ground(source: TrackSource, ground_of: Callable[[str], Any] | None) -> Any:
     """Return the map of a source whose stretches all lie at one intersection."""
     places = {each.place for each in source.stretches}
     place = places.pop() if len(places) == 1 else None
     return None if place is None or ground_of is None else ground_of(place)
 
 
-def _format_tests(tests: Sequence[Test]) -> str:
+def _format_tests(tests: Sequence[SeparationTest]) -> str:
     rows = [
-        [t.type, t.one, t.part, t.other, t.situation, f"{t.told.auc:.3f}",
-         f"{t.told.low:.3f}–{t.told.high:.3f}", t.told.n, t.told.groups]
+        [t.type, t.one, t.part, t.other, t.situation, f"{t.separability.auc:.3f}",
+         f"{t.separability.low:.3f}–{t.separability.high:.3f}", t.separability.n,
+         t.separability.groups]
         for t in tests
     ]  # fmt: skip
-    head = ("class", "told apart", "part", "from", "situation", "AUC", "95 %", "n a side", "groups")
+    head = ("class", "separated", "part", "from", "situation", "AUC", "95 %", "n a side", "groups")
     return "### Two-sample test\n\n" + format_table(head, rows)
 
 
-def _format_measures(measures: Sequence[Measure]) -> str:
+def _format_measures(measures: Sequence[MeasuredDistance]) -> str:
     sources = list(dict.fromkeys(m.source for m in measures))
     names = list(dict.fromkeys((m.name, m.part) for m in measures))
     cells = {(m.source, m.name, m.part): _format_share(m.share) for m in measures}

@@ -6,7 +6,12 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
-from scenewright.evals.realism.assessment import CLASSES, Assessment, Measure, Test
+from scenewright.evals.realism.assessment import (
+    CLASSES,
+    Assessment,
+    MeasuredDistance,
+    SeparationTest,
+)
 
 
 def draw_assessment(report: Assessment) -> bytes:
@@ -19,7 +24,7 @@ def draw_assessment(report: Assessment) -> bytes:
     axes = page.subplots(2, 2)
     for ax, kind in zip(axes[0], CLASSES, strict=True):
         _draw_tests(ax, [t for t in report.tests if t.type == kind and t.situation == "all"])
-        ax.set_title(f"{kind}s: how well they are told apart (0.5: not at all)")
+        ax.set_title(f"{kind}s: how well they are separated (0.5: not at all)")
     _draw_measures(axes[1][0], [m for m in report.measures if m.part == "all"])
     _draw_likelihoods(axes[1][1], report)
     buffer = io.BytesIO()
@@ -27,14 +32,15 @@ def draw_assessment(report: Assessment) -> bytes:
     return buffer.getvalue()
 
 
-def _draw_tests(ax: Any, tests: Sequence[Test]) -> None:
+def _draw_tests(ax: Any, tests: Sequence[SeparationTest]) -> None:
     """Draw a bar for each test; floors, between real tracks, are grey."""
     for k, test in enumerate(reversed(tests)):
         color = "0.6" if test.floor else "#3b6ea5"
-        ax.barh(k, test.told.auc - 0.5, left=0.5, color=color)
-        ax.plot([test.told.low, test.told.high], [k, k], color="black", lw=1)
+        ax.barh(k, test.separability.auc - 0.5, left=0.5, color=color)
+        ax.plot([test.separability.low, test.separability.high], [k, k], color="black", lw=1)
     labels = [
-        f"{t.one}{'' if t.part == 'all' else ', ' + t.part}\nfrom {t.other} (n = {t.told.n})"
+        f"{t.one}{'' if t.part == 'all' else ', ' + t.part}\nfrom {t.other} "
+        f"(n = {t.separability.n})"
         for t in reversed(tests)
     ]
     ax.set_yticks(range(len(tests)), labels, fontsize=7)
@@ -42,7 +48,7 @@ def _draw_tests(ax: Any, tests: Sequence[Test]) -> None:
     ax.axvline(0.5, color="black", lw=0.8)
 
 
-def _draw_measures(ax: Any, measures: Sequence[Measure]) -> None:
+def _draw_measures(ax: Any, measures: Sequence[MeasuredDistance]) -> None:
     names = list(dict.fromkeys(m.name for m in measures))
     sources = list(dict.fromkeys(m.source for m in measures))
     for j, source in enumerate(sources):

@@ -18,7 +18,7 @@ CELLS = 2048
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class ClusterSample:
     """Values of one measure, in clusters that were drawn together (scenes, agents).
 
     Attributes:
@@ -31,7 +31,7 @@ class Sample:
     clusters: int
 
     @classmethod
-    def join_parts(cls, parts: Iterable[Sequence[float] | FloatArray]) -> Sample:
+    def join_parts(cls, parts: Iterable[Sequence[float] | FloatArray]) -> ClusterSample:
         """Build a sample with one cluster from each part."""
         arrays = [np.asarray(part, dtype=np.float64) for part in parts]
         sizes = [len(array) for array in arrays]
@@ -44,12 +44,12 @@ class Sample:
     def __len__(self) -> int:
         return len(self.values)
 
-    def select(self, clusters: NDArray[np.int64]) -> Sample:
+    def select(self, clusters: NDArray[np.int64]) -> ClusterSample:
         """Select some of the clusters, renumbered."""
         number = np.full(self.clusters, -1)
         number[clusters] = np.arange(len(clusters))
         kept = number[self.cluster] >= 0
-        return Sample(self.values[kept], number[self.cluster[kept]], len(clusters))
+        return ClusterSample(self.values[kept], number[self.cluster[kept]], len(clusters))
 
 
 def compute_wasserstein(first: FloatArray, second: FloatArray) -> float | None:
@@ -85,7 +85,7 @@ class Distance:
 
 
 def compute_distance(
-    sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
+    sample: ClusterSample, reference: ClusterSample, *, draws: int, rng: np.random.Generator
 ) -> Distance | None:
     """Compute the distance of two samples; clusters of both are resampled for the interval.
 
@@ -103,7 +103,7 @@ def compute_distance(
 
 
 def resample_distances(
-    sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
+    sample: ClusterSample, reference: ClusterSample, *, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """Compute [draws] distances of samples whose clusters are drawn with replacement."""
     edges = _compute_edges(sample.values, reference.values)
@@ -118,7 +118,7 @@ def _compute_edges(*values: FloatArray) -> FloatArray:
 
 
 def _resample_cumulated(
-    sample: Sample, edges: FloatArray, draws: int, rng: np.random.Generator
+    sample: ClusterSample, edges: FloatArray, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """Compute [draws, CELLS] distribution functions of resampled clusters."""
     table = _count_histograms(sample, edges)
@@ -126,7 +126,7 @@ def _resample_cumulated(
     return _compute_cumulated(weights @ table)
 
 
-def _count_histograms(sample: Sample, edges: FloatArray) -> FloatArray:
+def _count_histograms(sample: ClusterSample, edges: FloatArray) -> FloatArray:
     """Count the values of each non-empty cluster in each cell: [C, CELLS]."""
     used, number = np.unique(sample.cluster, return_inverse=True)
     cell = np.clip(np.searchsorted(edges, sample.values, side="right") - 1, 0, CELLS - 1)
@@ -140,7 +140,7 @@ def _compute_cumulated(counts: FloatArray) -> FloatArray:
 
 
 def compute_chance(
-    sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
+    sample: ClusterSample, reference: ClusterSample, *, draws: int, rng: np.random.Generator
 ) -> tuple[float, float] | None:
     """Compute mean and 95 % quantile of the distance by chance, between parts of the reference.
 
@@ -164,7 +164,7 @@ def compute_chance(
 
 
 @dataclass(frozen=True)
-class Gain:
+class DistanceGain:
     """Share of the first sample's distance that the second has less; negative if it has more."""
 
     value: float
@@ -173,8 +173,13 @@ class Gain:
 
 
 def compute_gain(
-    first: Sample, second: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
-) -> Gain | None:
+    first: ClusterSample,
+    second: ClusterSample,
+    reference: ClusterSample,
+    *,
+    draws: int,
+    rng: np.random.Generator,
+) -> DistanceGain | None:
     """Compute how much nearer to the reference the second sample is than the first.
 
     The reference is resampled once for both, the samples each for itself. None where a sample is
@@ -190,4 +195,4 @@ def compute_gain(
     drawn = 1 - left[whole > _NOTHING] / whole[whole > _NOTHING]
     if len(drawn) == 0:
         return None
-    return Gain(1 - after / before, *compute_interval(drawn))
+    return DistanceGain(1 - after / before, *compute_interval(drawn))

@@ -139,7 +139,7 @@ def _measure_case(
 
 
 def _rate(kind: AgentClass, most: float | None, mean: float | None) -> float | None:
-    """Compute the even rate that stands for a start or a braking [m/s^2].
+    """Compute the even rate equivalent to a start or a braking [m/s^2].
 
     For vehicles halfway between the strongest and the mean. Pedestrians reach their pace within a
     second, so that a mean over two seconds measures walking speed; the strongest counts.

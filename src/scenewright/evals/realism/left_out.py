@@ -23,7 +23,7 @@ from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.track_files import FileTracks, read_track_files
 
 
-class _Site(NamedTuple):
+class _LeftOutMap(NamedTuple):
     """One intersection: its map, with the latitude and longitude of its origin, and its tracks."""
 
     place: IntersectionMap
@@ -63,7 +63,7 @@ def _find_sessions(folder: Path) -> dict[str, list[Path]]:
     return found
 
 
-def _read(folder: Path, site: str, sessions: Sequence[Path]) -> _Site:
+def _read(folder: Path, site: str, sessions: Sequence[Path]) -> _LeftOutMap:
     maps = sorted(folder.rglob(f"{site}_*.osm"))
     if not maps:
         raise InputError(
@@ -75,7 +75,7 @@ def _read(folder: Path, site: str, sessions: Sequence[Path]) -> _Site:
     if len(files) == 1:
         raise InputError(f"{files[0].name} is the only recording of {site}: none is left to fit on")
     made = import_map(maps[-1], name=site, signals="none")
-    return _Site(made.intersection_map, made.route_lines, made.origin, tuple(files))
+    return _LeftOutMap(made.intersection_map, made.route_lines, made.origin, tuple(files))
 
 
 def _name(file: FileTracks) -> str:
@@ -83,7 +83,9 @@ def _name(file: FileTracks) -> str:
     return f"{file.session}/{Path(file.name).stem[-3:]}"
 
 
-def _fit_routes(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], RoutePrior | None]:
+def _fit_routes(
+    site: _LeftOutMap, file: FileTracks
+) -> Callable[[RecordedAgent], RoutePrior | None]:
     """Fit priors without a recording; the routes of its agents come from their whole tracks."""
     others = [each for each in site.files if each is not file]
     fitted = _fit_others(site, file, others)
@@ -108,7 +110,7 @@ def _fit_routes(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Rout
     return find_route_prior
 
 
-def _fit_others(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> FittedTracks:
+def _fit_others(site: _LeftOutMap, file: FileTracks, others: Sequence[FileTracks]) -> FittedTracks:
     try:
         return fit_tracks(site.place, site.lines, others, FrameChange(site.origin))
     except InputError:

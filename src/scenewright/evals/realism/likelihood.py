@@ -89,7 +89,7 @@ def _measure_stretch(stretch: Stretch, kind: AgentClass, areas: _GroundAreas | N
         rows = {
             name: values[kept] for name, values in _compute_kinematic_features(velocity).items()
         }
-        seen = _AgentSamples(
+        seen = _MotionSamples(
             user.id, user.shape.width, user.track.times[kept], xy[kept], velocity[kept]
         )
         rows |= _compute_interactive_features(stretch, seen)
@@ -104,7 +104,7 @@ def _measure_stretch(stretch: Stretch, kind: AgentClass, areas: _GroundAreas | N
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-class _AgentSamples(NamedTuple):
+class _MotionSamples(NamedTuple):
     """One agent at some times: [T] [s], [T, 2] [m] and [T, 2] [m/s]."""
 
     id: int
@@ -127,7 +127,7 @@ def _compute_kinematic_features(velocity: FloatArray) -> dict[str, FloatArray]:
     }
 
 
-def _compute_interactive_features(stretch: Stretch, own: _AgentSamples) -> dict[str, FloatArray]:
+def _compute_interactive_features(stretch: Stretch, own: _MotionSamples) -> dict[str, FloatArray]:
     """Compute nearest distance, time to contact and contact; agents are discs of their width."""
     nearest, contact = np.full(len(own.xy), np.inf), np.full(len(own.xy), np.inf)
     for other in stretch.users:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.realism.sources import Source
+from scenewright.evals.realism.sources import TrackSource
 from scenewright.geometry.kinematics import smooth
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Track
@@ -61,7 +61,7 @@ class Windows:
         return Windows(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
-def cut_windows(source: Source, kind: AgentClass) -> Windows:
+def cut_windows(source: TrackSource, kind: AgentClass) -> Windows:
     """Cut the windows of a class, one every 1.6 s of every track, without standing agents."""
     rows = [
         (features, speed, _classify_situation(speed, turned, kind), stretch.groups[user.id],

@@ -10,9 +10,9 @@ import numpy as np
 
 from scenewright.evals.markdown import format_table
 from scenewright.evals.realism.distances import (
+    ClusterSample,
     Distance,
-    Gain,
-    Sample,
+    DistanceGain,
     compute_chance,
     compute_distance,
     compute_gain,
@@ -52,7 +52,7 @@ class Comparison:
     between_means: float | None
     halves: float | None
     by_chance: tuple[float, float] | None
-    gain: Gain | None
+    gain: DistanceGain | None
     quantiles: tuple[float, ...] | None
     reference_quantiles: tuple[float, ...] | None
 
@@ -107,7 +107,7 @@ def compare(
     for measure in measures:
         ref = reference.samples[measure]
         one, two = reference.split_halves(measure)
-        first: Sample | None = None
+        first: ClusterSample | None = None
         for name, measured in sets.items():
             sample, rng = measured.samples[measure], np.random.default_rng(seed)
             yield Comparison(

@@ -27,7 +27,7 @@ FURTHER = 4
 """Steps that a track must at least go on for after what is given."""
 
 
-class Task(NamedTuple):
+class RolloutTask(NamedTuple):
     """One scene to roll out.
 
     Attributes:
@@ -65,7 +65,7 @@ def build_tasks(
     before_end: int,
     most: int,
     way_of: FindRoutePrior | None = None,
-) -> Iterator[Task]:
+) -> Iterator[RolloutTask]:
     """Build tasks from scenes end to end, evenly chosen if above `most`; goals on the true tracks.
 
     Args:
@@ -93,7 +93,7 @@ def _extend_to_whole_scenes(recording: Recording) -> Recording:
 
 def _build_task(
     recording: Recording, window: RecordingWindow, before_end: int, way_of: FindRoutePrior | None
-) -> Task:
+) -> RolloutTask:
     members = [recording.agents[k] for k in window.members]
     kept = [k for k, agent in enumerate(members) if agent.subtype != "bicycle"]
     there = window.present[kept]
@@ -108,7 +108,7 @@ def _build_task(
     given = np.array([mark[0] for mark in marks], dtype=bool).reshape(there.shape)
     goals = np.array([mark[1] for mark in marks], dtype=bool).reshape(there.shape)
     kinds = tuple(members[k].shape.type for k in kept)
-    return Task(xy, given, np.where(goals[..., None], xy, np.nan), kinds, tuple(ways))
+    return RolloutTask(xy, given, np.where(goals[..., None], xy, np.nan), kinds, tuple(ways))
 
 
 def _split_given(present: BoolArray, before_end: int) -> tuple[BoolArray, BoolArray]:
@@ -123,7 +123,7 @@ def _split_given(present: BoolArray, before_end: int) -> tuple[BoolArray, BoolAr
     return given, goals
 
 
-def move_goals_to_prior(task: Task) -> Task:
+def move_goals_to_prior(task: RolloutTask) -> RolloutTask:
     """Move the goals to the nearest points of the prior's path, due at the same times."""
     goals = task.goals.copy()
     for n in task.asked:
@@ -134,7 +134,9 @@ def move_goals_to_prior(task: Task) -> Task:
     return task._replace(goals=goals)
 
 
-def sample_prior_goals(task: Task, *, size: int, rng: np.random.Generator) -> Iterator[Task]:
+def sample_prior_goals(
+    task: RolloutTask, *, size: int, rng: np.random.Generator
+) -> Iterator[RolloutTask]:
     """Sample goals from the prior: its place every `SPACING` steps, and at the last.
 
     That is at the end of the track, or before the prior has left the map.
@@ -156,7 +158,7 @@ def sample_prior_goals(task: Task, *, size: int, rng: np.random.Generator) -> It
         yield task._replace(goals=goals)
 
 
-def _get_route_prior(task: Task, n: int) -> RoutePrior:
+def _get_route_prior(task: RolloutTask, n: int) -> RoutePrior:
     way = task.ways[n]
     if way is None:
         raise ValueError("an agent rolled out with the prior's goals needs a route prior")

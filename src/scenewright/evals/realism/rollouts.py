@@ -26,7 +26,7 @@ from scenewright.evals.realism.left_out import fit_left_out_routes
 from scenewright.evals.realism.prior_goals import FindRoutePrior, load_bundle_routes
 from scenewright.evals.realism.rollout_tasks import (
     COLUMNS,
-    Task,
+    RolloutTask,
     build_tasks,
     move_goals_to_prior,
     sample_prior_goals,
@@ -47,7 +47,9 @@ DRAWN = 20
 _DRAWS = 1000
 
 
-def run_refiner(net: Any, task: Task, *, keep: int | None = None, lead: int = LEAD) -> FloatArray:
+def run_refiner(
+    net: Any, task: RolloutTask, *, keep: int | None = None, lead: int = LEAD
+) -> FloatArray:
     """Roll out the network: its mean motion [N, T, 2].
 
     Args:
@@ -79,7 +81,7 @@ def run_refiner(net: Any, task: Task, *, keep: int | None = None, lead: int = LE
     return np.asarray(found[0].numpy(), dtype=np.float64)
 
 
-def fit_splines(task: Task) -> FloatArray:
+def fit_splines(task: RolloutTask) -> FloatArray:
     """Fit cubic splines [N, T, 2] through the given part and the goals, and beyond the last."""
     from scipy import interpolate
 
@@ -87,7 +89,7 @@ def fit_splines(task: Task) -> FloatArray:
     return _fill_sought(task, lambda at, xy, when: make(at, xy)(when))
 
 
-def interpolate_evenly(task: Task) -> FloatArray:
+def interpolate_evenly(task: RolloutTask) -> FloatArray:
     """Interpolate [N, T, 2] evenly from place to place, and on beyond the last."""
 
     def interpolate(at: FloatArray, xy: FloatArray, when: FloatArray) -> FloatArray:
@@ -98,7 +100,7 @@ def interpolate_evenly(task: Task) -> FloatArray:
     return _fill_sought(task, interpolate)
 
 
-def _fill_sought(task: Task, curve: Callable[..., FloatArray]) -> FloatArray:
+def _fill_sought(task: RolloutTask, curve: Callable[..., FloatArray]) -> FloatArray:
     found = task.xy.copy()
     places = np.where(task.given[..., None], task.xy, task.goals)
     for n in task.asked:
@@ -108,7 +110,7 @@ def _fill_sought(task: Task, curve: Callable[..., FloatArray]) -> FloatArray:
     return found
 
 
-def compute_errors(task: Task, found: FloatArray) -> FloatArray:
+def compute_errors(task: RolloutTask, found: FloatArray) -> FloatArray:
     """Compute mean and final distance [A, 2] [m] of all agents that were rolled out."""
     rows = []
     for n in task.asked:
@@ -117,7 +119,7 @@ def compute_errors(task: Task, found: FloatArray) -> FloatArray:
     return np.array(rows).reshape(-1, 2)
 
 
-Method = Callable[[Task], FloatArray]
+Method = Callable[[RolloutTask], FloatArray]
 Methods = Mapping[str, Method]
 
 
@@ -172,7 +174,7 @@ def compare_methods(
 
 
 def _measure_errors(
-    goals: str, before_end: int, of: Methods, scenes: Sequence[Task]
+    goals: str, before_end: int, of: Methods, scenes: Sequence[RolloutTask]
 ) -> RolloutErrors:
     off = {
         name: [compute_errors(task, method(task)) for task in scenes] for name, method in of.items()
@@ -182,7 +184,7 @@ def _measure_errors(
     )
 
 
-def _compare_prior_draws(of: Methods, scenes: Sequence[Task]) -> Iterator[RolloutErrors]:
+def _compare_prior_draws(of: Methods, scenes: Sequence[RolloutTask]) -> Iterator[RolloutErrors]:
     """Compare draws of the prior on average and at best, for all and for unimpeded agents.
 
     The prior's driving profile is that of unimpeded agents, without lights or queues.
@@ -198,19 +200,19 @@ def _compare_prior_draws(of: Methods, scenes: Sequence[Task]) -> Iterator[Rollou
     every = {name: np.concatenate(parts) for name, parts in found.items()}
     kinds = np.array(_list_kinds(scenes))
     unheld = np.array([_is_never_slow(task, n) for task in scenes for n in task.asked], dtype=bool)
-    for who, those in ((" of all", np.ones_like(unheld)), (" of who is never slow", unheld)):
+    for which, those in ((" of all", np.ones_like(unheld)), (" of who is never slow", unheld)):
         for how, of_draws in ((f"mean of {DRAWN} draws", np.mean), ("best of them", np.min)):
             off = {name: of_draws(values[those], axis=1) for name, values in every.items()}
-            yield RolloutErrors(f"prior, {how}{who}", 0, tuple(kinds[those]), off)
+            yield RolloutErrors(f"prior, {how}{which}", 0, tuple(kinds[those]), off)
 
 
-def _is_never_slow(task: Task, n: int) -> bool:
+def _is_never_slow(task: RolloutTask, n: int) -> bool:
     xy = task.xy[n, task.there[n]]
     speed = np.hypot(*np.diff(xy, axis=0).T) / (TRAJNET_EVERY * STEP)
     return bool(speed.min() >= UNIMPEDED[task.kinds[n]])
 
 
-def _list_kinds(scenes: Sequence[Task]) -> tuple[str, ...]:
+def _list_kinds(scenes: Sequence[RolloutTask]) -> tuple[str, ...]:
     return tuple(task.kinds[n] for task in scenes for n in task.asked)
 
 

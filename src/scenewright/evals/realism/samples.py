@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.realism.distances import Sample
+from scenewright.evals.realism.distances import ClusterSample
 from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.evals.realism.stops import MEASURES, STANDING, ObservedStop
 from scenewright.geometry.kinematics import compute_kinematics
@@ -71,10 +71,10 @@ class MeasuredSamples:
         samples: by measure; side: which half each cluster belongs to, by measure the same.
     """
 
-    samples: Mapping[str, Sample]
+    samples: Mapping[str, ClusterSample]
     side: NDArray[np.bool_]
 
-    def split_halves(self, measure: str) -> tuple[Sample, Sample]:
+    def split_halves(self, measure: str) -> tuple[ClusterSample, ClusterSample]:
         """Return the samples of the two halves of the source."""
         sample, number = self.samples[measure], np.arange(len(self.side))
         return sample.select(number[self.side]), sample.select(number[~self.side])
@@ -119,7 +119,7 @@ def measure_motion(
         values = [_measure_agent(t, sieve) for t, shape in agents if shape.type == sieve.type]
         for k, name in enumerate(MOTION):
             parts[name].append(np.concatenate([np.zeros(0), *(each[k] for each in values)]))
-    samples = {name: Sample.join_parts(each) for name, each in parts.items()}
+    samples = {name: ClusterSample.join_parts(each) for name, each in parts.items()}
     return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))
 
 
@@ -196,10 +196,12 @@ def sample_in_shares(
     return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))
 
 
-def _select_values(samples: Sequence[Sample], kept: Sequence[NDArray[np.int64]]) -> Sample:
+def _select_values(
+    samples: Sequence[ClusterSample], kept: Sequence[NDArray[np.int64]]
+) -> ClusterSample:
     """Select some values of samples of the same clusters."""
     parts = list(zip(samples, kept, strict=True))
-    return Sample(
+    return ClusterSample(
         np.concatenate([each.values[k] for each, k in parts]),
         np.concatenate([each.cluster[k] for each, k in parts]),
         samples[0].clusters,
@@ -217,7 +219,7 @@ def measure_stops(
 ) -> MeasuredSamples:
     """Measure the stops of a class; a scene is a cluster."""
     samples = {
-        name: Sample.join_parts(list(_list_values(stops, kind, name)) for stops in scenes)
+        name: ClusterSample.join_parts(list(_list_values(stops, kind, name)) for stops in scenes)
         for name in MEASURES
     }
     return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))

@@ -52,7 +52,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class TrackSource:
     """A data set.
 
     Attributes:
@@ -64,7 +64,7 @@ class Source:
     notes: tuple[str, ...] = field(default=())
 
 
-def read_source(text: str, *, place: str | None = None, scale: float | None = None) -> Source:
+def read_source(text: str, *, place: str | None = None, scale: float | None = None) -> TrackSource:
     """Read the data set at NAME=PATH, or at PATH, whose last part is then its name.
 
     Args:
@@ -78,16 +78,16 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
     path = Path(rest if separator else text)
     name = name if separator else path.stem
     if path.is_dir() and next(path.rglob("scene.json"), None) is not None:
-        return Source(name, tuple(read_scenes(path)))
+        return TrackSource(name, tuple(read_scenes(path)))
     if path.suffix == ".npz":
-        return Source(name, tuple(_cut_corpus(path, place)))
+        return TrackSource(name, tuple(_cut_corpus(path, place)))
     pixels = path.suffix == ".txt" or (path.is_dir() and any(path.rglob("DJI_*.txt")))
     files = read_track_files([path], scale=scale if pixels else None)
     stretches = [each for file in files for each in _cut(_read_file_users(file), place)]
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     if not stretches:
         raise InputError(f"{path} holds no tracks that can be believed")
-    return Source(name, tuple(stretches), tuple(removed.format_lines()))
+    return TrackSource(name, tuple(stretches), tuple(removed.format_lines()))
 
 
 def read_scenes(folder: Path) -> Iterator[Stretch]:

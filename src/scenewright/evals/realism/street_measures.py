@@ -26,7 +26,7 @@ _SAME_PLACE, _SAME_COURSE = 1.5, 0.5
 """Another passes a place within this distance [m], its course within this angle [rad]."""
 _LEAST_WAY = 10.0
 COMPANION = 1.5
-"""Mean distance of two who walk together [m] (SEMANTICS section 8: groups)."""
+"""Mean distance of two pedestrians that walk together [m] (SEMANTICS section 8: groups)."""
 _TOGETHER = 3.0
 """For at least so long [s]."""
 _START_TOGETHER, _START_NEAR = 1.5, 10.0

@@ -21,7 +21,7 @@ class Submission:
     """One scene as it is judged.
 
     Attributes:
-        agents, events: what the tracks show; time_of_day: HH:MM or a range, None if not told.
+        agents, events: what the tracks show; time_of_day: HH:MM or a range, None if not given.
         fault: what speaks against the scene whatever it shows, such as words left out.
     """
 
@@ -99,14 +99,14 @@ def _list_bindings(
         if event.type != first["type"]:
             continue
         ends = [(event.from_, event.to)]
-        # Labels say who yields and who follows, not always who strikes whom.
+        # Labels name the yielding and the following agent, not always the striking one.
         if event.type not in _DIRECTED:
             ends.append((event.to, event.from_))
         for pair in ends:
-            told = dict(zip((first["from"], first["to"]), pair, strict=True))
-            if _is_consistent(told, bound) and _fit(told, label, submission):
+            named = dict(zip((first["from"], first["to"]), pair, strict=True))
+            if _is_consistent(named, bound) and _fit(named, label, submission):
                 yield from _list_bindings(
-                    rest, label, submission, bound | told, pairs | {_pair(event)}
+                    rest, label, submission, bound | named, pairs | {_pair(event)}
                 )
 
 
@@ -114,18 +114,18 @@ def _pair(event: Event) -> frozenset[int]:
     return frozenset((event.from_, event.to))
 
 
-def _is_consistent(told: Mapping[str, int], bound: Mapping[str, int]) -> bool:
+def _is_consistent(named: Mapping[str, int], bound: Mapping[str, int]) -> bool:
     """Whether names and tracks stay one to one."""
-    both = {**bound, **told}
+    both = {**bound, **named}
     return len({*both.values()}) == len(both) and all(
-        bound.get(name, n) == n for name, n in told.items()
+        bound.get(name, n) == n for name, n in named.items()
     )
 
 
-def _fit(told: Mapping[str, int], label: Label, submission: Submission) -> bool:
+def _fit(named: Mapping[str, int], label: Label, submission: Submission) -> bool:
     wanted = {each["id"]: each for each in label["agents"]}
     seen = {each.id: each for each in submission.agents}
-    return all(is_like(wanted[name], seen[number]) for name, number in told.items())
+    return all(is_like(wanted[name], seen[number]) for name, number in named.items())
 
 
 def is_like(wanted: Mapping[str, Any], seen: SeenAgent) -> bool:
@@ -136,12 +136,12 @@ def is_like(wanted: Mapping[str, Any], seen: SeenAgent) -> bool:
         leg = wanted["crosswalk"]
         crossing = wanted["movement"] in (None, seen.movement) or seen.movement is None
         return crossing and (leg is None or not seen.crosswalks or leg in seen.crosswalks)
-    told = ((wanted[key], getattr(seen, key)) for key in ("entry", "exit", "movement"))
-    return all(a is None or b is None or a == b for a, b in told)
+    pairs = ((wanted[key], getattr(seen, key)) for key in ("entry", "exit", "movement"))
+    return all(a is None or b is None or a == b for a, b in pairs)
 
 
 def _has_other_agents(label: Label, submission: Submission, bound: Mapping[str, int]) -> bool:
-    """Whether agents to whom nothing happens can be found among the tracks that are left."""
+    """Whether agents without events can be found among the tracks that are left."""
     left = [each for each in submission.agents if each.id not in bound.values()]
     for wanted in label["agents"]:
         if wanted["id"] in bound:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from scenewright.evals.markdown import format_table
-from scenewright.evals.planning import Share
+from scenewright.evals.planning import PlanningShare
 from scenewright.evals.satisfaction.judge import Verdict
 
 RATES: Mapping[str, str] = {
@@ -21,29 +21,29 @@ RATES: Mapping[str, str] = {
 
 def count_verdicts(
     verdicts: Sequence[Verdict], rows: Sequence[Mapping[str, Any]]
-) -> dict[str, Share]:
+) -> dict[str, PlanningShare]:
     """The figures of `RATES`, each with its n."""
     counts = Counter(each.outcome for each in verdicts)
     impossible = sum(bool(row["expected"]["refused"]) for row in rows)
     possible, made = len(rows) - impossible, counts["satisfied"] + counts["wrong"]
     return {
-        "satisfied": Share(counts["satisfied"], possible),
-        "false": Share(counts["wrong"], made),
-        "refused": Share(counts["refused"], possible),
-        "rightly refused": Share(counts["rightly_refused"], impossible),
+        "satisfied": PlanningShare(counts["satisfied"], possible),
+        "false": PlanningShare(counts["wrong"], made),
+        "refused": PlanningShare(counts["refused"], possible),
+        "rightly refused": PlanningShare(counts["rightly_refused"], impossible),
     }
 
 
-def to_json(shares: Mapping[str, Share]) -> dict[str, Any]:
+def to_json(shares: Mapping[str, PlanningShare]) -> dict[str, Any]:
     """Plain JSON of the figures."""
     return {name: _to_figure(share) for name, share in shares.items()}
 
 
-def _to_figure(share: Share) -> dict[str, Any]:
+def _to_figure(share: PlanningShare) -> dict[str, Any]:
     return {"right": share.right, "n": share.n, "rate": share.rate, "interval": share.interval}
 
 
-def to_markdown(shares: Mapping[str, Share], verdicts: Sequence[Verdict]) -> str:
+def to_markdown(shares: Mapping[str, PlanningShare], verdicts: Sequence[Verdict]) -> str:
     """The figures, and why scenes are wrong."""
     rows = [[RATES[name], f"{s.right} / {s.n}", format_share(_to_figure(s))]
             for name, s in shares.items()]  # fmt: skip

@@ -76,7 +76,7 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
     """Scores every agent and compares events with normal scenes, of whichever backend those are."""
     scores: dict[str, list[AgentScore]] = {name: [] for name in dataset.backends}
     left, mixed = UnscoredAgents(), 0
-    for number, scene in dataset.scenes(dataset.rows):
+    for number, scene in dataset.read_scenes(dataset.rows):
         group = get_event_group(scene)
         if group is None:
             mixed += 1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.realism import Distance, Sample, compute_distance, compute_wasserstein
+from scenewright.evals.realism import ClusterSample, Distance, compute_distance, compute_wasserstein
 from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
@@ -73,7 +73,7 @@ def observe_scenes(
         yield ObservedTracks(scene, seen)
 
 
-Values = Mapping[tuple[str, str], Sample]
+Values = Mapping[tuple[str, str], ClusterSample]
 """(measure, group) -> values."""
 
 
@@ -84,24 +84,26 @@ def measure_scenes(scenes: Sequence[ObservedTracks], *, smoothing: float = 0.0) 
         smoothing: over positions before derivatives are taken [s].
     """
     found = measure_motion([each.scene for each in scenes], smoothing=smoothing)
-    found["headway", "vehicle"] = Sample.join_parts(
+    found["headway", "vehicle"] = ClusterSample.join_parts(
         [compute_headways(each.seen) for each in scenes]
     )
     pairs = ("vehicle-vehicle", "vehicle-pedestrian")
     for pair in pairs:
-        found["PET", pair] = Sample.join_parts([list_pets(each.seen, pair) for each in scenes])
+        found["PET", pair] = ClusterSample.join_parts(
+            [list_pets(each.seen, pair) for each in scenes]
+        )
     return found
 
 
 def measure_motion(
     scenes: Sequence[SceneTracks], *, smoothing: float = 0.0
-) -> dict[tuple[str, str], Sample]:
+) -> dict[tuple[str, str], ClusterSample]:
     """Speed, acceleration and jerk alone."""
     found = {}
     for kind in CLASSES:
         parts = [_measure_agent_motion(scene, kind, smoothing) for scene in scenes]
         for k, measure in enumerate(_MOTION):
-            found[measure, str(kind)] = Sample.join_parts([part[k] for part in parts])
+            found[measure, str(kind)] = ClusterSample.join_parts([part[k] for part in parts])
     return found
 
 

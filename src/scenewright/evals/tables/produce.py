@@ -27,7 +27,11 @@ from scenewright.evals.tables.nearness import (
     observe_scenes,
 )
 from scenewright.evals.tables.reading import Dataset, find_commit, read_dataset
-from scenewright.evals.tables.robustness import Rate, compute_robustness, count_out_of_scope
+from scenewright.evals.tables.robustness import (
+    RobustnessRate,
+    compute_robustness,
+    count_out_of_scope,
+)
 from scenewright.intersections import load_map
 from scenewright.tools.track_io import load_recordings
 from scenewright.tools.track_io.taf_bw import read_taf_bw
@@ -53,7 +57,7 @@ class Tables:
     """
 
     fidelity: Fidelity
-    rates: tuple[Rate, ...]
+    rates: tuple[RobustnessRate, ...]
     near: tuple[ReferenceDistance, ...]
     spreads: tuple[Spread, ...]
     understanding: Mapping[str, Any]
@@ -88,7 +92,7 @@ def make_tables(
     found = compute_fidelity(dataset, draws=draws, seed=seed)
     place = str(dataset.manifest.get("intersection"))
     log("spread across paths")
-    scenes = (scene for _, scene in dataset.scenes(dataset.rows))
+    scenes = (scene for _, scene in dataset.read_scenes(dataset.rows))
     few = min(draws, 200)
     spreads = compare_lateral_positions(scenes, bundle=place, draws=few, seed=seed)
     near: list[ReferenceDistance] = []
@@ -170,7 +174,9 @@ def _compare_with_traffic(
     if not recordings:
         raise InputError(f"{corpus} holds no test hours")
     log("encounters in the dataset")
-    scenes = [convert_scene(scene) for _, scene in dataset.scenes(_thin(dataset.rows, MOST_SCENES))]
+    scenes = [
+        convert_scene(scene) for _, scene in dataset.read_scenes(_thin(dataset.rows, MOST_SCENES))
+    ]
     ours = list(observe_scenes(scenes, intersection_map=intersection_map))
     log("encounters in the corpus")
     windows = [

@@ -42,7 +42,7 @@ class Dataset:
     manifest: Mapping[str, Any]
     rows: tuple[InstructionRow, ...]
 
-    def scenes(self, rows: tuple[InstructionRow, ...]) -> Iterator[tuple[int, SceneRecord]]:
+    def read_scenes(self, rows: tuple[InstructionRow, ...]) -> Iterator[tuple[int, SceneRecord]]:
         """The scenes of some rows, numbered."""
         for number, row in enumerate(rows):
             if row.folder is not None:

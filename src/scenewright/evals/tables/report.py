@@ -14,7 +14,7 @@ from scenewright.evals.tables.fidelity_tables import FidelityCell
 from scenewright.evals.tables.likelihood import READINGS, Gap
 from scenewright.evals.tables.nearness import UNITS, ReferenceDistance
 from scenewright.evals.tables.produce import INTENT_AT, RELATION_AT, Tables
-from scenewright.evals.tables.robustness import Rate
+from scenewright.evals.tables.robustness import RobustnessRate
 from scenewright.scene.candidates import K
 
 _READ = {
@@ -71,7 +71,7 @@ def to_json(tables: Tables) -> dict[str, Any]:
     }
 
 
-def _rate_json(rate: Rate) -> dict[str, Any]:
+def _rate_json(rate: RobustnessRate) -> dict[str, Any]:
     return {
         "backend": rate.backend,
         "event": rate.event,
@@ -99,12 +99,12 @@ def format_markdown(tables: Tables) -> str:
 def _format_about(tables: Tables) -> Iterator[str]:
     lines = []
     for key, value in tables.about.items():
-        told = (
+        text = (
             ", ".join(f"{k} {_cut(str(v))}" for k, v in value.items())
             if isinstance(value, dict)
             else value
         )
-        lines.append(f"- {key}: {'–' if told is None else told}")
+        lines.append(f"- {key}: {'–' if text is None else text}")
     yield "\n".join(lines)
 
 
@@ -199,7 +199,7 @@ def _format_robustness(tables: Tables) -> Iterator[str]:
     yield format_table(["backend", "event", "verified / given", "ISR [%]", "95 %"], rows)
 
 
-def _format_percent(rate: Rate) -> str:
+def _format_percent(rate: RobustnessRate) -> str:
     found = rate.share.interval
     return "" if found is None else f"[{100 * found[0]:.1f}, {100 * found[1]:.1f}]"
 
@@ -216,7 +216,7 @@ def _format_understanding(tables: Tables) -> Iterator[str]:
         yield "Not measured here; `scenewright evals understanding` does that."
     else:
         yield (
-            f"Test half. Exits told after {INTENT_AT:g} s, relations after {RELATION_AT:g} s of "
+            f"Test half. Exits after {INTENT_AT:g} s, relations after {RELATION_AT:g} s of "
             "observation; *overall* F1 is the mean of the three. The paper states no window, and "
             "its overall is not the mean of its columns. All windows, methods and definitions: "
             "`scenewright evals understanding`."

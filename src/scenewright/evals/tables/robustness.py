@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from scenewright.evals.planning import Share
+from scenewright.evals.planning import PlanningShare
 from scenewright.evals.tables.reading import Dataset
 
 RARE = ("collision", "yielding")
@@ -13,7 +13,7 @@ RARE = ("collision", "yielding")
 
 
 @dataclass(frozen=True)
-class Rate:
+class RobustnessRate:
     """ISR of one backend: verified scenes / instructions given (SEMANTICS section 6).
 
     Attributes:
@@ -22,25 +22,31 @@ class Rate:
 
     backend: str
     event: str
-    share: Share
+    share: PlanningShare
 
 
-def compute_robustness(dataset: Dataset) -> tuple[Rate, ...]:
+def compute_robustness(dataset: Dataset) -> tuple[RobustnessRate, ...]:
     """A rate for each backend and event; every instruction counts, retries of an order too."""
     return tuple(rate for backend in dataset.backends for rate in _compute_rates(dataset, backend))
 
 
-def _compute_rates(dataset: Dataset, backend: str) -> Iterator[Rate]:
+def _compute_rates(dataset: Dataset, backend: str) -> Iterator[RobustnessRate]:
     mine = [row for row in dataset.rows if row.backend == backend and row.scope]
     events = dict.fromkeys(row.event or "unknown" for row in mine)
     for event in events:
         rows = [row for row in mine if (row.event or "unknown") == event]
-        yield Rate(backend, event, Share(sum(row.verified for row in rows), len(rows)))
+        yield RobustnessRate(
+            backend, event, PlanningShare(sum(row.verified for row in rows), len(rows))
+        )
     rare = [row for row in mine if row.event in RARE]
     if rare:
-        yield Rate(backend, "overall", Share(sum(row.verified for row in rare), len(rare)))
+        yield RobustnessRate(
+            backend, "overall", PlanningShare(sum(row.verified for row in rare), len(rare))
+        )
     if mine:
-        yield Rate(backend, "all", Share(sum(row.verified for row in mine), len(mine)))
+        yield RobustnessRate(
+            backend, "all", PlanningShare(sum(row.verified for row in mine), len(mine))
+        )
 
 
 def count_out_of_scope(dataset: Dataset) -> int:

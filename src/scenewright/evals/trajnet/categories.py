@@ -24,9 +24,9 @@ SUBTYPE_NAMES = {
 }
 
 STANDING = 1.0
-"""Who ends less than this far from where it began is static [m]."""
+"""An agent that ends less than this far from its start is static [m]."""
 STRAIGHT = 0.5
-"""Whose last position the filter predicts better than this is linear [m]."""
+"""An agent whose last position the filter predicts better than this is linear [m]."""
 _NEAR, _CONE, _SIDE = 5.0, 15.0, 45.0
 _STRIDE = 3
 _GROUP_DISTANCE, _GROUP_DEVIATION = 0.8, 0.2

@@ -66,9 +66,9 @@ def evaluate(
     from scenewright.tools.trajnet_refiner.store import load_refiner
 
     net = load_refiner(weights, task="benchmark")
-    told = KINDS_OF_GOALS if net.config.goals and found[0].rows else KINDS_OF_GOALS[:1]
+    kinds = KINDS_OF_GOALS if net.config.goals and found[0].rows else KINDS_OF_GOALS[:1]
     return found + [
-        _evaluate_predictor(recordings, Refining(net), "refiner", goals, log) for goals in told
+        _evaluate_predictor(recordings, Refining(net), "refiner", goals, log) for goals in kinds
     ]
 
 
@@ -81,7 +81,7 @@ def _evaluate_predictor(
 ) -> Evaluated:
     predicted, scores = [], []
     for recording in recordings:
-        with_goals = "" if goals == "none" else f", told the {goals}"
+        with_goals = "" if goals == "none" else f", given the {goals}"
         log(f"{recording.name}: {name}{with_goals}")
         scenes = predict_scenes(recording, predictor, goals=goals)
         predicted.append(scenes)

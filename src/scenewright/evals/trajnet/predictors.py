@@ -1,4 +1,4 @@
-"""Who predicts: constant velocity, the refiner, and boosted trees as a rival of another family."""
+"""Predictors: constant velocity, the refiner, and boosted trees as a rival of another family."""
 
 from __future__ import annotations
 
@@ -173,10 +173,10 @@ class BoostedTrees:
         features, targets, weights = [], [], []
         for window in windows:
             past, future = window.xy[:, :OBSERVED], window.xy[:, OBSERVED:]
-            told, along = self._compute_features(past)
+            own, along = self._compute_features(past)
             off = _rotate(future - predict_constant_velocity([past])[0], along, back=True)
             known = np.isfinite(off).all(axis=(1, 2))
-            features.append(told[known])
+            features.append(own[known])
             targets.append(off[known].reshape(-1, 2 * PREDICTED))
             weights.append(window.weight[known])
         x, y, w = (np.concatenate(part) for part in (features, targets, weights))
@@ -194,14 +194,14 @@ class BoostedTrees:
     ) -> list[FloatArray]:
         """See `Predictor`; goals are not looked at."""
         del goals, due, step
-        told = [self._compute_features(past) for past in pasts]
-        x = np.concatenate([features for features, _ in told])
+        computed = [self._compute_features(past) for past in pasts]
+        x = np.concatenate([features for features, _ in computed])
         off = np.stack([tree.predict(x) for tree in self._trees], axis=1)
         parts = np.split(off.reshape(-1, PREDICTED, 2), np.cumsum([len(p) for p in pasts])[:-1])
         straight = predict_constant_velocity(pasts)
         return [
             base + _rotate(part, along, back=False)
-            for base, part, (_, along) in zip(straight, parts, told, strict=True)
+            for base, part, (_, along) in zip(straight, parts, computed, strict=True)
         ]
 
     def _compute_features(self, past: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -214,12 +214,12 @@ class BoostedTrees:
         offset = past[None, :, -1] - past[:, None, -1]
         relative = moves[None, :, -1] - moves[:, None, -1]
         distance = np.linalg.norm(offset, axis=-1) + np.where(np.eye(n, dtype=bool), np.inf, 0.0)
-        who = np.argsort(distance, axis=1, kind="stable")[:, :k]
+        nearest = np.argsort(distance, axis=1, kind="stable")[:, :k]
         row = np.arange(n)[:, None]
         near = np.full((n, k, 5), np.nan)
-        near[:, : who.shape[1], :2] = _rotate(offset[row, who], along, back=True)
-        near[:, : who.shape[1], 2:4] = _rotate(relative[row, who], along, back=True)
-        near[:, : who.shape[1], 4] = distance[row, who]
+        near[:, : nearest.shape[1], :2] = _rotate(offset[row, nearest], along, back=True)
+        near[:, : nearest.shape[1], 2:4] = _rotate(relative[row, nearest], along, back=True)
+        near[:, : nearest.shape[1], 4] = distance[row, nearest]
         near[~np.isfinite(near[..., 4])] = np.nan
         own = _rotate(moves, along, back=True).reshape(n, -1)
         return np.concatenate((own, length, near.reshape(n, -1)), axis=1), along

@@ -72,9 +72,9 @@ class BenchmarkRecording:
         """Cut positions [P, steps, 2] [m] of all agents from frame `start` on; NaN without row."""
         out = np.full((len(self.ids), steps, 2), np.nan)
         for k in range(steps):
-            who, xy = self.rows.get(start + k * self.stride, (None, None))
-            if who is not None:
-                out[who, k] = xy
+            index, xy = self.rows.get(start + k * self.stride, (None, None))
+            if index is not None:
+                out[index, k] = xy
         return out
 
 
@@ -149,12 +149,12 @@ def _build_recording(
     stride, fps = strides.pop()
     keys = np.array(sorted(rows, key=lambda key: (key[1], key[0])))
     xy = np.array([rows[p, f] for p, f in keys.tolist()])
-    ids, who = np.unique(keys[:, 0], return_inverse=True)
+    ids, index = np.unique(keys[:, 0], return_inverse=True)
     frames, begins = np.unique(keys[:, 1], return_index=True)
-    parts = zip(np.split(who, begins[1:]), np.split(xy, begins[1:]), strict=True)
+    parts = zip(np.split(index, begins[1:]), np.split(xy, begins[1:]), strict=True)
     first, last = np.empty((len(ids), 2)), np.empty((len(ids), 2))
-    last[who] = xy  # rows are in the order of time, so each pedestrian's last one stays
-    first[who[::-1]] = xy[::-1]
+    last[index] = xy  # rows are in the order of time, so each pedestrian's last one stays
+    first[index[::-1]] = xy[::-1]
     by_frame = dict(zip(frames.tolist(), parts, strict=True))
     return BenchmarkRecording(path.stem, scenes, stride, 1.0 / fps, ids, by_frame, first, last)
 
@@ -169,11 +169,11 @@ def format_prediction(
     """
     scene = {"id": row.id, "p": row.primary, "s": row.start, "e": row.end, "fps": row.fps, "tag": 0}
     yield json.dumps({"scene": scene})
-    for who, track in zip(ids, xy, strict=True):
+    for index, track in zip(ids, xy, strict=True):
         for k, (x, y) in enumerate(track):
             entry = {
                 "f": row.start + (OBSERVED + k) * stride,
-                "p": int(who),
+                "p": int(index),
                 "x": round(float(x), 2),
                 "y": round(float(y), 2),
                 "prediction_number": 0,

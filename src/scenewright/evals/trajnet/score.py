@@ -36,12 +36,12 @@ class PredictedScene:
 
     Attributes:
         row: as the file names it.
-        who: [M] places of the predicted among the recording's pedestrians, the primary first.
+        places: [M] places of the predicted among the recording's pedestrians, the primary first.
         xy: [M, 12, 2] [m], rounded to centimetres as the benchmark's files are.
     """
 
     row: SceneRow
-    who: NDArray[np.int64]
+    places: NDArray[np.int64]
     xy: FloatArray
 
 
@@ -78,10 +78,10 @@ def predict_scenes(
     places, pasts, given, gone = [], [], [], []
     for start in starts:
         xy = recording.stretch(start)
-        who = np.flatnonzero(~np.isnan(xy[:, OBSERVED - 1, 0]))
-        places.append(who)
-        pasts.append(xy[who, :OBSERVED])
-        given.append(recording.last[who] if goals == "destination" else xy[who, -1])
+        seen_places = np.flatnonzero(~np.isnan(xy[:, OBSERVED - 1, 0]))
+        places.append(seen_places)
+        pasts.append(xy[seen_places, :OBSERVED])
+        given.append(recording.last[seen_places] if goals == "destination" else xy[seen_places, -1])
         gone.append(_extend_gone(xy[:, :OBSERVED]))
     ahead = predictor(
         pasts,
@@ -89,40 +89,40 @@ def predict_scenes(
         due=PREDICTED if goals == "horizon" else None,
         step=recording.step,
     )
-    everybody = [
-        (np.concatenate((who, left)), np.concatenate((xy, beyond)), len(who))
-        for who, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
+    all_futures = [
+        (np.concatenate((seen_places, left)), np.concatenate((xy, beyond)), len(seen_places))
+        for seen_places, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
     ]
-    by_start = dict(zip(starts, everybody, strict=True))
+    by_start = dict(zip(starts, all_futures, strict=True))
     return [_build_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
 
 
 def _extend_gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """Find agents gone at the last observed step, and extend their motion [M, 12, 2]."""
     seen = ~np.isnan(past[..., 0])
-    who = np.flatnonzero(seen.any(axis=1) & ~seen[:, -1])
-    last = OBSERVED - 1 - np.argmax(seen[who, ::-1], axis=1)
-    at = past[who, last]
-    move = np.nan_to_num(at - past[who, np.maximum(last - 1, 0)])
+    seen_places = np.flatnonzero(seen.any(axis=1) & ~seen[:, -1])
+    last = OBSERVED - 1 - np.argmax(seen[seen_places, ::-1], axis=1)
+    at = past[seen_places, last]
+    move = np.nan_to_num(at - past[seen_places, np.maximum(last - 1, 0)])
     steps = (OBSERVED - last)[:, None] + np.arange(PREDICTED)
-    return who, at[:, None] + steps[..., None] * move[:, None]
+    return seen_places, at[:, None] + steps[..., None] * move[:, None]
 
 
 def _build_scene(
     recording: BenchmarkRecording,
     row: SceneRow,
-    who: NDArray[np.int64],
+    seen_places: NDArray[np.int64],
     ahead: FloatArray,
     present: int,
 ) -> PredictedScene:
-    is_primary = recording.ids[who] == row.primary
+    is_primary = recording.ids[seen_places] == row.primary
     if not is_primary[:present].any():
         raise InputError(
             f"{recording.name}.ndjson: the primary of scene {row.id}, pedestrian {row.primary}, "
             "is not there at the ninth step"
         )
     order = np.argsort(~is_primary, kind="stable")
-    return PredictedScene(row, who[order], ahead[order].round(2))
+    return PredictedScene(row, seen_places[order], ahead[order].round(2))
 
 
 def score_scenes(
@@ -137,15 +137,15 @@ def score_scenes(
 def _score(
     recording: BenchmarkRecording, scene: PredictedScene, real: FloatArray
 ) -> SceneScore | None:
-    truth = real[scene.who[0], OBSERVED:]
+    truth = real[scene.places[0], OBSERVED:]
     if np.isnan(truth).any():
         return None
-    others = np.delete(real, scene.who[0], axis=0)
+    others = np.delete(real, scene.places[0], axis=0)
     others = others[~np.isnan(others[..., 0]).all(axis=1)]
     observed = others[~np.isnan(others[:, :OBSERVED, 0]).all(axis=1)]
     kind, parts = scene.row.type, scene.row.subtypes
     if kind is None:
-        kind, parts = categorise(real[scene.who[0]], others)
+        kind, parts = categorise(real[scene.places[0]], others)
     ade, fde = compute_displacement(scene.xy[0], truth)
     neighbours = scene.xy[1:]
     return SceneScore(
@@ -165,7 +165,7 @@ def format_predictions(
     """The predictions in the benchmark's own format, line by line."""
     for scene in scenes:
         yield from format_prediction(
-            scene.row, stride=recording.stride, ids=recording.ids[scene.who], xy=scene.xy
+            scene.row, stride=recording.stride, ids=recording.ids[scene.places], xy=scene.xy
         )
 
 
@@ -206,31 +206,31 @@ def build_table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[ScoreRow
 def _build_row(name: str, scores: Sequence[SceneScore], seed: int) -> ScoreRow:
     people = sorted({s.person for s in scores})
     place = {person: k for k, person in enumerate(people)}
-    whose = np.array([place[s.person] for s in scores])
+    groups = np.array([place[s.person] for s in scores])
     draws = draw_resamples(len(people), draws=_RESAMPLES, seed=seed)
     values, intervals = {}, {}
     for measure in MEASURES:
         given = [getattr(s, measure) for s in scores]
         x = np.array([np.nan if v is None else float(v) for v in given])
         x = 100 * x if measure.startswith("col") else x
-        values[measure], intervals[measure] = compute_mean_with_interval(x, whose, draws)
+        values[measure], intervals[measure] = compute_mean_with_interval(x, groups, draws)
     return ScoreRow(name, len(scores), len(people), values, intervals)
 
 
 def compute_mean_with_interval(
-    x: FloatArray, whose: NDArray[np.int64], draws: NDArray[np.int64]
+    x: FloatArray, groups: NDArray[np.int64], draws: NDArray[np.int64]
 ) -> tuple[float | None, tuple[float, float] | None]:
     """Mean of the values and its 95 % interval; None without any.
 
     Args:
-        x: [S] one value per scene; NaN is left out; whose: [S] its person.
+        x: [S] one value per scene; NaN is left out; groups: [S] its person.
         draws: [R, people] how often each person was drawn, R times.
     """
     known = ~np.isnan(x)
     if not known.any():
         return None, None
-    total = np.bincount(whose[known], x[known], minlength=draws.shape[1])
-    count = np.bincount(whose[known], minlength=draws.shape[1])
+    total = np.bincount(groups[known], x[known], minlength=draws.shape[1])
+    count = np.bincount(groups[known], minlength=draws.shape[1])
     counted = draws @ count
     means = (draws @ total)[counted > 0] / counted[counted > 0]
     return float(x[known].mean()), compute_interval(means)

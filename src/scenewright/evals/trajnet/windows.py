@@ -43,7 +43,7 @@ class Weights:
 
 EVERYBODY = Weights()
 BENDING = Weights({1: 0.1, 2: 0.1, 3: 1.0, 4: 0.8}, untyped=0.4, by_motion=True)
-"""Most for those who do not simply keep going, as in the scenes that the benchmark looks at."""
+"""Most for agents that do not simply keep going, as in the scenes that the benchmark uses."""
 
 
 def cut_training_windows(
@@ -76,12 +76,12 @@ def _cut_windows(recording: BenchmarkRecording, weights: Weights, back: bool) ->
         now = seen[:, OBSERVED - 1]
         if not (now & seen[:, OBSERVED - 2] & seen[:, OBSERVED:].any(axis=1)).any():
             continue
-        who = np.flatnonzero(now)
-        types = np.array([kinds.get((int(p), start)) or 0 for p in recording.ids[who]])
+        present = np.flatnonzero(now)
+        types = np.array([kinds.get((int(p), start)) or 0 for p in recording.ids[present]])
         if weights.by_motion:
-            types = np.where(types == 0, _classify_by_motion(xy[who]), types)
+            types = np.where(types == 0, _classify_by_motion(xy[present]), types)
         weight = np.array([weights.by_type[t] if t else weights.untyped for t in types.tolist()])
-        yield Window(xy[who], np.zeros(len(who), np.int64), goals[who], weight)
+        yield Window(xy[present], np.zeros(len(present), np.int64), goals[present], weight)
 
 
 def _classify_by_motion(xy: FloatArray) -> NDArray[np.int64]:

@@ -45,7 +45,7 @@ THREAT, LOOK_BACK = 3.0, 6.0
 OVER = 2.0
 """An event is over so long after its time [s]."""
 NEAR = 10.0
-"""Two who come this near one another [m] are the parties about whom a normal clip is cut."""
+"""Two agents that come this near one another [m] are the parties of a normal clip."""
 _COUNTED = (0.0, IN_VIEW, 4.0)
 """The agents in view by these times [s] are counted, class by class."""
 _UNLIKE = 2
@@ -59,11 +59,11 @@ class ForeseenEvent:
     """An event with the time from which it can be seen coming [s]."""
 
     event: Event
-    told: float
+    decided: float
 
     def lies_outside(self, start: float) -> bool:
         """Whether a clip that begins then [s] has nothing of it."""
-        return self.told > start + LENGTH or self.event.time + OVER < start
+        return self.decided > start + LENGTH or self.event.time + OVER < start
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,8 @@ class ClipSource:
 
 
 def read_source(folder: Path) -> ClipSource:
-    """Read a scene, and measure when its events can be seen coming and who comes near whom.
+    """Read a scene, and measure when its events can be foreseen and which agents come near one
+    another.
 
     Raises:
         InputError: a file is missing or is not what it should be.
@@ -94,7 +95,7 @@ def read_source(folder: Path) -> ClipSource:
     tracks = {track.id: track for track in build_trajectories(read_users(case.record))}
     found = [e for e in (*proof.events, *proof.incidental) if e.type in RELATIONS]
     events = tuple(
-        ForeseenEvent(e, find_told_from(e, tracks[e.from_], tracks[e.to])) for e in found
+        ForeseenEvent(e, find_decision_time(e, tracks[e.from_], tracks[e.to])) for e in found
     )
     asked = [e for e in events if e.event in proof.events]
     named = min(asked, key=lambda e: RELATIONS.index(e.event.type), default=None)
@@ -102,7 +103,7 @@ def read_source(folder: Path) -> ClipSource:
     return ClipSource(case, proof, events, named, spans, _find_near_pairs(list(tracks.values())))
 
 
-def find_told_from(event: Event, one: Trajectory, two: Trajectory) -> float:
+def find_decision_time(event: Event, one: Trajectory, two: Trajectory) -> float:
     """Time [s] from which an event can be seen coming: path TTC below 3 s, or slowing for it."""
     times = find_common_times(one, two)
     times = times[(times >= event.time - LOOK_BACK) & (times <= event.time + 1e-6)]
@@ -130,9 +131,9 @@ def list_event_starts(source: ClipSource) -> list[float]:
     """Times [s] at which a clip of the named event may begin, by samples."""
     if source.named is None:
         return []
-    told = source.named.told
-    last = min(told - BEFORE[0], source.case.record.meta.duration - LENGTH)
-    starts = _list_times(max(told - BEFORE[1], 0.0), last)
+    decided = source.named.decided
+    last = min(decided - BEFORE[0], source.case.record.meta.duration - LENGTH)
+    starts = _list_times(max(decided - BEFORE[1], 0.0), last)
     return [start for start in starts if all(_fits(each, source, start) for each in source.events)]
 
 
@@ -143,7 +144,7 @@ def list_normal_starts(source: ClipSource) -> list[float]:
         start
         for start in starts
         if all(each.lies_outside(start) for each in source.events)
-        and any(_meets(source, pair, start) for pair in source.near)
+        and any(_is_meeting(source, pair, start) for pair in source.near)
     ]
 
 
@@ -159,11 +160,11 @@ def _fits(foreseen: ForeseenEvent, source: ClipSource, start: float) -> bool:
     if foreseen.lies_outside(start):
         return True
     seen = all(_is_in_view(source, agent, start) for agent in (event.from_, event.to))
-    soon = foreseen.told < start + BEFORE[0] or event.time < start + SOONEST
+    soon = foreseen.decided < start + BEFORE[0] or event.time < start + SOONEST
     return seen and not soon and event.time <= start + LENGTH
 
 
-def _meets(source: ClipSource, pair: tuple[int, int, FloatArray], start: float) -> bool:
+def _is_meeting(source: ClipSource, pair: tuple[int, int, FloatArray], start: float) -> bool:
     one, two, times = pair
     if not (_is_in_view(source, one, start) and _is_in_view(source, two, start)):
         return False
@@ -178,7 +179,7 @@ def _is_in_view(source: ClipSource, agent: int, start: float) -> bool:
 def count_agents(source: ClipSource, start: float) -> FloatArray:
     """[C] how many agents of each class are in view by the times that are counted.
 
-    A rider counts for more than clips may differ by: few ride to whom nothing happens.
+    A rider counts for more than clips may differ by: few riders are in no event.
     """
     types = {agent.id: agent.type for agent in source.case.record.agents}
     weights = {kind: 1 + _UNLIKE * (kind in RIDERS) for kind in AGENT_CLASSES}

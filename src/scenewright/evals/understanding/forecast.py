@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
-from scenewright.evals.understanding.observation import LightRow, ObservedAgent, SceneObservation
+from scenewright.evals.understanding.observation import LightRow, ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import (
     RouteComponents,
     brake_backwards,
@@ -123,7 +123,7 @@ class _Lights(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Drive:
+class _DriveForecast:
     """K sampled routes of one agent with their driving profiles, before stops."""
 
     agent: ObservedAgent
@@ -146,7 +146,7 @@ class _Drive:
 
 
 def forecast_scene(
-    observation: SceneObservation, known: Mapping[str, RoutePosterior] | None = None
+    observation: ObservedScene, known: Mapping[str, RoutePosterior] | None = None
 ) -> SceneForecast:
     """Sample `SIZE` futures of every agent still on the map.
 
@@ -174,13 +174,13 @@ def forecast_scene(
     )  # fmt: skip
 
 
-def _measure_distance_left(drive: _Drive) -> float:
+def _measure_distance_left(drive: _DriveForecast) -> float:
     """Median distance to the line [m]: agents ahead are forecast before those behind them."""
     return float(np.median(drive.line - drive.begins))
 
 
 def _forecast_agent(
-    drive: _Drive, plan: _Stops, rng: np.random.Generator
+    drive: _DriveForecast, plan: _Stops, rng: np.random.Generator
 ) -> tuple[AgentForecast, AgentForecast, float]:
     """The future, the one had it not slowed down, and the delay [m/s]."""
     drive, plan = _ignore_stops(drive, plan, rng)
@@ -195,7 +195,7 @@ def _seed_rng(values: FloatArray) -> np.random.Generator:
 
 def _sample_drive(
     agent: ObservedAgent, posterior: RoutePosterior, rng: np.random.Generator
-) -> _Drive:
+) -> _DriveForecast:
     components = posterior.components
     picked, weight = _sample_components(posterior, rng)
     curve, component = _sample_curves(posterior, picked, rng), posterior.kept[picked]
@@ -204,7 +204,7 @@ def _sample_drive(
     lateral = law[:, 3:4] / np.maximum(np.abs(components.curvature[component]), 1e-3)
     limit = brake_backwards(s, np.minimum(law[:, :1] ** 2, lateral), law[:, 2:3])
     line = components.line[component] - (agent.length / 2 if agent.is_vehicle else 0.0)
-    return _Drive(
+    return _DriveForecast(
         agent, components, component, weight, np.zeros(SIZE, dtype=np.bool_), curve, s, limit,
         law, _project(curve, s, agent.xy[-1]), line, np.full(SIZE, np.inf),
     )  # fmt: skip
@@ -286,7 +286,7 @@ def _project(curve: FloatArray, s: FloatArray, xy: FloatArray) -> FloatArray:
     return np.asarray(s[k, i] + ((xy - curve[k, i]) * chord).sum(axis=1) / length)
 
 
-def _find_leader(n: int, drives: Sequence[_Drive]) -> int | None:
+def _find_leader(n: int, drives: Sequence[_DriveForecast]) -> int | None:
     """The next vehicle ahead in the lane of a vehicle, if there is one."""
     own = drives[n].agent
     if not own.is_vehicle:
@@ -305,7 +305,7 @@ def _find_leader(n: int, drives: Sequence[_Drive]) -> int | None:
 
 
 def _sample_offsets(
-    intersection_map: IntersectionMap, observation: SceneObservation
+    intersection_map: IntersectionMap, observation: ObservedScene
 ) -> FloatArray | None:
     """[K] offsets [s] of the signal programme under which the lights show what was seen."""
     program = intersection_map.signals
@@ -338,7 +338,7 @@ def _find_signal_group(
 
 def _plan_stops(
     n: int,
-    drives: Sequence[_Drive],
+    drives: Sequence[_DriveForecast],
     earlier: Mapping[int, _Stops],
     lights: _Lights,
     now: float,
@@ -355,7 +355,7 @@ def _plan_stops(
 
 
 def _stop_at_red(
-    drive: _Drive, lights: _Lights, now: float, gap: FloatArray, lag: FloatArray
+    drive: _DriveForecast, lights: _Lights, now: float, gap: FloatArray, lag: FloatArray
 ) -> _Stops:
     plan, program = _Stops(np.full(SIZE, np.inf), np.zeros(SIZE)), lights.intersection_map.signals
     if program is None or lights.offsets is None:
@@ -387,7 +387,7 @@ def _wait_for_green(program: SignalProgram, group: str, times: FloatArray) -> Fl
 
 
 def _stop_in_queue(
-    drive: _Drive, leader: _Drive, queue: _Stops, plan: _Stops, lag: FloatArray
+    drive: _DriveForecast, leader: _DriveForecast, queue: _Stops, plan: _Stops, lag: FloatArray
 ) -> _Stops:
     """Stop behind the leader where that stops first and still stands on arrival."""
     between = float(np.hypot(*(leader.agent.xy[-1] - drive.agent.xy[-1])))
@@ -403,7 +403,9 @@ def _stop_in_queue(
     )
 
 
-def _ignore_stops(drive: _Drive, plan: _Stops, rng: np.random.Generator) -> tuple[_Drive, _Stops]:
+def _ignore_stops(
+    drive: _DriveForecast, plan: _Stops, rng: np.random.Generator
+) -> tuple[_DriveForecast, _Stops]:
     """Let some futures ignore their stop, weighted by how the agent has braked so far."""
     place, speed = plan.place, drive.speed
     held, runs = np.isfinite(place), rng.random(len(place)) < _RUNS
@@ -424,7 +426,7 @@ def _is_slowing(agent: ObservedAgent) -> bool:
     return len(last) > 2 and bool(last[0] - last[-1] > 0.08 * len(last))
 
 
-def _compute_profile(drive: _Drive, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _compute_profile(drive: _DriveForecast, place: FloatArray) -> tuple[FloatArray, FloatArray]:
     """[K, P+2] nodes [m] with the present position and the stop, and squared speed there."""
     stop = np.where(np.isfinite(place), place, drive.s[:, -1])[:, None]
     stops = np.isfinite(place)[:, None]
@@ -441,7 +443,7 @@ def _compute_profile(drive: _Drive, place: FloatArray) -> tuple[FloatArray, Floa
     return nodes, np.maximum(w, 0.0)
 
 
-def _compute_times(drive: _Drive, plan: _Stops) -> tuple[FloatArray, FloatArray]:
+def _compute_times(drive: _DriveForecast, plan: _Stops) -> tuple[FloatArray, FloatArray]:
     """[K, P+2] nodes [m], strictly rising for interpolation, and when each is reached [s]."""
     nodes, w = _compute_profile(drive, plan.place)
     v = np.sqrt(w)
@@ -458,7 +460,7 @@ def _compute_times(drive: _Drive, plan: _Stops) -> tuple[FloatArray, FloatArray]
     return nodes, times
 
 
-def _compute_arrival(drive: _Drive, plan: _Stops, at: FloatArray) -> FloatArray:
+def _compute_arrival(drive: _DriveForecast, plan: _Stops, at: FloatArray) -> FloatArray:
     """[K] when the arc length `at` is reached [s from now]."""
     nodes, times = _compute_times(drive, plan)
     finite = np.where(np.isfinite(at), at, 0.0)[:, None]
@@ -467,7 +469,7 @@ def _compute_arrival(drive: _Drive, plan: _Stops, at: FloatArray) -> FloatArray:
 
 
 def _sample_track(
-    drive: _Drive, plan: _Stops, free: FloatArray, *, after: float = 0.0
+    drive: _DriveForecast, plan: _Stops, free: FloatArray, *, after: float = 0.0
 ) -> AgentForecast:
     """The agent along its routes, every `DT` from `after` [s] on."""
     nodes, times = _compute_times(drive, plan)
@@ -481,14 +483,14 @@ def _sample_track(
     )  # fmt: skip
 
 
-def _measure_delay(drive: _Drive, future: AgentForecast) -> float:
+def _measure_delay(drive: _DriveForecast, future: AgentForecast) -> float:
     """Weighted median of how much slower it is than its route and stops allow [m/s]."""
     values = np.where(future.held, 0.0, future.free - drive.speed)
     order = np.argsort(values)
     return float(values[order[np.searchsorted(np.cumsum(future.weight[order]), 0.5)]])
 
 
-def _forecast_unslowed(drive: _Drive, future: AgentForecast, plan: _Stops) -> AgentForecast:
+def _forecast_unslowed(drive: _DriveForecast, future: AgentForecast, plan: _Stops) -> AgentForecast:
     """The future as if it had kept its speed since it began to slow down."""
     agent = drive.agent
     desired = _find_desired_speed(agent)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import (
     RouteComponents,
     interpolate_rows,
@@ -65,7 +65,7 @@ class RoutePosterior:
         return np.asarray(self.weights @ self.components.match_exits(sides)[self.kept])
 
 
-def infer_routes(observation: SceneObservation) -> dict[str, RoutePosterior]:
+def infer_routes(observation: ObservedScene) -> dict[str, RoutePosterior]:
     """Compute the posterior of every observed agent."""
     place, hour = observation.intersection, observation.hour
     return {

@@ -6,7 +6,7 @@ from typing import Any, Literal, cast
 
 from pydantic import BaseModel, Field, create_model, model_validator
 
-from scenewright.backends import Backend, Question, Task, Wording
+from scenewright.backends import Backend, Prompt, Question, Task
 from scenewright.errors import InputError
 from scenewright.evals.understanding.labels import PairRelation
 from scenewright.evals.understanding.scene_description import SceneDescription
@@ -79,7 +79,7 @@ def ask_about_scene(
         facts={"scene": description.text, "agents": list(names), "sides": list(sides)},
         rejections=rejections,
         seed=0,
-        wording=lambda: Wording(SYSTEM, user, model.model_json_schema()),
+        prompt=lambda: Prompt(SYSTEM, user, model.model_json_schema()),
     )
     reply = cast(Any, ask(backend, question, model, stage="scene_planner"))
     exits = {ids[name]: str(getattr(reply.exits, name)) for name in names}

@@ -81,8 +81,8 @@ def _choose_settings(name: str, intersection: str, backend: Backend | None) -> M
 
 
 def _measure_time(predict: Predict) -> Predict:
-    def measured(row: ObservationRow, case: SceneCase) -> ScenePrediction:
+    def predict_measured(row: ObservationRow, case: SceneCase) -> ScenePrediction:
         before = perf_counter()
         return replace(predict(row, case), seconds=perf_counter() - before)
 
-    return measured
+    return predict_measured

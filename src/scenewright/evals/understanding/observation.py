@@ -93,7 +93,7 @@ class ObservedAgent:
 
 
 @dataclass(frozen=True, eq=False)
-class SceneObservation:
+class ObservedScene:
     """An `ObservationRow` as arrays.
 
     Attributes:
@@ -176,10 +176,10 @@ def _cut_light(row: SignalRecord, window: float) -> LightRow:
     )  # fmt: skip
 
 
-def to_arrays(row: ObservationRow) -> SceneObservation:
+def to_arrays(row: ObservationRow) -> ObservedScene:
     """Convert a row to arrays."""
     agents = tuple(_convert_agent(agent) for agent in row.agents)
-    return SceneObservation(
+    return ObservedScene(
         row.scene, row.intersection, row.window, row.hour, agents, row.lights
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ from scenewright.evals.understanding.forecast import SceneForecast, forecast_sce
 from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
 from scenewright.evals.understanding.observation import (
     ObservationRow,
-    SceneObservation,
+    ObservedScene,
     hash_agents,
     to_arrays,
 )
@@ -41,7 +41,7 @@ def predict_with_routes(row: ObservationRow, case: SceneCase) -> ScenePrediction
     )
 
 
-def forecast_with_routes(observation: SceneObservation, case: SceneCase) -> SceneForecast:
+def forecast_with_routes(observation: ObservedScene, case: SceneCase) -> SceneForecast:
     """Sample futures along the true routes."""
     codes = hash_agents(case.id, (agent.id for agent in case.record.agents))
     routes = {codes[agent.id]: agent.route for agent in case.record.agents}

@@ -58,7 +58,7 @@ _SLACK, _BRAKES = 0.3, 2.5
 
 @dataclass(frozen=True, eq=False)
 class PairFeatures:
-    """Two agents who may interact: their ids and their features, [F] as in `NAMES`."""
+    """Two agents that may interact: their ids and their features, [F] as in `NAMES`."""
 
     a: str
     b: str

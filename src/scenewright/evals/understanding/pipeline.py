@@ -2,7 +2,7 @@
 
     observe -> intend -> predict -> describe -> judge -> report
 
-Every method but the oracles runs through it; `MethodSettings` choose who predicts exits and
+Every method but the oracles runs through it; `MethodSettings` choose what predicts exits and
 relations. Where a language model does, an answer that does not fit goes back to it with the reason;
 when its attempts are spent, the statistical model and the rule checker answer instead.
 """
@@ -34,7 +34,7 @@ from scenewright.evals.understanding.labels import PairRelation
 from scenewright.evals.understanding.language_model import ask_about_scene
 from scenewright.evals.understanding.observation import (
     ObservationRow,
-    SceneObservation,
+    ObservedScene,
     to_arrays,
 )
 from scenewright.evals.understanding.predictions import ScenePrediction
@@ -75,7 +75,7 @@ class UnderstandingState(TypedDict, total=False):
     """Channels of a run; each is written by one node."""
 
     row: ObservationRow
-    observation: SceneObservation
+    observation: ObservedScene
     sides: tuple[str, ...]
     posteriors: Mapping[str, RoutePosterior]
     chances: Mapping[str, FloatArray]
@@ -175,7 +175,7 @@ def report(state: UnderstandingState) -> UnderstandingState:
     return {"prediction": ScenePrediction(exits, state.get("relations"))}
 
 
-def _may_pass(error: Exception) -> bool:
+def _is_transient(error: Exception) -> bool:
     """Whether a question is worth asking again."""
     return isinstance(error, BackendFault) and not error.final
 
@@ -189,7 +189,7 @@ def _compile_graph() -> Any:
         ("observe", observe_scene), ("intend", predict_exits), ("predict", predict_tracks),
         ("describe", describe), ("judge", judge), ("report", report),
     )  # fmt: skip
-    retry = RetryPolicy(max_attempts=3, retry_on=_may_pass)
+    retry = RetryPolicy(max_attempts=3, retry_on=_is_transient)
     for name, node in nodes:
         graph.add_node(name, node, retry_policy=retry if name == "judge" else None)
     graph.add_edge(START, "observe")

@@ -11,7 +11,7 @@ from scenewright.evals.understanding.scoring import (
     DEFINITION,
     KINDS,
     LEADS,
-    Figure,
+    ScoreFigure,
     WindowScores,
 )
 
@@ -74,7 +74,7 @@ def _format_name(scores: MethodScores) -> str:
     return f"{scores.method} ({scores.predictor})" if scores.predictor else scores.method
 
 
-def _format_figures(figures: Mapping[str, Figure], names: Sequence[str]) -> list[str]:
+def _format_figures(figures: Mapping[str, ScoreFigure], names: Sequence[str]) -> list[str]:
     return [
         "none" if f.value is None else f"{f.value:.1f} [{f.low:.1f}, {f.high:.1f}]"
         for f in map(figures.__getitem__, names)

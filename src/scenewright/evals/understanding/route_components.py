@@ -26,7 +26,7 @@ from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 _SPREAD = (-1.2, 0.0, 1.2)
 """Driving profiles tried lie so many standard deviations off the median."""
 _ON_CROSSWALK = 0.05
-"""Riders use a crosswalk so often for every time that somebody walks over it."""
+"""Uses of a crosswalk by riders, per use by a pedestrian."""
 _THIN = 4
 """Every fourth point of a base curve is kept: they lie one or two metres apart."""
 

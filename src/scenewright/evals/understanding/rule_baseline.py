@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.evals.understanding.labels import RELATIONS, PairRelation
-from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event
@@ -31,11 +31,11 @@ HORIZON = 8.0
 LEAST_MOTION = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.3, "scooter": 0.3}
 """Motion from which a heading is computed [m]."""
 
-TrackPredictor = Callable[[SceneObservation], list[FloatArray]]
+TrackPredictor = Callable[[ObservedScene], list[FloatArray]]
 """Of all agents, in order: [T, 2] positions [m] every 0.1 s from now + 0.1 s on."""
 
 
-def predict_constant_velocity(observation: SceneObservation) -> list[FloatArray]:
+def predict_constant_velocity(observation: ObservedScene) -> list[FloatArray]:
     """Continue every agent's last step."""
     ahead = np.arange(1, round(HORIZON / STEP) + 1)[:, None]
     return [
@@ -62,7 +62,7 @@ def load_trajnet(intersection: str) -> TrackPredictor:
     return lambda observation: predict_with_refiner(net, observation)
 
 
-def predict_with_refiner(net: Refiner, observation: SceneObservation) -> list[FloatArray]:
+def predict_with_refiner(net: Refiner, observation: ObservedScene) -> list[FloatArray]:
     """Roll out the refiner, resampled; constant velocity for agents that it cannot predict."""
     import torch
 
@@ -103,7 +103,7 @@ def _resample_past(agent: ObservedAgent, now: float, count: int, step: float) ->
 
 
 def check_predicted_tracks(
-    observation: SceneObservation, predict: TrackPredictor
+    observation: ObservedScene, predict: TrackPredictor
 ) -> tuple[Event, ...]:
     """Run the rule checker on observed and predicted tracks; ids are places in `agents`."""
     intersection_map = load_map(observation.intersection)
@@ -138,9 +138,7 @@ def _build_road_user(
     return RoadUser(n, track, Shape(agent.type, agent.length, agent.width))
 
 
-def to_relations(
-    events: Sequence[Event], observation: SceneObservation
-) -> tuple[PairRelation, ...]:
+def to_relations(events: Sequence[Event], observation: ObservedScene) -> tuple[PairRelation, ...]:
     """Convert events to relations, the gravest of each pair."""
     ids = observation.ids
     found: dict[frozenset[int], PairRelation] = {}

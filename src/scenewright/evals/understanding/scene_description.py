@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
@@ -35,7 +35,7 @@ class SceneDescription:
 
 
 def describe_scene(
-    observation: SceneObservation,
+    observation: ObservedScene,
     exits: Mapping[str, FloatArray],
     sides: tuple[str, ...],
     events: Sequence[Event],
@@ -65,7 +65,7 @@ def describe_scene(
     return SceneDescription(names, "\n".join(lines))
 
 
-def name_agents(observation: SceneObservation) -> dict[str, str]:
+def name_agents(observation: ObservedScene) -> dict[str, str]:
     """Name the agents by class, numbered in the order of their ids."""
     counts = dict.fromkeys(AGENT_CLASSES, 0)
     names = {}
@@ -98,7 +98,7 @@ def _describe_map(intersection_map: IntersectionMap) -> list[str]:
     ]
 
 
-def _describe_lights(observation: SceneObservation) -> list[str]:
+def _describe_lights(observation: ObservedScene) -> list[str]:
     last = {light.stop_line or light.crosswalk or "": light for light in observation.lights}
     states = [
         f"{name.replace(':', ' ')} {light.colour}"
@@ -176,7 +176,7 @@ def _describe_exits(likely: FloatArray, sides: tuple[str, ...]) -> str:
 
 
 def _describe_findings(
-    events: Sequence[Event], observation: SceneObservation, names: Mapping[str, str]
+    events: Sequence[Event], observation: ObservedScene, names: Mapping[str, str]
 ) -> list[str]:
     ids = observation.ids
     return [

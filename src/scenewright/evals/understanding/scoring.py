@@ -60,7 +60,7 @@ class SceneCounts:
 
 
 @dataclass(frozen=True)
-class Figure:
+class ScoreFigure:
     """A share in percent, its 95 % interval, and of how many; None of none."""
 
     value: float | None
@@ -93,9 +93,9 @@ class WindowScores:
     unseen: int
     later: int
     seconds: float | None
-    intent: Mapping[str, Figure] = field(default_factory=dict)
-    relations: Mapping[str, Figure] = field(default_factory=dict)
-    strict: Mapping[str, Figure] = field(default_factory=dict)
+    intent: Mapping[str, ScoreFigure] = field(default_factory=dict)
+    relations: Mapping[str, ScoreFigure] = field(default_factory=dict)
+    strict: Mapping[str, ScoreFigure] = field(default_factory=dict)
     leads: Mapping[str, Sequence[tuple[int, int]]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
@@ -208,7 +208,7 @@ def summarise(
 
 def _summarise_exits(
     counts: Sequence[FloatArray | None], draws: FloatArray
-) -> dict[str, Figure]:  # fmt: skip
+) -> dict[str, ScoreFigure]:  # fmt: skip
     if any(each is None for each in counts):
         return {}
     table = np.array(counts)
@@ -223,7 +223,7 @@ def _summarise_exits(
 
 def _summarise_items(
     counts: Sequence[FloatArray | None], draws: FloatArray
-) -> dict[str, Figure]:  # fmt: skip
+) -> dict[str, ScoreFigure]:  # fmt: skip
     if any(each is None for each in counts):
         return {}
     table = np.array(counts)
@@ -249,9 +249,9 @@ def _divide(part: FloatArray, whole: FloatArray) -> FloatArray:
         return np.asarray(part / whole)
 
 
-def _to_figure(value: FloatArray, drawn: FloatArray, n: float) -> Figure:
+def _to_figure(value: FloatArray, drawn: FloatArray, n: float) -> ScoreFigure:
     if np.isnan(value):
-        return Figure(None, None, None, int(n))
+        return ScoreFigure(None, None, None, int(n))
     low, high = compute_interval(drawn[~np.isnan(drawn)])
     share, low, high = (round(100 * x, 2) for x in (float(value), low, high))
-    return Figure(share, low, high, int(n))
+    return ScoreFigure(share, low, high, int(n))

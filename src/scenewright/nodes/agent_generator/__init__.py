@@ -21,7 +21,7 @@ _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""
 
 _LAWFUL_ATTEMPTS = 9
-"""Refusals after which a red light may be run that nobody asked for."""
+"""Refusals after which a red light may be run without being asked for."""
 
 
 class GeneratorReads(TypedDict):
@@ -40,14 +40,14 @@ class GeneratorWrites(TypedDict):
 
 
 def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> GeneratorWrites:
-    """Draws the cast, the number of background agents and M candidates for everybody."""
+    """Draws the foreground agents, the number of background agents and M candidates per agent."""
     context = runtime.context
     graph, pins = state["social_graph"], state.get("pinned")
     if pins is not None:
         return _draw_around_frozen(pins, state, context)
     rejections = state.get("rejections", [])
-    rng = context.rng("agent_generator", rejections)
-    hour = choose_hour(graph.context, context.priors, context.rng("agent_generator", []))
+    rng = context.make_rng("agent_generator", rejections)
+    hour = choose_hour(graph.context, context.priors, context.make_rng("agent_generator", []))
     # Fresh numbers after every failure would leave thin streets, where all find room.
     kept = rejections[: len(rejections) // _KEEPS * _KEEPS]
     cast = assign_foreground(
@@ -67,7 +67,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
         hour=hour,
         size=context.draws,
         background_size=_CROWD_DRAWS if context.selection == "draw" else None,
-        numbers=context.rng("background_numbers", kept),
+        numbers=context.make_rng("background_numbers", kept),
         max_agents=context.max_agents,
         rng=rng,
     )
@@ -88,7 +88,7 @@ def _draw_around_frozen(
         intersection_map=context.intersection,
         size=context.draws,
         background_size=_CROWD_DRAWS if context.selection == "draw" else None,
-        rng=context.rng("agent_generator", state.get("rejections", [])),
+        rng=context.make_rng("agent_generator", state.get("rejections", [])),
     )
     context.log("agent_generator", f"{len(pins.same)} agents stay as they were")
     return {"candidates": pool}

@@ -16,6 +16,7 @@ from scenewright.backends import Question
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_latest_rejections
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.event_reasoner.prompts import render_stops_prompt
 from scenewright.nodes.event_reasoner.reply import (
     SegmentReply,
     StopsReply,
@@ -23,7 +24,6 @@ from scenewright.nodes.event_reasoner.reply import (
     check_segments,
     check_track,
 )
-from scenewright.nodes.event_reasoner.wording import render_stops_prompt
 from scenewright.nodes.remaining import (
     Left,
     is_last_answer,
@@ -76,7 +76,7 @@ def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> Reas
 
 
 def edit_segments(
-    told: Mapping[str, Sequence[SegmentReply]],
+    segments: Mapping[str, Sequence[SegmentReply]],
     state: ReasonerReads,
     *,
     runtime: Runtime[RunContext],
@@ -84,7 +84,7 @@ def edit_segments(
     """The same with segments that an agent has written itself, checked against the tracks."""
     context, selection = runtime.context, state["selection"]
     summary = summarise(selection, map_areas=context.ground)
-    own = chain_segments(told, summary)
+    own = chain_segments(segments, summary)
     program = BehaviorProgram(segments={**summary.suggest_segments().segments, **own})
     for each in summary.agents:
         if each.agent in own:
@@ -115,7 +115,7 @@ def _add_stops(state: ReasonerReads, context: RunContext) -> tuple[AddedStops, S
 
     Raises:
         Rejected: with `kept` where another sample may serve them, else the backend may mend it;
-            `out_of_scope`: words stay unserved, and nobody allowed to leave them out.
+            `out_of_scope`: words stay unserved, and leaving them out is not allowed.
     """
     graph, rejections = state["social_graph"], state.get("rejections", [])
     left = list_remaining(graph, "behavior")
@@ -155,7 +155,7 @@ def _place(
 
 
 def _ask_for_stops(left: list[Left], state: ReasonerReads, context: RunContext) -> AddedStops:
-    told = tuple(
+    rejections = tuple(
         each.detail
         for each in list_latest_rejections(state.get("rejections", []), "event_reasoner")
     )
@@ -174,9 +174,9 @@ def _ask_for_stops(left: list[Left], state: ReasonerReads, context: RunContext) 
     question = Question(
         task="behavior",
         facts=facts,
-        rejections=told,
+        rejections=rejections,
         seed=context.seed,
-        wording=lambda: render_stops_prompt(facts, seen, rejections=told),
+        prompt=lambda: render_stops_prompt(facts, seen, rejections=rejections),
         account=context.account,
     )
     reply = ask(context.backend, question, StopsReply, stage="event_reasoner")
@@ -190,10 +190,10 @@ def _list_relations(cast: RoleAssignment) -> list[str]:
 
 
 def _keep_frozen_segments(program: BehaviorProgram, state: ReasonerReads) -> BehaviorProgram:
-    """The program in which those who stay as they were do what they did."""
+    """The program in which unchanged agents act as before."""
     pins = state.get("pinned")
     if pins is None or pins.earlier.duration != state["selection"].duration:
-        return program  # a longer scene has more of everybody to tell
+        return program  # a longer scene has more of each agent
     kept = {name: pins.earlier.agents[name].segments for name in pins.same}
     here = {name: each for name, each in kept.items() if name in program.segments}
     return program.model_copy(update={"segments": {**program.segments, **here}})

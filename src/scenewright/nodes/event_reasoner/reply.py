@@ -1,6 +1,6 @@
-"""What the reasoner may be told: reply models, their schema for a scene, and what they must be.
+"""Replies of a model to the reasoner: their models, their schema for a scene, their checks.
 
-Standstills are told for words that ask for them. Segments end at places of the map, in order of
+Standstills are given for words that ask for them. Segments end at places of the map, in order of
 time, fit the selected tracks, and hold what the relation files want of each role.
 """
 
@@ -41,7 +41,7 @@ _THERE = 0.1
 
 
 class SegmentReply(BaseModel):
-    """A segment as told; one that names no start begins where the one before it ends."""
+    """A segment as given; one that names no start begins where the one before it ends."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -76,7 +76,7 @@ class StopsReply(BaseModel):
 
         Args:
             entries: of the words, in the order of their numbers.
-            agents: those that the request tells of.
+            agents: those that the request names.
 
         Raises:
             Rejected: `malformed_reply`, `unknown_anchor`: words of no number or of which nothing
@@ -127,23 +127,23 @@ def _build_stop_schema(agent: AgentSummary) -> Schema:
 
 
 def chain_segments(
-    told: Mapping[str, Sequence[SegmentReply]], summary: EventSummary
+    replies: Mapping[str, Sequence[SegmentReply]], summary: EventSummary
 ) -> dict[str, tuple[Segment, ...]]:
-    """By agent the segments told; one without a start begins where the one before it ends.
+    """By agent the segments given; one without a start begins where the one before it ends.
 
     Raises:
         Rejected: `malformed_reply` for an agent that is not there.
     """
     agents = {each.agent: each for each in summary.agents}
-    for name in told:
+    for name in replies:
         if name not in agents:
             raise build_rejection("malformed_reply", name, "is not in the scene")
-    return {name: _chain(each, agents[name]) for name, each in told.items()}
+    return {name: _chain(each, agents[name]) for name, each in replies.items()}
 
 
-def _chain(told: Sequence[SegmentReply], agent: AgentSummary) -> tuple[Segment, ...]:
+def _chain(replies: Sequence[SegmentReply], agent: AgentSummary) -> tuple[Segment, ...]:
     now, found = max(agent.enters, 0.0), []
-    for each in told:
+    for each in replies:
         start = now if each.start is None else each.start
         found.append(Segment(start=start, end=each.end, anchor=each.anchor, status=each.status))
         now = each.end
@@ -229,9 +229,9 @@ def check_segments(
 
 
 def _is_excused(status: str, statuses: Sequence[str], agent: AgentSummary) -> bool:
-    """Who stands to the end never goes on, who stands from the start never went before.
+    """An agent that stands to the end never goes on; one that stands first never went before.
 
-    Who gives way without standing has no stop.
+    An agent that gives way without standing has no stop.
     """
     if status == "stop":
         return any(stay.until <= stay.start for stay in agent.stays)

@@ -1,6 +1,6 @@
 """A turn of a conversation read by a language model: what the words change in the scene as it is.
 
-The model is shown who is there and answers with edits, a question back or a refusal. What it says
+The model is shown the agents and answers with edits, a question back or a refusal. What it says
 becomes the same typed values that the grammar makes of words, and passes the same checks.
 """
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from scenewright.backends import Account, Backend, Question, ignore_account
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask
+from scenewright.nodes.revision.prompts import render_edits_prompt
 from scenewright.nodes.revision.reply import EditsReply, to_reading
-from scenewright.nodes.revision.wording import render_edits_prompt
 from scenewright.scene.edits import Reading, Situation
 from scenewright.scene.route_table import RouteDescription
 
@@ -67,7 +67,7 @@ def _build_question(turn: Turn, faults: tuple[str, ...], seed: int, account: Acc
         },
         rejections=faults,
         seed=seed,
-        wording=lambda: render_edits_prompt(
+        prompt=lambda: render_edits_prompt(
             turn.words,
             turn.situation,
             before=turn.before,

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from scenewright.backends.offline import which
+from scenewright.backends.offline import build_clarification
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner.reply import (
     TIME,
@@ -69,18 +69,18 @@ from scenewright.scene.social import (
 
 _MOST_EDITS = 12
 _NEW = 2
-"""Ids that are free for somebody new, of each class."""
+"""Ids that are free for a new agent, of each class."""
 
 _IN_GRAPH = (AddAgent, ChangeAgent, Relate, Unrelate, ChangeContext)
 """Edits that leave everything as it is where they leave the graph."""
 
 
-class _Line(BaseModel):
+class _EditLine(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class AgentLine(_Line):
-    """Somebody who is to be otherwise, or is new."""
+class AgentLine(_EditLine):
+    """An agent that changes, or is new."""
 
     edit: Literal["change_agent", "add_agent"]
     agent: AgentId
@@ -94,21 +94,21 @@ class AgentLine(_Line):
     members: int | None = None
 
 
-class RemoveLine(_Line):
-    """Somebody who is to go."""
+class RemoveLine(_EditLine):
+    """An agent that is removed."""
 
     edit: Literal["remove_agent"]
     agent: AgentId
 
 
-class RedrawLine(_Line):
-    """Somebody, or everybody, who is to take another path."""
+class RedrawLine(_EditLine):
+    """An agent, or all agents, to take another path."""
 
     edit: Literal["redraw"]
     agent: AgentId | None = None
 
 
-class RelateLine(_Line):
+class RelateLine(_EditLine):
     """What is to happen between two; `none` ends it."""
 
     edit: Literal["relate"]
@@ -126,8 +126,8 @@ class RelateLine(_Line):
     first: AgentId | None = None
 
 
-class PaceLine(_Line):
-    """Somebody slower or faster: by a factor, or at a speed [m/s]."""
+class PaceLine(_EditLine):
+    """An agent that becomes slower or faster: by a factor, or at a speed [m/s]."""
 
     edit: Literal["set_pace"]
     agent: AgentId
@@ -141,7 +141,7 @@ class PaceLine(_Line):
         return self
 
 
-class AmountLine(_Line):
+class AmountLine(_EditLine):
     """A stop that is to be further along [m], a wait that is longer, an entry that is later [s]."""
 
     edit: Literal["move_stop", "wait_longer", "come_later"]
@@ -149,7 +149,7 @@ class AmountLine(_Line):
     by: float
 
 
-class ContextLine(_Line):
+class ContextLine(_EditLine):
     """What shall be new of density and time of day, and how many others there shall be."""
 
     edit: Literal["change_context"]
@@ -164,7 +164,7 @@ Line = (
 )  # fmt: skip
 
 
-class AskLine(_Line):
+class AskLine(_EditLine):
     """Words that may mean any of several agents."""
 
     about: str = Field(min_length=1, max_length=40)
@@ -186,8 +186,8 @@ class EditsReply(BaseModel):
 
     @model_validator(mode="after")
     def _check_one_answer(self) -> Self:
-        told = [self.edits, self.ask, self.fresh, self.refused]
-        if sum(bool(each) for each in told) != 1:
+        kinds = [self.edits, self.ask, self.fresh, self.refused]
+        if sum(bool(each) for each in kinds) != 1:
             raise ValueError("say one thing: edits, or with none of them ask, fresh or refused")
         if self.refused and not self.reason:
             raise ValueError("a refusal needs its 'reason'")
@@ -198,7 +198,7 @@ _RIDES = re.compile(r"cycl|bik|scoot", re.IGNORECASE)
 
 
 def list_new_ids(situation: Situation, words: str = "") -> list[str]:
-    """Ids that nobody has, the first of each class; of riders where the words speak of them."""
+    """Unused ids, the first of each class; of riders where the words speak of them."""
     taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
     found: list[str] = []
     for kind in get_args(AgentClass):
@@ -218,7 +218,7 @@ def build_edits_schema(
         named: ids of those that the words may mean.
         words: figures and places on a vehicle are asked for where they may speak of them.
     """
-    who, side = build_reference("agent"), build_reference("side")
+    agent, side = build_reference("agent"), build_reference("side")
     node = {
         "subtype": build_subtype_schema(words),
         "entry": side,
@@ -231,10 +231,10 @@ def build_edits_schema(
     relation: dict[str, Schema] = {
         "kind": build_enum(get_args(CollisionKind)),
         "cause": build_enum(get_args(Cause)),
-        **build_order_schema(words, who),
+        **build_order_schema(words, agent),
     }
     relation |= build_severity_schema(words) | build_manoeuvre_schema(words)
-    ends = {"from": who, "to": who, "type": build_enum((*get_args(RelationType), "none"))}
+    ends = {"from": agent, "to": agent, "type": build_enum((*get_args(RelationType), "none"))}
     context = {
         "density": build_enum(get_args(Density)),
         "time_of_day": build_text(TIME),
@@ -242,20 +242,21 @@ def build_edits_schema(
         "pedestrians": build_integer(0, MOST_BACKGROUND),
     }
     forms = [
-        _build_edit_schema(("change_agent", "add_agent"), {"agent": who}, node),
-        _build_edit_schema(("remove_agent", "redraw"), {}, {"agent": who}),
+        _build_edit_schema(("change_agent", "add_agent"), {"agent": agent}, node),
+        _build_edit_schema(("remove_agent", "redraw"), {}, {"agent": agent}),
         _build_edit_schema(("relate",), ends, relation),
         _build_edit_schema(
             ("set_pace",),
-            {"agent": who},
+            {"agent": agent},
             {"factor": build_number(0.3, 2), "speed": build_number(0.1, 20)},
         ),
         _build_edit_schema(
-            ("move_stop", "wait_longer", "come_later"), {"agent": who, "by": build_number(-20, 20)}
+            ("move_stop", "wait_longer", "come_later"),
+            {"agent": agent, "by": build_number(-20, 20)},
         ),
         _build_edit_schema(("change_context",), {}, context),
     ]
-    asked = {"about": build_reference("text"), "among": build_array(who, least=2, most=6)}
+    asked = {"about": build_reference("text"), "among": build_array(agent, least=2, most=6)}
     return build_object(
         {
             "edits": build_array({"anyOf": forms}, most=_MOST_EDITS),
@@ -291,15 +292,15 @@ def to_reading(
     """What the reply amounts to, as a reading of the words.
 
     Raises:
-        Rejected: it names whom or what there is not, or changes nothing; says what.
+        Rejected: it names what does not exist, or changes nothing; says what.
     """
     if reply.refused is not None:
         return DeclinedTurn(code=reply.refused, reason=str(reply.reason))
     if reply.fresh:
         return NewScene()
     if reply.ask is not None:
-        return which(_list_candidates(reply.ask, situation, chosen), reply.ask.about)
-    reader = _Reader(situation, ways)
+        return build_clarification(_list_candidates(reply.ask, situation, chosen), reply.ask.about)
+    reader = _ReplyReader(situation, ways)
     for line in reply.edits:
         reader.take(line)
     if not reader.found:
@@ -312,8 +313,8 @@ def _list_candidates(
 ) -> list[AgentView]:
     here = {each.id: each for each in situation.present}
     if chosen:
-        told = ", ".join(f"{noun}: {name}" for noun, name in chosen.items())
-        raise _build_rejection(f"ask: it was answered already ({told}); give the edits")
+        choices = ", ".join(f"{noun}: {name}" for noun, name in chosen.items())
+        raise _build_rejection(f"ask: it was answered already ({choices}); give the edits")
     for name in asked.among:
         if name not in here:
             raise _build_rejection(f"ask: there is no {name} in the scene")
@@ -323,7 +324,7 @@ def _list_candidates(
     return found
 
 
-class _Reader:
+class _ReplyReader:
     """The edits so far, and the graph that they leave."""
 
     def __init__(self, situation: Situation, ways: Sequence[RouteDescription]) -> None:
@@ -384,8 +385,8 @@ class _Reader:
         for name in (line.from_, line.to):
             self._require_participant(name)
         if line.type != "none":
-            told = line.model_dump(by_alias=True, exclude={"edit"})
-            return Relate(edge=RelationEdge.model_validate(told))
+            fields = line.model_dump(by_alias=True, exclude={"edit"})
+            return Relate(edge=RelationEdge.model_validate(fields))
         pair = {line.from_, line.to}
         if not any({each.from_, each.to} == pair for each in self._graph.relations):
             raise _build_rejection(f"nothing happens between {line.from_} and {line.to} as it is")
@@ -406,19 +407,17 @@ class _Reader:
         if name in {each.id for each in self._graph.agents}:
             return
         if name in self._present:
-            raise _build_rejection(
-                f"{name} is one of the others; add_agent somebody who takes part"
-            )
+            raise _build_rejection(f"{name} is one of the others; add_agent an agent of an event")
         raise _build_rejection(f"there is no {name} in the scene; add_agent comes first")
 
     def _build_context_edits(self, line: ContextLine) -> list[Edit]:
         was, found = self._graph.context, list[Edit]()
-        told = {
+        given = {
             "density": line.density or was.density,
             "time_of_day": line.time_of_day or was.time_of_day,
         }
         if line.density or line.time_of_day:
-            found.append(ChangeContext.model_validate(told))
+            found.append(ChangeContext.model_validate(given))
         if line.vehicles is not None or line.pedestrians is not None:
             found.append(SetBackground(vehicles=line.vehicles, pedestrians=line.pedestrians))
         if not found:
@@ -440,18 +439,18 @@ class _Reader:
         return self._fit_route(self._graph.agent(line.agent), line)
 
     def _fit_route(self, node: AgentNode, line: AgentLine) -> AgentNode:
-        """The agent with what is told of it, and of its way before as much as goes with that."""
-        told = _list_fields(line)
-        AgentNode.model_validate({"id": node.id, "type": node.type, **told})
+        """The agent with the fields given, and of its former route as much as fits these."""
+        fields = _list_fields(line)
+        AgentNode.model_validate({"id": node.id, "type": node.type, **fields})
         was = {each: getattr(node, each) for each in WAY_FIELDS}
-        way = {each: told[each] for each in WAY_FIELDS if each in told}
+        way = {each: fields[each] for each in WAY_FIELDS if each in fields}
         if way.items() <= was.items():
-            return AgentNode.model_validate({**node.model_dump(), **told})
+            return AgentNode.model_validate({**node.model_dump(), **fields})
         found = resolve_route(node.type, was, way, self._ways)
         if found is None:
             words = ", ".join(f"{key} {value}" for key, value in way.items())
             raise _build_rejection(f"{node.id}: there is no way here with {words}")
-        made = AgentNode.model_validate({**node.model_dump(), **told, **found})
+        made = AgentNode.model_validate({**node.model_dump(), **fields, **found})
         return complete_plan(SocialGraph(agents=(made,)), self._ways).agents[0]
 
 

@@ -14,8 +14,8 @@ from scenewright.nodes.ask import ask, list_stage_faults
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.remaining import refuse_unrealised
 from scenewright.nodes.scene_planner.account import complete_account
+from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
-from scenewright.nodes.scene_planner.wording import render_plan_prompt
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.rejection import Rejection, RejectionCode
@@ -71,7 +71,7 @@ def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerW
 
 
 def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
-    instruction, told = (
+    instruction, rejections = (
         state["instruction"],
         list_stage_faults(state.get("rejections", []), "scene_planner"),
     )
@@ -85,14 +85,14 @@ def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
             "left_hand": context.intersection.left_hand_traffic,
             "roads": {leg.name: leg.road for leg in context.intersection.legs},
         },
-        rejections=told,
+        rejections=rejections,
         seed=context.seed,
-        wording=lambda: render_plan_prompt(
+        prompt=lambda: render_plan_prompt(
             instruction,
             state.get("previous"),
             ways,
             left_hand=context.intersection.left_hand_traffic,
-            rejections=told,
+            rejections=rejections,
             roads=tuple((leg.name, leg.road) for leg in context.intersection.legs),
             examples=context.recall("plan", instruction),
         ),
@@ -137,13 +137,13 @@ def _refuse_emptied(plan: SocialGraph, question: Question) -> None:
     if plan.agents or plan.relations:
         return
     read = load_backend("builtin").answer(question)
-    told = [each["type"] for each in read.get("relations", ())]
-    if told:
+    events = [each["type"] for each in read.get("relations", ())]
+    if events:
         raise Rejected(
             Rejection(
                 stage="scene_planner",
                 code="malformed_reply",
-                detail=f"agents and relations are empty, but the request tells of {told[0]}: name "
+                detail=f"agents and relations are empty, but the request names {events[0]}: name "
                 "who takes part and what they do, or refuse",
             )
         )

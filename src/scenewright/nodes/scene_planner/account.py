@@ -31,12 +31,12 @@ def complete_account(plan: SocialGraph, question: Question) -> tuple[SaidSpan, .
     """The account of a model's plan, with the words that it leaves out.
 
     A model that gives no account at all is not asked for one: the words that nothing in a scene
-    can stand for, or that are left to later stages, are then those in which the offline planner
+    can express, or that are left to later stages, are then those in which the offline planner
     sees such a thing.
 
     Raises:
         Rejected: `malformed_reply`, once, for an account that leaves out a number, a negation, a
-            quantifier or words that nothing in a scene can stand for, or that calls words a part
+            quantifier or words that nothing in a scene can express, or that calls words a part
             of the plan which the plan lacks.
     """
     text = str(question.facts["instruction"])
@@ -89,8 +89,8 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
         case _ if entry.value is not None:
             found = [(entry.agents, entry.value)]
         case "entry" | "exit" | "movement" | "crosswalk" | "motion" | "reaction":
-            told = [each for each in agents if getattr(each, entry.became) is not None]
-            found = [((each.id,), getattr(each, entry.became)) for each in told]
+            given = [each for each in agents if getattr(each, entry.became) is not None]
+            found = [((each.id,), getattr(each, entry.became)) for each in given]
         case "runs_red":
             found = [((each.id,), None) for each in agents if each.runs_red]
         case "relation":
@@ -125,12 +125,12 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
         case _:
             stands = entry.became in ("object", "sight")
             found = _list_objects(entry, plan) if stands else [(entry.agents, None)]
-    for who, value in found or [(entry.agents, _LACKING)]:
-        yield entry.model_copy(update={"agents": who, "value": value})
+    for names, value in found or [(entry.agents, _LACKING)]:
+        yield entry.model_copy(update={"agents": names, "value": value})
 
 
 def _list_objects(entry: SaidSpan, plan: SocialGraph) -> list[tuple[tuple[str, ...], str | None]]:
-    """What stands, or whom it hides from whom."""
+    """A parked object, or the agent that it hides and from which agent."""
     if entry.became == "object":
         return [((), f"{each.id} {each.kind}") for each in plan.objects]
     hiding = [each for each in plan.objects if each.hides is not None]
@@ -138,7 +138,7 @@ def _list_objects(entry: SaidSpan, plan: SocialGraph) -> list[tuple[tuple[str, .
 
 
 _LACKING = "?"
-"""The value of an entry of whose part of the plan there is none."""
+"""The value of an entry that the plan has no part for."""
 
 
 def _find_uncovered_content(text: str, said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:

@@ -1,4 +1,4 @@
-"""What the planner may be told: the reply model, its schema for a map, and what a plan entails."""
+"""Replies of a model to the planner: their model, their schema for a map, what a plan entails."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ _COMMON = frozenset(
         *("while", "then", "left", "right"),
     )
 )
-"""Words that tell no phrase from another."""
+"""Words that do not distinguish phrases."""
 
 
 def _classify_reply(value: Any) -> str:
@@ -118,7 +118,7 @@ class PlanReply(
         rest = {key: each for key, each in value.items() if key not in ("refused", "reason")}
         code = value.get("refused")
         if code is None and not rest:
-            raise ValueError("say who takes part and what happens, or refuse")
+            raise ValueError("name the agents and what happens, or refuse")
         if code is None:  # of a plan the reason is not asked, and does no harm
             return _read_account(_add_classes(rest))
         if rest.get("agents") or rest.get("relations"):
@@ -131,7 +131,7 @@ class PlanReply(
 
 
 def _add_classes(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """The plan, every agent of the class that its id names, where it is told none."""
+    """The plan, every agent of the class that its id names, where none is given."""
     agents = plan.get("agents")
     if not isinstance(agents, list | tuple):
         return dict(plan)
@@ -165,9 +165,9 @@ _KEYS = {
 """Keys of a plan by which a model may call what words became."""
 
 
-def _read_entry(told: str) -> dict[str, Any] | None:
+def _read_entry(text: str) -> dict[str, Any] | None:
     """An entry of the account; None where it is none."""
-    words, _, rest = told.rpartition("=")
+    words, _, rest = text.rpartition("=")
     became, *agents = rest.replace(",", " ").split() or [""]
     became = _KEYS.get(became, became)
     if not words.strip() or became not in BECAME:
@@ -183,7 +183,7 @@ def _add_class(agent: Any) -> Any:
 
 
 def build_plan_schema(
-    ways: Sequence[RouteDescription], told: Sequence[Pattern], words: str
+    ways: Sequence[RouteDescription], patterns: Sequence[Pattern], words: str
 ) -> Schema:
     """The reply's schema: sides, crosswalks and patterns are those there are.
 
@@ -193,9 +193,9 @@ def build_plan_schema(
     """
     legs = build_enum(side for way in ways for side in (way.entry, way.exit))
     crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
-    who, side = build_reference("id"), build_reference("side")
+    agent_id, side = build_reference("id"), build_reference("side")
     agent = {
-        "id": who,
+        "id": agent_id,
         "subtype": build_subtype_schema(words),
         "entry": side,
         "exit": side,
@@ -206,17 +206,17 @@ def build_plan_schema(
     }
     relation = {
         "type": build_enum(get_args(RelationType)),
-        "from": who,
-        "to": who,
+        "from": agent_id,
+        "to": agent_id,
         "kind": build_enum(get_args(CollisionKind)),
         "cause": build_enum(get_args(Cause)),
-        "braker": who,
-        **build_order_schema(words, who),
+        "braker": agent_id,
+        **build_order_schema(words, agent_id),
         **build_manoeuvre_schema(words),
-        **({"pattern": build_enum(each.id for each in told)} if told else {}),
+        **({"pattern": build_enum(each.id for each in patterns)} if patterns else {}),
         **build_severity_schema(words),
     }
-    tie = {"agent": who, "of": who, "side": build_enum(get_args(EntrySide))}
+    tie = {"agent": agent_id, "of": agent_id, "side": build_enum(get_args(EntrySide))}
     count = build_integer(0, MOST_BACKGROUND)
     context = {
         "density": build_enum(get_args(Density)),
@@ -282,8 +282,8 @@ def build_object_schema(words: str, side: Schema) -> Schema:
         "kind": build_enum(get_args(ObjectKind)),
         "subtype": build_subtype_schema(words),
         "leg": side,
-        "hides": who,
-        "hidden_from": who,
+        "hides": agent,
+        "hidden_from": agent,
         "lead": {"type": "array", "items": build_number(0, 10), "minItems": 2, "maxItems": 2},
         "lane": build_enum(("left", "right")),
         "met_by": who,
@@ -302,9 +302,10 @@ _STANDING = re.compile(
 )
 
 
-def build_order_schema(words: str, who: Schema) -> Schema:
-    """The key of a relation that says who passes first, where the words may speak of that."""
-    return {"first": who} if _IN_ORDER.search(words) else {}
+def build_order_schema(words: str, agent: Schema) -> Schema:
+    """The key of a relation that names the agent passing first, where the words may speak of
+    that."""
+    return {"first": agent} if _IN_ORDER.search(words) else {}
 
 
 _DRIVING = re.compile(
@@ -363,7 +364,7 @@ def _compute_similarity(phrase: str, said: set[str]) -> float:
 def complete_plan(graph: SocialGraph, ways: Iterable[RouteDescription]) -> SocialGraph:
     """The graph with what its entries, exits, turns and ties entail of one another (SEMANTICS 2).
 
-    Nothing is changed that is told, and nothing added where several ways are left.
+    Nothing is changed that is given, and nothing added where several ways are left.
     """
     ways = tuple(ways)
     agents = {agent.id: agent for agent in graph.agents}
@@ -377,32 +378,32 @@ def complete_plan(graph: SocialGraph, ways: Iterable[RouteDescription]) -> Socia
 
 
 def _complete_agent(agent: AgentNode, ways: Sequence[RouteDescription]) -> AgentNode:
-    told = {field: getattr(agent, field) for field in _FIELDS}
-    if agent.type == "pedestrian" and told["crosswalk"] and told["movement"] is None:
-        told["movement"] = "crossing"
+    values = {field: getattr(agent, field) for field in _FIELDS}
+    if agent.type == "pedestrian" and values["crosswalk"] and values["movement"] is None:
+        values["movement"] = "crossing"
     open_ = [
         way
         for way in ways
         if way.type == agent.type
-        and all(told[f] is None or told[f] == getattr(way, f) for f in _FIELDS)
+        and all(values[f] is None or values[f] == getattr(way, f) for f in _FIELDS)
     ]
-    if not open_ or told["movement"] == "jaywalking":
+    if not open_ or values["movement"] == "jaywalking":
         return agent
     fixed = ("entry", "exit") if agent.type == "pedestrian" else _FIELDS[:3]
     for field in fixed:
-        values = {getattr(way, field) for way in open_}
-        # Who is told no side at all is left free, be there but one way.
-        if told[field] is None and len(values) == 1 and _has_two_sides(told):
-            told[field] = values.pop()
-    return agent.model_copy(update=told)
+        options = {getattr(way, field) for way in open_}
+        # An agent without any side given is left free, even if there is only one route.
+        if values[field] is None and len(options) == 1 and _has_two_sides(values):
+            values[field] = options.pop()
+    return agent.model_copy(update=values)
 
 
-def _has_two_sides(told: Mapping[str, Any]) -> bool:
-    return sum(told[field] is not None for field in _FIELDS) >= 2
+def _has_two_sides(values: Mapping[str, Any]) -> bool:
+    return sum(values[field] is not None for field in _FIELDS) >= 2
 
 
 def _list_side_ties(graph: SocialGraph) -> list[tuple[str, str, EntrySide]]:
-    """Whose entry lies to whose, by ties and by what relations need."""
+    """Pairs of agents with the side of one entry to the other, from ties and relations."""
     bonds: list[tuple[str, str, EntrySide]] = [(t.agent, t.of, t.side) for t in graph.ties]
     for edge in graph.relations:
         side = _get_entry_side(edge)

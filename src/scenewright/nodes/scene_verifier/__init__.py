@@ -100,7 +100,7 @@ def add_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
 
 
 def _build_rejection(proof: Proof, scene: SceneRecord) -> Rejection:
-    """The first thing that is wrong, weightiest kind first, and everybody who is in any of it."""
+    """The first fault, weightiest kind first, and all agents of any fault."""
     kinds: tuple[tuple[RejectionCode, tuple[Finding, ...]], ...] = (
         ("relation_not_realised", proof.missing),
         ("background_interferes", proof.interference + proof.signal_violations),
@@ -112,8 +112,10 @@ def _build_rejection(proof: Proof, scene: SceneRecord) -> Rejection:
     for code, findings in kinds:
         if findings:
             first = findings[0]
-            who = (f"{each} is {names[each]}" for each in first.agents if each in names)
-            detail = f"{first.rule}: {first.detail} ({'; '.join([f'{len(findings)} such', *who])})"
+            named = (f"{each} is {names[each]}" for each in first.agents if each in names)
+            detail = (
+                f"{first.rule}: {first.detail} ({'; '.join([f'{len(findings)} such', *named])})"
+            )
             return Rejection(stage="scene_verifier", code=code, agents=agents, detail=detail)
     return Rejection(
         stage="scene_verifier", code="relation_not_realised", detail="the scene is not verified"

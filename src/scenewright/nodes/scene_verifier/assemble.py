@@ -234,7 +234,7 @@ def _build_measure_records(
 def _describe_sides(
     edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]
 ) -> dict[str, Any]:
-    """Who is asked for in which role; the striking agent comes first where its kind tells it."""
+    """The agents asked for and their roles; the striking agent is first where its kind says so."""
     sides = [(edge.from_, edge.point_from), (edge.to, edge.point_to)]
     kind = edge.kind or get_pattern(played.pattern).proof.kind
     if kind in ("rear_end", "pedestrian_strike") and edge.from_ != played.from_:
@@ -269,7 +269,7 @@ def _list_demands(
 
 
 def _find_culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:
-    """Who is to bring the relation about: the one that runs red, the vehicle that brakes late."""
+    """The agent that causes the event: the one that runs red, the vehicle that brakes late."""
     pair = (graph.agent(edge.from_), graph.agent(edge.to))
     match edge.cause:
         case "red_light_run":

@@ -1,4 +1,4 @@
-"""Who brakes late on the tracks, held against who does so in the plan."""
+"""Compares the agent that brakes late on the tracks with the one of the plan."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ def _find_wrong_braker_in_account(
         denied = entry.became == "cause" and entry.status == "claimed"
         late = entry.value in (None, "late_brake")
         if denied and late and brakes and relation.cause_agent not in brakes:
-            who = names[min(brakes)]
+            name = names[min(brakes)]
             return (
-                f"said has '{entry.words}' of {who}, but the relation does not; if {who} is the "
-                f"one who brakes, write cause late_brake and braker {who}"
+                f"said has '{entry.words}' of {name}, but the relation does not; if {name} is the "
+                f"one who brakes, write cause late_brake and braker {name}"
             )
     return None
 

@@ -1,9 +1,9 @@
 """Stage 5, trajectory refiner: edited priors, then learned refinement (paper 3.5, Eq. 6-7).
 
-Refined tracks that the verifier refuses come back here. Whoever it named is then supervised more
-strongly, then drawn anew, and last left on the edited prior, which the solver's proof holds for.
-A figure that is refused twice leaves the agents that it names on their priors at once; refused a
-third time, or on the last attempt of the budget, everybody is.
+Refined tracks that the verifier refuses come back here. The agents it named are then supervised
+more strongly, then drawn anew, and last left on the edited prior, which the solver's proof holds
+for. A figure that is refused twice leaves the agents that it names on their priors at once; refused
+a third time, or on the last attempt of the budget, all agents are.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) ->
 
 
 def _edit_motions(state: RefinerReads) -> tuple[dict[str, Motion], dict[str, Track]]:
-    """Everybody's prior edited by its segments, and its track, who is seen in the scene at all."""
+    """The prior of each agent seen in the scene, edited by its segments, and its track."""
     selection, program = state["selection"], state["behavior"]
     anchors = {
         agent.agent: {anchor.id: anchor.s for anchor in agent.anchors}
@@ -122,7 +122,7 @@ def _keep_frozen_tracks(tracks: Tracks, state: RefinerReads) -> Tracks:
     """The tracks, those of an earlier version that shall stay bit for bit as they were."""
     pins = state.get("pinned")
     if pins is None or pins.earlier.duration != state["selection"].duration:
-        return tracks  # a longer scene has more of everybody to show
+        return tracks  # a longer scene shows more of each agent
     same = {name: pins.earlier.agents[name].track for name in pins.same}
     return {name: same.get(name, track) for name, track in tracks.items()}
 
@@ -152,7 +152,7 @@ def _refine_motions(
     *,
     last: bool,
 ) -> tuple[dict[str, AgentRefinement], dict[str, FloatArray], dict[str, Track]]:
-    """What is done to everybody, the deviations proposed, and the tracks that come of it."""
+    """The treatment of each agent, the deviations proposed, and the tracks that result."""
     from scenewright.tools.trajnet_refiner.kinematic_layer import limit_deviation
 
     refusals = _count_refusals(motions, before, state)
@@ -182,7 +182,7 @@ def _refine_motions(
 def _build_refinements(
     share: FloatArray, most: float, refusals: int, refused: Rejection | None
 ) -> AgentRefinement:
-    """What became of one agent, whose free samples got these shares."""
+    """The result for one agent whose free samples got these shares."""
     reason = None
     if len(share) and most == 0.0 and refused is not None:
         reason = f"refused {refusals} times, last: {refused.detail}"
@@ -204,7 +204,7 @@ def _count_refusals(
 
 
 def _list_refused_agents(state: RefinerReads) -> frozenset[str]:
-    """Whom the verifier named last; nobody if it named none in particular."""
+    """Agents that the verifier named last; none if it named none in particular."""
     refused = state.get("refused")
     return frozenset() if refused is None else frozenset(refused.agents)
 
@@ -216,7 +216,7 @@ def _roll_out_agents(
     state: RefinerReads,
     context: RunContext,
 ) -> dict[str, FloatArray]:
-    """The deviations proposed: as before, but for those who have to be drawn anew."""
+    """The deviations proposed: as before, except for agents that have to be drawn anew."""
     from scenewright.tools.trajnet_refiner.guided import compute_deviations
 
     known = dict(state.get("rolled", {})) if before is not None else {}
@@ -235,7 +235,7 @@ def _roll_out_agents(
         learned.net,
         guides,
         duration=state["selection"].duration,
-        rng=context.rng("trajectory_refiner", state.get("rejections", [])),
+        rng=context.make_rng("trajectory_refiner", state.get("rejections", [])),
         fixed=(fixed or _list_earlier_deviations(guides, state))
         | _list_unpredicted(guides, context),
     )
@@ -252,7 +252,7 @@ def _list_unpredicted(guides: Mapping[str, Guide], context: RunContext) -> dict[
 def _list_earlier_deviations(
     guides: Mapping[str, Guide], state: RefinerReads
 ) -> dict[str, FloatArray]:
-    """How far those who stay as they were are ahead of their priors."""
+    """How far the unchanged agents are ahead of their priors."""
     from scenewright.tools.trajnet_refiner.guided import compute_deviation
 
     pins = state.get("pinned")
@@ -271,6 +271,6 @@ def _summarise(agents: Mapping[str, AgentRefinement]) -> str:
 
 
 def _describe_foreign_weights(learned: BundledRefiner, context: RunContext) -> str:
-    """Whose weights ran, where the intersection has none of its own."""
+    """Source of the weights used, where the intersection has none of its own."""
     own = learned.place in ("", context.intersection.name)
     return "" if own else f", with the weights of {learned.place}: there are none of its own"

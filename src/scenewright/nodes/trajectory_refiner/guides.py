@@ -1,6 +1,6 @@
-"""What guides the refiner: the edited prior of everybody, and where it must stay as it is.
+"""Guides of the refiner: the edited prior of each agent, and where it must stay as it is.
 
-Whoever stands, keeps standing; what a relation is about keeps the times that the solver found.
+Agents that stand keep standing; agents of a relation keep the times that the solver found.
 Between these the network moves, from one goal of the segments to the next.
 """
 
@@ -36,7 +36,7 @@ FIRST = 0.8
 def build_guides(
     motions: dict[str, Motion], selection: Selection, behavior: BehaviorProgram
 ) -> dict[str, Guide]:
-    """One guide for everybody, by name."""
+    """One guide per agent, by name."""
     from scenewright.tools.trajnet_refiner.guided import Guide
 
     bound = {name for event in selection.events for name in event.agents}
@@ -76,9 +76,9 @@ def _mask_kept_samples(
 
 
 def _get_event_window(event: PlannedEvent, selection: Selection) -> tuple[float, float]:
-    """From when to when a relation is at stake; who gives way does so until it starts.
+    """The time window of a relation; an agent that gives way does so until it starts.
 
-    Who does not stand has its times at stake like who passes narrowly.
+    An agent that does not stand has the same window as one that passes narrowly.
     """
     rolls = any(stop.rolls for name in event.agents for stop in selection.agents[name].stops)
     lasts = event.clause.startswith(YIELDING) and not rolls

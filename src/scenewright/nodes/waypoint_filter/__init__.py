@@ -22,6 +22,7 @@ from scenewright.nodes.remaining import (
     list_word_facts,
     refuse_unrealised,
 )
+from scenewright.nodes.waypoint_filter.prompts import render_clauses_prompt
 from scenewright.nodes.waypoint_filter.reply import (
     ClausesReply,
     extend_program,
@@ -30,7 +31,6 @@ from scenewright.nodes.waypoint_filter.reply import (
     refuse_unserved,
     select_clauses,
 )
-from scenewright.nodes.waypoint_filter.wording import render_clauses_prompt
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -96,7 +96,7 @@ def _solve(
         program,
         pool,
         map_areas=context.ground,
-        rng=context.rng("waypoint_filter", rejections),
+        rng=context.make_rng("waypoint_filter", rejections),
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
         frozen=state.get("pinned"),
@@ -114,7 +114,7 @@ def _add_clauses(
 
     Raises:
         Rejected: `malformed_program`, `malformed_reply`: the backend may mend it; `out_of_scope`:
-            words stay without a clause, and nobody allowed to leave them out.
+            words stay without a clause, and leaving them out is not allowed.
     """
     graph, rejections = state["social_graph"], state.get("rejections", [])
     left = list_remaining(graph, "constraint")
@@ -142,7 +142,7 @@ def _ask_for_clauses(
     program: ConstraintProgram,
     context: RunContext,
 ) -> AddedClauses:
-    told = tuple(
+    rejections = tuple(
         each.detail
         for each in list_latest_rejections(state.get("rejections", []), "waypoint_filter")
     )
@@ -156,12 +156,12 @@ def _ask_for_clauses(
     question = Question(
         task="constraints",
         facts=asked,
-        rejections=told,
+        rejections=rejections,
         seed=context.seed,
-        wording=lambda: render_clauses_prompt(
+        prompt=lambda: render_clauses_prompt(
             asked,
             [leg.name for leg in context.intersection.legs],
-            rejections=told,
+            rejections=rejections,
         ),
         account=context.account,
     )

@@ -1,4 +1,4 @@
-"""What the filter may be told of remaining words: the reply, its schema, what it must hold."""
+"""Replies of a model on the remaining words: their model, their schema, their checks."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _OFFERED: dict[str, tuple[str, ...]] = {
 
 _ALONE = ("speed", "passes_through")
 _RANGED = frozenset({"speed", "time_gap", "headway", "near"})
-"""A bound that is told takes the place of the one that the pattern has."""
+"""Clauses whose given bound replaces that of the pattern."""
 
 
 class ServingClause(BaseModel):
@@ -91,7 +91,7 @@ class ClausesReply(BaseModel):
 
         Args:
             entries: of the words, in the order of their numbers.
-            agents, relations: those that the request tells of.
+            agents, relations: those that the request names.
 
         Raises:
             Rejected: `malformed_program`: a clause that is not offered, words of no number, or
@@ -120,8 +120,8 @@ def _refuse_unoffered(
     named = (clause.agent,) if isinstance(clause, UnaryClause) else (clause.first, clause.second)
     for name in named:
         if name not in agents:
-            who = ", ".join(sorted(agents))
-            raise _build_rejection((), f"{format_clause(clause)}: agents are {who}")
+            names = ", ".join(sorted(agents))
+            raise _build_rejection((), f"{format_clause(clause)}: agents are {names}")
     kinds = {
         kind
         for each in relations
@@ -194,9 +194,9 @@ def _build_clause_schema(kinds: Sequence[str], keys: Mapping[str, Schema]) -> Sc
 
 
 def extend_program(program: ConstraintProgram, added: Sequence[Clause]) -> ConstraintProgram:
-    """The program with clauses added; a bound that is told replaces the written one."""
-    told = {_get_subject(each) for each in added if each.clause in _RANGED}
-    kept = [each for each in program.clauses if _get_subject(each) not in told]
+    """The program with clauses added; a bound that is given replaces the written one."""
+    bound = {_get_subject(each) for each in added if each.clause in _RANGED}
+    kept = [each for each in program.clauses if _get_subject(each) not in bound]
     kept += [each for each in added if each not in kept]
     return ConstraintProgram(clauses=tuple(kept)) if added else program
 
@@ -219,7 +219,7 @@ def _get_subject(clause: Clause) -> tuple[str, frozenset[str]]:
 
 
 def ground_program(program: ConstraintProgram, pool: CandidateSet) -> ConstraintProgram:
-    """The program and, for everybody of whom it says nothing, that the way lies on the ground."""
+    """The program and, for each agent without a clause, that its path lies on the ground."""
     said = {clause.agent for clause in program.clauses if isinstance(clause, _GROUND)}
     missing: list[Clause] = []
     for name, draws in pool.agents.items():

@@ -26,16 +26,18 @@ def read_otherwise(reading: Reading) -> Iterator[Reading]:
         if at in introducing:
             continue
         if span.tag in EVENTS and span.objects and span.subjects:
-            yield _with(reading, at, replace(span, subjects=span.objects, objects=span.subjects))
+            yield _replace_span(
+                reading, at, replace(span, subjects=span.objects, objects=span.subjects)
+            )
         elif len(span.subjects) == 1:
             for user in reading.users:
                 if user not in span.subjects:
-                    yield _with(reading, at, replace(span, subjects=(user,)))
+                    yield _replace_span(reading, at, replace(span, subjects=(user,)))
         if span.negated:
-            yield _with(reading, at, replace(span, negated=False))
-        yield _with(reading, at, replace(span, tag="manner", subjects=(), objects=()))
+            yield _replace_span(reading, at, replace(span, negated=False))
+        yield _replace_span(reading, at, replace(span, tag="manner", subjects=(), objects=()))
 
 
-def _with(reading: Reading, at: int, span: ReadSpan) -> Reading:
+def _replace_span(reading: Reading, at: int, span: ReadSpan) -> Reading:
     spans = (*reading.spans[:at], replace(span, confidence=1.0), *reading.spans[at + 1 :])
     return replace(reading, spans=spans)

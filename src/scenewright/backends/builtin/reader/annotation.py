@@ -90,7 +90,15 @@ def parse_annotation(line: str) -> AnnotatedText:
         start = length + len(before)
         length = start + len(words)
         spans.append(
-            Span(start, length, match[2], match[3], bool(match[1]), _ids(match[4]), _ids(match[5]))
+            Span(
+                start,
+                length,
+                match[2],
+                match[3],
+                bool(match[1]),
+                _parse_ids(match[4]),
+                _parse_ids(match[5]),
+            )
         )
         pieces += [before, words]
         at = match.end()
@@ -100,7 +108,7 @@ def parse_annotation(line: str) -> AnnotatedText:
     return AnnotatedText(text.replace("\\n", " \n"), tuple(spans), kind)  # as long as before
 
 
-def _ids(text: str | None) -> tuple[int, ...]:
+def _parse_ids(text: str | None) -> tuple[int, ...]:
     return tuple(int(each) for each in text.split(",") if each) if text else ()
 
 
@@ -116,10 +124,10 @@ def format_annotation(annotated: AnnotatedText) -> str:
 
 def _format_span(text: str, span: Span) -> str:
     value = "" if span.value is None else f"={span.value}"
-    who = f":{_join(span.subjects)}" if span.subjects else ""
-    whom = f">{_join(span.objects)}" if span.objects else ""
+    subjects = f":{_join(span.subjects)}" if span.subjects else ""
+    objects = f">{_join(span.objects)}" if span.objects else ""
     words = text[span.start : span.end]
-    return f"[{'!' if span.negated else ''}{span.tag}{value}{who}{whom} {words}]"
+    return f"[{'!' if span.negated else ''}{span.tag}{value}{subjects}{objects} {words}]"
 
 
 def _join(ids: Sequence[int]) -> str:

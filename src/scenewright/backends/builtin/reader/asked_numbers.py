@@ -14,7 +14,7 @@ from scenewright.backends.builtin.draft import (
     RelationDraft,
 )
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
-from scenewright.backends.builtin.reader.measures import range_in
+from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import ReadSpan
 from scenewright.scene.measures import UNITS, MeasureKind
 
@@ -83,28 +83,30 @@ def read_number(
     Raises:
         Refused: a figure that no scene can have, with the most that it can.
     """
-    span = _as_driven(span, text, spans)
-    before = _words_before(span, text)
-    unit = range_in(span.words, before, 0.0)
-    kind = _find_kind(span, users, spans, _words_after(span, text))
+    span = _make_driven(span, text, spans)
+    before = _get_words_before(span, text)
+    unit = parse_range(span.words, before, 0.0)
+    kind = _find_kind(span, users, spans, _get_words_after(span, text))
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft)
     if span.negated or kind is None:
         return None
-    found = range_in(span.words, before, UNITS[kind].tolerance)
+    found = parse_range(span.words, before, UNITS[kind].tolerance)
     if found is None:
         return None
     low, high, _ = found
     if kind in _SEVERITY and unit is not None and unit[0] == unit[1]:
         return AskedNumber(severity=(kind, unit[0]))
     ends = _find_ends(kind, span, draft, users, spans)
-    bounded = [(*_limit(kind, agent, low, high, span.words), agent, other) for agent, other in ends]
+    bounded = [
+        (*_limit_bounds(kind, agent, low, high, span.words), agent, other) for agent, other in ends
+    ]
     if not bounded:
         return None
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
 
 
-def _as_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
-    """A speed "driving at" which somebody is said to be is that one's, and not of the impact."""
+def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
+    """The speed of "driving at" is the agent's own, and not that of the impact."""
     if span.tag != "impact" or not _DRIVING.search(text[: span.start] + span.words.split()[0]):
         return span
     mentions = [s for s in spans if s.start < span.start and s.tag in ("ref", *MENTIONS)]
@@ -118,7 +120,7 @@ _DRIVING = re.compile(
 )
 
 
-def _words_before(span: ReadSpan, text: str) -> str:
+def _get_words_before(span: ReadSpan, text: str) -> str:
     """What stands before the words in their own clause, and touches them."""
     tail = _TAIL.search(text[max(0, span.start - _NEAR) : span.start])
     match = _TOUCHES.search(tail[0]) if tail else None
@@ -133,7 +135,7 @@ _TOUCHES = re.compile(
 """Words of a bound that a figure may follow."""
 
 
-def _words_after(span: ReadSpan, text: str) -> str:
+def _get_words_after(span: ReadSpan, text: str) -> str:
     return text[span.end : span.end + _NEAR].partition(",")[0]
 
 
@@ -190,7 +192,7 @@ def _find_ends(
     users: dict[int, AgentDraft],
     spans: Sequence[ReadSpan],
 ) -> Iterator[tuple[AgentDraft, AgentDraft | None]]:
-    """Of whom the figure is asked."""
+    """The agent that the figure is asked of."""
     subjects = [users[n] for n in span.subjects if n in users]
     if not UNITS[kind].of_two:
         vehicles = [agent for agent in draft.agents if agent.type == "vehicle"]
@@ -214,15 +216,15 @@ def _find_relation(
     users: dict[int, AgentDraft],
     spans: Sequence[ReadSpan],
 ) -> RelationDraft | None:
-    """The event whose figure it is: of the agents named, else the last one told before."""
+    """The event whose figure it is: of the agents named, else the last one described before."""
     wanted = ("collide_at",) if "_point" in kind else _EVENTS_OF.get(kind, tuple(_EVENTS))
     fitting = [each for each in draft.relations if each.type in wanted]
     named = [e for e in fitting if any(a in (e.from_, e.to) for a in subjects)] if subjects else []
     named = named or fitting
     if len(named) <= 1:
         return named[0] if named else None
-    told = [s for s in spans if s.tag in EVENTS and s.start < span.start]
-    for event in reversed(told):
+    earlier = [s for s in spans if s.tag in EVENTS and s.start < span.start]
+    for event in reversed(earlier):
         pair = {id(users[n]) for n in (*event.subjects, *event.objects) if n in users}
         found = [each for each in named if each.pair() <= pair]
         if found:
@@ -230,7 +232,7 @@ def _find_relation(
     return None
 
 
-def _limit(
+def _limit_bounds(
     kind: MeasureKind, agent: AgentDraft, low: float, high: float | None, words: str
 ) -> tuple[float, float]:
     """The bounds, within what a scene can have.

@@ -6,7 +6,7 @@ import re
 
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.reader.reading import Reading
-from scenewright.backends.builtin.reader.words import COARSE, subtype_in
+from scenewright.backends.builtin.reader.words import COARSE, find_subtype
 
 _SIDES = re.compile(
     r"\b(?:north|south|east|west)(?:bound|ern|wards?)?\b|\bu-?\s?turn(?:s|ing|ed)?\b|"
@@ -29,7 +29,7 @@ _NEAR = 30
 """Characters between a negation and the span that takes account of it."""
 
 
-def passes_over_order(reading: Reading) -> bool:
+def is_order_unread(reading: Reading) -> bool:
     """Whether words for an order of passing lie outside of all spans."""
     return any(
         not any(a.start < match.end() and match.start() < a.end for a in reading.spans)
@@ -37,7 +37,7 @@ def passes_over_order(reading: Reading) -> bool:
     )
 
 
-def passes_over_exception(reading: Reading) -> bool:
+def is_exception_unread(reading: Reading) -> bool:
     """Whether words take one out of several, and nothing is read as denied: "all but one"."""
     said = _EXCEPTED.search(reading.text) is not None
     return said and not any(span.negated for span in reading.spans)
@@ -46,12 +46,12 @@ def passes_over_exception(reading: Reading) -> bool:
 def find_passed_over(reading: Reading) -> list[str]:
     """Sides, turns, measures and negations that no span takes account of."""
     covered = [(span.start, span.end) for span in reading.spans]
-    excepted = _EXCEPTED.search(reading.text) if passes_over_exception(reading) else None
+    excepted = _EXCEPTED.search(reading.text) if is_exception_unread(reading) else None
     found = [excepted[0]] if excepted else []
     for pattern in (_SIDES, _MEASURES, _NEGATIONS):
         for match in pattern.finditer(reading.text):
             inside = any(a < match.end() and match.start() < b for a, b in covered)
-            if not inside and not (pattern is _NEGATIONS and _denies_nearby(reading, match)):
+            if not inside and not (pattern is _NEGATIONS and _is_denied_nearby(reading, match)):
                 found.append(match[0])
     return found + _find_other_nouns(reading)
 
@@ -63,7 +63,7 @@ def _find_other_nouns(reading: Reading) -> list[str]:
     for span in reading.spans:
         first = introduced.get(span.subjects[0]) if len(span.subjects) == 1 else None
         if span.tag == "ref" and first is not None and first.tag == "veh":
-            kinds = [_coarse(subtype_in(each.words)) for each in (first, span)]
+            kinds = [_get_coarse(find_subtype(each.words)) for each in (first, span)]
             if None not in kinds and kinds[0] != kinds[1] and not _PICKUP.search(first.words):
                 found.append(span.words)
     return found
@@ -72,11 +72,11 @@ def _find_other_nouns(reading: Reading) -> list[str]:
 _PICKUP = re.compile(r"\bpick-?up|\bpolice\b|\bpatrol\b", re.IGNORECASE)
 
 
-def _coarse(subtype: str | None) -> str | None:
+def _get_coarse(subtype: str | None) -> str | None:
     return COARSE.get(subtype or "", subtype)
 
 
-def _denies_nearby(reading: Reading, match: re.Match[str]) -> bool:
+def _is_denied_nearby(reading: Reading, match: re.Match[str]) -> bool:
     """Whether a span close by says what is denied: "No [!hit crash]"."""
     return any(
         (span.negated or span.tag in _DENYING) and -_NEAR < span.start - match.end() < _NEAR

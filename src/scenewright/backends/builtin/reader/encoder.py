@@ -38,67 +38,72 @@ class Encoder:
 
     def encode(self, ids: Ints, parts: Ints) -> Floats:
         """Token representations [tokens, width] of one text; `parts` is 1 in an edit's change."""
-        x = self._rows("word.weight", ids) + self._rows("position.weight", np.arange(len(ids)))
-        x = self._norm(x + self._weights["part.weight"][parts], "norm")
+        x = self._get_rows("word.weight", ids) + self._get_rows(
+            "position.weight", np.arange(len(ids))
+        )
+        x = self._apply_norm(x + self._weights["part.weight"][parts], "norm")
         for index in range(self._layers):
-            x = self._layer(x, f"layers.{index}.")
+            x = self._apply_layer(x, f"layers.{index}.")
         return x
 
     def summarise(self, ids: Ints) -> Floats:
         """One text as [2, width]: the mean token after half of the layers, the mean word vector."""
-        words = self._rows("word.weight", ids)
+        words = self._get_rows("word.weight", ids)
         parts = np.zeros(len(ids), dtype=np.int64)
-        x = words + self._rows("position.weight", np.arange(len(ids)))
-        x = self._norm(x + self._weights["part.weight"][parts], "norm")
+        x = words + self._get_rows("position.weight", np.arange(len(ids)))
+        x = self._apply_norm(x + self._weights["part.weight"][parts], "norm")
         for index in range(self._layers // 2):
-            x = self._layer(x, f"layers.{index}.")
+            x = self._apply_layer(x, f"layers.{index}.")
         return np.stack([x.mean(0), words[1:-1].mean(0)])
 
-    def head(self, name: str, x: Floats) -> Floats:
+    def compute_head(self, name: str, x: Floats) -> Floats:
         """Log-probabilities of a two-layer head, such as `tags`, for rows of representations."""
-        return _log_softmax(self.linear(_gelu(self.linear(x, f"{name}.0")), f"{name}.3"))
+        return _log_softmax(
+            self.apply_linear(_apply_gelu(self.apply_linear(x, f"{name}.0")), f"{name}.3")
+        )
 
     def represent(self, x: Floats, spans: Ints, labels: Ints) -> Floats:
         """Mean token of each span [n, 2] (first, last token) plus its label's vector."""
         means = np.stack([x[first : last + 1].mean(0) for first, last in spans])
         return np.asarray(means + self._weights["label.weight"][labels], np.float32)
 
-    def members(self, which: Ints) -> Floats:
-        """Vectors that tell the members of a group apart; 0: not in a group."""
+    def compute_members(self, which: Ints) -> Floats:
+        """Vectors that distinguish the members of a group; 0: not in a group."""
         return self._weights["member.weight"][which]
 
     def score_links(self, spans: Floats, users: Floats, distances: Ints) -> Floats:
         """Log-probabilities of LINKS for pairs of span and road user, [n, 3]."""
-        summed = self.linear(spans, "span_in") + self.linear(users, "user_in")
-        summed = _gelu(summed + self._weights["distance.weight"][distances])
-        gated = self.linear(spans, "span_gate") * self.linear(users, "user_gate")
-        return _log_softmax(self.linear(np.concatenate([summed, gated], -1), "link"))
+        summed = self.apply_linear(spans, "span_in") + self.apply_linear(users, "user_in")
+        summed = _apply_gelu(summed + self._weights["distance.weight"][distances])
+        gated = self.apply_linear(spans, "span_gate") * self.apply_linear(users, "user_gate")
+        return _log_softmax(self.apply_linear(np.concatenate([summed, gated], -1), "link"))
 
-    def linear(self, x: Floats, name: str) -> Floats:
+    def apply_linear(self, x: Floats, name: str) -> Floats:
         """The affine map of that name."""
         product = x @ self._weights[f"{name}.weight"].T
         return np.asarray(product + self._weights[f"{name}.bias"], np.float32)
 
-    def _layer(self, x: Floats, at: str) -> Floats:
+    def _apply_layer(self, x: Floats, at: str) -> Floats:
         tokens, width = x.shape
         query, key, value = (
             part.reshape(tokens, HEADS, width // HEADS).transpose(1, 0, 2)
-            for part in np.split(self.linear(x, at + "qkv"), 3, axis=1)
+            for part in np.split(self.apply_linear(x, at + "qkv"), 3, axis=1)
         )
         seen = (
-            _softmax(query @ key.transpose(0, 2, 1) / np.sqrt(np.float32(width // HEADS))) @ value
+            _apply_softmax(query @ key.transpose(0, 2, 1) / np.sqrt(np.float32(width // HEADS)))
+            @ value
         )
         merged = seen.transpose(1, 0, 2).reshape(tokens, width)
-        x = self._norm(x + self.linear(merged, at + "out"), at + "norm1")
-        inner = self.linear(_gelu(self.linear(x, at + "up")), at + "down")
-        return self._norm(x + inner, at + "norm2")
+        x = self._apply_norm(x + self.apply_linear(merged, at + "out"), at + "norm1")
+        inner = self.apply_linear(_apply_gelu(self.apply_linear(x, at + "up")), at + "down")
+        return self._apply_norm(x + inner, at + "norm2")
 
-    def _norm(self, x: Floats, name: str) -> Floats:
+    def _apply_norm(self, x: Floats, name: str) -> Floats:
         x = x - x.mean(-1, keepdims=True)
         x = x / np.sqrt((x * x).mean(-1, keepdims=True) + 1e-12)
         return x * self._weights[f"{name}.weight"] + self._weights[f"{name}.bias"]
 
-    def _rows(self, name: str, which: Ints) -> Floats:
+    def _get_rows(self, name: str, which: Ints) -> Floats:
         rows = self._tables[name][which].astype(np.float32)
         return np.asarray(rows * self._scales[name][which][:, None], np.float32)
 
@@ -116,12 +121,12 @@ def quantize(value: Floats) -> tuple[NDArray[np.int8], Floats]:
     return np.round(value / scale[:, None]).astype(np.int8), scale.astype(np.float32)
 
 
-def _gelu(x: Floats) -> Floats:
+def _apply_gelu(x: Floats) -> Floats:
     inner = np.float32(0.7978845608) * (x + np.float32(0.044715) * x * x * x)
     return np.asarray(np.float32(0.5) * x * (1 + np.tanh(inner)), np.float32)
 
 
-def _softmax(x: Floats) -> Floats:
+def _apply_softmax(x: Floats) -> Floats:
     raised = np.exp(x - x.max(-1, keepdims=True))
     return np.asarray(raised / raised.sum(-1, keepdims=True), np.float32)
 

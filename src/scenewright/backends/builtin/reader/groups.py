@@ -1,4 +1,4 @@
-"""Pedestrians who walk together: "a couple", "a mother with a child", "a class"."""
+"""Pedestrians that walk together: "a couple", "a mother with a child", "a class"."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TOGETHER = re.compile(
 
 
 def join_groups(reading: Reading) -> Reading:
-    """The reading with those who walk together as one road user."""
+    """The reading with pedestrians that walk together as one road user."""
     for span in reading.spans:
         if span.tag == "ped" and not span.negated:
             count = _count_members(span, reading.text)
@@ -42,15 +42,16 @@ def join_groups(reading: Reading) -> Reading:
 
 
 def _read_together(reading: Reading) -> Reading:
-    """ "Side by side" is no event: those who walk so are a group already, or drive."""
+    """ "Side by side" is no event: pedestrians side by side are a group already, or it is said of
+    drivers."""
     match = _TOGETHER.search(reading.text)
     if match is None or not any((s.value or "").startswith(GROUP) for s in reading.spans):
         return reading
-    spans = tuple(_without_event(span, match) for span in reading.spans)
+    spans = tuple(_drop_event(span, match) for span in reading.spans)
     return replace(reading, spans=spans)
 
 
-def _without_event(span: ReadSpan, match: re.Match[str]) -> ReadSpan:
+def _drop_event(span: ReadSpan, match: re.Match[str]) -> ReadSpan:
     inside = span.start < match.end() and match.start() < span.end
     if not inside or span.tag in ("ped", "veh", "ref"):
         return span
@@ -71,13 +72,13 @@ def _count_members(span: ReadSpan, text: str) -> int | None:
 
 
 def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
-    """The reading in which the first of a group stands for all of it."""
+    """The reading in which the first of a group represents all of it."""
     first, *others = group.subjects
     spans = tuple(
         replace(
             span,
-            subjects=_without(span.subjects, first, others),
-            objects=_without(span.objects, first, others),
+            subjects=_drop_users(span.subjects, first, others),
+            objects=_drop_users(span.objects, first, others),
             value=f"{GROUP}{count}" if span is group else span.value,
             confidence=max(span.confidence, _KNOWN) if span is group else span.confidence,
         )
@@ -87,5 +88,5 @@ def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
     return replace(reading, spans=spans, users=users)
 
 
-def _without(users: tuple[int, ...], first: int, others: list[int]) -> tuple[int, ...]:
+def _drop_users(users: tuple[int, ...], first: int, others: list[int]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(first if user in others else user for user in users))

@@ -28,12 +28,12 @@ from scenewright.backends.builtin.reader.groups import GROUP
 from scenewright.backends.builtin.reader.manoeuvres import settle_lanes, settle_lead_braking
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
-from scenewright.backends.builtin.reader.orders import says_order
+from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
-from scenewright.backends.builtin.reader.unmarked import CLOCK, says_no_clock
-from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
-from scenewright.backends.builtin.scope import not_english, nothing_planned
+from scenewright.backends.builtin.reader.streets import find_named_legs, is_street_like
+from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
+from scenewright.backends.builtin.reader.words import find_subtype, time_words_in
+from scenewright.backends.builtin.scope import build_not_english, build_nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
@@ -59,13 +59,13 @@ _UNKNOWN_CLASS = {
 }
 _BEYOND = {
     "weather": "weather is not modelled", "act": "this is not among the things agents can do",
-    "sight": "who sees whom is not modelled", "broken": "defects are not modelled",
+    "sight": "sight between agents is not modelled", "broken": "defects are not modelled",
     "thing": "this object is not modelled", "speed": "speeds cannot be asked for",
     "headway": "headways cannot be asked for", "gap": "distances cannot be asked for",
     "dist": "distances cannot be asked for", "wait": "waiting times cannot be asked for",
     "when": "the time of the event cannot be asked for",
     "decel": "braking rates cannot be asked for", "accel": "accelerations cannot be asked for",
-    "first": "who passes first cannot be asked for",
+    "first": "the order of passing cannot be asked for",
 }  # fmt: skip
 LATER_STAGE: dict[str, Became] = {
     **{_BEYOND[tag]: "constraint" for tag in ("speed", "headway", "gap", "dist", "first")},
@@ -141,10 +141,12 @@ class AccountEntry:
     note: str | None = None
     measures: tuple[MeasureDraft, ...] = ()
 
-    def tell(self, names: dict[int, str]) -> str | None:
+    def format_entry(self, names: dict[int, str]) -> str | None:
         """The value with agents by name (id of a draft -> name in the social graph)."""
-        told = [measure for each in self.measures if (measure := each.named(names)) is not None]
-        return "; ".join(map(format_measure, told)) if told else self.value
+        given = [
+            measure for each in self.measures if (measure := each.name_agents(names)) is not None
+        ]
+        return "; ".join(map(format_measure, given)) if given else self.value
 
 
 @dataclass
@@ -152,9 +154,10 @@ class Interpretation:
     """A draft, the road users by number, and what every span became.
 
     Attributes:
-        braking: who brakes hard; times: the spans that say the time of day; first: those that say
-            who passes first; behind: those that say either this or who follows; roads: those that
-            name a street; absent: those that say that a class is not in the scene at all.
+        braking: agents that brake hard; times: spans that say the time of day; first: those that
+            say which agent passes first; behind: those that say this or which one follows; roads:
+            those that name a street; absent: those that say that a class is not in the scene at
+            all.
         eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time; settling: whether all spans have been read.
@@ -189,11 +192,11 @@ class Interpretation:
         """Add what a span became to the account."""
         self.entries.append(AccountEntry(span, became, tuple(users), value, note))
 
-    def agents_of(self, numbers: Iterable[int]) -> list[AgentDraft]:
+    def list_agents(self, numbers: Iterable[int]) -> list[AgentDraft]:
         """The road users of these numbers that are in the scene."""
         return [self.users[number] for number in numbers if number in self.users]
 
-    def account(self, names: dict[int, str], offset: int = 0) -> tuple[SaidSpan, ...]:
+    def build_account(self, names: dict[int, str], offset: int = 0) -> tuple[SaidSpan, ...]:
         """The account with agents by name.
 
         Args:
@@ -212,7 +215,7 @@ class Interpretation:
                     for number in each.users
                     if number in self.users and id(self.users[number]) in names
                 ),
-                value=each.tell(names),
+                value=each.format_entry(names),
                 note=each.note,
             )
             for each in sorted(self.entries, key=lambda entry: entry.span.start)
@@ -230,15 +233,15 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
         Refused: what was read cannot be a scene: a class that is not there, an unknown number.
     """
     if reading.kind == "foreign":
-        raise not_english()
+        raise build_not_english()
     if reading.kind == "off" or not reading.spans:
-        raise nothing_planned()
+        raise build_nothing_planned()
     result = Interpretation(Draft(site=site), reading.text)
     result.eventful = any(span.tag in EVENTS and not span.negated for span in reading.spans)
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
     result.spans = tuple(sorted(reading.spans, key=lambda each: each.start))
-    _introduce(result, reading)
-    for span in _put_headings_last(_owned(result, reading)):
+    _introduce_drafts(result, reading)
+    for span in _put_headings_last(_assign_owners(result, reading)):
         if 0 <= change < span.start and not result.changing:
             _settle(result)
             result.changing = True
@@ -257,7 +260,7 @@ def _put_headings_last(spans: Iterable[ReadSpan]) -> list[ReadSpan]:
         own = [
             n
             for n, each in enumerate(found)
-            if _says_entry(each, span.subjects) and side_of(each) != side_of(span)
+            if _has_entry(each, span.subjects) and get_side(each) != get_side(span)
         ]
         at = found.index(span)
         if own and own[-1] > at:
@@ -265,25 +268,25 @@ def _put_headings_last(spans: Iterable[ReadSpan]) -> list[ReadSpan]:
     return found
 
 
-def _says_entry(span: ReadSpan, users: Sequence[int]) -> bool:
+def _has_entry(span: ReadSpan, users: Sequence[int]) -> bool:
     """Whether the span names the leg that one of the users comes from."""
     named = span.tag == "from" and not span.negated and span.value not in _RELATIVE
     return named and bool(set(span.subjects) & set(users))
 
 
-def _owned(result: Interpretation, reading: Reading) -> tuple[ReadSpan, ...]:
-    """The spans; ways that nobody goes are those of a vehicle that no word names ("drive west")."""
+def _assign_owners(result: Interpretation, reading: Reading) -> tuple[ReadSpan, ...]:
+    """The spans; routes without an agent get a vehicle that no word names ("drive west")."""
     ways = [s for s in reading.spans if s.tag in _DRIVEN and not (s.negated or s.subjects)]
     if result.users or not ways:
         return reading.spans
-    vehicle = _imply_vehicle(result)
+    vehicle = _add_implied_vehicle(result)
     return tuple(replace(s, subjects=(vehicle,)) if s in ways else s for s in reading.spans)
 
 
 _DRIVEN = ("from", "to", "heading", "left", "right", "straight", "uturn", "red")
 
 
-def _introduce(result: Interpretation, reading: Reading) -> None:
+def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
     """A draft for every road user; those of other classes are refused by name."""
     active = {
         user
@@ -301,9 +304,9 @@ def _introduce(result: Interpretation, reading: Reading) -> None:
         span = reading.spans[index]
         if span.negated:
             _deny_class(result, span)
-        elif _class_of(span) is None and number not in eventful:
+        elif _get_class(span) is None and number not in eventful:
             result.enter(span, "nothing", note=_UNKNOWN_CLASS[span.tag].lower())
-        elif _class_of(span) is None:
+        elif _get_class(span) is None:
             raise Refused(
                 "out_of_scope",
                 f"{_UNKNOWN_CLASS[span.tag]} ({span.words}); use vehicles, cyclists, e-scooters "
@@ -327,7 +330,7 @@ _NO_BICYCLE = re.compile(r"rickshaw|pedicab|unicycl|velomobile|handcart|quad", r
 _SCOOTER = re.compile(r"scoot|\btrottinette|\b(?:lime|bird|voi|tier)\b", re.IGNORECASE)
 
 
-def _class_of(span: ReadSpan) -> AgentClass | None:
+def _get_class(span: ReadSpan) -> AgentClass | None:
     """The class that a mention introduces; None where agents of its kind are not modelled."""
     if span.tag == "cyc" and _NO_BICYCLE.search(span.words):
         return None
@@ -337,8 +340,8 @@ def _class_of(span: ReadSpan) -> AgentClass | None:
 
 
 def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
-    agent = AgentDraft(type=_class_of(span) or "vehicle", head=span.words)
-    agent.subtype = subtype_in(span.words) if span.tag == "veh" else None
+    agent = AgentDraft(type=_get_class(span) or "vehicle", head=span.words)
+    agent.subtype = find_subtype(span.words) if span.tag == "veh" else None
     result.users[number] = agent
     result.draft.agents.append(agent)
     kind = agent.subtype or agent.type
@@ -358,8 +361,8 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
         return
     if match := _BOUND.search(span.words):
         bound = match[1].lower()
-        told = [side_of(each) for each in result.spans if _says_entry(each, (number,))]
-        if told and told[0] not in (None, OPPOSITE[bound], bound):
+        given = [get_side(each) for each in result.spans if _has_entry(each, (number,))]
+        if given and given[0] not in (None, OPPOSITE[bound], bound):
             agent.exit = bound
             result.enter(span, "exit", (number,), bound)
         else:
@@ -402,7 +405,7 @@ def _apply(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _turn_yield(span: ReadSpan) -> ReadSpan:
-    """ "Lets nobody go first" is no yield; "does not move until" is one."""
+    """ "Lets nobody go first" is no yield;  "does not move until" is one."""
     waits = span.negated and _UNTIL.search(span.words) is not None
     if waits or (not span.negated and _TO_NOBODY.search(span.words)):
         return replace(span, negated=not span.negated)
@@ -420,9 +423,9 @@ def _note(became: Became) -> Rule:
 
 def _refer(result: Interpretation, span: ReadSpan) -> None:
     """A later mention; it may say what vehicle the first one left open: "V1 ... the motorbike"."""
-    agents = result.agents_of(span.subjects)
+    agents = result.list_agents(span.subjects)
     if len(agents) == 1 and agents[0].type == "vehicle" and agents[0].subtype is None:
-        agents[0].subtype = subtype_in(span.words)
+        agents[0].subtype = find_subtype(span.words)
     result.enter(span, "agent", span.subjects)
 
 
@@ -457,7 +460,7 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
         return
-    if span.tag == "act" and _overtakes_closely(result, span):
+    if span.tag == "act" and _is_close_overtake(result, span):
         return
     if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(
         agent.subtype in EMERGENCY for agent in result.users.values()
@@ -480,7 +483,7 @@ _OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|b
 _CLOSELY = re.compile(r"clos|tight|narrow|inch|whisker|squeez|brush|buzz|too near", re.IGNORECASE)
 
 
-def _overtakes_closely(result: Interpretation, span: ReadSpan) -> bool:
+def _is_close_overtake(result: Interpretation, span: ReadSpan) -> bool:
     """Whether a vehicle overtakes the one rider too closely, which is a near miss of its own."""
     riders = [number for number, agent in result.users.items() if agent.rides and agent.drives]
     drivers = [n for n in span.subjects if n in result.users and not result.users[n].rides]
@@ -506,7 +509,7 @@ def _read_overtaking(result: Interpretation) -> None:
         _add_relation(result, edge)
 
 
-def side_of(span: ReadSpan) -> str | None:
+def get_side(span: ReadSpan) -> str | None:
     """The compass name in the words of a span, else the one that the encoder sees there."""
     if match := _NAME.search(span.words):
         return (match[1] + (match[2] or "")).lower()
@@ -548,7 +551,7 @@ def _place(result: Interpretation, span: ReadSpan) -> None:
     if span.value in _RELATIVE:
         _place_relatively(result, span)
         return
-    side = _leg_of(result, span)
+    side = _get_leg(result, span)
     if side is None:
         return
     for number in span.subjects:
@@ -557,22 +560,22 @@ def _place(result: Interpretation, span: ReadSpan) -> None:
             _write_side(result, number, agent, span, side)
 
 
-def _leg_of(result: Interpretation, span: ReadSpan) -> str | None:
+def _get_leg(result: Interpretation, span: ReadSpan) -> str | None:
     """The leg that a span names, by its street or by the compass; None where that is left open.
 
     Raises:
         Refused: a street that no leg of the map bears.
     """
     roads = result.draft.site.roads
-    named = legs_named(span.words, roads)
+    named = find_named_legs(span.words, roads)
     if len(named) == 1:
         return named[0]
-    if not named and roads and looks_like_a_street(span.words):
+    if not named and roads and is_street_like(span.words):
         known = ", ".join(dict.fromkeys(road for _, road in roads))
         raise Refused(
             "impossible", f"No leg here is called '{span.words}'; the streets are {known}."
         )
-    side = None if named or looks_like_a_street(span.words) else side_of(span)
+    side = None if named or is_street_like(span.words) else get_side(span)
     if side is None:
         note = "several legs bear this name; say which side" if named else "no leg has this name"
         result.enter(span, "nothing", span.subjects, note=note)
@@ -586,17 +589,17 @@ def _keep_road(result: Interpretation, span: ReadSpan) -> None:
 def _read_roads(result: Interpretation) -> None:
     """ "On Amsterdam Avenue", once all sides are known; of one leg, it is where agents are from."""
     for span in result.roads:
-        named = legs_named(span.words, result.draft.site.roads)
-        agents = result.agents_of(span.subjects)
+        named = find_named_legs(span.words, result.draft.site.roads)
+        agents = result.list_agents(span.subjects)
         lies_there = any(agent.entry in named or agent.crosswalk in named for agent in agents)
-        if lies_there or (not named and not looks_like_a_street(span.words)):
+        if lies_there or (not named and not is_street_like(span.words)):
             result.enter(span, "road", span.subjects)
         elif len(named) == 1 and all(agent.entry is None for agent in agents):
             for agent in agents:
                 agent.entry = named[0]
             result.enter(span, "entry", span.subjects, named[0])
         else:
-            _leg_of(result, span)
+            _get_leg(result, span)
     result.roads = []
 
 
@@ -626,8 +629,8 @@ def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
         return
     if word == "exit_crosswalk" and _is_own_side(result, span):
         word = "entry_crosswalk"
-    others: Sequence[AgentDraft | None] = result.agents_of(span.objects) or (None,)
-    for agent in result.agents_of(span.subjects):
+    others: Sequence[AgentDraft | None] = result.list_agents(span.objects) or (None,)
+    for agent in result.list_agents(span.subjects):
         for other in others:
             if agent is not other:
                 agent.relatives.append((word, other))
@@ -637,7 +640,7 @@ def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _is_own_side(result: Interpretation, span: ReadSpan) -> bool:
-    """Whether the words and what follows tell of the leg by which the other road user comes."""
+    """Whether the words and what follows name the leg by which the other road user comes."""
     following = _CLAUSE.match(result.text, span.end)
     words = span.words + (following[0] if following else "")
     if _THAT_LEG.search(words):
@@ -659,7 +662,7 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
         if _NO_TURN.search(span.words):
             result.enter(span, "manner", span.subjects)
             return
-        name = _side_word(span.words) or name
+        name = _find_side_word(span.words) or name
     walks = name in ("crossing", "jaywalking")
     for number in span.subjects:
         agent = result.users.get(number)
@@ -684,7 +687,7 @@ def _can_go(agent: AgentDraft, span: ReadSpan, movement: str) -> bool:
     return not agent.walks
 
 
-def _side_word(words: str) -> str | None:
+def _find_side_word(words: str) -> str | None:
     """Left or right, where the words hold one of the two and not the other."""
     said = {match.lower() for match in re.findall(r"\b(left|right)", words, re.IGNORECASE)}
     return said.pop() if len(said) == 1 else None
@@ -712,15 +715,15 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
         result.behind.append(span)
         return
-    pairs = _in_a_row(named) if span.tag == "follow" else named
-    pairs = pairs or _with_striker(result, span) or _with_implied(result, span)
+    pairs = _chain_followers(named) if span.tag == "follow" else named
+    pairs = pairs or _add_striker(result, span) or _add_implied(result, span)
     if not pairs:
         raise Refused(
             "out_of_scope",
-            f"The text says '{span.words}', but not who does it to whom; say which road user "
+            f"The text says '{span.words}', but not between which agents; say which road user "
             "collides with, nearly hits, gives way to or follows which other.",
         )
-    for first, second in _of_fitting_classes(span.tag, pairs, users):
+    for first, second in _keep_fitting_classes(span.tag, pairs, users):
         if _HEAD_ON.fullmatch(span.words) and _is_near_miss(result, users[first], users[second]):
             users[second].relatives.append(("opposite", users[first]))
             result.enter(span, "relation", (first, second), "near_miss")
@@ -745,14 +748,14 @@ def _is_near_miss(result: Interpretation, first: AgentDraft, second: AgentDraft)
     return any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
 
 
-def _with_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
-    """The pair of a vehicle that is hit from behind, by nobody that is named."""
+def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
+    """The pair of a vehicle that is hit from behind by an unnamed one."""
     struck = [n for n in span.objects if n in result.users]
     if span.tag != "hit" or span.value != "rear" or span.subjects or len(struck) != 1:
         return []
     if result.users[struck[0]].type != "vehicle":
         return []
-    return [(_imply_vehicle(result), struck[0])]
+    return [(_add_implied_vehicle(result), struck[0])]
 
 
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
@@ -765,7 +768,7 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _do_not_react(result: Interpretation, span: ReadSpan) -> None:
-    """Who does not react to the threat."""
+    """The agent that does not react to the threat."""
     for number in span.subjects:
         agent = result.users.get(number)
         if agent is not None:
@@ -773,7 +776,7 @@ def _do_not_react(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "reaction", (number,), "none")
 
 
-def _with_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
+def _add_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
     """The pair of an event of which the text names but one party, or none: "pedestrian strike".
 
     The other one is a vehicle. Nothing is implied of a vehicle alone, but that it gives way to
@@ -782,20 +785,20 @@ def _with_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int
     known = [n for n in (*span.subjects, *span.objects) if n in result.users]
     traffic = _TRAFFIC.search(result.text, span.start)
     if span.tag in ("hit", "near") and not result.users:
-        return [(_imply_vehicle(result), _imply_vehicle(result))]
+        return [(_add_implied_vehicle(result), _add_implied_vehicle(result))]
     on_foot = all(result.users[number].type == "pedestrian" for number in known)
     if span.tag in ("hit", "near") and known and on_foot:
-        striker = _imply_vehicle(result)
+        striker = _add_implied_vehicle(result)
         return [(striker, number) for number in known]
     if span.tag == "yield" and known and traffic is not None:
-        other = _imply_vehicle(result)
+        other = _add_implied_vehicle(result)
         side = "lateral" if traffic[1].lower().startswith("cross") else "opposite"
         result.users[other].relatives.append((side, result.users[known[0]]))
         return [(known[0], other)]
     return []
 
 
-def _imply_vehicle(result: Interpretation) -> int:
+def _add_implied_vehicle(result: Interpretation) -> int:
     number = max(result.users, default=0) + 1
     agent = AgentDraft(type="vehicle")
     result.users[number] = agent
@@ -803,8 +806,8 @@ def _imply_vehicle(result: Interpretation) -> int:
     return number
 
 
-def _in_a_row(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Several who follow one leader do so one behind the other: "seven cars follow a bus"."""
+def _chain_followers(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Several followers of one leader drive one behind the other: "seven cars follow a bus"."""
     followers, leaders = [a for a, _ in pairs], {b for _, b in pairs}
     if len(leaders) != 1:
         return pairs
@@ -817,7 +820,7 @@ def _let_cross(agent: AgentDraft) -> None:
         agent.movement = "crossing"
 
 
-def _of_fitting_classes(
+def _keep_fitting_classes(
     tag: str, pairs: Sequence[tuple[int, int]], users: dict[int, AgentDraft]
 ) -> Sequence[tuple[int, int]]:
     """The pairs whose classes can have such a relation, as far as there are any."""
@@ -846,7 +849,7 @@ def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
 
 def _edit(result: Interpretation, span: ReadSpan) -> None:
     """Remove agents, swap roles, or change what an agent is."""
-    draft, agents = result.draft, result.agents_of((*span.subjects, *span.objects))
+    draft, agents = result.draft, result.list_agents((*span.subjects, *span.objects))
     if span.tag == "drop":
         draft.agents[:] = [each for each in draft.agents if each not in agents]
         draft.relations[:] = [
@@ -860,8 +863,8 @@ def _edit(result: Interpretation, span: ReadSpan) -> None:
                 if edge.first is not None:
                     edge.first = edge.to if edge.first is edge.from_ else edge.from_
     else:
-        for agent in result.agents_of(span.subjects):
-            agent.subtype = subtype_in(span.words) if agent.type == "vehicle" else None
+        for agent in result.list_agents(span.subjects):
+            agent.subtype = find_subtype(span.words) if agent.type == "vehicle" else None
             agent.head = span.words
     result.enter(span, "agent", span.subjects, span.tag)
 
@@ -928,7 +931,7 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
         raise Refused("out_of_scope", f"'{span.words}' says which time it is not; say which it is.")
     if result.changing and not result.retimed:
         result.times, result.retimed = [], True
-    if says_no_clock(result.text, span.start, span.words):
+    if is_no_clock(result.text, span.start, span.words):
         result.enter(span, "nothing", note="no time of day that is known")
         return
     low = clean(" , ".join(each.words for each in (*result.times, span)))
@@ -936,7 +939,7 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     if clock.time is None:
         figures = CLOCK.search(low)
         _, clock = read_clock(f"at {figures[0] if figures else low}")
-    time = _agreed_time(_specific(names), clock.time) if names or clock.time else None
+    time = _find_agreed_time(_keep_specific(names), clock.time) if names or clock.time else None
     if time is None:  # a date, a weekday
         result.enter(span, "nothing", note="no time of day that is known")
         return
@@ -945,7 +948,7 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "time_of_day", value=time)
 
 
-def _agreed_time(names: list[str], clock: str | None) -> str | None:
+def _find_agreed_time(names: list[str], clock: str | None) -> str | None:
     """The clock time in the half of the day that the words name: "half past six, evening"."""
     try:
         return read_time_words(names, clock=clock)
@@ -961,7 +964,7 @@ def _agreed_time(names: list[str], clock: str | None) -> str | None:
         raise
 
 
-def _specific(names: list[str]) -> list[str]:
+def _keep_specific(names: list[str]) -> list[str]:
     """ "rush hour ... in the morning" is the morning rush."""
     if "rush hour" in names and "morning" in names:
         return ["morning rush"]
@@ -1070,7 +1073,8 @@ def _settle(result: Interpretation) -> None:
 
 
 def _read_order(result: Interpretation) -> None:
-    """Who goes first does so in the event of the two; where there is none, it is given way to."""
+    """The agent that goes first does so in the pair's event; without one, the other yields to
+    it."""
     for span in result.first:
         users = (span.objects, span.subjects) if span.negated else (span.subjects, span.objects)
         pairs = [
@@ -1087,9 +1091,10 @@ def _read_order(result: Interpretation) -> None:
 
 
 def _read_behind(result: Interpretation) -> None:
-    """ "Passes behind" is a follow of two in one lane; of two who cross it says who comes first."""
+    """ "Passes behind" is a follow of two in one lane; of two that cross it says which one comes
+    first."""
     for span in result.behind:
-        one, two = (result.agents_of(each)[:1] for each in (span.subjects, span.objects))
+        one, two = (result.list_agents(each)[:1] for each in (span.subjects, span.objects))
         entries = {agent.entry for agent in (*one, *two)} - {None}
         classes = {agent.type for agent in (*one, *two)}
         if one and two and (len(entries) == 2 or len(classes) == 2):
@@ -1117,10 +1122,10 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
         if result.changing:
             edge.first = None
         if (edge.ahead or edge.first or ahead) is not ahead:
-            if not says_order(span.words):
+            if not has_order_words(span.words):
                 result.enter(span, "manner", (first, second))
                 return
-            raise Refused("contradictory", _tell_two_orders(edge, span))
+            raise Refused("contradictory", _describe_two_orders(edge, span))
     (edge, *_) = edges
     if edge.ahead is not None:
         result.enter(span, "relation", (second, first), edge.type)
@@ -1129,13 +1134,13 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
         result.enter(span, "order", (first, second))
 
 
-def _tell_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
+def _describe_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
     does = {"yield_to": "gives way", "follow": "follows"}.get(edge.type, "runs into the other")
     if edge.ahead is None:
         return f"The text has either of the two pass first ('{span.words}'); keep one of the two."
     return (
-        f"Who {does} comes second, so '{span.words}' contradicts it; keep one of the two, or say "
-        "that the two nearly collide."
+        f"The agent that {does} comes second, so '{span.words}' contradicts it; keep one of the "
+        "two, or say that the two nearly collide."
     )
 
 
@@ -1156,7 +1161,7 @@ def _check_absent(result: Interpretation, span: ReadSpan) -> None:
     if named and (denied is not None or span.tag == "bgall") and not result.changing:
         raise Refused(
             "contradictory",
-            f"'{span.words}' says that there is none, and the text tells of one; drop one of the "
+            f"'{span.words}' says that there is none, and the text describes one; drop one of the "
             "two.",
         )
 
@@ -1164,7 +1169,7 @@ def _check_absent(result: Interpretation, span: ReadSpan) -> None:
 def _deny_event(result: Interpretation, span: ReadSpan) -> None:
     """A denied event contradicts the same event; a yield that fails, alone, is a near miss."""
     draft, kind = result.draft, RELATIONS[span.tag]
-    involved = result.agents_of((*span.subjects, *span.objects))
+    involved = result.list_agents((*span.subjects, *span.objects))
     same = [edge for edge in draft.relations if edge.type == kind and _is_meant(result, span, edge)]
     result.enter(span, "denied", (*span.subjects, *span.objects), kind)
     if result.changing:
@@ -1185,7 +1190,7 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
 
 def _is_meant(result: Interpretation, span: ReadSpan, edge: RelationDraft) -> bool:
     """Whether a denial is of this event; "A did not hit B, B hit A" denies another one."""
-    subjects, objects = result.agents_of(span.subjects), result.agents_of(span.objects)
+    subjects, objects = result.list_agents(span.subjects), result.list_agents(span.objects)
     if subjects and objects:
         return edge.from_ in subjects and edge.to in objects
     return all(agent in (edge.from_, edge.to) for agent in (*subjects, *objects))
@@ -1195,7 +1200,7 @@ def _deny_way(result: Interpretation, span: ReadSpan) -> None:
     """ "Not from the north": harmless beside where it does come from, else it leaves that open."""
     names = {"from": "entry", "heading": "entry", "to": "exit", "cw": "crosswalk"}
     name = names.get(span.tag, "movement")
-    agents = result.agents_of(span.subjects)
+    agents = result.list_agents(span.subjects)
     if span.tag == "red":
         for agent in agents:
             agent.runs_red = False

@@ -1,4 +1,4 @@
-"""The labels that the encoder gives to spans, and the numbers that stand for them."""
+"""The labels that the encoder gives to spans, and their numbers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LABELS: tuple[str, ...] = tuple(
 
 LABEL_INDEX = {label: index for index, label in enumerate(LABELS)}
 MOST_MEMBERS = 12
-"""Members of a group that can be told apart."""
+"""Members of a group that can be distinguished."""
 
 LINKS = ("none", "subject", "object")
 
@@ -52,7 +52,7 @@ def split_label(label: str) -> tuple[str, str | None]:
     return tag, value or None
 
 
-def names_side(label: str) -> bool:
+def is_side_label(label: str) -> bool:
     """Whether the words of such a span name a direction of the compass or a leg."""
     return label in SIDES
 

@@ -17,13 +17,13 @@ from scenewright.backends.builtin.reader.annotation import SEPARATOR
 from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.groups import join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
-from scenewright.backends.builtin.reader.manoeuvres import sharpen_manoeuvres
+from scenewright.backends.builtin.reader.manoeuvres import correct_manoeuvres
 from scenewright.backends.builtin.reader.merging import merge_mentions
 from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, read_text
 from scenewright.backends.builtin.reader.unmarked import read_unmarked
-from scenewright.backends.builtin.scope import nothing_planned
+from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import still_holds
 from scenewright.scene.social import Plan, Refusal, SocialGraph
@@ -72,35 +72,33 @@ def _shift(span: ReadSpan, characters: int) -> ReadSpan:
 
 def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
-    reading = read_reactions(sharpen_manoeuvres(join_groups(merge_mentions(reading))))
+    reading = read_reactions(correct_manoeuvres(join_groups(merge_mentions(reading))))
     reading = orient_orders(read_unmarked(reading))
     spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
     confidence = min([reading.kind_confidence, *spans])
-    if reading.kind in ("scene", "edit") and (
-        find_passed_over(reading) or _says_no_change(reading)
-    ):
+    if reading.kind in ("scene", "edit") and (find_passed_over(reading) or _is_no_change(reading)):
         confidence = 0.0
     try:
         interpretation = interpret(reading, site)
         draft = _settle(interpretation, text)
         finished = finish_draft(draft)
         offset = reading.text.find(SEPARATOR) + len(SEPARATOR) if reading.kind == "edit" else 0
-        said = interpretation.account(name_agents(finished.agents), offset)
+        said = interpretation.build_account(name_agents(finished.agents), offset)
         graph = make_graph(finished)
-        plan: Plan = graph.model_copy(update={"said": tuple(_as_planned(e, graph) for e in said)})
+        plan: Plan = graph.model_copy(update={"said": tuple(_match_plan(e, graph) for e in said)})
     except Refused as verdict:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
         return LearnedPlan(refusal, reading, None, confidence)
     return LearnedPlan(plan, reading, interpretation, confidence)
 
 
-def _says_no_change(reading: Reading) -> bool:
+def _is_no_change(reading: Reading) -> bool:
     """Whether nothing is read in the words that are to change an earlier instruction."""
     cut = reading.text.find(SEPARATOR)
     return reading.kind == "edit" and not any(span.start > cut for span in reading.spans)
 
 
-def _as_planned(entry: SaidSpan, graph: SocialGraph) -> SaidSpan:
+def _match_plan(entry: SaidSpan, graph: SocialGraph) -> SaidSpan:
     """An entry as the graph has it, where one event of two agents overrules another."""
     if entry.became == "relation":
         edges = [e for e in graph.relations if {e.from_, e.to} == set(entry.agents)]
@@ -140,7 +138,7 @@ def _stands_alone(reading: Reading, previous: str) -> bool:
 
 
 def _is_known(words: str, previous: str) -> bool:
-    """Whether a mention is of somebody in an earlier instruction: "he", "the van" after "a van"."""
+    """Whether a mention is of an agent of an earlier instruction: "he", "the van" after "a van"."""
     if _PRONOUN.fullmatch(words):
         return True
     noun = re.fullmatch(r"(?:the|that|this) (?:\w+ )*?(\w+)", words, re.IGNORECASE)
@@ -158,7 +156,7 @@ def _settle(interpretation: Interpretation, text: str) -> Draft:
         draft.normal = False
     said = draft.agents or draft.normal or draft.denied or context.density or context.time_of_day
     if not said and context.vehicles is None and context.pedestrians is None:
-        raise nothing_planned()
+        raise build_nothing_planned()
     _, impacts = read_impacts(text.lower())
     place_impacts(draft, impacts)
     return draft

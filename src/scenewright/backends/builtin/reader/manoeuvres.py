@@ -145,11 +145,11 @@ _ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
 _FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
 
 
-def sharpen_manoeuvres(reading: Reading) -> Reading:
+def correct_manoeuvres(reading: Reading) -> Reading:
     """The reading with spans made sure, or read otherwise, whose words leave no doubt."""
-    # Who stops for a pedestrian gives way; only behind another vehicle is it a manoeuvre.
+    # An agent that stops for a pedestrian gives way; only behind another vehicle is it a manoeuvre.
     driving = all(span.tag != "ped" for span in reading.spans)
-    spans = [_sharpened(span, driving=driving) for span in reading.spans]
+    spans = [_correct_span(span, driving=driving) for span in reading.spans]
     for n, span in enumerate(spans[:-1]):
         close = spans[n + 1].tag in ("follow", "near") and spans[n + 1].start - span.end <= 1
         turns = _TURNS.search(reading.text[: span.start]) or _ADVERB.match(spans[n + 1].words)
@@ -157,15 +157,15 @@ def sharpen_manoeuvres(reading: Reading) -> Reading:
             continue
         if span.tag in ("right", "place") and _SHORT_OF.search(span.words):
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
-    _soften_hooks(spans)
+    _weaken_hooks(spans)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
-    _tell_yellow_from_red(spans)
+    _separate_yellow_from_red(spans)
     _read_right_on_red(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
 
 
-def _soften_hooks(spans: list[ReadSpan]) -> None:
+def _weaken_hooks(spans: list[ReadSpan]) -> None:
     """ "Right-hooks a cyclist and nearly hits him": the hook is no more than the near miss."""
     near = [{*span.subjects, *span.objects} for span in spans if span.tag == "near"]
     for n, span in enumerate(spans):
@@ -174,8 +174,8 @@ def _soften_hooks(spans: list[ReadSpan]) -> None:
             spans[n] = replace(span, tag="near", value=None)
 
 
-def _tell_yellow_from_red(spans: list[ReadSpan]) -> None:
-    """Who runs a light that the words call yellow runs no red one."""
+def _separate_yellow_from_red(spans: list[ReadSpan]) -> None:
+    """An agent that runs a light called yellow runs no red one."""
     for n, span in enumerate(spans):
         if span.tag == "red" and _CALLED_YELLOW.search(span.words) and not span.negated:
             spans[n] = replace(span, tag="motion", value="passes_yellow")
@@ -185,20 +185,23 @@ def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
     """ "Turns right on red" is a turn, and a red light that is run."""
     for match in _RIGHT_ON_RED.finditer(reading.text):
         owner = _find_owner(spans, match, drives=True)
-        if owner is not None and not any(s.tag == "red" and _overlaps(s, match) for s in spans):
+        if owner is not None and not any(
+            s.tag == "red" and _is_overlapping(s, match) for s in spans
+        ):
             start, end = match.span("red")
-            told = ReadSpan(
+            added = ReadSpan(
                 start, end, match["red"], "red", None, False, None, (owner,), (), _KNOWN
             )
-            spans.append(told)
+            spans.append(added)
 
 
 def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
-    """ "Is hit from behind": by a vehicle that nothing else is said of; who braked, gave way."""
+    """ "Is hit from behind": by a vehicle without other relations; the agent that braked gave
+    way."""
     passive = _PASSIVE_REAR.search(reading.text)
     if passive is None:
         return
-    hits = [n for n, s in enumerate(spans) if s.tag == "hit" and _overlaps(s, passive)]
+    hits = [n for n, s in enumerate(spans) if s.tag == "hit" and _is_overlapping(s, passive)]
     struck = [s.subjects or s.objects for s in (spans[n] for n in hits)]
     if len(hits) != 1 or not struck[0]:
         return
@@ -216,17 +219,17 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     for pattern, motion in _MOTIONS:
         for match in pattern.finditer(reading.text):
             owner = _find_owner(spans, match, drives=motion in get_args(VehicleMotion))
-            if owner is None or any(s.tag == "motion" and _overlaps(s, match) for s in spans):
+            if owner is None or any(s.tag == "motion" and _is_overlapping(s, match) for s in spans):
                 continue
             for n, span in enumerate(spans):
                 inside = motion == "blocks_junction" and span.start > match.start()
-                if _overlaps(span, match) and (inside or span.tag in _OF_THE_WAY):
+                if _is_overlapping(span, match) and (inside or span.tag in _OF_THE_WAY):
                     spans[n] = _settle_way(span, match, motion)
             start, end = match.span()
-            told = ReadSpan(
+            added = ReadSpan(
                 start, end, match[0], "motion", motion, False, None, (owner,), (), _KNOWN
             )
-            spans.append(told)
+            spans.append(added)
 
 
 _OF_THE_WAY = (
@@ -265,12 +268,12 @@ def _settle_way(span: ReadSpan, match: re.Match[str], motion: str) -> ReadSpan:
 
 
 def _find_owner(spans: list[ReadSpan], match: re.Match[str], *, drives: bool = False) -> int | None:
-    """The road user of whom it is said: of the span there, else the last one named before."""
+    """The road user that the words describe: that of the span there, else the last one named."""
     walkers = {user for span in spans if span.tag == "ped" for user in span.subjects}
     vehicles = {user for span in spans if span.tag == "veh" for user in span.subjects}
     if drives:
         walkers, vehicles = vehicles, walkers
-    inside = [s for s in spans if _overlaps(s, match) and s.tag not in ("ped", "veh", "ref")]
+    inside = [s for s in spans if _is_overlapping(s, match) and s.tag not in ("ped", "veh", "ref")]
     for span in inside:
         if span.subjects:
             return span.subjects[0] if span.subjects[0] in walkers else None
@@ -281,11 +284,11 @@ def _find_owner(spans: list[ReadSpan], match: re.Match[str], *, drives: bool = F
     return last.subjects[0] if last.subjects[0] in walkers else None
 
 
-def _overlaps(span: ReadSpan, match: re.Match[str]) -> bool:
+def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
     return span.start < match.end() and match.start() < span.end
 
 
-def _sharpened(span: ReadSpan, *, driving: bool) -> ReadSpan:
+def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
     if span.tag == "place" and _LANE_CHANGE.search(span.words):
         return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
     if span.tag == "act" and _LANE_CHANGE.search(span.words):
@@ -294,7 +297,7 @@ def _sharpened(span: ReadSpan, *, driving: bool) -> ReadSpan:
         return replace(span, confidence=max(span.confidence, _KNOWN))
     if span.tag not in ("hit", "near", "yield", "follow") or not driving:
         return span
-    if stops_in_time(span):
+    if is_stopping_in_time(span):
         sure = max(span.confidence, _KNOWN)
         return replace(span, tag="follow", value=None, negated=False, confidence=sure)
     if span.negated:
@@ -304,7 +307,7 @@ def _sharpened(span: ReadSpan, *, driving: bool) -> ReadSpan:
     return span
 
 
-def stops_in_time(span: ReadSpan) -> bool:
+def is_stopping_in_time(span: ReadSpan) -> bool:
     """Whether the words say that a vehicle stops in time, with nothing that makes it narrow."""
     return bool(_IN_TIME.search(span.words)) and not _NARROWLY.search(span.words)
 
@@ -312,7 +315,7 @@ def stops_in_time(span: ReadSpan) -> bool:
 def settle_lanes(result: Interpretation) -> None:
     """Following close up, and lane changes, are manoeuvres of the relations that they belong to."""
     for n, entry in enumerate(result.entries):
-        agents = result.agents_of(entry.users)
+        agents = result.list_agents(entry.users)
         words = entry.span.words
         near = words + result.text[entry.span.end : entry.span.end + _NEAR]
         if entry.became == "relation" and entry.value == "follow" and _CLOSE_UP.search(near):
@@ -331,7 +334,7 @@ def settle_lanes(result: Interpretation) -> None:
 def _take_in_swerves(result: Interpretation) -> None:
     """ "Swerves" beside words for a lane change says the same."""
     for n, entry in enumerate(result.entries):
-        agents = result.agents_of(entry.users)
+        agents = result.list_agents(entry.users)
         changes = [
             edge.manoeuvre
             for edge in result.draft.relations
@@ -365,11 +368,15 @@ _CHANGES: dict[str, Manoeuvre] = {"near_miss": "cuts_in", "collide_at": "changes
 
 
 def settle_lead_braking(result: Interpretation) -> None:
-    """Who brakes hard ahead of another in its lane does so as a manoeuvre of their relation."""
+    """Hard braking ahead of another agent in its lane is a manoeuvre of their relation."""
     for user in sorted(result.braking):
         agent = result.users.get(user)
         for edge in list(result.draft.relations):
-            if agent is None or agent.type != "vehicle" or not _brakes_ahead(result, edge, agent):
+            if (
+                agent is None
+                or agent.type != "vehicle"
+                or not _is_braking_ahead(result, edge, agent)
+            ):
                 continue
             edge.manoeuvre = "lead_brakes"
             if edge.type == "collide_at":
@@ -379,7 +386,7 @@ def settle_lead_braking(result: Interpretation) -> None:
     _drop_follows(result)
 
 
-def _brakes_ahead(result: Interpretation, edge: RelationDraft, agent: AgentDraft) -> bool:
+def _is_braking_ahead(result: Interpretation, edge: RelationDraft, agent: AgentDraft) -> bool:
     """Whether the agent drives ahead of the other of the edge, in its lane, and brakes."""
     other = edge.to if agent is edge.from_ else edge.from_
     if agent not in (edge.from_, edge.to) or other.type != "vehicle":
@@ -387,30 +394,36 @@ def _brakes_ahead(result: Interpretation, edge: RelationDraft, agent: AgentDraft
     if edge.type == "follow":
         return agent is edge.to
     if edge.type == "collide_at":
-        return agent is edge.to and (edge.kind == "rear_end" or _in_line(result, agent, other))
-    return edge.type == "near_miss" and _in_line(result, agent, other)
+        return agent is edge.to and (edge.kind == "rear_end" or _is_in_line(result, agent, other))
+    return edge.type == "near_miss" and _is_in_line(result, agent, other)
 
 
-def _in_line(result: Interpretation, agent: AgentDraft, other: AgentDraft) -> bool:
+def _is_in_line(result: Interpretation, agent: AgentDraft, other: AgentDraft) -> bool:
     """Whether words have the agent ahead of the other: its name, the other's, or a follow."""
     follows = any(
         edge.type == "follow" and edge.from_ is other and edge.to is agent
         for edge in result.draft.relations
     )
     named = bool(_AHEAD.search(agent.head) or _BEHIND.search(other.head))
-    return follows or named or any(map(_INTO_THE_BACK.search, _words_between(result, agent, other)))
+    return (
+        follows
+        or named
+        or any(map(_INTO_THE_BACK.search, _list_words_between(result, agent, other)))
+    )
 
 
-def _words_between(result: Interpretation, agent: AgentDraft, other: AgentDraft) -> Iterator[str]:
+def _list_words_between(
+    result: Interpretation, agent: AgentDraft, other: AgentDraft
+) -> Iterator[str]:
     """The words of relations in which the other does something to the agent."""
     for entry in result.entries:
-        users = result.agents_of(entry.users)
+        users = result.list_agents(entry.users)
         if entry.became == "relation" and users == [other, agent]:
             yield entry.span.words
 
 
 def _turn_round(edge: RelationDraft, leader: AgentDraft) -> None:
-    """`from` is who drives behind."""
+    """`from` is the agent that drives behind."""
     if edge.from_ is leader:
         edge.from_, edge.to = edge.to, leader
 
@@ -423,12 +436,12 @@ def _take_in(result: Interpretation, edge: RelationDraft, user: int) -> None:
 
 
 def _drop_follows(result: Interpretation) -> None:
-    """Who hits or nearly hits a braking leader follows it: one relation says both."""
+    """An agent that hits or nearly hits a braking leader follows it: one relation says both."""
     relations = result.draft.relations
     others = {e.pair() for e in relations if e.manoeuvre == "lead_brakes" and e.type != "follow"}
     dropped = [e for e in relations if e.type == "follow" and e.pair() in others]
     relations[:] = [each for each in relations if each not in dropped]
     for n, entry in enumerate(result.entries):
-        pair = frozenset(map(id, result.agents_of(entry.users)))
+        pair = frozenset(map(id, result.list_agents(entry.users)))
         if entry.became == "relation" and entry.value == "follow" and pair in others:
             result.entries[n] = replace(entry, became="manoeuvre", value="lead_brakes")

@@ -49,32 +49,32 @@ _SECONDS = re.compile(r"(?<![a-z/])s(?:ecs?|econds?)?\b|(?<=\d)s\b|heartbeat", r
 
 
 @dataclass(frozen=True)
-class Measure:
+class MeasureMention:
     """A value in SI units; `unit` is m/s, m, s, m/s2, or empty where none is said."""
 
     value: float
     unit: str
 
 
-def measure_in(words: str) -> Measure | None:
+def measure_in(words: str) -> MeasureMention | None:
     """The measure that some words hold; None without a number."""
     low = words.lower()
     number = _number(low)
     if number is None:
         return None
     if _ACCELERATION.search(low):
-        return Measure(number, "m/s2")
+        return MeasureMention(number, "m/s2")
     if _GRAVITY.search(low):
-        return Measure(number * 9.81, "m/s2")
+        return MeasureMention(number * 9.81, "m/s2")
     for pattern, factor in _PER_SECOND:
         if pattern.search(low):
-            return Measure(number * factor, "m/s")
+            return MeasureMention(number * factor, "m/s")
     if _MILLISECONDS.search(low):
-        return Measure(number / 1000, "s")
+        return MeasureMention(number / 1000, "s")
     for pattern, factor in _METRES:
         if pattern.search(low):
-            return Measure(number * factor, "m")
-    return Measure(number, "s" if _SECONDS.search(low) else "")
+            return MeasureMention(number * factor, "m")
+    return MeasureMention(number, "s" if _SECONDS.search(low) else "")
 
 
 _BOUNDS = (
@@ -114,7 +114,9 @@ _PERCENT = re.compile(r"%|\bper ?cent\b|\bpct\b")
 _MIDDLE = re.compile(r"\b(?:middle|centre|center|dead[- ]cent(?:re|er)|half ?way|midpoint)\b")
 
 
-def range_in(words: str, before: str, tolerance: float) -> tuple[float, float | None, str] | None:
+def parse_range(
+    words: str, before: str, tolerance: float
+) -> tuple[float, float | None, str] | None:
     """The bounds that words give a figure, in SI units, and its unit; None without a number.
 
     Args:
@@ -129,7 +131,7 @@ def range_in(words: str, before: str, tolerance: float) -> tuple[float, float | 
     if measure is None:
         return (50.0 - tolerance, 50.0 + tolerance, "%") if _MIDDLE.search(low) else None
     if _PERCENT.search(low):
-        measure = Measure(measure.value, "%")
+        measure = MeasureMention(measure.value, "%")
     if (two := _TWO.search(low)) is not None and measure.unit:
         figure = float(two[1].replace(",", "."))
         scale = measure.value / figure if figure else 1.0
@@ -143,7 +145,7 @@ def range_in(words: str, before: str, tolerance: float) -> tuple[float, float | 
     return max(measure.value - tolerance, 0.0), measure.value + tolerance, measure.unit
 
 
-def speed_range(words: str, agent: str) -> tuple[float, float] | None:
+def parse_speed_range(words: str, agent: str) -> tuple[float, float] | None:
     """The speeds [m/s] that words such as "at 30 km/h" allow an agent; None where they give none.
 
     A speed that no agent of the class drives or walks at, and a bound ("over 30 km/h") are none.

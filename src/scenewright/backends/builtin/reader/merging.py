@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import subtype_in
+from scenewright.backends.builtin.reader.words import find_subtype
 
 _SPEAKER = re.compile(r"^(?:i|me|we|us|myself)$", re.IGNORECASE)
 _OWN = re.compile(r"^(?:my|our) [\w -]+$", re.IGNORECASE)
@@ -56,22 +56,22 @@ _NOUN = re.compile(
 def merge_mentions(reading: Reading) -> Reading:
     """The reading with mentions of one road user made one: "I ... my moped", "oncoming truck".
 
-    "Another pedestrian" is the other way round: somebody new where the encoder sees a known one.
+    "Another pedestrian" is the other way round: a new agent where the encoder sees a known one.
     """
-    reading = _without_function_words(reading)
+    reading = _drop_function_words(reading)
     for at, span in enumerate(reading.spans):
         if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
-            reading = _introduce(reading, at)
+            reading = _introduce_user(reading, at)
     for span in reading.spans:
         if span.tag in EVENTS and (match := _ANOTHER_INSIDE.search(span.words)):
             reading = _introduce_inside(reading, span, match)
-    for kept, dropped in list(_same(reading)):
+    for kept, dropped in list(_find_same(reading)):
         if kept in reading.users and dropped in reading.users:
             reading = _merge(reading, kept, dropped)
     return reading
 
 
-def _without_function_words(reading: Reading) -> Reading:
+def _drop_function_words(reading: Reading) -> Reading:
     """The reading without spans of "at", "of the" and the like, which say nothing alone."""
     kept = [
         at
@@ -83,7 +83,7 @@ def _without_function_words(reading: Reading) -> Reading:
     return replace(reading, spans=spans, users=users)
 
 
-def _introduce(reading: Reading, at: int) -> Reading:
+def _introduce_user(reading: Reading, at: int) -> Reading:
     """The reading in which a later mention introduces a road user of its own."""
     ref, known = reading.spans[at], reading.spans[at].subjects[0]
     if known not in reading.users:
@@ -113,15 +113,15 @@ def _introduce_inside(reading: Reading, event: ReadSpan, match: re.Match[str]) -
     return replace(reading, spans=(*spans, mention), users=users)
 
 
-def _same(reading: Reading) -> Iterator[tuple[int, int]]:
+def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
     """Pairs of road users that are one, the one that is kept first."""
     single = {
         user: reading.spans[at]
         for user, at in reading.users.items()
         if len(reading.spans[at].subjects) == 1
     }
-    yield from _touching(reading, single)
-    yield from _driven(reading, single)
+    yield from _find_touching(reading, single)
+    yield from _find_driven(reading, single)
     speaker = next((u for u, span in single.items() if _SPEAKER.match(span.words)), None)
     for user, span in single.items():
         own = _OWN.match(span.words) and _OWN_VEHICLE.search(span.words)
@@ -129,7 +129,7 @@ def _same(reading: Reading) -> Iterator[tuple[int, int]]:
             yield speaker, user
 
 
-def _touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
+def _find_touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
     """Mentions of one class side by side, the first without a noun: "through", "vehicle"."""
     for user, span in single.items():
         for other, later in single.items():
@@ -139,8 +139,8 @@ def _touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[i
                 yield other, user
 
 
-def _driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
-    """A vehicle and who drives it: "the rider of a motorbike", "a woman on a moped"."""
+def _find_driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
+    """A vehicle and its driver: "the rider of a motorbike", "a woman on a moped"."""
     for user, span in single.items():
         for other, later in single.items():
             if not 0 <= later.start - span.end <= _MOST_BETWEEN or span.tag == "obj":
@@ -148,8 +148,8 @@ def _driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int
             match = _RIDES.search(reading.text[span.start : later.start].strip())
             if match is None:
                 continue
-            who = reading.text[span.start : span.start + match.start()].strip()
-            named = _DRIVER.search(who) if match[0].lower().startswith("of") else _is_one(who)
+            words = reading.text[span.start : span.start + match.start()].strip()
+            named = _DRIVER.search(words) if match[0].lower().startswith("of") else _is_one(words)
             if named and later.tag in ("veh", "cyc", "scoot"):
                 yield other, user
 
@@ -161,18 +161,18 @@ _MOST_BETWEEN = 40
 def _is_one(words: str) -> bool:
     """Whether the words are those of a person, and no vehicle themselves."""
     person = _DRIVER.search(words) or re.search(_ON_FOOT.pattern + "$", words, re.IGNORECASE)
-    return person is not None and subtype_in(words) is None
+    return person is not None and find_subtype(words) is None
 
 
 def _has_noun(words: str) -> bool:
-    found = (_NOUN.search(words), _OWN_VEHICLE.search(words), subtype_in(words))
+    found = (_NOUN.search(words), _OWN_VEHICLE.search(words), find_subtype(words))
     return any(each is not None for each in found)
 
 
 def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
-    """The reading without one road user, of whom all is said that was said of another."""
+    """The reading without one road user, whose spans now belong to another."""
     first, second = reading.spans[reading.users[kept]], reading.spans[reading.users[dropped]]
-    spans = tuple(_renumber(span, kept, dropped) for span in reading.spans)
+    spans = tuple(_renumber_span(span, kept, dropped) for span in reading.spans)
     at_kept, at_dropped = reading.users[kept], reading.users[dropped]
     gone = replace(second, tag="ref", value=None, subjects=(kept,))
     words = first.words
@@ -188,13 +188,13 @@ def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
     return replace(reading, spans=spans, users=users)
 
 
-def _renumber(span: ReadSpan, kept: int, dropped: int) -> ReadSpan:
+def _renumber_span(span: ReadSpan, kept: int, dropped: int) -> ReadSpan:
     if span.tag in MENTIONS:
         return span
 
-    def renumbered(users: tuple[int, ...]) -> tuple[int, ...]:
+    def renumber_users(users: tuple[int, ...]) -> tuple[int, ...]:
         return tuple(dict.fromkeys(kept if user == dropped else user for user in users))
 
-    subjects = renumbered(span.subjects)
-    objects = tuple(user for user in renumbered(span.objects) if user not in subjects)
+    subjects = renumber_users(span.subjects)
+    objects = tuple(user for user in renumber_users(span.objects) if user not in subjects)
     return replace(span, subjects=subjects, objects=objects)

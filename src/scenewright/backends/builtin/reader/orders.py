@@ -1,4 +1,4 @@
-"""Who goes first, by the words themselves: "after", "second to" and "behind" turn an order round.
+"""Order of passing, by the words themselves: "after", "second to" and "behind" turn an order round.
 
 The encoder sees that words speak of an order; which of the two it puts first is read from where the
 two are named: the complement of "after" goes first, the subject of "second" goes second.
@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import names_user
+from scenewright.backends.builtin.reader.words import has_user_noun
 
 _EARLY = re.compile(
     r"\b(?:first|1st|before|ahead|in front|precede[sd]?|beat(?:s|en)?|prior|leads?|earlier)\b",
@@ -42,7 +42,7 @@ _TOUCHING = 4
 """Characters between words and what they govern."""
 
 Parties = tuple[tuple[int, ...], tuple[int, ...]]
-"""Road users who go first, and those who go second."""
+"""Road users that go first, and those that go second."""
 
 
 def orient_orders(reading: Reading) -> Reading:
@@ -56,17 +56,17 @@ def orient_orders(reading: Reading) -> Reading:
         for at, span in enumerate(reading.spans)
         if span.tag == "first" and (found := find_direction(reading, span)) is not None
     }
-    told = [
+    pairs = [
         *settled.values(),
         *(
             (span.subjects, span.objects)
             for at, span in enumerate(reading.spans)
-            if span.tag == "first" and at not in settled and says_order(span.words)
+            if span.tag == "first" and at not in settled and has_order_words(span.words)
         ),
     ]
     for at, span in enumerate(reading.spans):
-        if span.tag == "first" and at not in settled and not says_order(span.words):
-            same = [each for each in told if set(each) == {span.subjects, span.objects}]
+        if span.tag == "first" and at not in settled and not has_order_words(span.words):
+            same = [each for each in pairs if set(each) == {span.subjects, span.objects}]
             settled |= {at: same[0]} if same else {}
     spans = tuple(
         _turn(span, settled[at]) if at in settled else span for at, span in enumerate(reading.spans)
@@ -84,7 +84,7 @@ def _name_both(reading: Reading, span: ReadSpan) -> ReadSpan:
     return replace(span, subjects=others) if not span.subjects else span
 
 
-def says_order(words: str) -> bool:
+def has_order_words(words: str) -> bool:
     """Whether the words themselves speak of an order; "goes" and "crosses" do not."""
     return any(each.search(words) for each in (_EARLY, _LATE, _THEN))
 
@@ -95,10 +95,10 @@ def _turn(span: ReadSpan, parties: Parties) -> ReadSpan:
 
 
 def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
-    """Who goes first and who second by the words of a span; None where they leave it open."""
+    """The first and the second agent by the words of a span; None where they leave it open."""
     early, late = _EARLY.search(span.words), _LATE.search(span.words)
     parties = (span.subjects, span.objects)
-    unclear = bool(early) == bool(late) or not all(parties) or names_user(span.words)
+    unclear = bool(early) == bool(late) or not all(parties) or has_user_noun(span.words)
     if unclear or _ELSEWHERE.search(span.words) or _is_in_a_chain(reading, span):
         return None
     complement = _find_complement(reading, span, parties)
@@ -113,17 +113,17 @@ def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
 
 
 def _is_in_a_chain(reading: Reading, span: ReadSpan) -> bool:
-    """Whether "second" may be said of the second of three, who goes ahead of the third."""
+    """Whether "second" may mean the second of three, ahead of the third."""
     return len(reading.users) > 2 and not _GOVERNS.search(span.words)
 
 
 def _find_complement(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[int, ...] | None:
-    """Who is named right after "before", "after", "second to" and their like."""
+    """The agent named right after "before", "after", "second to" and their like."""
     governed = _GOVERNS.search(span.words)
     to = re.match(r"\s+to\b", reading.text[span.end :])
     if not governed and not (to and span.words.lower().endswith("second")):
         return None
-    found = _next_party(reading, span, parties)
+    found = _find_next_party(reading, span, parties)
     if found is None:
         return None
     between = reading.text[span.end : found[0].start]
@@ -131,7 +131,7 @@ def _find_complement(reading: Reading, span: ReadSpan, parties: Parties) -> tupl
 
 
 def _find_subject(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[int, ...] | None:
-    """Who is named last before the words, in one clause with them and as its subject."""
+    """The agent named last before the words, in one clause with them and as its subject."""
     after = reading.text[span.end :]
     if _GOVERNS.search(span.words) and _POINTS_BACK.match(after):
         return None
@@ -151,8 +151,8 @@ def _find_subject(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[i
 def _find_late_subject(
     reading: Reading, span: ReadSpan, parties: Parties
 ) -> tuple[int, ...] | None:
-    """Who is named right after "first through is"."""
-    found = _next_party(reading, span, parties) if _IS.search(span.words) else None
+    """The agent named right after "first through is"."""
+    found = _find_next_party(reading, span, parties) if _IS.search(span.words) else None
     if found is None or _BREAK.search(reading.text[span.end : found[0].start]):
         return None
     return found[1]
@@ -168,7 +168,7 @@ def _is_object(reading: Reading, mention: ReadSpan) -> bool:
     )
 
 
-def _next_party(
+def _find_next_party(
     reading: Reading, span: ReadSpan, parties: Parties
 ) -> tuple[ReadSpan, tuple[int, ...]] | None:
     later = [each for each in _list_parties(reading, parties) if each[0].start >= span.end]

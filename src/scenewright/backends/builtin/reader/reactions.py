@@ -29,38 +29,42 @@ _OF_REACTING = ("brake", "decel", "manner", "act", "sight", "thing", "pace", "yi
 
 
 def read_reactions(reading: Reading) -> Reading:
-    """The reading with spans of their own for words that say that somebody does not react."""
+    """The reading with spans of their own for words that say that an agent does not react."""
     spans = list(reading.spans)
     for match in _UNREACTING.finditer(reading.text):
         owner = _find_owner(spans, match)
         if owner is None or _IN_TIME.match(reading.text, match.end()):
             continue
-        spans = [span for span in spans if not _says_the_same(span, match)]
+        spans = [span for span in spans if not _is_same_statement(span, match)]
         start, end = match.span()
         spans.append(
             ReadSpan(start, end, match[0], "reaction", "none", False, None, (owner,), (), _KNOWN)
         )
-    return reading if spans == list(reading.spans) else _with_spans(reading, spans)
+    return reading if spans == list(reading.spans) else _replace_spans(reading, spans)
 
 
-def _with_spans(reading: Reading, spans: list[ReadSpan]) -> Reading:
+def _replace_spans(reading: Reading, spans: list[ReadSpan]) -> Reading:
     """The reading with other spans, its road users introduced where they were."""
     users = {user: spans.index(reading.spans[at]) for user, at in reading.users.items()}
     return replace(reading, spans=tuple(spans), users=users)
 
 
-def _says_the_same(span: ReadSpan, match: re.Match[str]) -> bool:
-    return span.tag in _OF_REACTING and _overlaps(span, match)
+def _is_same_statement(span: ReadSpan, match: re.Match[str]) -> bool:
+    return span.tag in _OF_REACTING and _is_overlapping(span, match)
 
 
-def _overlaps(span: ReadSpan, match: re.Match[str]) -> bool:
+def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
     return span.start < match.end() and match.start() < span.end
 
 
 def _find_owner(spans: list[ReadSpan], match: re.Match[str]) -> int | None:
-    """Of whom it is said: whom the words name or are read of, else who was named last before."""
+    """The agent described: the one that the words name or belong to, else the last one named."""
     for span in spans:
-        if _overlaps(span, match) and span.subjects and span.tag in (*MENTIONS, *_OF_REACTING):
+        if (
+            _is_overlapping(span, match)
+            and span.subjects
+            and span.tag in (*MENTIONS, *_OF_REACTING)
+        ):
             return span.subjects[0]
     named = [s for s in spans if s.tag in (*MENTIONS, "ref") and s.end <= match.start()]
     named.sort(key=lambda each: each.end)

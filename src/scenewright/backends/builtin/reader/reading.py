@@ -1,4 +1,4 @@
-"""What the encoder reads in a text: spans with labels, whose they are, and how sure that is."""
+"""What the encoder reads in a text: spans with labels, their agents, and their certainty."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scenewright.backends.builtin.reader.labels import (
     LABELS,
     MOST_MEMBERS,
     is_mention,
-    names_side,
+    is_side_label,
     split_label,
 )
 from scenewright.backends.builtin.reader.numbers import count_in
@@ -36,7 +36,7 @@ _UNOWNED = frozenset(
         *("speed", "impact", "pet", "ttc", "gap", "headway", "light", "point", "decel", "accel"),
     )
 )
-"""Tags that may be said of nobody in particular."""
+"""Tags that need no agent."""
 
 _VEHICLE_ONLY = frozenset({"left", "right", "straight", "uturn"})
 
@@ -108,8 +108,8 @@ def read_text(text: str, *, previous: str | None = None, encoder: Encoder | None
     parts = np.array([int(start > cut) for start, _ in encoding.offsets], dtype=np.int64)
     with SINGLE_THREAD:
         x = encoder.encode(np.array(encoding.ids, dtype=np.int64), parts)
-        kinds = np.exp(encoder.head("kind", x[:1])[0])
-        found = _find_spans(np.asarray(encoder.head("tags", x)), encoding)
+        kinds = np.exp(encoder.compute_head("kind", x[:1])[0])
+        found = _find_spans(np.asarray(encoder.compute_head("tags", x)), encoding)
         spans, users = _describe(encoder, x, found, encoding, whole)
     kind = int(kinds.argmax())
     return Reading(whole, KINDS[kind], float(kinds[kind]), spans, users)
@@ -146,10 +146,10 @@ def _gather(path: list[int], chances: Floats, encoding: Any) -> list[_TokenSpan]
             spans.append(_TokenSpan(before.first, at, label, min(sure, before.confidence)))
         else:
             spans.append(_TokenSpan(at, at, label, sure))
-    return [each for each in spans if _holds_a_word(each, encoding)]
+    return [each for each in spans if _has_word(each, encoding)]
 
 
-def _holds_a_word(span: _TokenSpan, encoding: Any) -> bool:
+def _has_word(span: _TokenSpan, encoding: Any) -> bool:
     tokens = encoding.tokens[span.first : span.last + 1]
     return any(char.isalnum() for token in tokens for char in token)
 
@@ -161,15 +161,18 @@ def _describe(
         return (), {}
     places = np.array([(each.first, each.last) for each in found])
     spans = encoder.represent(x, places, np.array([each.label for each in found]))
-    negated = np.exp(encoder.head("negated", spans))[:, 1]
-    sides, counts = np.exp(encoder.head("side", spans)), np.exp(encoder.head("count", spans))
-    words = [_words(each, encoding, text) for each in found]
+    negated = np.exp(encoder.compute_head("negated", spans))[:, 1]
+    sides, counts = (
+        np.exp(encoder.compute_head("side", spans)),
+        np.exp(encoder.compute_head("count", spans)),
+    )
+    words = [_widen_to_words(each, encoding, text) for each in found]
     members: list[tuple[int, int]] = []  # span, member (0: alone)
     users: dict[int, int] = {}
     for at, each in enumerate(found):
         label = LABELS[each.label]
         if is_mention(label):
-            size = 1 if label.endswith("=many") else _size(words[at][2], counts[at])
+            size = 1 if label.endswith("=many") else _choose_size(words[at][2], counts[at])
             for member in range(1, size + 1):
                 users[len(members) + 1] = at
                 members.append((at, member if size > 1 else 0))
@@ -180,12 +183,12 @@ def _describe(
         tag, value = split_label(label)
         start, end, said = words[at]
         if is_mention(label):
-            who = tuple(user for user, span in users.items() if span == at)
-            whom: tuple[int, ...] = ()
+            subjects = tuple(user for user, span in users.items() if span == at)
+            objects: tuple[int, ...] = ()
             sure = 1.0
         else:
-            who, whom, sure = _choose(links[at], tag, value, members, found)
-        side = COMPASS[int(sides[at].argmax())] if names_side(label) else None
+            subjects, objects, sure = _choose(links[at], tag, value, members, found)
+        side = COMPASS[int(sides[at].argmax())] if is_side_label(label) else None
         denied = bool(negated[at] > 0.5)
         sure = min(sure, each.confidence, float(max(negated[at], 1 - negated[at])))
         result.append(
@@ -197,8 +200,8 @@ def _describe(
                 value,
                 denied,
                 side,
-                who,
-                whom,
+                subjects,
+                objects,
                 round(sure, 4),
                 round(each.confidence, 4),
             )
@@ -206,7 +209,7 @@ def _describe(
     return tuple(result), users
 
 
-def _words(span: _TokenSpan, encoding: Any, text: str) -> tuple[int, int, str]:
+def _widen_to_words(span: _TokenSpan, encoding: Any, text: str) -> tuple[int, int, str]:
     """Characters of a span, widened to whole words."""
     start, end = encoding.offsets[span.first][0], encoding.offsets[span.last][1]
     tokens = encoding.tokens
@@ -220,7 +223,7 @@ def _words(span: _TokenSpan, encoding: Any, text: str) -> tuple[int, int, str]:
     return start, end, text[start:end]
 
 
-def _size(words: str, chances: Floats) -> int:
+def _choose_size(words: str, chances: Floats) -> int:
     """How many road users a mention introduces: the number in its words, else what is likeliest."""
     said = count_in(words)
     return said if said is not None and said <= MOST_MEMBERS else int(chances.argmax()) + 1
@@ -233,7 +236,7 @@ def _score_links(
     if not members:
         return np.zeros((len(found), 0, 3), np.float32)
     mentions = np.array([span for span, _ in members])
-    users = spans[mentions] + encoder.members(np.array([member for _, member in members]))
+    users = spans[mentions] + encoder.compute_members(np.array([member for _, member in members]))
     n, m = len(found), len(members)
     left, right = np.repeat(np.arange(n), m), np.tile(np.arange(m), n)
     distances = [
@@ -273,12 +276,12 @@ def _choose(
         free = int(cost.argmin())
         sure = min(sure, float(chances[free, 2]))
         picked[free] = 2
-    who = tuple(int(user) + 1 for user in np.flatnonzero(picked == 1))
-    whom = tuple(int(user) + 1 for user in np.flatnonzero(picked == 2))
-    return who, whom, sure
+    subjects = tuple(int(user) + 1 for user in np.flatnonzero(picked == 1))
+    objects = tuple(int(user) + 1 for user in np.flatnonzero(picked == 2))
+    return subjects, objects, sure
 
 
-def reading_of(annotated: AnnotatedText) -> Reading:
+def build_reading(annotated: AnnotatedText) -> Reading:
     """The reading that an annotation is, as if the encoder had read it without doubt."""
     spans = tuple(
         ReadSpan(

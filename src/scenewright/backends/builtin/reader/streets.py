@@ -21,22 +21,22 @@ _BARE_ROAD = re.compile(
 _ALIKE = 90.0
 
 
-def legs_named(words: str, roads: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+def find_named_legs(words: str, roads: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """The legs whose street some words name.
 
     Args:
         roads: leg and the name of its street.
     """
     said = expand_name(words)
-    return tuple(leg for leg, road in roads if road and _names(said, expand_name(road)))
+    return tuple(leg for leg, road in roads if road and _is_name_of(said, expand_name(road)))
 
 
-def looks_like_a_street(words: str) -> bool:
+def is_street_like(words: str) -> bool:
     """Whether some words are the name of a street: "Elm Road", not "the road"."""
     return _NAMED.search(words) is not None and _BARE_ROAD.match(words.strip()) is None
 
 
-def _names(said: str, road: str) -> bool:
+def _is_name_of(said: str, road: str) -> bool:
     core = " ".join(word for word in road.split() if word not in TYPES)
     if re.search(rf"\b{re.escape(road)}\b", said):
         return True

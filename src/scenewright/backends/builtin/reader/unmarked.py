@@ -1,4 +1,4 @@
-"""Words that rules read where the encoder marks none of them: clock figures, people who stand."""
+"""Words that rules read where the encoder marks none of them: clock figures, standing people."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ _STANDING = re.compile(r"^[^.,;:]{0,12}\b(?:stand(?:s|ing)?|stood)\b", re.IGNORE
 
 def read_unmarked(reading: Reading) -> Reading:
     """The reading with spans for clock figures and standing bystanders that it passes over."""
-    spans = (*reading.spans, *_clocks(reading), *_standing(reading))
+    spans = (*reading.spans, *_find_clocks(reading), *_find_standing(reading))
     return replace(reading, spans=spans)
 
 
-def _clocks(reading: Reading) -> list[ReadSpan]:
+def _find_clocks(reading: Reading) -> list[ReadSpan]:
     """Four figures that stand alone, as in "1625. A van hits a car", and are no year or name."""
     if any(span.tag == "time" for span in reading.spans):
         return []
     return [
-        _span(match.start(), match.end(), match[0], "time")
+        _build_span(match.start(), match.end(), match[0], "time")
         for match in CLOCK.finditer(reading.text)
         if _is_free(reading, match.start(), match.end())
-        and not says_no_clock(reading.text, match.start(), match[0])
+        and not is_no_clock(reading.text, match.start(), match[0])
     ]
 
 
-def says_no_clock(text: str, start: int, words: str) -> bool:
+def is_no_clock(text: str, start: int, words: str) -> bool:
     """Whether four figures are a year or the number of a thing: "June 2024", "unit 1412"."""
     counted = _NOT_A_CLOCK.search(text[:start])
     if counted is None or CLOCK.fullmatch(words) is None:
@@ -47,15 +47,15 @@ def says_no_clock(text: str, start: int, words: str) -> bool:
     return not counted[1] or _YEAR.fullmatch(words) is not None
 
 
-def _standing(reading: Reading) -> list[ReadSpan]:
-    """ "Stands" right after people who are no party: others walk in a scene, they do not stand."""
+def _find_standing(reading: Reading) -> list[ReadSpan]:
+    """ "Stands" right after people that are no party: others walk in a scene, they do not stand."""
     found = []
     for span in reading.spans:
         match = _STANDING.search(reading.text[span.end : span.end + 30])
         if span.tag == "bgped" and match is not None:
             start, end = span.end + match.end() - len(match[0].split()[-1]), span.end + match.end()
             if _is_free(reading, start, end):
-                found.append(_span(start, end, reading.text[start:end], "act"))
+                found.append(_build_span(start, end, reading.text[start:end], "act"))
     return found
 
 
@@ -63,5 +63,5 @@ def _is_free(reading: Reading, start: int, end: int) -> bool:
     return not any(span.start < end and start < span.end for span in reading.spans)
 
 
-def _span(start: int, end: int, words: str, tag: str) -> ReadSpan:
+def _build_span(start: int, end: int, words: str, tag: str) -> ReadSpan:
     return ReadSpan(start, end, words, tag, None, False, None, (), (), _KNOWN)

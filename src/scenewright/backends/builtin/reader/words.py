@@ -94,7 +94,7 @@ _TIMES = (
 )
 
 
-def subtype_in(words: str) -> str | None:
+def find_subtype(words: str) -> str | None:
     """The subtype of vehicle that some words name; None where they leave it open."""
     if _PICKUP.search(words):
         return "car"
@@ -110,7 +110,7 @@ COARSE = {
 
 def narrow_subtype(subtype: str | None, head: str) -> str | None:
     """The subtype that a noun says where the grammar has only the wider one."""
-    found = subtype_in(head)
+    found = find_subtype(head)
     return found if subtype in (None, "car", "truck") and found in COARSE else subtype
 
 
@@ -131,6 +131,6 @@ _USER = re.compile(
 )
 
 
-def names_user(words: str) -> bool:
+def has_user_noun(words: str) -> bool:
     """Whether some words name a road user by a noun."""
-    return subtype_in(words) is not None or _USER.search(words) is not None
+    return find_subtype(words) is not None or _USER.search(words) is not None

@@ -54,7 +54,7 @@ def augment(
         bank: spans of other rows by what makes them interchangeable (`collect_spans`).
     """
     if row.kind in ("off", "foreign"):
-        return _slip(row, rng) if rng.random() < 0.3 else row
+        return _add_slips(row, rng) if rng.random() < 0.3 else row
     row = turn(row, rng.randrange(4), mirrored=rng.random() < 0.5)
     if rng.random() < 0.5:
         row = _exchange(row, rng, bank)
@@ -62,20 +62,20 @@ def augment(
         row = _open(row, rng.choice(_OPENERS))
     if rng.random() < 0.2:
         row = _strip_punctuation(row, rng)
-    return _slip(row, rng) if rng.random() < 0.12 else row
+    return _add_slips(row, rng) if rng.random() < 0.12 else row
 
 
 def collect_spans(rows: Iterable[AnnotatedText]) -> dict[tuple[str, ...], list[tuple[str, Span]]]:
-    """Spans whose words may stand for one another, by tag, value and size of the group."""
+    """Spans whose words can be exchanged, by tag, value and size of the group."""
     bank: dict[tuple[str, ...], list[tuple[str, Span]]] = defaultdict(list)
     for row in rows:
         for span in row.spans:
-            if _exchangeable(span):
+            if _is_exchangeable(span):
                 bank[_exchange_key(span)].append((row.text[span.start : span.end], span))
     return dict(bank)
 
 
-def _exchangeable(span: Span) -> bool:
+def _is_exchangeable(span: Span) -> bool:
     return span.tag in _SWAPPED and not span.negated
 
 
@@ -90,16 +90,16 @@ def _exchange(
 ) -> AnnotatedText:
     """Other rows' words for times, densities, counts and, mostly, road users."""
 
-    def words_of(span: Span, words: str) -> tuple[str, Span]:
+    def choose_words(span: Span, words: str) -> tuple[str, Span]:
         likely = 0.25 if span.tag in MENTIONS else 0.4
-        if not _exchangeable(span) or rng.random() > likely:
+        if not _is_exchangeable(span) or rng.random() > likely:
             return words, span
         found, other = rng.choice(bank.get(_exchange_key(span)) or [(words, span)])
         if span.tag in MENTIONS and (len(found) < 4 or len(words) < 4):
             return words, span  # labels such as V1 come again later in the text
         return found, replace(span, value=other.value)
 
-    return _rewrite(row, words_of)
+    return _rewrite(row, choose_words)
 
 
 def _rewrite(
@@ -135,49 +135,53 @@ def turn(row: AnnotatedText, quarters: int, *, mirrored: bool) -> AnnotatedText:
         words = _turn_words(words, quarters, mirrored, letters=span.tag in SIDES)
         value = span.value
         if span.tag in SIDES and value in tuple(_LETTERS):
-            value = _turned(value, quarters, mirrored)
+            value = _turn_letter(value, quarters, mirrored)
         value = flipped.get(value or "", value)
         tag = flipped.get(span.tag, span.tag)
         if mirrored and (tag != span.tag or value != span.value):
-            words = _TURN_SHORT.sub(lambda m: _like(m[1], "r" if m[1] in "lL" else "l"), words)
+            words = _TURN_SHORT.sub(
+                lambda m: _match_case(m[1], "r" if m[1] in "lL" else "l"), words
+            )
         return words, replace(span, tag=tag, value=value)
 
     return _rewrite(row, change, lambda words: _turn_words(words, quarters, mirrored))
 
 
-def _turned(letter: str, quarters: int, mirrored: bool) -> str:
+def _turn_letter(letter: str, quarters: int, mirrored: bool) -> str:
     index = _LETTERS.index(letter)
     return _LETTERS[((-index if mirrored else index) + quarters) % 4]
 
 
 def _turn_words(words: str, quarters: int, mirrored: bool, *, letters: bool = False) -> str:
-    def named(match: re.Match[str]) -> str:
+    def replace_name(match: re.Match[str]) -> str:
         letter = _LETTERS[_NAMES.index(match[1].lower())]
-        return _like(match[1], _NAMES[_LETTERS.index(_turned(letter, quarters, mirrored))])
+        return _match_case(
+            match[1], _NAMES[_LETTERS.index(_turn_letter(letter, quarters, mirrored))]
+        )
 
-    def lettered(match: re.Match[str]) -> str:
-        found = _turned(match[1].upper(), quarters, mirrored)
+    def replace_letter(match: re.Match[str]) -> str:
+        found = _turn_letter(match[1].upper(), quarters, mirrored)
         tail = match[2] if match.re.groups > 1 else ""
         return (found if match[1].isupper() else found.lower()) + tail
 
-    words = _BOUND.sub(lettered, _WORD.sub(named, words))
+    words = _BOUND.sub(replace_letter, _WORD.sub(replace_name, words))
     if letters:
-        words = _LETTER.sub(lettered, words)
+        words = _LETTER.sub(replace_letter, words)
     return _swap_turns(words) if mirrored else words
 
 
 def _swap_turns(words: str) -> str:
     kept = [match.span() for match in _KEPT.finditer(words)]
 
-    def swapped(match: re.Match[str]) -> str:
+    def swap_word(match: re.Match[str]) -> str:
         if any(start <= match.start() < end for start, end in kept):
             return match[0]
-        return _like(match[1], "left" if match[1].lower() == "right" else "right")
+        return _match_case(match[1], "left" if match[1].lower() == "right" else "right")
 
-    return _TURN.sub(swapped, words)
+    return _TURN.sub(swap_word, words)
 
 
-def _like(model: str, word: str) -> str:
+def _match_case(model: str, word: str) -> str:
     if model.isupper():
         return word.upper()
     return word.capitalize() if model[:1].isupper() else word
@@ -192,23 +196,23 @@ def _open(row: AnnotatedText, opener: str) -> AnnotatedText:
 def _strip_punctuation(row: AnnotatedText, rng: random.Random) -> AnnotatedText:
     marks = rng.choice([",", ".", ",.", ",.;:", "'", ",;"])
 
-    def plain(words: str) -> str:
+    def strip_marks(words: str) -> str:
         return (
             words if ">" in words or "=" in words else words.translate({ord(m): "" for m in marks})
         )
 
-    return _rewrite(row, lambda span, words: (words, span), plain)
+    return _rewrite(row, lambda span, words: (words, span), strip_marks)
 
 
-def _slip(row: AnnotatedText, rng: random.Random) -> AnnotatedText:
+def _add_slips(row: AnnotatedText, rng: random.Random) -> AnnotatedText:
     """One or two slips of the typing finger in words of five letters and more."""
     words = list(re.finditer(r"[A-Za-z]{5,}", row.text))
     for match in rng.sample(words, min(len(words), rng.choice([1, 1, 2]))):
-        row = _mistype(row, match.start() + rng.randrange(1, len(match[0]) - 1), rng.randrange(3))
+        row = _add_slip(row, match.start() + rng.randrange(1, len(match[0]) - 1), rng.randrange(3))
     return row
 
 
-def _mistype(row: AnnotatedText, at: int, slip: int) -> AnnotatedText:
+def _add_slip(row: AnnotatedText, at: int, slip: int) -> AnnotatedText:
     """A letter left out (0), two exchanged (1) or one doubled (2) at a character of the text."""
     if at + 1 >= len(row.text):
         return row

@@ -31,7 +31,7 @@ _COMPASS_WORD = re.compile(r"(?<![a-z])(north|east|south|west)(?!-?(?:east|west)
 
 
 @dataclass(frozen=True)
-class TokenSpan:
+class LabelSpan:
     """A span in tokens: first and last token, its label, and the annotation it comes from."""
 
     first: int
@@ -46,7 +46,7 @@ class EncodedRow:
 
     ids: tuple[int, ...]
     parts: tuple[int, ...]
-    spans: tuple[TokenSpan, ...]
+    spans: tuple[LabelSpan, ...]
     kind: int
 
 
@@ -65,18 +65,18 @@ def encode_row(row: AnnotatedText, tokenizer: Any) -> EncodedRow:
     )
 
 
-def _locate(span: Span, offsets: Sequence[tuple[int, int]]) -> TokenSpan | None:
+def _locate(span: Span, offsets: Sequence[tuple[int, int]]) -> LabelSpan | None:
     inside = [
         at for at, (start, end) in enumerate(offsets)
         if end > start and min(end, span.end) - max(start, span.start) > (end - start) / 2
     ]  # fmt: skip
     if not inside:
         return None
-    return TokenSpan(inside[0], inside[-1], LABEL_INDEX[label_of(span)], span)
+    return LabelSpan(inside[0], inside[-1], LABEL_INDEX[label_of(span)], span)
 
 
 @dataclass(frozen=True)
-class Batch:
+class TokenBatch:
     """Tensors of several rows; spans and road users are listed across rows.
 
     Attributes:
@@ -105,7 +105,7 @@ class Batch:
     distances: Tensor
 
 
-def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> Batch:
+def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> TokenBatch:
     """The tensors of some rows; `texts` are theirs, in order."""
     width = max(len(row.ids) for row in rows)
     ids = torch.zeros(len(rows), width, dtype=torch.long)
@@ -127,7 +127,7 @@ def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> Batch:
         for token_span in row.spans:
             tags[at, token_span.first] = 1 + 2 * token_span.label
             tags[at, token_span.first + 1 : token_span.last + 1] = 2 + 2 * token_span.label
-            side = _side_of(token_span.span, texts[at])
+            side = _get_side(token_span.span, texts[at])
             if side is not None:
                 sided.append((len(spans), side))
             if token_span.span.subjects and is_mention(label_of(token_span.span)):
@@ -136,23 +136,23 @@ def make_batch(rows: Sequence[EncodedRow], texts: Sequence[str]) -> Batch:
             labels.append(token_span.label)
             negated.append(int(token_span.span.negated))
         pairs += _pair(row, base)
-    return Batch(
+    return TokenBatch(
         ids, parts, mask, tags, torch.tensor([row.kind for row in rows]),
         torch.tensor(spans).view(-1, 3), torch.tensor(labels, dtype=torch.long),
         torch.tensor(negated, dtype=torch.long),
-        *_columns(sided), *_columns(counted),
+        *_build_columns(sided), *_build_columns(counted),
         torch.tensor([p[:3] for p in pairs]).view(-1, 3),
         torch.tensor([p[3] for p in pairs], dtype=torch.long),
         torch.tensor([p[4] for p in pairs], dtype=torch.long),
     )  # fmt: skip
 
 
-def _columns(rows: Sequence[tuple[int, int]]) -> tuple[Tensor, Tensor]:
+def _build_columns(rows: Sequence[tuple[int, int]]) -> tuple[Tensor, Tensor]:
     table = torch.tensor(rows, dtype=torch.long).view(-1, 2)
     return table[:, 0], table[:, 1]
 
 
-def _side_of(span: Span, text: str) -> int | None:
+def _get_side(span: Span, text: str) -> int | None:
     """Index into COMPASS of the leg or direction that the words of a span name."""
     if span.tag not in SIDES or span.value in ("opp", "left", "right", "same", "lateral", "other"):
         return None
@@ -166,7 +166,7 @@ def _side_of(span: Span, text: str) -> int | None:
 
 def _pair(row: EncodedRow, base: int) -> list[tuple[int, int, int, int, int]]:
     """Span, mention, member, link and distance bucket for every span and road user of a row."""
-    users: list[tuple[int, TokenSpan, int, int]] = []
+    users: list[tuple[int, LabelSpan, int, int]] = []
     for at, each in enumerate(row.spans):
         if is_mention(label_of(each.span)):
             many = len(each.span.subjects) > 1

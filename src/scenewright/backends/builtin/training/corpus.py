@@ -19,7 +19,7 @@ from scenewright.errors import InputError
 _NEEDS_SUBJECT = frozenset(("from", "to", "heading", "cw", "left", "right", "straight", "uturn"))
 
 
-def package_files() -> list[Path]:
+def list_package_files() -> list[Path]:
     """The package's own files of annotated instructions, in order."""
     folder = Path(str(files("scenewright.backends.builtin.training"))) / "instructions"
     return sorted(folder.glob("*.txt"))
@@ -64,11 +64,11 @@ def find_faults(path: Path) -> Iterator[str]:
         except AnnotationError as error:
             yield f"line {number}: {error}"
             continue
-        for fault in _faults_of(row):
+        for fault in _find_faults(row):
             yield f"line {number}: {fault}"
 
 
-def _faults_of(row: AnnotatedText) -> Iterator[str]:
+def _find_faults(row: AnnotatedText) -> Iterator[str]:
     known: list[int] = []
     for span in row.spans:
         words = row.text[span.start : span.end]
@@ -86,6 +86,6 @@ def _faults_of(row: AnnotatedText) -> Iterator[str]:
             yield f"[{span.tag} {words}] needs who>whom, as in [{span.tag}:1>2 {words}]"
     said = {number for span in row.spans for number in (*span.subjects, *span.objects)}
     if unknown := sorted(said - set(known)):
-        yield f"nobody introduces {', '.join(map(str, unknown))}; tag its first mention"
+        yield f"no mention introduces {', '.join(map(str, unknown))}; tag its first mention"
     if len(set(known)) < len(known):
         yield "a number is introduced twice; later mentions are [ref:1 ...]"

@@ -21,7 +21,7 @@ from scenewright.backends.builtin.training.augmentation import (
     collect_spans,
     drop_duplicates,
 )
-from scenewright.backends.builtin.training.batches import Batch, encode_row, make_batch
+from scenewright.backends.builtin.training.batches import TokenBatch, encode_row, make_batch
 from scenewright.backends.builtin.training.corpus import read_corpus
 from scenewright.backends.builtin.training.export import export_weights, load_exported
 from scenewright.backends.builtin.training.model import ReaderNetwork, load_minilm
@@ -33,7 +33,7 @@ BATCH, WINDOW = 32, 20
 ENCODER_RATE, HEAD_RATE = 2.5e-4, 1e-3
 
 
-def total_loss(network: ReaderNetwork, batch: Batch) -> Tensor:
+def total_loss(network: ReaderNetwork, batch: TokenBatch) -> Tensor:
     """The sum of the losses of tags, links and span attributes, each a mean over its items."""
     x = network.encode(batch.ids, batch.parts, batch.mask)
     tags = network.tags(x).float()
@@ -56,7 +56,7 @@ def total_loss(network: ReaderNetwork, batch: Batch) -> Tensor:
     return loss
 
 
-def draw_batches(rows: Sequence[AnnotatedText], tokenizer: Any, seed: int) -> Iterator[Batch]:
+def draw_batches(rows: Sequence[AnnotatedText], tokenizer: Any, seed: int) -> Iterator[TokenBatch]:
     """Batches of varied rows without end; every row once before any comes again."""
     rng, bank = random.Random(seed), collect_spans(rows)
     order: list[int] = []
@@ -122,8 +122,8 @@ def fit(
     """Train for so many steps, saving every 200, and go on from the checkpoint if there is one."""
     torch.manual_seed(seed)
     network.train()
-    optimizer, schedule = _optimizer(network, steps)
-    done = _resume(checkpoint, network, optimizer, schedule)
+    optimizer, schedule = _make_optimizer(network, steps)
+    done = _resume_training(checkpoint, network, optimizer, schedule)
     batches, average, began = draw_batches(rows, load_tokenizer(), seed + done), None, time.time()
     for step in range(done + 1, steps + 1):
         with torch.autocast("cpu", torch.bfloat16):
@@ -140,7 +140,7 @@ def fit(
             _save(checkpoint, network, optimizer, schedule, step)
 
 
-def _optimizer(network: ReaderNetwork, steps: int) -> tuple[Any, Any]:
+def _make_optimizer(network: ReaderNetwork, steps: int) -> tuple[Any, Any]:
     trained = [(n, p) for n, p in network.named_parameters() if p.requires_grad]
     encoder = [p for n, p in trained if n.startswith(("layers.", "norm", "part"))]
     heads = [p for n, p in trained if not n.startswith(("layers.", "norm", "part"))]
@@ -162,7 +162,7 @@ def _save(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any, step
     )
 
 
-def _resume(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any) -> int:
+def _resume_training(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any) -> int:
     if not out.exists():
         return 0
     state = torch.load(out, weights_only=True)

@@ -51,11 +51,11 @@ class ReaderNetwork(nn.Module):
         self.part, self.norm = nn.Embedding(2, WIDTH), nn.LayerNorm(WIDTH, 1e-12)
         self.layers = nn.ModuleList(EncoderLayer(dropout) for _ in range(LAYERS))
         self.dropout = nn.Dropout(dropout)
-        self.tags = _head(1 + 2 * len(LABELS), dropout)
-        self.kind = _head(len(KINDS), dropout)
+        self.tags = _make_head(1 + 2 * len(LABELS), dropout)
+        self.kind = _make_head(len(KINDS), dropout)
         self.label = nn.Embedding(len(LABELS), WIDTH)
-        self.negated, self.side = _head(2, dropout), _head(len(COMPASS), dropout)
-        self.count = _head(MOST_MEMBERS, dropout)
+        self.negated, self.side = _make_head(2, dropout), _make_head(len(COMPASS), dropout)
+        self.count = _make_head(MOST_MEMBERS, dropout)
         self.member = nn.Embedding(MOST_MEMBERS + 1, WIDTH)
         self.span_in, self.user_in = nn.Linear(WIDTH, HIDDEN), nn.Linear(WIDTH, HIDDEN)
         self.span_gate, self.user_gate = nn.Linear(WIDTH, HIDDEN), nn.Linear(WIDTH, HIDDEN)
@@ -94,7 +94,7 @@ class ReaderNetwork(nn.Module):
         return result
 
 
-def _head(outputs: int, dropout: float) -> nn.Sequential:
+def _make_head(outputs: int, dropout: float) -> nn.Sequential:
     return nn.Sequential(
         nn.Linear(WIDTH, HIDDEN), nn.GELU("tanh"), nn.Dropout(dropout), nn.Linear(HIDDEN, outputs)
     )

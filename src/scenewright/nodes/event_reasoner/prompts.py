@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from scenewright.backends import Wording
+from scenewright.backends import Prompt
 from scenewright.nodes.event_reasoner.reply import build_stops_schema
-from scenewright.nodes.wording import (
+from scenewright.nodes.prompts import (
     format_json,
     format_rejections,
     format_words,
@@ -19,11 +19,11 @@ from scenewright.scene.behavior import AgentSummary, EventSummary, Segment
 
 def render_stops_prompt(
     facts: Mapping[str, Any], summary: EventSummary, *, rejections: Sequence[str] = ()
-) -> Wording:
+) -> Prompt:
     """What a model is asked for standstills (paper 3.4, Eq. 5), and the schema of its reply.
 
     Args:
-        summary: of the agents that the request tells of.
+        summary: of the agents that the request names.
     """
     words = facts["words"]
     values = {
@@ -42,12 +42,12 @@ def render_stops_prompt(
 
 def _format_evidence(summary: EventSummary) -> str:
     """When what was solved for happens: closest approach, contact, the beginning of a wait."""
-    told = [
+    solved = [
         f"{each['clause']} at {each['time']:g} s"
         for each in summary.evidence
         if each.get("time") is not None
     ]
-    return f"Solved: {'; '.join(told)}." if told else ""
+    return f"Solved: {'; '.join(solved)}." if solved else ""
 
 
 def _describe_agent(agent: AgentSummary, duration: float) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Protocol
 
-from scenewright.backends import STAGE_OF, Call, Question, Wording
+from scenewright.backends import STAGE_OF, Call, Prompt, Question
 from scenewright.backends.reading import LONGEST, Unreadable, extract_object
 from scenewright.errors import BackendFault, Rejected
 from scenewright.scene.rejection import Rejection
@@ -22,7 +22,7 @@ _REMEMBERED = 256
 
 
 @dataclass(frozen=True)
-class Said:
+class Completion:
     """What was said.
 
     Attributes:
@@ -38,7 +38,7 @@ class Said:
     output_tokens: int | None = None
 
 
-class Speaker(Protocol):
+class TextModel(Protocol):
     """Says something to a question in words.
 
     Attributes:
@@ -47,7 +47,7 @@ class Speaker(Protocol):
 
     name: str
 
-    def say(self, question: Question, wording: Wording) -> Said:
+    def complete(self, question: Question, prompt: Prompt) -> Completion:
         """The reply to a question.
 
         Raises:
@@ -55,8 +55,8 @@ class Speaker(Protocol):
         """
 
 
-class Spoken:
-    """A backend that reads the answer out of what a speaker says.
+class TextBackend:
+    """A backend that reads the answer out of what a text_model says.
 
     Attributes:
         at_once: how many questions it is worth to put at a time.
@@ -67,44 +67,46 @@ class Spoken:
 
     deterministic = False
 
-    def __init__(self, speaker: Speaker) -> None:
-        self.speaker = speaker
-        self.name = speaker.name
-        self.at_once: int = getattr(speaker, "at_once", AT_ONCE)
-        self._known: OrderedDict[str, Said] = OrderedDict()
+    def __init__(self, text_model: TextModel) -> None:
+        self.text_model = text_model
+        self.name = text_model.name
+        self.at_once: int = getattr(text_model, "at_once", AT_ONCE)
+        self._known: OrderedDict[str, Completion] = OrderedDict()
         self._lock = threading.Lock()
 
     def answer(self, question: Question) -> dict[str, Any]:
         """The reply to a question (see `Backend`)."""
-        wording = question.wording()
-        key = compute_key(self.name, question, wording, by_facts=self.deterministic)
+        prompt = question.prompt()
+        key = compute_key(self.name, question, prompt, by_facts=self.deterministic)
         before = perf_counter()
         said = self._recall_reply(key)
         asked = 0 if said is not None else 1
         if said is None:
-            said = self._ask_model(question, wording, key)
-        question.account(_call(self.name, question, said, asked, perf_counter() - before, key))
+            said = self._ask_model(question, prompt, key)
+        question.account(
+            _build_call(self.name, question, said, asked, perf_counter() - before, key)
+        )
         return _read(said, question)
 
-    def _ask_model(self, question: Question, wording: Wording, key: str) -> Said:
+    def _ask_model(self, question: Question, prompt: Prompt, key: str) -> Completion:
         """Ask for a fresh reply; the cost of a question without a reply is reported as well."""
         before = perf_counter()
         try:
-            said = self.speaker.say(question, wording)
+            said = self.text_model.complete(question, prompt)
         except BackendFault as fault:
             if fault.asked:
-                nothing = Said("", asked=fault.asked)
-                call = _call(self.name, question, nothing, 1, perf_counter() - before, key)
+                nothing = Completion("", asked=fault.asked)
+                call = _build_call(self.name, question, nothing, 1, perf_counter() - before, key)
                 question.account(replace(call, answered=False))
             raise
         self._remember(key, said)
         return said
 
-    def _recall_reply(self, key: str) -> Said | None:
+    def _recall_reply(self, key: str) -> Completion | None:
         with self._lock:
             return self._known.get(key)
 
-    def _remember(self, key: str, said: Said) -> None:
+    def _remember(self, key: str, said: Completion) -> None:
         if len(said.text) > LONGEST:
             return
         with self._lock:
@@ -113,19 +115,19 @@ class Spoken:
                 self._known.popitem(last=False)
 
 
-def compute_key(model: str, question: Question, wording: Wording, *, by_facts: bool = False) -> str:
+def compute_key(model: str, question: Question, prompt: Prompt, *, by_facts: bool = False) -> str:
     """Compute the fingerprint of a question: model, prompt, schema of the reply and seed.
 
     Args:
         by_facts: whether the model answers from the facts, of which the prompt holds only a part.
     """
-    asked = [model, wording.system, wording.user, wording.schema, question.seed]
+    asked = [model, prompt.system, prompt.user, prompt.schema, question.seed]
     asked += [question.facts] if by_facts else []
     text = json.dumps(asked, ensure_ascii=False, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()[:32]
 
 
-def _read(said: Said, question: Question) -> dict[str, Any]:
+def _read(said: Completion, question: Question) -> dict[str, Any]:
     try:
         if said.fault is not None:
             raise Unreadable(said.fault)
@@ -136,7 +138,9 @@ def _read(said: Said, question: Question) -> dict[str, Any]:
         ) from None
 
 
-def _call(model: str, question: Question, said: Said, asked: int, seconds: float, key: str) -> Call:
+def _build_call(
+    model: str, question: Question, said: Completion, asked: int, seconds: float, key: str
+) -> Call:
     return Call(
         task=question.task,
         model=model,

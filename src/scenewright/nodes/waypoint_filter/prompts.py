@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from scenewright.backends import Wording
-from scenewright.nodes.waypoint_filter.reply import build_clauses_schema, list_offered_kinds
-from scenewright.nodes.wording import (
+from scenewright.backends import Prompt
+from scenewright.nodes.prompts import (
     format_rejections,
     format_words,
     quote_text,
     render_prompt,
 )
+from scenewright.nodes.waypoint_filter.reply import build_clauses_schema, list_offered_kinds
 
 _MEANS = {
     "speed": "its free speed; cars drive 5 to 14, people walk 1 to 1.7, nobody faster",
@@ -29,7 +29,7 @@ def render_clauses_prompt(
     legs: Sequence[str],
     *,
     rejections: Sequence[str] = (),
-) -> Wording:
+) -> Prompt:
     """What a model is asked for clauses, and the schema of its reply."""
     agents, relations, words = facts["agents"], facts["relations"], facts["words"]
     offer = list_offered_kinds(relations)

@@ -4,28 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from scenewright.backends import Wording
-from scenewright.nodes.revision.reply import build_edits_schema, list_new_ids
-from scenewright.nodes.scene_planner.wording import (
-    describe_crosswalks,
-    describe_manoeuvres,
-    describe_order,
-    describe_times,
-    describe_vehicle_routes,
-)
-from scenewright.nodes.wording import (
+from scenewright.backends import Prompt
+from scenewright.nodes.prompts import (
     describe_driving_side,
     format_json,
     format_rejections,
     quote_text,
     render_prompt,
 )
+from scenewright.nodes.revision.reply import build_edits_schema, list_new_ids
+from scenewright.nodes.scene_planner.prompts import (
+    describe_crosswalks,
+    describe_manoeuvres,
+    describe_order,
+    describe_times,
+    describe_vehicle_routes,
+)
 from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.route_table import RouteDescription
 
 _SAID = 400
 _LISTED = {"vehicle": 6, "pedestrian": 2}
-"""Others who are listed one by one, of each class; words name few of them."""
+"""Background agents that are listed one by one, of each class; words name few of them."""
 
 
 def render_edits_prompt(
@@ -37,7 +37,7 @@ def render_edits_prompt(
     left_hand: bool = False,
     chosen: Mapping[str, str] | None = None,
     rejections: Sequence[str] = (),
-) -> Wording:
+) -> Prompt:
     """What a model is asked for edits, and the schema of its reply."""
     graph, others = situation.graph, _list_background(situation)
     front = [each for each in situation.present if each.role == "foreground"]
@@ -68,7 +68,7 @@ def render_edits_prompt(
 
 
 def _describe_agent(agent: AgentView) -> str:
-    """What tells it apart, in a few words."""
+    """What distinguishes the agent, in a few words."""
     pace = f"{agent.speed:.1f} m/s" + _describe_stops(agent)
     if agent.type == "pedestrian":
         at = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"

@@ -6,7 +6,15 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from scenewright.backends import Wording
+from scenewright.backends import Prompt
+from scenewright.nodes.prompts import (
+    LONGEST_REQUEST,
+    Example,
+    describe_driving_side,
+    format_rejections,
+    quote_text,
+    render_prompt,
+)
 from scenewright.nodes.scene_planner.reply import (
     build_manoeuvre_schema,
     build_motion_schema,
@@ -14,14 +22,6 @@ from scenewright.nodes.scene_planner.reply import (
     build_order_schema,
     build_plan_schema,
     find_similar_patterns,
-)
-from scenewright.nodes.wording import (
-    LONGEST_REQUEST,
-    Example,
-    describe_driving_side,
-    format_rejections,
-    quote_text,
-    render_prompt,
 )
 from scenewright.scene.relations import Pattern
 from scenewright.scene.route_table import RouteDescription
@@ -63,20 +63,20 @@ def render_plan_prompt(
     rejections: Sequence[str] = (),
     roads: Sequence[tuple[str, str]] = (),
     examples: Sequence[Example] = (),
-) -> Wording:
+) -> Prompt:
     """What a model is asked for a social graph, and the schema of its reply.
 
     Args:
-        roads: leg and the name of its street; told where the request may name one.
+        roads: leg and the name of its street; given where the request may name one.
         left_hand: people drive on the left.
     """
     words = f"{instruction} {previous or ''}"
-    told = find_similar_patterns(instruction, left_hand=left_hand)
+    patterns = find_similar_patterns(instruction, left_hand=left_hand)
     values = {
         "crosswalks": describe_crosswalks(ways) + describe_streets(words, roads),
         "ways": describe_vehicle_routes(ways) + _describe_uturns(ways),
         "traffic": describe_driving_side(left_hand),
-        "patterns": _format_patterns(told)
+        "patterns": _format_patterns(patterns)
         + describe_manoeuvres(words)
         + describe_order(words)
         + describe_objects(words),
@@ -85,16 +85,16 @@ def render_plan_prompt(
         "instruction": quote_text(instruction),
         "faults": format_rejections(rejections) + (_OR_REFUSE if rejections else ""),
     }
-    schema = build_plan_schema(ways, told, words)
+    schema = build_plan_schema(ways, patterns, words)
     shown = [Example(each.request, _drop_classes(each.answer)) for each in examples]
     return render_prompt("scene_planner", "prompt.md", values, schema=schema, examples=shown)
 
 
 def _drop_classes(answer: Mapping[str, Any]) -> dict[str, Any]:
-    """An accepted answer without the classes of agents, which their ids tell."""
+    """An accepted answer without the classes of agents, which their ids contain."""
     agents = answer.get("agents", ())
-    told = [{key: value for key, value in each.items() if key != "type"} for each in agents]
-    return {**answer, **({"agents": told} if told else {})}
+    short = [{key: value for key, value in each.items() if key != "type"} for each in agents]
+    return {**answer, **({"agents": short} if short else {})}
 
 
 def describe_vehicle_routes(ways: Sequence[RouteDescription]) -> str:
@@ -147,10 +147,10 @@ def _format_legs(found: Iterable[str], legs: Collection[str]) -> str:
     return "on all" if set(legs) == each.keys() else ", ".join(each)
 
 
-def _format_patterns(told: Sequence[Pattern]) -> str:
+def _format_patterns(patterns: Sequence[Pattern]) -> str:
     """One line per relation file, with its phrases."""
     lines = []
-    for pattern in told:
+    for pattern in patterns:
         phrases = [
             each.replace("{from}", "FROM").replace("{to}", "TO")
             for each in pattern.phrases[:_PHRASES]
@@ -210,8 +210,8 @@ def describe_order(words: str) -> str:
 def describe_times(request: str) -> str:
     """The times of day that the request may speak of; a model need not hear of the others."""
     words = request[:LONGEST_REQUEST].lower()
-    told = [f"{name} {means}" for name, means, said in _TIMES if re.search(said, words)]
-    return f"Times: {', '.join(told)}.\n" if told else ""
+    times = [f"{name} {means}" for name, means, said in _TIMES if re.search(said, words)]
+    return f"Times: {', '.join(times)}.\n" if times else ""
 
 
 def _describe_previous(previous: str | None) -> str:

@@ -13,14 +13,26 @@ import pytest
 from pydantic import ValidationError
 
 from scenewright import synthesize
-from scenewright.backends import TASKS, Question, Wording, load_backend
-from scenewright.backends.scripted import ScriptedSpeaker, build_scripted_backend
-from scenewright.backends.spoken import Spoken
-from scenewright.backends.staged import Staged
+from scenewright.backends import TASKS, Prompt, Question, load_backend
+from scenewright.backends.scripted import ScriptedModel, build_scripted_backend
+from scenewright.backends.staged import StagedBackend
+from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.nodes.event_reasoner.reply import StopsReply
+from scenewright.nodes.prompts import (
+    MOST_TOKENS,
+    Example,
+    count_tokens,
+    format_examples,
+    format_json,
+)
 from scenewright.nodes.scene_planner import FOUR_LEGS, ask_for_plan, describe_routes
+from scenewright.nodes.scene_planner.prompts import (
+    describe_objects,
+    describe_times,
+    render_plan_prompt,
+)
 from scenewright.nodes.scene_planner.reply import (
     ID,
     TIME,
@@ -28,20 +40,8 @@ from scenewright.nodes.scene_planner.reply import (
     complete_plan,
     find_similar_patterns,
 )
-from scenewright.nodes.scene_planner.wording import (
-    describe_objects,
-    describe_times,
-    render_plan_prompt,
-)
 from scenewright.nodes.schema import inline_references
 from scenewright.nodes.waypoint_filter.reply import ClausesReply
-from scenewright.nodes.wording import (
-    MOST_TOKENS,
-    Example,
-    count_tokens,
-    format_examples,
-    format_json,
-)
 from scenewright.scene.social import Refusal, SocialGraph
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -62,12 +62,12 @@ class Listening:
     name, deterministic = "listening", False
 
     def __init__(self) -> None:
-        self.words: dict[str, Wording] = {}
+        self.words: dict[str, Prompt] = {}
         self.facts: dict[str, Any] = {}
         self._rule = load_backend("builtin")
 
     def answer(self, question: Question) -> dict[str, Any]:
-        self.words[question.task] = question.wording()
+        self.words[question.task] = question.prompt()
         self.facts[question.task] = question.facts
         reply = self._rule.answer(question)
         if question.task == "plan":
@@ -119,8 +119,8 @@ def test_tokens_are_rather_counted_too_many(text: str, least: int) -> None:
 
 def test_examples_fill_what_room_there_is() -> None:
     example = Example("A van waits.", {"agents": [], "relations": []})
-    told = format_examples([example] * 5, room=count_tokens("Accepted before:") + 40)
-    assert told.count("A van waits.") == 2
+    given = format_examples([example] * 5, room=count_tokens("Accepted before:") + 40)
+    assert given.count("A van waits.") == 2
     assert format_examples([example], room=5) == ""
 
 
@@ -195,14 +195,14 @@ def fits(schema: dict[str, Any], value: Any) -> bool:
 
 
 def test_what_a_plan_is_not_asked_for_cannot_be_filled_in() -> None:
-    plain, told = (
+    plain, given = (
         inline_references(render_plan_prompt(text, None, FOUR_LEGS).schema)["properties"][
             "relations"
         ]["items"]
         for text in ("A car hits a bus", "A car hits a bus at 5 m/s in its left flank")
     )
     more = {"target_pet", "target_ttc", "impact_speed", "point_from", "point_to"}
-    assert told["properties"].keys() - plain["properties"].keys() == more
+    assert given["properties"].keys() - plain["properties"].keys() == more
 
 
 def test_the_class_of_an_agent_is_that_of_its_id() -> None:
@@ -228,7 +228,7 @@ def test_clauses_about_two_are_about_the_two_of_a_relation() -> None:
     ("request_", "empty_is_a_plan"),
     [("A car hits a bus", False), ("Quiet traffic at 8 am, nothing happens", True)],
 )
-def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
+def test_a_plan_of_nothing_is_none_where_the_request_names_an_event(
     request_: str, empty_is_a_plan: bool
 ) -> None:
     """Its scene would be verified: nothing would be left to prove."""
@@ -236,12 +236,12 @@ def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
     question = Question(
         "plan",
         {"instruction": request_, "previous": None},
-        wording=lambda: render_plan_prompt(request_, None, FOUR_LEGS),
+        prompt=lambda: render_plan_prompt(request_, None, FOUR_LEGS),
     )
     if empty_is_a_plan:
         assert ask_for_plan(backend, question, FOUR_LEGS) == SocialGraph(agents=())
         return
-    with pytest.raises(Rejected, match="tells of collide_at"):
+    with pytest.raises(Rejected, match="names collide_at"):
         ask_for_plan(backend, question, FOUR_LEGS)
 
 
@@ -333,12 +333,12 @@ def test_whatever_fits_the_schema_is_read_or_refused_with_a_reason(
     rule = load_backend("builtin")
     for _ in range(12):
         reply = drawn(inline_references(heard.words[task].schema), rng)
-        speaker = ScriptedSpeaker({task: [reply]}, forever=True)
-        speakers = {each: Spoken(speaker) if each == task else rule for each in TASKS}
+        text_model = ScriptedModel({task: [reply]}, forever=True)
+        speakers = {each: TextBackend(text_model) if each == task else rule for each in TASKS}
         answer = speakers[task].answer(_asked(task, heard))
-        told = _fault_of(task, answer)
-        assert told is None or told
-        assert Staged(speakers).deterministic is False
+        given = _fault_of(task, answer)
+        assert given is None or given
+        assert StagedBackend(speakers).deterministic is False
 
 
 def _fault_of(task: str, answer: dict[str, Any]) -> str | None:
@@ -353,7 +353,7 @@ def _fault_of(task: str, answer: dict[str, Any]) -> str | None:
 
 
 def _asked(task: str, heard: Listening) -> Question:
-    return Question(task, {}, wording=lambda: heard.words[task])  # type: ignore[arg-type]
+    return Question(task, {}, prompt=lambda: heard.words[task])  # type: ignore[arg-type]
 
 
 def _read(task: str, answer: dict[str, Any]) -> None:
@@ -400,7 +400,7 @@ def test_ties_and_lanes_fix_entries() -> None:
     assert complete_plan(lane, FOUR_LEGS).agents[1].entry == "north"
 
 
-def test_the_planner_is_told_the_phrases_of_a_users_relation_files(
+def test_the_planner_is_shown_the_phrases_of_a_users_relation_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = Path(__file__).parents[2] / "docs" / "relations.md"
@@ -415,7 +415,7 @@ def test_the_planner_is_told_the_phrases_of_a_users_relation_files(
     assert [each.id for each in find_similar_patterns("A car hits a bus")] == []
 
 
-def test_in_left_hand_traffic_no_pattern_is_told_that_names_the_other_turn() -> None:
+def test_in_left_hand_traffic_no_pattern_is_reported_that_names_the_other_turn() -> None:
     text = "A car breaks off its left turn for a pedestrian"
     assert any(each.names_a_turn for each in find_similar_patterns(text))
     assert not any(each.names_a_turn for each in find_similar_patterns(text, left_hand=True))
@@ -425,8 +425,8 @@ def test_in_left_hand_traffic_no_pattern_is_told_that_names_the_other_turn() -> 
 def test_what_is_recalled_stands_in_the_prompt() -> None:
     example = Example("A van waits for a woman.", {"agents": [], "relations": []})
     words = render_plan_prompt("x", None, FOUR_LEGS, examples=(example,))
-    told = 'Accepted before:\nRequest: "A van waits for a woman."\n{"agents":[],"relations":[]}\n'
-    assert told in words.user
+    given = 'Accepted before:\nRequest: "A van waits for a woman."\n{"agents":[],"relations":[]}\n'
+    assert given in words.user
     assert "Accepted before" not in render_plan_prompt("x", None, FOUR_LEGS).user
 
 
@@ -441,14 +441,14 @@ def test_what_is_recalled_stands_in_the_prompt() -> None:
         ("around midnight", ["midnight"]),
     ],
 )
-def test_times_of_day_are_told_where_a_request_speaks_of_them(
+def test_times_of_day_are_reported_where_a_request_speaks_of_them(
     request_: str, names: list[str]
 ) -> None:
     said = describe_times(request_).removeprefix("Times: ").removesuffix(".\n").split(", ")
     assert [each.rpartition(" ")[0] for each in said if each] == names
 
 
-def test_a_model_is_told_of_what_stands_only_where_words_may_speak_of_it() -> None:
+def test_a_model_is_shown_what_stands_only_where_words_may_speak_of_it() -> None:
     asked = render_plan_prompt(
         "A car hits a girl who comes from behind a parked bus", None, FOUR_LEGS
     )

@@ -15,7 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from scenewright.backends import Wording
+from scenewright.backends import Prompt
 
 LONGEST_REQUEST = 2000
 """Characters of an instruction that a model is shown; builtin reads no more either."""
@@ -61,7 +61,7 @@ def render_prompt(
     *,
     schema: dict[str, Any],
     examples: Sequence[Example] = (),
-) -> Wording:
+) -> Prompt:
     """A prompt with its places filled, in one pass: what is put in is never read as a place.
 
     Args:
@@ -71,7 +71,7 @@ def render_prompt(
     bare = "".join((_fill_places(system, values), _fill_places(user, {**values, "examples": ""})))
     room = MOST_TOKENS - count_tokens(bare) - count_tokens(format_json(schema))
     values = {**values, "examples": format_examples(examples, room=room)}
-    return Wording(
+    return Prompt(
         system=_fill_places(system, values), user=_fill_places(user, values), schema=schema
     )
 
@@ -113,7 +113,7 @@ def describe_driving_side(left_hand: bool) -> str:
 
 
 def format_words(words: Sequence[Mapping[str, Any]]) -> str:
-    """Numbered words of the request, each quoted, with the agents of whom they are said."""
+    """Numbered words of the request, each quoted, with the agents that they describe."""
     return ", ".join(
         f"{each['number']} {quote_text(each['words'], most=_LONGEST_FAULT)}"
         + (f" ({', '.join(each['agents'])})" if each["agents"] else "")
@@ -133,13 +133,13 @@ def format_rejections(rejections: Sequence[str]) -> str:
 
 def format_examples(examples: Sequence[Example], *, room: int = MOST_TOKENS) -> str:
     """Accepted answers to requests like this one, the first ones that take no more tokens."""
-    told = "Accepted before:\n"
+    text = "Accepted before:\n"
     count = 0
     for each in examples:
         more = f"Request: {quote_text(each.request, most=400)}\n{format_json(each.answer)}\n"
-        if count < MOST_EXAMPLES and count_tokens(told + more) <= room:
-            told, count = told + more, count + 1
-    return told if count else ""
+        if count < MOST_EXAMPLES and count_tokens(text + more) <= room:
+            text, count = text + more, count + 1
+    return text if count else ""
 
 
 @cache
