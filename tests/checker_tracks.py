@@ -16,10 +16,10 @@ from scenewright.scene.record import (
     SceneRecord,
     SignalRecord,
 )
-from scenewright.scene.track import PEDESTRIAN, Shape, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Shape, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 
-CAR = vehicle_shape("car")
+CAR = get_vehicle_shape("car")
 EAST, NORTH, WEST, SOUTH = (k * np.pi / 2 for k in range(4))
 
 

@@ -10,7 +10,7 @@ from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import RelationEdge, SocialGraph
-from scenewright.scene.track import vehicle_shape
+from scenewright.scene.track import get_vehicle_shape
 
 _SHARES = (1.0, 0.7, 0.4)
 """Of the background that is left where everybody is drawn anew and there is no room for all."""
@@ -144,7 +144,7 @@ def _fitted(name: str, agent: SelectedAgent, revision: Revision) -> SelectedAgen
     candidate = agent.candidate
     node = revision.graph.agent(name)
     if node.subtype is not None and node.subtype != candidate.subtype:
-        candidate = replace(candidate, subtype=node.subtype, shape=vehicle_shape(node.subtype))
+        candidate = replace(candidate, subtype=node.subtype, shape=get_vehicle_shape(node.subtype))
     return replace(without_edits(agent), candidate=candidate)
 
 

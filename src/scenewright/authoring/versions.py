@@ -196,7 +196,7 @@ def _loosened(
     foreground = {each.id for each in revision.graph.agents}
     blamed = {name for each in refused.rejections for name in each.agents} - foreground
     blamed &= pins.fixed.keys()
-    return pins.without(blamed) if blamed else None
+    return pins.release(blamed) if blamed else None
 
 
 def earlier_of(scene: Scene) -> PreviousVersion:

@@ -1,9 +1,9 @@
-"""Who passes whom where: the order of a scene at every place where two ways meet, as tables.
+"""The order of passing of a scene at every place where two paths meet, as tables.
 
 The recorded scene has no contact, so that at every pair of places at which two road users would
-touch, one is there before the other. Whoever keeps that order and never enters such a place
-before the other has left it touches nobody, however late everybody becomes; and as the order is
-one of times, nobody waits in a circle.
+touch, one is there before the other. An agent that keeps that order and never enters such a place
+before the other has left it touches no other, however late all are; and as the order is
+one of times, there is no deadlock.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PassingOrder:
     Attributes:
         limits: [N, P, N] distance [m] along the way of the last agent that it may not pass while
             the first, which goes before it, is at that point; inf where nothing is in the way.
-        regardless: the same whoever goes first.
+        regardless: the same in either order.
         standing: [N, P, N] whether the first, at that point, stands somewhere on the way of the
             last.
         cells: by index of an agent [Pe, P] points at which the ego, at a point of its route, and
@@ -87,7 +87,7 @@ def _find_touching(scenario: Scenario, i: int, j: int) -> BoolArray | None:
     """[Pi, Pj] whether i at a point of its way and j at one of its own touch; None if never."""
     one, two = scenario.paths[i], scenario.paths[j]
     reach = scenario.reach[i] + scenario.reach[j] + LONGER
-    if _are_apart(one.xy, two.xy, reach):
+    if _is_pair_apart(one.xy, two.xy, reach):
         return None
     apart = np.hypot(*(one.xy[:, None] - two.xy[None]).transpose(2, 0, 1))
     met = apart < reach
@@ -120,7 +120,7 @@ def _touch(
     )
 
 
-def _are_apart(one: FloatArray, two: FloatArray, reach: float) -> bool:
+def _is_pair_apart(one: FloatArray, two: FloatArray, reach: float) -> bool:
     low = np.maximum(one.min(axis=0), two.min(axis=0))
     high = np.minimum(one.max(axis=0), two.max(axis=0))
     return bool((low - high > reach).any())

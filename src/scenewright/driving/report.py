@@ -120,7 +120,7 @@ def report_drive(drive: Drive, *, obstacles: Mapping[str, str | None] | None = N
     pet = _find_least_pet(ego, near)
     given = _gather(drive, ego, near, impact, red)
     figures = {
-        "min_ttc": _finite(least),
+        "min_ttc": _replace_infinite(least),
         "min_pet": pet,
         "exposed": bool(least < EXPOSED_TTC) or (pet is not None and pet < EXPOSED_PET),
         "red_lights": red,
@@ -136,7 +136,7 @@ def report_drive(drive: Drive, *, obstacles: Mapping[str, str | None] | None = N
     return Report(drive, scene, impact, figures)
 
 
-def _finite(value: float) -> float | None:
+def _replace_infinite(value: float) -> float | None:
     return round(value, 3) if np.isfinite(value) else None
 
 
@@ -144,7 +144,7 @@ def _finite(value: float) -> float | None:
 
 
 def _build_tracks(drive: Drive) -> tuple[Trajectory, ...]:
-    """The ego's track, then everybody's, each the longest stretch that it was there."""
+    """List the ego's track, then all others, each the longest stretch in the scene."""
     one, world = drive.scenario, drive.world
     points = list_ego_points(world.history)
     users = [_make_user(one, one.ego, points[:, :2], points[:, 2], one.start)]
@@ -173,7 +173,10 @@ def _list_near(tracks: tuple[Trajectory, ...]) -> dict[int, Trajectory]:
     found = {}
     for track in tracks[1:]:
         times = find_common_times(ego, track)
-        if len(times) and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR:
+        if (
+            len(times)
+            and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR
+        ):
             found[track.id - 1] = track
     return found
 
@@ -196,7 +199,7 @@ def _find_least_pet(ego: Trajectory, near: dict[int, Trajectory]) -> float | Non
 def _describe_impact(
     drive: Drive, ego: Trajectory, near: dict[int, Trajectory], *, red: int
 ) -> Impact | None:
-    """The ego's collision, measured and with who is at fault."""
+    """Measure the ego's collision and find the agent at fault."""
     world, one = drive.world, drive.scenario
     if world.hit is None or world.hit not in near:
         return None
@@ -253,7 +256,7 @@ def _count_red_lights(world: World) -> int:
     for light, s in one.paths[one.ego].stops:
         passed = np.flatnonzero((progress[:-1] <= s + 0.5) & (progress[1:] > s + 0.5))
         steps = [one.start + int(k) + 1 for k in passed]
-        count += any(one.colour(light, step) == COLOURS.index("red") for step in steps)
+        count += any(one.get_colour(light, step) == COLOURS.index("red") for step in steps)
     return count
 
 

@@ -29,11 +29,11 @@ LATERAL = 4.0
 LONGEST_LAG = 1.2
 """Between the two at the place of a near miss [s]."""
 YIELD_LAG = 0.3
-"""By which who is to be given way to comes before the other would [s]."""
+"""How long the agent with priority comes before the other would [s]."""
 QUICKEST = 3.0
 """At which an ego is taken to set off at most [m/s^2]."""
 NEAR, SLOW = 14.0, 2.0
-"""An ego whose front is so near to the place [m] and so slow [m/s] gives way to who is coming."""
+"""An ego whose front is so near to the place [m] and so slow [m/s] gives way to a coming agent."""
 FORESIGHT = 40.0
 """So far ahead one takes precedence over others [m]."""
 CLEAR = np.array([14.0, 5.0, 8.0, 8.0])
@@ -47,7 +47,7 @@ class Meeting:
     """A conflict that is to come about.
 
     Attributes:
-        agent: who is re-timed; ego_at, agent_at: place on either's way [m]; lag: by which the
+        agent: the re-timed one; ego_at, agent_at: place on either's way [m]; lag: by which the
             agent is to be there after the ego [s].
         heeds: whether the agent is one that gives way to the ego.
         target: speed that it is given [m/s]; None to go as it likes.
@@ -79,7 +79,7 @@ class Meeting:
 
 
 class Resolve(Reactive):
-    """As `Reactive`, but who is bound to the ego by a relation is re-timed every 0.5 s.
+    """As `Reactive`, but agents bound to the ego by a relation are re-timed every 0.5 s.
 
     From how the ego drives now follows when it will be at the place of the conflict; the agent is
     given the speed with which it is there with the lag of the recorded scene, within what its kind
@@ -166,7 +166,7 @@ class Resolve(Reactive):
             return
         if meeting.status == "committed":
             return
-        if self._gives_way(ego, way, meeting, step):
+        if self._has_given_way(ego, way, meeting, step):
             meeting.target, meeting.status = None, "committed"
             return
         if self._is_too_late(meeting, ego, way, step):
@@ -180,14 +180,14 @@ class Resolve(Reactive):
         if min(time, ego_in) <= COMMITTED[self._one.kinds[j]]:
             meeting.status = "committed"
 
-    def _gives_way(self, ego: EgoState, way: float, meeting: Meeting, step: int) -> bool:
-        """Whether the ego, near the place, has slowed down for an agent that is coming."""
+    def _has_given_way(self, ego: EgoState, way: float, meeting: Meeting, step: int) -> bool:
+        """Return whether the ego, near the place, has slowed down for a coming agent."""
         one, j, at = self._one, meeting.agent, meeting.agent_at
         near = way - float(one.sizes[one.ego, 0]) / 2 < NEAR
         slow = ego.speed < SLOW and ego.acceleration < 0.3
         left = at - float(self._state.s[j])
         coming = float(self._state.speed[j]) > 0.4 or left < HOLD[one.kinds[j]] + 1.5
-        return near and slow and coming and not self._ego_faces_red(ego, way, step)
+        return near and slow and coming and not self._faces_red(ego, way, step)
 
     def _close(self, meeting: Meeting, way: float, left: float, step: int) -> None:
         """One of the two has passed the place: say how far off the other still is."""
@@ -203,7 +203,7 @@ class Resolve(Reactive):
     def _is_too_late(self, meeting: Meeting, ego: EgoState, way: float, step: int) -> bool:
         """Whether an ego that stands at a red light is kept there until it is too late; say so."""
         one = self._one
-        if ego.speed > 0.5 or not self._ego_faces_red(ego, way, step):
+        if ego.speed > 0.5 or not self._faces_red(ego, way, step):
             return False
         left = (one.steps - 1 - step) * one.step
         needed = float(np.sqrt(2 * way / QUICKEST))
@@ -227,7 +227,7 @@ class Resolve(Reactive):
     def _predict_ego(self, ego: EgoState, way: float, step: int) -> float:
         """Until the ego is there [s]; inf if it stands, or stops before as it brakes now."""
         one = self._one
-        if self._ego_faces_red(ego, way, step):
+        if self._faces_red(ego, way, step):
             return float(np.inf)
         if ego.acceleration < -0.5 and ego.speed**2 < 2 * -ego.acceleration * way * 0.9:
             return float(np.inf) if ego.speed < 1.0 else way / max(ego.speed, 1.0)
@@ -240,10 +240,11 @@ class Resolve(Reactive):
             return float((np.sqrt(ego.speed**2 + 2 * gain * way) - ego.speed) / gain)
         return float((top - ego.speed) / gain + (way - needed) / top)
 
-    def _ego_faces_red(self, ego: EgoState, way: float, step: int) -> bool:
+    def _faces_red(self, ego: EgoState, way: float, step: int) -> bool:
         one = self._one
         return ego.speed < 3.0 and any(
-            0.0 <= s - ego.progress + 1.0 < way and one.colour(light, step) == COLOURS.index("red")
+            0.0 <= s - ego.progress + 1.0 < way
+            and one.get_colour(light, step) == COLOURS.index("red")
             for light, s in one.paths[one.ego].stops
         )
 

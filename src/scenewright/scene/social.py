@@ -1,4 +1,4 @@
-"""The social graph: who takes part, what they do to one another, under which conditions."""
+"""The social graph: agents, relations between them, and conditions."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class AgentNode(Model):
     )
 
     @model_validator(mode="after")
-    def _named_by_class(self) -> Self:
+    def _check_name(self) -> Self:
         if not self.id.startswith(self.type):
             raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
         if self.motion in get_args(PedestrianMotion) and self.type != "pedestrian":
@@ -95,7 +95,7 @@ class RelationEdge(Model):
         pattern: id of the one relation file that may play it, where the text uses its phrase.
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
         point_from, point_to: where on either vehicle a collision strikes, where the text says so.
-        first: who leaves the two's conflict zone first; in a collision, who enters it first.
+        first: the agent that leaves the two's conflict zone first; in a collision, enters it first.
     """
 
     type: RelationType
@@ -114,7 +114,7 @@ class RelationEdge(Model):
     first: AgentId | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
-    def _two_agents(self) -> Self:
+    def _check_two_agents(self) -> Self:
         if self.from_ == self.to:
             raise ValueError(f"{self.type} needs two different agents, got {self.to} twice")
         if self.braker not in (None, self.from_, self.to):
@@ -129,7 +129,7 @@ class RelationEdge(Model):
         return self.target_ttc is not None or self.cause == "late_brake"
 
     def get_first(self) -> str | None:
-        """Who passes first, as asked for or as the relation itself has it."""
+        """The agent that passes first, as asked for or as the relation itself has it."""
         ahead = self.to if self.type in ("yield_to", "follow") else None
         return self.first or ahead
 
@@ -147,7 +147,7 @@ class EntryTie(Model):
     side: EntrySide
 
     @model_validator(mode="after")
-    def _two_agents(self) -> Self:
+    def _check_two_agents(self) -> Self:
         if self.agent == self.of:
             raise ValueError(f"an entry is tied to another agent's, got {self.of} twice")
         return self
@@ -175,7 +175,7 @@ class ObjectNode(Model):
         hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
             what the two do.
         lead: least and most seconds between the first free line of sight and the event.
-        beyond: the object that hides a pedestrian who comes out between it and this one.
+        beyond: the object that hides a pedestrian stepping out between it and this one.
         met_by: whose way it is in, and `encounter` what that one does about it.
     """
 
@@ -192,7 +192,7 @@ class ObjectNode(Model):
     encounter: Encounter | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_consistency(self) -> Self:
         if self.subtype is not None and self.kind not in STANDING_VEHICLES:
             raise ValueError(f"{self.id}: a {self.kind} has no subtype")
         if (self.hides is None) != (self.hidden_from is None):
@@ -202,7 +202,7 @@ class ObjectNode(Model):
         if (self.met_by is None) != (self.encounter is None):
             raise ValueError(f"{self.id}: met_by and encounter go together")
         if self.encounter is not None and self.kind not in STANDING_VEHICLES:
-            raise ValueError(f"{self.id}: a {self.kind} stands in nobody's way")
+            raise ValueError(f"{self.id}: a {self.kind} is in no agent's way")
         return self
 
 
@@ -246,14 +246,14 @@ class SocialGraph(Model):
     said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_consistency(self) -> Self:
         ids = [agent.id for agent in self.agents]
         if len(set(ids)) != len(ids):
             raise ValueError("agent ids must be unique")
         for edge in self.relations:
             for name in (edge.from_, edge.to):
                 if name not in ids:
-                    known = ", ".join(ids) or "nobody"
+                    known = ", ".join(ids) or "none"
                     raise ValueError(f"{edge.type}: {name} is not among the agents, {known}")
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
@@ -272,7 +272,7 @@ class SocialGraph(Model):
         hiding = {each.id for each in self.objects if each.hides is not None}
         for each in self.objects:
             if each.beyond is not None and each.beyond not in hiding - {each.id}:
-                raise ValueError(f"{each.id} is beyond {each.beyond}, which hides nobody")
+                raise ValueError(f"{each.id} is beyond {each.beyond}, which hides no agent")
             pair = frozenset((each.hides, each.hidden_from))
             if each.hides is not None and pair not in bound:
                 raise ValueError(
@@ -284,14 +284,14 @@ class SocialGraph(Model):
         self._check_encounters()
 
     def _check_encounters(self) -> None:
-        """Who meets an object is there, meets no other, and only goes round one on the way to
-        something else."""
+        """Check that agents meeting an object exist, meet one only, and pass it only on the way
+        to another relation."""
         met = [each for each in self.objects if each.met_by is not None]
         busy = {name for edge in self.relations for name in (edge.from_, edge.to)}
         ids = {agent.id for agent in self.agents}
         for each in met:
             if each.met_by not in ids:
-                raise ValueError(f"{each.id} is met by {each.met_by}, who is not in the scene")
+                raise ValueError(f"{each.id} is met by {each.met_by}, which is not in the scene")
             if sum(other.met_by == each.met_by for other in met) > 1:
                 raise ValueError(f"{each.met_by} can meet one object only")
             if each.encounter != "goes_round" and each.met_by in busy:

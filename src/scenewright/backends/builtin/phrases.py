@@ -68,7 +68,7 @@ _SPOKEN: RecentCache[None, tuple[Phrase, ...]] = RecentCache(most=1)
 
 
 def _phrases(pattern: Pattern) -> Iterator[Phrase]:
-    for words, turned in pattern.spoken():
+    for words, turned in pattern.list_phrase_words():
         yield _phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
 
 
@@ -134,7 +134,7 @@ def _roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, 
 
 
 def _said(pattern: Pattern) -> str:
-    return pattern.spoken()[0][0]
+    return pattern.list_phrase_words()[0][0]
 
 
 def _two(pattern: Pattern) -> str:

@@ -332,7 +332,8 @@ def find_similar_patterns(instruction: str, *, left_hand: bool = False) -> tuple
         if left_hand and pattern.names_a_turn:
             continue
         alike = max(
-            (_compute_similarity(words, said) for words, _ in pattern.spoken()), default=0.0
+            (_compute_similarity(words, said) for words, _ in pattern.list_phrase_words()),
+            default=0.0,
         )
         if alike > 0.5:
             found.append((-alike, pattern.id, pattern))

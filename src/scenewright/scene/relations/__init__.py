@@ -106,7 +106,7 @@ def _refuse_shared_phrases(found: dict[str, tuple[str, Pattern]]) -> None:
     """Check that a phrase names one pattern. Shipped files come first, so a user's is refused."""
     owners: dict[str, str] = {}
     for name, pattern in found.values():
-        for words, _ in pattern.spoken():
+        for words, _ in pattern.list_phrase_words():
             other = owners.setdefault(words, pattern.id)
             if other != pattern.id:
                 raise _build_refusal(name, f"phrases: {words!r} asks for {other} already")

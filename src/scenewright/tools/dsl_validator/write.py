@@ -189,7 +189,7 @@ def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[C
 def _fill_pattern(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
     """The file's clauses about these agents; a contact names the striker first."""
     names = {"from_": relation["from"], "to": relation["to"]}
-    lines = "\n".join(pattern.filled(line, **names) for line in pattern.clauses)
+    lines = "\n".join(pattern.fill(line, **names) for line in pattern.clauses)
     parts = {relation["from"]: relation["striker"], relation["to"]: relation["struck"]}
     return [
         _change(each, first=parts[each.first], second=parts[each.second])

@@ -18,7 +18,7 @@ from scenewright.scene.grounding import Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
-from scenewright.scene.track import PEDESTRIAN, Shape, rider_shape, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Shape, get_rider_shape, get_vehicle_shape
 from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
 from scenewright.tools.gmm_sampler.background_counts import (
     draw_background_counts,
@@ -374,14 +374,14 @@ def _draw_shape(
     rng: np.random.Generator,
 ) -> tuple[str | None, Shape]:
     if kind in RIDERS:
-        return None, rider_shape(kind)
+        return None, get_rider_shape(kind)
     if kind == "pedestrian":
         return None, PEDESTRIAN
     if subtype is None:
         shares = priors.subtypes.get(route.id) or {"car": 1.0}
         total = list(itertools.accumulate(map(float, shares.values())))
         subtype = list(shares)[bisect_right([each / total[-1] for each in total], rng.random())]
-    return subtype, vehicle_shape(subtype)
+    return subtype, get_vehicle_shape(subtype)
 
 
 def _draw_background(

@@ -67,7 +67,7 @@ def _build_profile_prior(kind: AgentClass, *, crosswalk: bool) -> DrivingProfile
 
 def _find_lane_offset(kind: AgentClass, route: Route, intersection_map: IntersectionMap) -> float:
     """How far to the left of its lane's middle a rider keeps [m]; below 0 means to the right."""
-    movement = intersection_map.movement_of(route)
+    movement = intersection_map.find_movement(route)
     lanes = () if movement is None else movement.lanelets
     widths = [lane.width for lane in intersection_map.lanelets if lane.id in lanes]
     aside = max(min(widths, default=3.0) / 2 - RIDER_SIZES[kind][1] / 2 - _FROM_EDGE, 0.0)

@@ -154,7 +154,7 @@ def have_conflict(a: Route, b: Route, *, intersection_map: IntersectionMap) -> b
 
 def share_green(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether both may ever go at the same time; True where one of them has no signal."""
-    groups = [intersection_map.signal_group_of(route) for route in (a, b)]
+    groups = [intersection_map.find_signal_group(route) for route in (a, b)]
     if intersection_map.signals is None or None in groups:
         return True
     return any(
@@ -211,7 +211,7 @@ def _is_kerb_near(walker: Route, other: Route, *, intersection_map: Intersection
 
 def _is_red_at_green(runner: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the light of the first is red at any time when that of the other is not."""
-    groups = [intersection_map.signal_group_of(route) for route in (runner, other)]
+    groups = [intersection_map.find_signal_group(route) for route in (runner, other)]
     if intersection_map.signals is None or None in groups:
         return True
     return any(
@@ -554,7 +554,7 @@ def _is_geometry_fitting(
 
 def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether one lane before the stop line leads both ways."""
-    lanes = [intersection_map.movement_of(route) for route in (a, b)]
+    lanes = [intersection_map.find_movement(route) for route in (a, b)]
     if None in lanes:
         return True
     approaches = {lane.id for lane in intersection_map.lanelets if lane.kind == "approach"}
@@ -568,7 +568,7 @@ _MEDIAN = 14.0
 
 def _is_divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether a median parts the way that one drives out by from the other's way in."""
-    out, into = intersection_map.movement_of(a), intersection_map.movement_of(b)
+    out, into = intersection_map.find_movement(a), intersection_map.find_movement(b)
     if out is None or into is None:
         return False
     (x, y), (u, v) = out.centreline[-1], into.centreline[0]

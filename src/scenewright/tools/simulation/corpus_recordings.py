@@ -19,7 +19,7 @@ from scenewright.geometry.polyline import interpolate_points, smooth_gaussian
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, get_vehicle_shape
 from scenewright.tools.map_import.four_leg_map import PLANS, FourLegPlan
 from scenewright.tools.simulation.corpus import (
     DAYS,
@@ -211,7 +211,7 @@ def _cut_tracks(track: RawTrack, half: float) -> Iterator[Track]:
 def _build_agent(
     track: Track, subtype: str | None, route: Route, *, complete: bool
 ) -> RecordedAgent:
-    shape: Shape = PEDESTRIAN if subtype is None else vehicle_shape(subtype)
+    shape: Shape = PEDESTRIAN if subtype is None else get_vehicle_shape(subtype)
     return RecordedAgent(
         track, shape, subtype, route.entry, route.exit, route.crosswalk, route.id, complete
     )

@@ -254,7 +254,7 @@ def _compute_total_red(
     intersection_map: IntersectionMap,
 ) -> FloatArray:
     """Compute the summed time [N] since the lights of several agents were last green [s]."""
-    groups = Counter(intersection_map.signal_group_of(route) for route in crowd)
+    groups = Counter(intersection_map.find_signal_group(route) for route in crowd)
     red = np.zeros(len(offsets))
     for group, count in groups.items():
         if group is not None:

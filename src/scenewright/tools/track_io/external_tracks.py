@@ -23,7 +23,14 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, rider_shape, vehicle_shape
+from scenewright.scene.track import (
+    PEDESTRIAN,
+    STEP,
+    Shape,
+    Track,
+    get_rider_shape,
+    get_vehicle_shape,
+)
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.sampled_recording import SampledRecording
@@ -49,13 +56,13 @@ COURSE = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.5, "scooter": 0.5}
 """Way over which the course is measured, and within 1 s the least that counts as motion [m]."""
 TRAJNET_FPS = 2.5
 
-_CAR = vehicle_shape("car")
+_CAR = get_vehicle_shape("car")
 _SHAPES = {
     "car": _CAR,
-    "truck": vehicle_shape("truck"),
-    "bus": vehicle_shape("bus"),
-    "motorcycle": vehicle_shape("motorcycle"),
-    "bicycle": rider_shape("cyclist"),
+    "truck": get_vehicle_shape("truck"),
+    "bus": get_vehicle_shape("bus"),
+    "motorcycle": get_vehicle_shape("motorcycle"),
+    "bicycle": get_rider_shape("cyclist"),
     "pedestrian": PEDESTRIAN,
 }
 """Footprints by subtype (SEMANTICS sections 1 and 8)."""
