@@ -173,10 +173,7 @@ def _list_near(tracks: tuple[Trajectory, ...]) -> dict[int, Trajectory]:
     found = {}
     for track in tracks[1:]:
         times = find_common_times(ego, track)
-        if (
-            len(times)
-            and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR
-        ):
+        if len(times) and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR:
             found[track.id - 1] = track
     return found
 
@@ -209,7 +206,7 @@ def _describe_impact(
     seen = measure_impact(ego, other, time=time)
     kind = _classify(seen.speeds, seen.sides)
     fault, reason = _find_fault(one, world.hit, kind, red=red)
-    before = ego.speed[ego.indices(np.arange(max(time - APPROACH, ego.start), time, one.step))]
+    before = ego.speed[ego.find_indices(np.arange(max(time - APPROACH, ego.start), time, one.step))]
     approach = float(before.max()) if len(before) else seen.speeds[0]
     return Impact(
         one.names[world.hit], float(time), kind, fault, reason, seen.sides[0], seen.speeds[0],
@@ -339,7 +336,7 @@ def _find_ttc_ahead(ego: Trajectory, near: dict[int, Trajectory]) -> float:
         xy, heading = ego.at(times)
         delta = track.at(times)[0] - xy
         ahead = delta[:, 0] * np.cos(heading) + delta[:, 1] * np.sin(heading) > 0
-        chosen = times[ahead & (ego.speed[ego.indices(times)] > STANDING)]
+        chosen = times[ahead & (ego.speed[ego.find_indices(times)] > STANDING)]
         if len(chosen):
             least = min(least, float(compute_ttc_2d(ego, track, times=chosen, horizon=1.0).min()))
     return least

@@ -53,7 +53,7 @@ _CLOSE_CALL = (0.7, 1.35)
 """Path TTC of a vehicle that brakes hard, where the text names none [s]."""
 
 _BETWEEN_EQUALS = ("rear_end", "sideswipe", "head_on")
-"""Contacts that keep the pattern's roles, whichever of the two strikes the other."""
+"""Contacts that keep the pattern's roles, with either agent as the striking one."""
 
 
 def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
@@ -228,7 +228,7 @@ def _adapt_near_miss(
 def _build_brakes_for(
     relation: dict[str, Any], ttc: float | None, *, first: str | None
 ) -> BrakesFor:
-    """The named braker, else who passes second, else the first vehicle; a TTC may be free."""
+    """The named braker, else the second to pass, else the first vehicle; a TTC may be free."""
     names = [relation["striker"], relation["struck"]]
     names.sort(key=lambda name: name == first)
     names.sort(key=lambda name: not name.startswith("vehicle"))

@@ -134,7 +134,7 @@ class ExportedAgent:
         )  # fmt: skip
 
     def hold(self, steps: int) -> ExportedAgent:
-        """An object that stands for so many steps."""
+        """Repeat a standing object for a number of steps."""
         return replace(
             self, xy=np.repeat(self.xy[:1], steps, axis=0),
             heading=np.repeat(self.heading[:1], steps), velocity=np.zeros((steps, 2)),
@@ -210,14 +210,14 @@ class ExportedScene:
         return lights
 
     def begin_at_ego(self) -> ExportedScene:
-        """The scene from the moment at which the ego enters; who has left by then is gone."""
+        """Cut the scene to begin when the ego enters; agents that have left by then are dropped."""
         return self.cut(self.ego.first, self.steps - self.ego.first)
 
     def cut(self, start: int, steps: int) -> ExportedScene:
-        """The scene from a step on (0 if below), so many steps long; who is not in it is gone.
+        """Cut the scene from a step on (0 if below), so many steps long; absent agents are dropped.
 
         Raises:
-            InputError: nobody is there, or a named ego is not.
+            InputError: no agent is there, or a named ego is not.
         """
         start = max(start, 0)
         agents = tuple(

@@ -74,7 +74,7 @@ def _describe(scene: ExportedScene) -> dict[str, Any]:
 
 
 def _extend(agent: ExportedAgent, scene: ExportedScene) -> ExportedAgent:
-    """The ego after a collision goes on along its route; everybody else as in the scene."""
+    """The ego continues along its route after a collision; all others as in the scene."""
     if agent.id != scene.ego.id or agent.id not in scene.collided:
         return agent
     return agent.continue_until(scene.steps - 1)

@@ -85,15 +85,15 @@ def _fill(values: list[Any], rest: int) -> np.ndarray[Any, Any]:
 
 
 def _choose_objects(scene: ExportedScene) -> list[ExportedAgent]:
-    """Everybody; where there are more than fit, those who come nearest to the ego, in order."""
-    everybody = [*scene.agents, *scene.objects]
+    """List all agents; where there are too many, those that come nearest to the ego, in order."""
+    users = [*scene.agents, *scene.objects]
     way = scene.ego.xy
 
     def come_near(agent: ExportedAgent) -> float:
         return float(np.hypot(*(agent.xy[:, None] - way[None, ::5]).transpose(2, 0, 1)).min())
 
-    kept = sorted(everybody, key=come_near)[:OBJECTS]
-    return [agent for agent in everybody if any(agent is each for each in kept)]
+    kept = sorted(users, key=come_near)[:OBJECTS]
+    return [agent for agent in users if any(agent is each for each in kept)]
 
 
 def _list_states(agent: ExportedAgent, scene: ExportedScene) -> Mapping[str, FloatArray | float]:

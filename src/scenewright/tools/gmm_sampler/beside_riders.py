@@ -17,7 +17,7 @@ from scenewright.scene.candidates import AgentCandidates, Candidate, K
 from scenewright.tools.gmm_sampler.priors import WaypointPrior
 
 _SAME_PACE = (0.96, 1.0)
-"""Free speed of who drives behind another, as a share of that one's."""
+"""Free speed of a follower, as a share of its leader's."""
 
 
 def make_room(

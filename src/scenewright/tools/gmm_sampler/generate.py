@@ -100,7 +100,7 @@ def assign_foreground(
     """Routes and patterns of the foreground; no red light is run where that can be avoided.
 
     Args:
-        lawful: look longer for routes on which nobody runs a red light unasked.
+        lawful: look longer for routes on which no agent runs a red light unasked.
     """
     from scenewright.tools.map_grounding.grounding import count_signal_conflicts, find_assignments
 
@@ -137,7 +137,7 @@ def assign_foreground(
 
 
 def list_unasked_runners(graph: SocialGraph, assignment: RoleAssignment) -> list[str]:
-    """Who is to run a red light although the request speaks of none."""
+    """List red-light runners that the request does not mention."""
     caused = {edge.cause for edge in graph.relations}
     if "red_light_run" in caused or any(agent.runs_red for agent in graph.agents):
         return []
@@ -302,7 +302,7 @@ def _draw_lane_departures(
 
 
 def _let_run(agent: AgentCandidates, priors: Priors, rng: np.random.Generator) -> AgentCandidates:
-    """The pedestrian with driving profiles of somebody who runs."""
+    """Give the pedestrian the speed profiles of a running one."""
     drawn, rate = agent.drawn, _RUN_ACCELERATION
     speeds = rng.uniform(*_RUN_SPEED, len(drawn.time_laws)).tolist()
     running = tuple(

@@ -465,7 +465,7 @@ def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, s
     # Rear-end and side impacts name the striker, and a rider's pattern fixes its roles.
     ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
     if pattern.relation in _SYMMETRIC and not told and not ridden:
-        orders.append((edge.to, edge.from_))  # no phrase says who does it to whom
+        orders.append((edge.to, edge.from_))  # no phrase says which agent does it to which
     return [each for each in orders if keeps_order(edge, pattern, each)]
 
 
@@ -640,8 +640,8 @@ def _refuse_group_hit(graph: SocialGraph) -> None:
         for name in (edge.from_, edge.to):
             if edge.type == "collide_at" and graph.agent(name).members is not None:
                 detail = (
-                    f"{name} is a group, and who of it is hit cannot be said; ask for a near miss "
-                    "or a yield, or have one pedestrian hit"
+                    f"{name} is a group, and the member that is hit cannot be chosen; ask for "
+                    "a near miss or a yield, or have one pedestrian hit"
                 )
                 raise Rejected(_report_relation_failure(edge, detail))
 
@@ -651,8 +651,8 @@ def _refuse_late_braking(graph: SocialGraph) -> None:
     for edge in graph.relations:
         if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
             detail = (
-                "late_brake goes with collide_at or near_miss alone, as who gives way or follows "
-                "brakes in time; ask for a near miss, or leave the braking out"
+                "late_brake goes with collide_at or near_miss alone, as a yielding or following "
+                "agent brakes in time; ask for a near miss, or leave the braking out"
             )
             raise Rejected(_report_relation_failure(edge, detail))
 
@@ -675,7 +675,7 @@ def _refuse_waiting_for_wreck(graph: SocialGraph) -> None:
         if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
             detail = (
                 f"{wait.to} is to hit {struck.id} on the {walker.crosswalk} crosswalk and stays "
-                f"there, so it never passes {walker.id}, who waits for it at that crosswalk; "
+                f"there, so it never passes {walker.id}, which waits for it at that crosswalk; "
                 "give the two pedestrians different crosswalks"
             )
             raise Rejected(_report_relation_failure(wait, detail))
@@ -745,10 +745,10 @@ _SIDE_WORDS: dict[EntrySide, str] = {
 
 
 def _report_tied_apart(edge: RelationEdge, ties: Sequence[EntryTie]) -> Rejection:
-    told = " and ".join(
+    ties_text = " and ".join(
         f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in ties
     )
-    return _report_relation_failure(edge, f"'{_format_edge(edge)}' cannot happen where {told}")
+    return _report_relation_failure(edge, f"'{_format_edge(edge)}' cannot happen where {ties_text}")
 
 
 def _report_not_together(edge: RelationEdge) -> Rejection:

@@ -68,7 +68,7 @@ def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
 def find_lanelet2_side(
     approaches: Iterable[FloatArray], exits: Iterable[FloatArray]
 ) -> DrivingSide:
-    """By the lanes: who drives on the right has oncoming lanes on the left.
+    """By the lanes: in right-hand traffic oncoming lanes are on the left.
 
     Args:
         approaches, exits: [P, 2] middles in driving direction [m].

@@ -94,7 +94,7 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
 def _measure_place_angle(leg: SurveyLeg) -> float:
     """The direction in which a leg lies, seen from the middle of the junction [rad].
 
-    Of two streets that run side by side it tells which is the next, as their bearings do not.
+    It orders two streets that run side by side, whose bearings do not.
     """
     x, y = leg.throat + _FAR_OUT * np.array([math.cos(leg.bearing), math.sin(leg.bearing)])
     return math.atan2(y, x)

@@ -385,8 +385,8 @@ _MOST_NAMES = 6
 def _describe_parts(group: JunctionGroup) -> Iterator[str]:
     if group.is_roundabout:
         yield (
-            f"a roundabout of {len(group.nodes)} nodes is one intersection: who drives in it keeps "
-            "to its ring, and who enters gives way"
+            f"a roundabout of {len(group.nodes)} nodes is one intersection: its vehicles keep "
+            "to the ring, and entering vehicles give way"
         )
     elif len(group.nodes) > 1:
         yield f"{len(group.nodes)} nodes that lie close together are one intersection"

@@ -172,7 +172,7 @@ def build_agents(
 def find_jam_time(agents: Sequence[RecordedAgent]) -> float:
     """When the first vehicle comes to a standstill that does not end [s].
 
-    Two vehicles that block one another in the simulation stand for good, and so does all traffic
+    Two vehicles that block one another in the simulation never move again, nor does the traffic
     behind them: of such an hour only the time before counts.
     """
     stuck = [start for agent in agents if (start := _find_standstill(agent)) is not None]

@@ -45,7 +45,7 @@ SETTLING: dict[str, dict[AgentClass, float]] = {
     "k729": {"vehicle": 3.0, "pedestrian": 1.5},
     "k733": {"vehicle": 1.0, "pedestrian": 1.0},
 }
-"""How long speeds rise from 0 after a first sample whoever it is [s], by site: measured as the
+"""How long speeds rise from 0 after a first sample [s], by site: measured as the
 median speed by time since the first sample."""
 
 

@@ -25,7 +25,7 @@ from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner
 from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
 WARM_UP = 4.8
-"""How long before the scene those are rolled out who are mid-route at its beginning [s]."""
+"""How long before the scene agents are rolled out that are mid-route at its beginning [s]."""
 GIVEN = 3
 """Network steps at the beginning of a track that are the prior's: they say how it moves."""
 SPACING = {"vehicle": 10, "pedestrian": 12}
