@@ -176,9 +176,8 @@ def report(name: str, rows: Sequence[dict[str, Any]], backend: Backend) -> None:
     kinds = Counter(each.partition(":")[0] for each in made.values())
     right = Share(kinds["as labelled"], len(made))
     print(f"ISR, verified with agents and relations as labelled: {format_share(right)}")
-    print(
-        f"verified at all: {format_share(Share(kinds['as labelled'] + kinds['otherwise'], len(made)))}"
-    )
+    verified = Share(kinds["as labelled"] + kinds["otherwise"], len(made))
+    print(f"verified at all: {format_share(verified)}")
     for key, fields in result.wrong.items():
         text = next(row["text"] for row in rows if row["id"] == key)
         print(f"  wrong {', '.join(fields)}: {text[:110]}")

@@ -29,10 +29,10 @@ class TimeLimitReachedError(Exception):
         self.seconds = seconds
 
 
-class _Clock:
+class _Deadline:
     """When the time is over, by `time.monotonic` [s], and how much was allowed."""
 
-    def __init__(self, seconds: float, outer: _Clock | None) -> None:
+    def __init__(self, seconds: float, outer: _Deadline | None) -> None:
         self.seconds, self._outer = seconds, outer
         self._ends = time.monotonic() + seconds
 
@@ -55,7 +55,7 @@ class _Clock:
             self._outer.extend(seconds)
 
 
-_running: ContextVar[_Clock | None] = ContextVar("running", default=None)
+_running: ContextVar[_Deadline | None] = ContextVar("running", default=None)
 
 
 @contextmanager
@@ -64,7 +64,7 @@ def limit_time(seconds: float | None) -> Iterator[None]:
     if seconds is None:
         yield
         return
-    token = _running.set(_Clock(seconds, _running.get()))
+    token = _running.set(_Deadline(seconds, _running.get()))
     try:
         yield
     finally:

@@ -62,7 +62,7 @@ VEHICLE = 'type = "vehicle"\nmovements = ["straight"]'
         ('{ pet = "gap" }', '{ pet = "way" }', "proof.within.pet: expected a threshold [low,"),
         ('relation = "near_miss"', 'relation = "kiss"', "relation: Input should be 'collide_at'"),
         ('zone = "conflict"', 'zone = "sky"', "zone: Input should be 'crosswalk'"),
-        ('zone = "conflict"', 'zone = "crosswalk"', "zone: 'crosswalk' needs somebody"),
+        ('zone = "conflict"', 'zone = "crosswalk"', "zone: 'crosswalk' needs a role with"),
         ('zone = "conflict"', 'zone = "lane"', "zone: 'lane' needs a geometry of cutting_in"),
         ('violator = "from"', "weight = 0", "weight: Input should be greater than 0, got 0"),
         ('violator = "from"', "weight = -1", "weight: Input should be greater than 0, got -1"),

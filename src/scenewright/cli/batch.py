@@ -291,7 +291,7 @@ class _Lines:
     def __call__(self, progress: Progress) -> None:
         stop_if_asked()
         now = time.monotonic()
-        if now - self._last >= EVERY or (progress.done == progress.run_all and progress.rate):
+        if now - self._last >= EVERY or (progress.done == progress.of and progress.rate):
             self._last = now
             say(line_of(progress))
 
@@ -308,7 +308,7 @@ def _bar() -> Iterator[ProgressCallback]:
         def log(progress: Any) -> None:
             stop_if_asked()
             words = line_of(progress)
-            bar.update(task, total=progress.run_all, completed=progress.done, description=words)
+            bar.update(task, total=progress.of, completed=progress.done, description=words)
 
         yield log
 
@@ -319,7 +319,7 @@ def line_of(progress: Progress) -> str:
     told = f" ({', '.join(unmade)})" if unmade else ""
     rate = f", {progress.rate:.3g} rows/s" if progress.rate else ""
     left = "" if progress.left is None else f", {duration(progress.left)} left"
-    return f"{progress.done} of {progress.run_all} rows{told}{rate}{left}"
+    return f"{progress.done} of {progress.of} rows{told}{rate}{left}"
 
 
 def duration(seconds: float) -> str:

@@ -23,7 +23,7 @@ PEDESTRIANS_APART = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class PassingOrder:
+class PassingOrderTables:
     """Tables of N agents with up to P points on their ways.
 
     Attributes:
@@ -43,7 +43,7 @@ class PassingOrder:
 
 
 @lru_cache(maxsize=16)
-def find_passing_order(scenario: Scenario) -> PassingOrder:
+def find_passing_order(scenario: Scenario) -> PassingOrderTables:
     """The order of a scene; the ego has none, as it may do what it likes."""
     n = len(scenario.names)
     points = max(len(path.xy) for path in scenario.paths)
@@ -66,7 +66,7 @@ def find_passing_order(scenario: Scenario) -> PassingOrder:
             for a, b, cell, before in ((i, j, met, first), (j, i, met.T, ~first.T)):
                 _write(regardless, standing, scenario, int(a), int(b), cell)
                 limits[a, : len(cell), b] = _find_limits(scenario, int(b), cell & before)
-    return PassingOrder(limits, regardless, standing, cells)
+    return PassingOrderTables(limits, regardless, standing, cells)
 
 
 def _write(

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenewright.driving.policies import Policy
-from scenewright.driving.resolve import FASTEST, GAIN, LATERAL, Meeting, list_meetings
+from scenewright.driving.resolve import FASTEST, GAIN, LATERAL, EgoConflict, list_meetings
 from scenewright.driving.run_drive import Drive, run_drive
 from scenewright.driving.scenario import COLOURS, AgentPath, Scenario
 
@@ -36,7 +36,7 @@ def find_obstacles(drive: Drive, policy: Policy) -> dict[str, str | None]:
     }
 
 
-def _find_obstacle(one: Scenario, meeting: Meeting, policy: Policy, seed: int) -> str | None:
+def _find_obstacle(one: Scenario, meeting: EgoConflict, policy: Policy, seed: int) -> str | None:
     name = one.names[meeting.agent]
     alone = run_drive(
         remove_agent(one, meeting.agent), policy, others="reactive", seed=seed

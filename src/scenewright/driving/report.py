@@ -47,7 +47,7 @@ FAR = 60.0
 
 
 @dataclass(frozen=True)
-class Impact:
+class EgoCollision:
     """A collision of the ego.
 
     Attributes:
@@ -86,7 +86,7 @@ class Report:
 
     drive: Drive
     scene: DrivenScene | None
-    impact: Impact | None
+    impact: EgoCollision | None
     figures: dict[str, Any]
 
     def to_json(self) -> dict[str, Any]:
@@ -195,7 +195,7 @@ def _find_least_pet(ego: Trajectory, near: dict[int, Trajectory]) -> float | Non
 
 def _describe_impact(
     drive: Drive, ego: Trajectory, near: dict[int, Trajectory], *, red: int
-) -> Impact | None:
+) -> EgoCollision | None:
     """Measure the ego's collision and find the agent at fault."""
     world, one = drive.world, drive.scenario
     if world.hit is None or world.hit not in near:
@@ -208,7 +208,7 @@ def _describe_impact(
     fault, reason = _find_fault(one, world.hit, kind, red=red)
     before = ego.speed[ego.find_indices(np.arange(max(time - APPROACH, ego.start), time, one.step))]
     approach = float(before.max()) if len(before) else seen.speeds[0]
-    return Impact(
+    return EgoCollision(
         one.names[world.hit], float(time), kind, fault, reason, seen.sides[0], seen.speeds[0],
         seen.speeds[1], approach, max(approach - seen.speeds[0], 0.0),
     )  # fmt: skip
@@ -258,7 +258,11 @@ def _count_red_lights(world: World) -> int:
 
 
 def _gather(
-    drive: Drive, ego: Trajectory, near: dict[int, Trajectory], impact: Impact | None, red: int
+    drive: Drive,
+    ego: Trajectory,
+    near: dict[int, Trajectory],
+    impact: EgoCollision | None,
+    red: int,
 ) -> ScoreInputs:
     one, world = drive.scenario, drive.world
     points = list_ego_points(world.history)

@@ -43,7 +43,7 @@ HOLD = np.array([12.0, 2.5, 5.0, 5.0])
 
 
 @dataclass(eq=False)
-class Meeting:
+class EgoConflict:
     """A conflict that is to come about.
 
     Attributes:
@@ -89,7 +89,7 @@ class Resolve(Reactive):
         meetings: what is to come about, and what became of it.
     """
 
-    meetings: tuple[Meeting, ...]
+    meetings: tuple[EgoConflict, ...]
 
     def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:
         """The others at the first step, and the places where conflicts are to be."""
@@ -132,7 +132,7 @@ class Resolve(Reactive):
             if room > stops and (stands or self._time_of(int(i), float(room)) > clear):
                 self._swapped[k, i], self._swapped[i, k] = True, False
 
-    def _drive(self, meeting: Meeting) -> float:
+    def _drive(self, meeting: EgoConflict) -> float:
         """The speed of a re-timed agent, its curves minded [m/s]."""
         j = meeting.agent
         speed, kind = float(self._state.speed[j]), int(self._one.kinds[j])
@@ -153,7 +153,7 @@ class Resolve(Reactive):
         found = [each for each in self.meetings if each.agent == j]
         return any(each.status in ("open", "committed") and not each.heeds for each in found)
 
-    def _retime(self, meeting: Meeting, ego: EgoState, step: int) -> None:
+    def _retime(self, meeting: EgoConflict, ego: EgoState, step: int) -> None:
         """Give an agent the speed with which it meets the ego."""
         state, j = self._state, meeting.agent
         way, left = meeting.ego_at - ego.progress, meeting.agent_at - float(state.s[j])
@@ -180,7 +180,7 @@ class Resolve(Reactive):
         if min(time, ego_in) <= COMMITTED[self._one.kinds[j]]:
             meeting.status = "committed"
 
-    def _has_given_way(self, ego: EgoState, way: float, meeting: Meeting, step: int) -> bool:
+    def _has_given_way(self, ego: EgoState, way: float, meeting: EgoConflict, step: int) -> bool:
         """Return whether the ego, near the place, has slowed down for a coming agent."""
         one, j, at = self._one, meeting.agent, meeting.agent_at
         near = way - float(one.sizes[one.ego, 0]) / 2 < NEAR
@@ -189,7 +189,7 @@ class Resolve(Reactive):
         coming = float(self._state.speed[j]) > 0.4 or left < HOLD[one.kinds[j]] + 1.5
         return near and slow and coming and not self._faces_red(ego, way, step)
 
-    def _close(self, meeting: Meeting, way: float, left: float, step: int) -> None:
+    def _close(self, meeting: EgoConflict, way: float, left: float, step: int) -> None:
         """One of the two has passed the place: say how far off the other still is."""
         name = self._one.names[meeting.agent]
         meeting.target, meeting.status = None, "over"
@@ -200,7 +200,7 @@ class Resolve(Reactive):
             else f"{name} passed the place when the ego was {max(way, 0.0):.0f} m short of it"
         )
 
-    def _is_too_late(self, meeting: Meeting, ego: EgoState, way: float, step: int) -> bool:
+    def _is_too_late(self, meeting: EgoConflict, ego: EgoState, way: float, step: int) -> bool:
         """Whether an ego that stands at a red light is kept there until it is too late; say so."""
         one = self._one
         if ego.speed > 0.5 or not self._faces_red(ego, way, step):
@@ -248,7 +248,7 @@ class Resolve(Reactive):
             for light, s in one.paths[one.ego].stops
         )
 
-    def _wait_for_ego(self, meeting: Meeting, left: float) -> None:
+    def _wait_for_ego(self, meeting: EgoConflict, left: float) -> None:
         """Where the ego stands the agent waits for it: before the place, or at its stop line."""
         j = meeting.agent
         kind, s = int(self._one.kinds[j]), float(self._state.s[j])
@@ -274,7 +274,7 @@ class Resolve(Reactive):
         return float(np.clip(wanted, 0.0, top))
 
 
-def list_meetings(scenario: Scenario) -> list[Meeting]:
+def list_meetings(scenario: Scenario) -> list[EgoConflict]:
     """The relations between the ego and others, as meetings at a place with a lag."""
     record = scenario.record
     if record is None:
@@ -288,7 +288,7 @@ def list_meetings(scenario: Scenario) -> list[Meeting]:
         other = ids.index(row.to if row.from_ == me else row.from_)
         place = _find_place(scenario, row, other)
         if place is not None:
-            found.append(Meeting(other, *place, heeds=row.type == "yielding" and row.to == me))
+            found.append(EgoConflict(other, *place, heeds=row.type == "yielding" and row.to == me))
     return found
 
 

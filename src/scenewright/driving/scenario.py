@@ -184,7 +184,7 @@ def build_scenario(
     """
     scene = prepare_scene(record, intersection_map, ego=ego)
     ids = [agent.id for agent in scene.agents]
-    lights = tuple(sorted(scene.colours()))
+    lights = tuple(sorted(scene.list_colours()))
     colours = _number_colours(scene, lights)
     records = [*record.agents, *(None for _ in scene.objects)]
     stops = [_find_stops(row, lights, intersection_map) for row in records]
@@ -450,7 +450,7 @@ def _intersect(path: AgentPath, a: FloatArray, b: FloatArray) -> list[float]:
 
 
 def _number_colours(scene: ExportedScene, lights: tuple[str, ...]) -> IntArray:
-    shown = scene.colours()
+    shown = scene.list_colours()
     rows = [[NO_LIGHT if c is None else COLOURS.index(c) for c in shown[name]] for name in lights]
     return np.array(rows, dtype=np.int64).reshape(len(lights), scene.steps)
 

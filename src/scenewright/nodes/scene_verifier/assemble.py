@@ -80,7 +80,7 @@ def assemble(
         events=(),
         relations=_build_relation_records(graph, pool.cast, numbers),
         ties=tuple(
-            TieRecord(agent=numbers[each.agent], of=numbers[each.run_all], side=each.side)
+            TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
         measures=_build_measure_records(graph, numbers),

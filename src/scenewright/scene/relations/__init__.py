@@ -19,10 +19,10 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from scenewright.errors import InputError
-from scenewright.scene.relations.pattern import Geometry, Pattern, Proof, Role, RoleName
+from scenewright.scene.relations.pattern import Geometry, Pattern, ProofCondition, Role, RoleName
 
 __all__ = [
-    "Geometry", "Pattern", "Proof", "Role", "RoleName",
+    "Geometry", "Pattern", "ProofCondition", "Role", "RoleName",
     "get_pattern", "get_pattern_file", "load_patterns",
 ]  # fmt: skip
 
@@ -33,7 +33,7 @@ _FIELDS: dict[str, frozenset[str]] = {
     "": frozenset(field.alias or name for name, field in Pattern.model_fields.items()),
     "from": frozenset(Role.model_fields),
     "to": frozenset(Role.model_fields),
-    "proof": frozenset(Proof.model_fields),
+    "proof": frozenset(ProofCondition.model_fields),
 }
 
 

@@ -80,7 +80,7 @@ class Role(Model):
         return self
 
 
-class Proof(Model):
+class ProofCondition(Model):
     """What the checker must observe for the relation to be proven.
 
     Attributes:
@@ -145,7 +145,7 @@ class Pattern(Model):
     thresholds: dict[_Name, _Number | tuple[_Number, _Number]] = Field(
         default_factory=dict, max_length=20
     )
-    proof: Proof
+    proof: ProofCondition
     from_: Role = Field(alias="from")
     to: Role
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.opendrive import signal_ids, write_opendrive
-from scenewright.tools.exporters.xml_writing import add, to_bytes
+from scenewright.tools.exporters.opendrive import number_signals, write_opendrive
+from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 WAYPOINT_SPACING, SPEED_SPACING = 10.0, 1.0
 """Between waypoints of a route [m], and between entries of a speed profile [s]."""
@@ -48,7 +48,7 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
         _add_entity(entities, agent)
     _add_storyboard(root, scene, form, clock)
     return {
-        f"{scene.name}.xosc": to_bytes(root),
+        f"{scene.name}.xosc": write_bytes(root),
         f"{scene.name}.xodr": write_opendrive(scene.intersection_map),
     }
 
@@ -57,8 +57,8 @@ def _add_road_network(root: _Element, scene: ExportedScene) -> None:
     """The map's file, and what every light shows from time to time."""
     network = add(root, "RoadNetwork")
     add(network, "LogicFile", filepath=f"{scene.name}.xodr")
-    ids = signal_ids(scene.intersection_map)
-    lights = {name: row for name, row in scene.colours().items() if name in ids}
+    ids = number_signals(scene.intersection_map)
+    lights = {name: row for name, row in scene.list_colours().items() if name in ids}
     if not lights:
         return
     signals = add(network, "TrafficSignals")

@@ -14,7 +14,7 @@ import numpy as np
 from scenewright.geometry.polyline import resample_by_spacing
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.track_io.womd_example import PARTS, STATES, example_class
+from scenewright.tools.track_io.womd_example import PARTS, STATES, load_example_class
 
 OBJECTS, LIGHTS, POINTS = 128, 16, 30_000
 SPACING = 0.5
@@ -41,7 +41,7 @@ def write_example(
         values = tensors[name].ravel()
         kind = "float_list" if values.dtype.kind == "f" else "int64_list"
         entries.append({"key": name, "value": {kind: {"value": values.tolist()}}})
-    record: bytes = example_class()(features={"feature": entries}).SerializeToString(
+    record: bytes = load_example_class()(features={"feature": entries}).SerializeToString(
         deterministic=True
     )
     return record

@@ -36,7 +36,7 @@ from scenewright.tools.simulation.corpus import (
     spawn_hour_seeds,
 )
 from scenewright.tools.simulation.demand import HOURS, Demand, read_demand
-from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP, RawTrack
+from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP, SumoTrack
 from scenewright.tools.track_io import RecordedAgent, Recording, Split, save_recordings
 
 _MIN_HOURS, _MAX_HOURS = len(SPLITS), HOURS * DAYS
@@ -144,7 +144,7 @@ def record_hour(
 
 def build_agents(
     intersection_map: IntersectionMap,
-    raw: Sequence[RawTrack],
+    raw: Sequence[SumoTrack],
     *,
     half: Mapping[str, float],
     rng: np.random.Generator,
@@ -196,7 +196,7 @@ def build_track(trip: Trip) -> Track:
     return Track(interpolate_points(trip.progress, at, trip.path), heading, round(trip.start, 1))
 
 
-def _cut_tracks(track: RawTrack, half: float) -> Iterator[Track]:
+def _cut_tracks(track: SumoTrack, half: float) -> Iterator[Track]:
     """The stretches of an uncleaned track inside the map and the hour, two samples or longer."""
     kind = track.route.split(":")[0]
     xy: FloatArray = smooth_gaussian(compute_centres(track), TIME_BLUR[kind])

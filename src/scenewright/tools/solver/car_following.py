@@ -156,7 +156,7 @@ def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming)
     crosses = np.inf if line is None else enters + driven.motion.find_time_at(line)
     if group is None or clock is None or math.isinf(crosses):
         return True
-    return all(clock.colour(group, crosses + near) == "green" for near in (-0.15, 0.0, 0.15))
+    return all(clock.get_colour(group, crosses + near) == "green" for near in (-0.15, 0.0, 0.15))
 
 
 def _find_red(
@@ -171,13 +171,13 @@ def _find_red(
     if line is None or group is None or clock is None or moved[-1] < line:
         return -np.inf
     crosses = enters + STEP * float(np.searchsorted(moved, line))
-    if all(clock.colour(group, crosses + near) == "green" for near in (-0.35, 0.0, 0.35)):
+    if all(clock.get_colour(group, crosses + near) == "green" for near in (-0.35, 0.0, 0.35)):
         return -np.inf
-    if clock.colour(group, crosses - 0.35) != "green" and (
-        clock.colour(group, crosses + 0.35) == "green"
+    if clock.get_colour(group, crosses - 0.35) != "green" and (
+        clock.get_colour(group, crosses + 0.35) == "green"
     ):
         return crosses - enters + 0.5
-    return clock.next_green(group, crosses) + style.lag - enters
+    return clock.find_next_green(group, crosses) + style.lag - enters
 
 
 BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)

@@ -63,7 +63,7 @@ _PLACES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Meeting:
+class ObjectEncounter:
     """A candidate that meets an object, and the place of the object.
 
     Attributes:
@@ -79,7 +79,7 @@ class Meeting:
 
 def find_meeting(
     node: ObjectNode, candidate: Candidate, ground: MapAreas, rng: np.random.Generator
-) -> Meeting | None:
+) -> ObjectEncounter | None:
     """Draw a place of the object at which the candidate meets it; None if there is none."""
     places = [
         each
@@ -107,7 +107,7 @@ def _meet(
     candidate: Candidate,
     ground: MapAreas,
     rng: np.random.Generator,
-) -> Meeting | None:
+) -> ObjectEncounter | None:
     own = candidate
     if node.encounter == "hits" and node.kind in ("parked", "bus_stop"):
         drifting = _draw_drift(place, candidate, rng)
@@ -118,9 +118,9 @@ def _meet(
     if touch is None or touch < _COMES:
         return None
     if node.encounter != "goes_round":
-        return Meeting(node, place, own, touch)
+        return ObjectEncounter(node, place, own, touch)
     aside = _lead_round(place, candidate, touch, ground, rng)
-    return None if aside is None else Meeting(node, place, aside, touch)
+    return None if aside is None else ObjectEncounter(node, place, aside, touch)
 
 
 def _find_touch(candidate: Candidate, place: ObjectRecord) -> float | None:
@@ -213,7 +213,7 @@ def _stays_on_road(candidate: Candidate, ground: MapAreas) -> bool:
 
 
 def place_encounter(
-    meeting: Meeting, landmarks: Landmarks, rng: np.random.Generator
+    meeting: ObjectEncounter, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent | None:
     """Time an agent that meets only an object; None if it cannot stop, or is too slow."""
     actor = ScheduledAgent.build_unplaced(meeting.candidate, landmarks)
@@ -233,7 +233,7 @@ def place_encounter(
 
 
 def _wait(
-    actor: ScheduledAgent, meeting: Meeting, rng: np.random.Generator
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float] | None:
     wanted = meeting.touch - float(rng.uniform(*_GAP))
     s = actor.landmarks.move_off_crosswalks(wanted)
@@ -245,7 +245,7 @@ def _wait(
 
 
 def _brake_too_late(
-    actor: ScheduledAgent, meeting: Meeting, rng: np.random.Generator
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float]:
     """Brake it too late, ending where it touches the object."""
     slowing = Slowing(meeting.touch, float(rng.uniform(*_STRIKES)), float(rng.uniform(*_BRAKES)))

@@ -71,7 +71,7 @@ from scenewright.tools.solver.background_assignment import (
 from scenewright.tools.solver.car_following import follow_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.encounters import (
-    Meeting,
+    ObjectEncounter,
     find_meeting,
     list_meetings,
     place_encounter,
@@ -205,7 +205,10 @@ class Search:
         objects: Sequence[ObjectNode] = (),
     ) -> None:
         self._lenient = lenient
-        self._to_meet, self._meetings = list_meetings(objects), dict[tuple[str, int], Meeting]()
+        self._to_meet, self._meetings = (
+            list_meetings(objects),
+            dict[tuple[str, int], ObjectEncounter](),
+        )
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _order_clauses([c for c in program.clauses if isinstance(c, _Event)])
@@ -408,14 +411,14 @@ class Search:
             self._built[(name, m)] = None if refused else (candidate, landmarks)
         return self._built[(name, m)]
 
-    def _find_meeting(self, name: str, candidate: Candidate) -> Meeting | None:
+    def _find_meeting(self, name: str, candidate: Candidate) -> ObjectEncounter | None:
         """Find how it meets its object; a fixed agent meets it where it did."""
         node = self._to_meet[name]
         kept = (
             self._placer.get_kept(node.id) if name in self._build_first_schedule().actors else None
         )
         if kept is not None:
-            return Meeting(node, kept, candidate, 0.0)
+            return ObjectEncounter(node, kept, candidate, 0.0)
         return find_meeting(node, candidate, self._ground, self._rng)
 
     def _do_paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
