@@ -37,7 +37,7 @@ def main(seed: int) -> None:
     kept = others = 0
     for n, text in enumerate(INSTRUCTIONS.read_text("utf-8").splitlines()):
         session = start_session(text, seed, str(n))
-        before = session.shown()
+        before = session.find_version()
         if before is None:
             continue
         for edit in EDITS:
@@ -49,7 +49,7 @@ def main(seed: int) -> None:
                 codes[str(reply.get("code", reply["kind"]))] += 1
                 continue
             made[edit] += 1
-            after = session.shown()
+            after = session.find_version()
             assert after is not None
             assert after.proof.verified
             same, untouched = count_unmoved(before, after)

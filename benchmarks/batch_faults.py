@@ -33,10 +33,10 @@ from typing import Any
 from batch import build_command, count_done, list_children
 
 from scenewright.dataset.batch.answering import PLAINLY
-from scenewright.dataset.batch.audit import audit
+from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.publish import is_whole
 from scenewright.dataset.batch.rows import read_source
-from scenewright.dataset.batch.worker import Options, job_of, work
+from scenewright.dataset.batch.worker import Options, build_job, work
 
 TEXTS = (
     "A vehicle yields to a pedestrian",
@@ -209,7 +209,7 @@ def check(rows: Path, out: Path, refiner: str) -> dict[str, Any]:
     final = [[e for e in each if e["status"] != "failed"] for each in entries.values()]
     made = [entry for entry in last if entry["status"] == "made"]
     options = Options("amsterdam_120", refiner=refiner)
-    jobs = {named.number: job_of(named, options, PLAINLY) for named in source}
+    jobs = {named.number: build_job(named, options, PLAINLY) for named in source}
     picked = random.Random(1).sample(made, min(AGAIN, len(made)))
     differ = [
         entry["key"]
@@ -217,7 +217,7 @@ def check(rows: Path, out: Path, refiner: str) -> dict[str, Any]:
         for name, data in work(replace(jobs[entry["number"]], time_limit=None)).files.items()
         if (out / entry["folder"] / name).read_bytes() != data
     ]
-    found = audit(out)
+    found = audit_dataset(out)
     return {
         "rows": source.rows,
         "made": len(made),

@@ -238,11 +238,11 @@ def write_export(rng: random.Random, folder: Path) -> None:
 def open_tools() -> tuple[Any, tuple[str, ...]]:
     """The server of one MCP session with a scene in it, and its tools' names."""
     from scenewright.backends import load_backend
-    from scenewright.cli.mcp import Served, server_of
+    from scenewright.cli.mcp import ServerOptions, build_server
 
     file = str(Path(tempfile.mkdtemp(prefix="scenewright-fuzz-")) / "threads.sqlite")
     backend = load_backend("builtin")
-    server = server_of(Served(file, "t", "amsterdam_120", backend, 0, None))
+    server = build_server(ServerOptions(file, "t", "amsterdam_120", backend, 0, None))
     asyncio.run(server.call_tool("make_scene", {"instruction": list_texts()[0]}))
     return server, tuple(sorted(tool.name for tool in asyncio.run(server.list_tools())))
 

@@ -35,7 +35,7 @@ from typing import Any, Literal
 from scenewright import synthesize
 from scenewright.backends import TASKS, Backend, Question, Wording, load_backend
 from scenewright.backends.spoken import Said, Spoken, compute_key
-from scenewright.cli.plan import ATTEMPTS, refusal
+from scenewright.cli.plan import ATTEMPTS, build_refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.evals.planning import Share, compare, load, score
 from scenewright.graph.run import DEFAULT_INTERSECTION
@@ -125,7 +125,7 @@ def _plan(row: dict[str, Any], backend: Backend) -> Plan:
             return ask_for_plan(backend, question, ways)
         except Rejected as error:
             wrong = (*wrong, error.rejection.detail)
-    return refusal(f"no usable plan: {wrong[-1]}")
+    return build_refusal(f"no usable plan: {wrong[-1]}")
 
 
 def make_scenes(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[dict[str, str], int]:

@@ -14,7 +14,7 @@ import argparse
 
 import numpy as np
 
-from scenewright.cli.custom_intersections import _elsewhere
+from scenewright.cli.custom_intersections import _fit_elsewhere
 from scenewright.tools.fitting.custom_bundle import open_custom_bundle
 from scenewright.tools.fitting.fit_tracks import (
     FrameChange,
@@ -55,7 +55,7 @@ def main() -> None:
     shipped = evaluate(None)
     print(f"{options.name}, {len(shipped)} tracks: shipped pool {np.mean(shipped):.3f}")
     for scale in options.pool_scale:
-        lanes, told = _elsewhere(options.pool, scale)
+        lanes, told = _fit_elsewhere(options.pool, scale)
         found = evaluate(lanes)
         low, high = compute_interval(np.array(shipped), np.array(found), np.random.default_rng(0))
         print(f"  {'; '.join(told)}")

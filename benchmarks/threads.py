@@ -103,7 +103,7 @@ def compare(name: str, work: Callable[[Any], str], jobs: Sequence[Any], threads:
 def call_tools(count: int, threads: int) -> int:
     """How many calls of tools of one `scenewright mcp` raised; prints a line."""
     from scenewright.backends import load_backend
-    from scenewright.cli.mcp import Served, _Desk
+    from scenewright.cli.mcp import ServerOptions, _ClientState
 
     def call(n: int) -> str:
         if n % 2:
@@ -113,7 +113,7 @@ def call_tools(count: int, threads: int) -> int:
     with tempfile.TemporaryDirectory() as folder:
         threads_file = str(Path(folder) / "threads.sqlite")
         backend = load_backend("builtin")
-        desk = _Desk(Served(threads_file, "t", "amsterdam_120", backend, 0, None))
+        desk = _ClientState(ServerOptions(threads_file, "t", "amsterdam_120", backend, 0, None))
         desk.make_scene("A car yields to a pedestrian at 8 am")
         found, wall, _ = run_in_threads(call, range(count), threads)
     raised = [each for each in found if each.startswith("raised")]

@@ -27,7 +27,7 @@ def ask(session: Session, words: str) -> str:
 
 
 def test_answers_hold_the_figures_of_the_proof(session: Session) -> None:
-    shown = session.shown()
+    shown = session.find_version()
     assert shown is not None
     (event,) = shown.proof.events
     assert f"{event.evidence['pet']:.1f} s between them" in ask(session, "How close do they get?")
@@ -42,13 +42,13 @@ def test_an_answer_is_about_those_whom_the_question_names(session: Session) -> N
     assert ask(session, "where does the car come from?").startswith(
         "vehicle-1 (car) comes from the north, goes to the east (left)"
     )
-    shown = session.shown()
+    shown = session.find_version()
     assert shown is not None
     assert f"{len(shown.record.agents)} in all" in ask(session, "how many cars are there?")
 
 
 def test_the_light_is_the_one_of_the_record(session: Session) -> None:
-    shown = session.shown()
+    shown = session.find_version()
     assert shown is not None
     (event,) = shown.proof.events
     rows = [each for each in shown.record.signals if each.stop_line == "north:stop"]
@@ -61,12 +61,12 @@ def test_who_turned_across_the_way_had_to_give_way(session: Session) -> None:
 
 
 def test_a_question_about_nothing_in_the_scene_says_what_can_be_asked(session: Session) -> None:
-    assert "I can tell:" in ask(session, "what is the capital of France?")
+    assert "I can answer:" in ask(session, "what is the capital of France?")
 
 
 def test_steps_back_an_ordinary_morning_and_her(session: Session) -> None:
     assert session.say("make it a normal weekday morning")["kind"] == "made"
-    shown = session.shown()
+    shown = session.find_version()
     assert shown is not None
     assert [each.type for each in shown.proof.events] == ["near_miss"]
     assert session.say("make her slower")["kind"] == "made"

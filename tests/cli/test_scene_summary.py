@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from scenewright.cli.console import one_line
-from scenewright.cli.make import folder_name
+from scenewright.cli.console import format_one_line
+from scenewright.cli.make import choose_folder_name
 from scenewright.cli.scene_summary import place
 from scenewright.intersections import load_map
 
@@ -30,9 +30,9 @@ def test_the_origin_is_in_the_junction_and_far_away_is_a_leg() -> None:
     [("0a1b", "0a1b"), ("../../etc/passwd", "etc-passwd"), ("..", "scene"), ("Ä\0/ b", "b")],
 )
 def test_a_scene_id_is_never_a_path(scene_id: str, name: str) -> None:
-    assert folder_name(scene_id) == name
+    assert choose_folder_name(scene_id) == name
 
 
 def test_one_line_cannot_steer_a_terminal() -> None:
-    assert one_line("a\x1b[31mb\nc\u202ed\udcff") == "a [31mb c d"
-    assert len(one_line("x" * 10_000)) == 600
+    assert format_one_line("a\x1b[31mb\nc\u202ed\udcff") == "a [31mb c d"
+    assert len(format_one_line("x" * 10_000)) == 600

@@ -25,14 +25,14 @@ from scenewright.cli.main import main
 from scenewright.dataset.batch import audit as audit_module
 from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch import worker as work_module
-from scenewright.dataset.batch.answering import Asking, _taking_turns, _Turns
-from scenewright.dataset.batch.audit import audit
+from scenewright.dataset.batch.answering import Asking, _make_take_turns, _Turns
+from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
-from scenewright.dataset.batch.run import Request, run_batch, shard_of
+from scenewright.dataset.batch.run import Request, parse_shard, run_batch
 from scenewright.dataset.batch.worker import FILES, Options, Outcome, work
 from scenewright.dataset.tables.divide import divide_tables
-from scenewright.dataset.tables.parquet import SceneFiles, parquet, rows_of
+from scenewright.dataset.tables.parquet import SceneFiles, build_rows, import_parquet
 from scenewright.dataset.tables.splits import SPLITS, choose_split
 from scenewright.errors import InputError
 from scenewright.intersections import load_map
@@ -162,10 +162,10 @@ def test_a_dataset_is_divided_without_telling_answers_and_nothing_is_lost(
     assert sum(counts.values()) == 3
     for name in ("scenes", "tracks"):
         parts = [
-            parquet().read_table(tmp_path / "parts" / split / f"{name}.parquet").to_pylist()
+            import_parquet().read_table(tmp_path / "parts" / split / f"{name}.parquet").to_pylist()
             for split in SPLITS
         ]
-        everything = parquet().read_table(whole / "tables" / f"{name}.parquet").to_pylist()
+        everything = import_parquet().read_table(whole / "tables" / f"{name}.parquet").to_pylist()
         assert sorted(map(str, chain(*parts))) == sorted(map(str, everything))
     card = (tmp_path / "parts" / "README.md").read_text()
     assert all((f"path: {split}/scenes" in card) == bool(counts[split]) for split in counts)
@@ -193,12 +193,12 @@ def test_croissant_names_every_column_and_the_hash_of_its_file(whole: Path) -> N
         each["name"]: [field["name"] for field in each["field"]] for each in about["recordSet"]
     }
     for name, found in columns.items():
-        table = parquet().ParquetFile(whole / "tables" / f"{name}.parquet")
+        table = import_parquet().ParquetFile(whole / "tables" / f"{name}.parquet")
         assert found == table.schema_arrow.names
 
 
 def test_the_account_of_words_is_a_table_with_the_checkers_evidence(whole: Path) -> None:
-    rows = parquet().read_table(whole / "tables" / "account.parquet").to_pylist()
+    rows = import_parquet().read_table(whole / "tables" / "account.parquet").to_pylist()
     proof = json.loads((whole / "follow" / "proof.json").read_bytes())
     assert [each for each in rows if each["row"] == "follow"] == [
         {"row": "follow", **entry} for entry in proof["said"]
@@ -225,7 +225,7 @@ def test_a_scene_of_an_earlier_version_has_no_rows_of_account(whole: Path) -> No
         "intersection": "amsterdam_120",
         "voice": None,
     }
-    rows = rows_of(SceneFiles(about, scene, proof, {}))
+    rows = build_rows(SceneFiles(about, scene, proof, {}))
     assert rows["account"] == []
     assert rows["events"]
 
@@ -233,7 +233,7 @@ def test_a_scene_of_an_earlier_version_has_no_rows_of_account(whole: Path) -> No
 def test_check_compares_the_tables_of_a_dataset_that_has_no_account(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(audit_module, "recheck", lambda _: None)
+    monkeypatch.setattr(audit_module, "check_again", lambda _: None)
 
     def forget(about: dict[str, Any]) -> None:
         del about["files"]["tables/account.parquet"], about["tables"]["account"]
@@ -241,15 +241,15 @@ def test_check_compares_the_tables_of_a_dataset_that_has_no_account(
     copy = tmp_path / "copy"
     shutil.copytree(whole, copy)
     (copy / "tables" / "account.parquet").unlink()
-    assert {each.where for each in audit(copy).faults} == {"tables/account.parquet"}
+    assert {each.where for each in audit_dataset(copy).faults} == {"tables/account.parquet"}
     rewritten(copy, forget)
-    assert audit(copy).faults == ()
+    assert audit_dataset(copy).faults == ()
 
     def miscount(about: dict[str, Any]) -> None:
         about["tables"]["events"] = 99
 
     rewritten(copy, miscount)
-    assert {each.where for each in audit(copy).faults} == {"tables/events.parquet"}
+    assert {each.where for each in audit_dataset(copy).faults} == {"tables/events.parquet"}
 
 
 def test_a_run_that_dies_between_rows_goes_on_to_the_same_bytes(
@@ -271,7 +271,7 @@ def test_a_run_that_dies_between_rows_goes_on_to_the_same_bytes(
 
 def test_shards_in_one_folder_come_to_the_same_bytes(whole: Path, tmp_path: Path) -> None:
     for text in ("2/2", "1/2"):
-        request = Request(rows(tmp_path), tmp_path / "out", OPTIONS, shard=shard_of(text))
+        request = Request(rows(tmp_path), tmp_path / "out", OPTIONS, shard=parse_shard(text))
         assert run_batch(request).rows == 2
     assert contents(tmp_path / "out") == contents(whole)
 
@@ -341,22 +341,24 @@ def test_lenient_makes_the_row_and_lists_the_words_that_it_leaves_out(tmp_path: 
     assert lenient.counts == {"made": 1}
     said = json.loads((tmp_path / "out" / "wet" / "scene.json").read_bytes())["said"]
     assert [each["words"] for each in said if each["status"] == "unrealised"] == ["In the rain"]
-    account = parquet().read_table(tmp_path / "out" / "tables" / "account.parquet").to_pylist()
+    account = (
+        import_parquet().read_table(tmp_path / "out" / "tables" / "account.parquet").to_pylist()
+    )
     assert [each["words"] for each in account if each["status"] == "unrealised"] == ["In the rain"]
-    assert audit(tmp_path / "out").faults == ()
+    assert audit_dataset(tmp_path / "out").faults == ()
 
 
 def test_check_finds_what_was_changed(whole: Path, tmp_path: Path) -> None:
-    assert audit(whole).faults == ()
+    assert audit_dataset(whole).faults == ()
     copy = tmp_path / "copy"
     shutil.copytree(whole, copy)
     scene = copy / "calm" / "scene.json"
     scene.write_bytes(scene.read_bytes().replace(b'"seed":', b'"seed": '))
     (copy / "stray.txt").write_text("?")
-    found = {fault.where for fault in audit(copy).faults}
+    found = {fault.where for fault in audit_dataset(copy).faults}
     assert found == {"calm/scene.json", "stray.txt"}
     shutil.rmtree(copy / "follow")
-    assert "follow/scene.json" in {fault.where for fault in audit(copy).faults}
+    assert "follow/scene.json" in {fault.where for fault in audit_dataset(copy).faults}
 
 
 KINDS = (
@@ -372,7 +374,7 @@ def test_check_finds_a_single_changed_byte_anywhere(
     name: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever the byte, the hashes tell; that the checker runs too is tested above."""
-    monkeypatch.setattr(audit_module, "recheck", lambda _: None)
+    monkeypatch.setattr(audit_module, "check_again", lambda _: None)
     copy = tmp_path / "copy"
     shutil.copytree(whole, copy)
     data = (copy / name).read_bytes()
@@ -386,7 +388,7 @@ def test_check_finds_a_single_changed_byte_anywhere(
 def found_in(folder: Path) -> str:
     """Everything that `dataset check` would say."""
     try:
-        return " ".join(fault.where for fault in audit(folder).faults)
+        return " ".join(fault.where for fault in audit_dataset(folder).faults)
     except InputError as error:  # a manifest that is no JSON any more
         return str(error)
 
@@ -413,9 +415,9 @@ def test_check_finds_scenes_that_changed_places_and_files_from_elsewhere(
     shutil.copytree(whole, copy)
     for old, new in (("calm", "x"), ("follow", "calm"), ("x", "follow")):
         (copy / old).rename(copy / new)
-    assert len(audit(copy).faults) > 6
+    assert len(audit_dataset(copy).faults) > 6
     rewritten(copy, swap)
-    found = {(fault.where, fault.what.split(":")[0]) for fault in audit(copy).faults}
+    found = {(fault.where, fault.what.split(":")[0]) for fault in audit_dataset(copy).faults}
     assert {(each, "is the scene of another row") for each in ("calm", "follow")} <= found
 
     shutil.rmtree(copy)
@@ -431,7 +433,7 @@ def test_check_finds_scenes_that_changed_places_and_files_from_elsewhere(
         about["rows"]["made"] = 4
 
     rewritten(copy, stretch)
-    found = {fault.where: fault.what for fault in audit(copy).faults}
+    found = {fault.where: fault.what for fault in audit_dataset(copy).faults}
     assert found["../calm/scene.json"] == found["/etc/passwd"] == "lies outside the dataset"
     assert {"a\0b", "pipe", "more", "journal-of-mine/x", "manifest.json"} <= set(found)
     assert "calm/scene.json" not in found
@@ -451,7 +453,7 @@ def test_the_card_names_licence_tables_and_counts(whole: Path) -> None:
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/0", "-1/2"])
 def test_a_shard_is_one_of_so_many(text: str) -> None:
     with pytest.raises(InputError, match="--shard"):
-        shard_of(text)
+        parse_shard(text)
 
 
 def test_work_never_raises(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -513,7 +515,7 @@ def test_answers_are_kept_and_a_batch_is_repeated_from_them(whole: Path, tmp_pat
     about = json.loads((tmp_path / "again" / "calm" / "provenance.json").read_bytes())
     assert about["models"]["plan"]["model"] == "builtin"
     assert not {"requests", "input_tokens"} & set(about["models"]["plan"])
-    assert audit(tmp_path / "again").faults == ()
+    assert audit_dataset(tmp_path / "again").faults == ()
     size = answers.stat().st_size
     assert main([*words, "--out", str(tmp_path / "third"), "--record", str(answers)]) == 0
     assert answers.stat().st_size == size
@@ -530,7 +532,7 @@ def test_rows_without_a_recorded_answer_fail_and_are_made_once_there_is_one(
     assert summary.counts == {"made": 1, "failed": 3}
     assert not summary.complete
     run_batch(Request(source, tmp_path / "second", OPTIONS, asking=asking))
-    work_module._backend.cache_clear()
+    work_module._load_backend.cache_clear()
     assert run_batch(request).counts == {"made": 3, "refused": 1}
 
 
@@ -548,7 +550,7 @@ def test_no_more_is_asked_at_a_time_than_was_allowed(tmp_path: Path) -> None:
 
     slow = Slow()
     # Each has turns of its own, as workers have: the folder is all that they share.
-    asking = [_taking_turns(slow, _Turns(tmp_path, 2)) for _ in range(6)]
+    asking = [_make_take_turns(slow, _Turns(tmp_path, 2)) for _ in range(6)]
     with ThreadPoolExecutor(6) as threads:
         list(threads.map(lambda each: each.answer(Question("plan", {})), asking))
     assert slow.most == 2

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenewright.dataset.batch.journal import Entry, Journal, sole_writer
+from scenewright.dataset.batch.journal import Entry, Journal, lock_journal
 from scenewright.dataset.batch.publish import publish
-from scenewright.dataset.batch.rows import Row, folder_of, read_source, seed_of
+from scenewright.dataset.batch.rows import DatasetRow, choose_folder, choose_seed, read_source
 from scenewright.errors import InputError
 
 HEADER: dict[str, Any] = {"journal": 1, "input": "a", "seed": 0}
@@ -69,7 +69,7 @@ def test_no_rows_and_no_file_are_told(tmp_path: Path) -> None:
 
 @given(st.text(min_size=1, max_size=300))
 def test_any_id_becomes_a_plain_name_below_the_folder(identity: str) -> None:
-    name = folder_of(identity)
+    name = choose_folder(identity)
     assert Path(name).name == name
     assert name not in (".", "..")
     assert len(name.encode()) <= 80
@@ -82,13 +82,13 @@ def test_any_id_becomes_a_plain_name_below_the_folder(identity: str) -> None:
 def test_two_ids_never_share_a_folder(identities: set[str]) -> None:
     low = [identity.lower() for identity in identities]
     clashing = frozenset(each for each in low if low.count(each) > 1)
-    names = [folder_of(each, clashing=clashing).lower() for each in identities]
+    names = [choose_folder(each, clashing=clashing).lower() for each in identities]
     assert len(set(names)) == len(names)
 
 
 @pytest.mark.parametrize("identity", ["row-1", "Scene_001", "a.b", "7", "x" * 80])
 def test_a_plain_id_is_its_folders_name(identity: str) -> None:
-    assert folder_of(identity) == identity
+    assert choose_folder(identity) == identity
 
 
 @pytest.mark.parametrize(
@@ -97,8 +97,8 @@ def test_a_plain_id_is_its_folders_name(identity: str) -> None:
      "x" * 81, "straße", "a ", "a.", ".hidden", f"a-{'0' * 16}"],
 )  # fmt: skip
 def test_any_other_id_is_hashed(identity: str) -> None:
-    assert folder_of(identity) != identity
-    assert folder_of(identity) == folder_of(identity)
+    assert choose_folder(identity) != identity
+    assert choose_folder(identity) == choose_folder(identity)
 
 
 def test_ids_that_differ_by_case_get_folders_that_do_not(tmp_path: Path) -> None:
@@ -109,10 +109,12 @@ def test_ids_that_differ_by_case_get_folders_that_do_not(tmp_path: Path) -> None
 
 
 def test_a_rows_seed_comes_from_its_id_and_the_runs_seed_alone() -> None:
-    one, other = Row(id="a", text="x"), Row(id="b", text="x")
-    assert seed_of(one, seed=3) == seed_of(Row(id="a", text="another text"), seed=3)
-    assert len({seed_of(one, seed=3), seed_of(one, seed=4), seed_of(other, seed=3)}) == 3
-    assert seed_of(Row(id="a", text="x", seed=11), seed=3) == 11
+    one, other = DatasetRow(id="a", text="x"), DatasetRow(id="b", text="x")
+    assert choose_seed(one, seed=3) == choose_seed(DatasetRow(id="a", text="another text"), seed=3)
+    assert (
+        len({choose_seed(one, seed=3), choose_seed(one, seed=4), choose_seed(other, seed=3)}) == 3
+    )
+    assert choose_seed(DatasetRow(id="a", text="x", seed=11), seed=3) == 11
 
 
 def entry(number: int, status: str = "made") -> Entry:
@@ -127,9 +129,14 @@ def test_a_journal_survives_a_torn_line(tmp_path: Path) -> None:
     whole = file.read_bytes()
     file.write_bytes(whole + b'{"number": 1, "key": "ro')
     with Journal(tmp_path, name="journal.jsonl", header=HEADER) as journal:
-        assert [journal.entry(k) for k in range(4)] == [entry(0), None, entry(2, "refused"), None]
+        assert [journal.get_entry(k) for k in range(4)] == [
+            entry(0),
+            None,
+            entry(2, "refused"),
+            None,
+        ]
         journal.append(entry(1))
-        assert journal.entry(1) == entry(1)
+        assert journal.get_entry(1) == entry(1)
     assert file.read_bytes().startswith(whole + b'{"number":1,"key":"row-1"')
 
 
@@ -140,7 +147,7 @@ def test_the_last_word_on_a_row_counts_whichever_shard_said_it(tmp_path: Path) -
     with Journal(tmp_path, name="journal-2-of-2.jsonl", header=HEADER) as journal:
         journal.append(entry(1))
     with Journal(tmp_path, name=None, header=HEADER) as journal:
-        assert [journal.entry(0), journal.entry(1)] == [entry(0), entry(1)]
+        assert [journal.get_entry(0), journal.get_entry(1)] == [entry(0), entry(1)]
 
 
 def test_another_input_or_other_options_are_refused(tmp_path: Path) -> None:
@@ -153,9 +160,9 @@ def test_another_input_or_other_options_are_refused(tmp_path: Path) -> None:
 
 def test_two_runs_do_not_write_into_one_folder(tmp_path: Path) -> None:
     with (
-        sole_writer(tmp_path, "journal.jsonl"),
+        lock_journal(tmp_path, "journal.jsonl"),
         pytest.raises(InputError, match="another run"),
-        sole_writer(tmp_path, "journal.jsonl"),
+        lock_journal(tmp_path, "journal.jsonl"),
     ):
         pass
 

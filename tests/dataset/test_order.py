@@ -19,15 +19,15 @@ from scenewright.backends.spoken import Said
 from scenewright.backends.spoken import Spoken as SpokenBackend
 from scenewright.cli.main import main
 from scenewright.dataset.batch import carry_out as carrying
-from scenewright.dataset.batch.audit import audit
+from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.worker import Options, Outcome
 from scenewright.dataset.orders import writers
-from scenewright.dataset.orders.agent import slots_of
+from scenewright.dataset.orders.agent import build_slots
 from scenewright.dataset.orders.order_spec import read_order
-from scenewright.dataset.orders.run import Order, fill, paper_wish
-from scenewright.dataset.orders.scenario_spec import Party, Story, minute_in, particulars
-from scenewright.dataset.orders.templates import VOICES, render_text, voices_for
-from scenewright.dataset.orders.writers import Asked, Builtin, Spoken, reads_as
+from scenewright.dataset.orders.run import Order, build_paper_order, fill
+from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
+from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
+from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, is_read_as
 from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
 from scenewright.scene.events import EVENT_OF_RELATION
@@ -89,21 +89,21 @@ def test_an_order_beyond_reason_is_refused() -> None:
 
 def test_patterns_are_dealt_out_evenly() -> None:
     wish = read_order("29 yields")
-    first = Counter(slot.leaves[0] for slot in slots_of(wish, seed=1))
+    first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1))
     assert set(first) == set(wish.quotas[0].leaves)
     assert max(first.values()) - min(first.values()) <= 1
 
 
 def test_every_pattern_can_be_worded_in_many_voices() -> None:
-    rng, writer, voices = np.random.default_rng(0), Builtin(ON), set()
+    rng, writer, voices = np.random.default_rng(0), BuiltinWriter(ON), set()
     asked = [each for each in load_patterns() if each.is_common or each.subtype == "U-turn"]
     for turn, pattern in enumerate(asked):
         event = EVENT_OF_RELATION[pattern.relation]
         # Not every way that a pattern allows is on this map; the agent thinks up another story.
         for _ in range(12):
-            parties = particulars(pattern, intersection_map=ON, detail=2, rng=rng)
-            story = Story(event, pattern.id, parties, minute_in([], rng), "medium")
-            told = writer.word(story, Asked(turn), rng=rng)
+            parties = list_parties(pattern, intersection_map=ON, detail=2, rng=rng)
+            story = Story(event, pattern.id, parties, draw_minute([], rng), "medium")
+            told = writer.write_text(story, StoryRequest(turn), rng=rng)
             if told is not None:
                 break
         assert told is not None, pattern.id
@@ -113,35 +113,35 @@ def test_every_pattern_can_be_worded_in_many_voices() -> None:
 
 def test_nothing_is_worded_that_the_map_has_no_room_for() -> None:
     pattern = next(each for each in load_patterns() if each.id == "left_turn_opposite_collision")
-    rng, reader = np.random.default_rng(0), Builtin(ON)._reader
-    one, other = particulars(pattern, intersection_map=ON, detail=2, rng=rng)
+    rng, reader = np.random.default_rng(0), BuiltinWriter(ON)._reader
+    one, other = list_parties(pattern, intersection_map=ON, detail=2, rng=rng)
     story = Story("collision", pattern.id, (one, other), None, None)
     text = f"A car turning left from the {one.side} collides with a car from the {other.side}"
-    assert reads_as(reader, text, story, intersection_map=ON)
-    assert not reads_as(
+    assert is_read_as(reader, text, story, intersection_map=ON)
+    assert not is_read_as(
         reader, text.replace("collides with", "follows"), story, intersection_map=ON
     )
-    assert not reads_as(reader, text + " in heavy traffic", story, intersection_map=ON)
+    assert not is_read_as(reader, text + " in heavy traffic", story, intersection_map=ON)
 
 
 def test_a_text_that_another_pattern_could_play_is_not_used() -> None:
     """Else patterns would not come out even: both turn, so one may as well follow the other."""
-    reader = Builtin(ON)._reader
+    reader = BuiltinWriter(ON)._reader
     turning = Party("vehicle", "right"), Party("vehicle", "left")
     story = Story("collision", "turning_collision", turning, None, None)
-    assert not reads_as(
+    assert not is_read_as(
         reader, "A right-turning car hits a left-turning truck", story, intersection_map=ON
     )
     walking = Party("vehicle", "left"), Party("pedestrian", "crossing")
     story = Story("collision", "pedestrian_strike_left_turn", walking, None, None)
-    assert reads_as(reader, "A left-turning car hits a pedestrian", story, intersection_map=ON)
+    assert is_read_as(reader, "A left-turning car hits a pedestrian", story, intersection_map=ON)
 
 
 def test_stories_are_told_with_time_and_density_or_without() -> None:
     rng = np.random.default_rng(0)
     for minute, density in ((None, None), (485, None), (None, "high"), (750, "low")):
         story = Story("normal", None, (), minute, density)  # type: ignore[arg-type]
-        for voice in voices_for(story):
+        for voice in list_voices(story):
             text = render_text(story, voice, rng)
             assert "{" not in text
             assert "  " not in text
@@ -165,7 +165,7 @@ def test_an_order_is_filled_and_a_kill_changes_nothing(
     report = fill(order(tmp_path / "whole"))
     assert report["filled"]
     assert [quota["filled"] for quota in report["quotas"]] == [2, 1]
-    assert audit(tmp_path / "whole").faults == ()
+    assert audit_dataset(tmp_path / "whole").faults == ()
 
     def dying(jobs: Iterable[Any], task: Any, *, workers: int, limit: Any) -> Iterator[Any]:
         yield from spread_inline(list(jobs)[1:2], task, workers=workers, limit=limit)
@@ -209,25 +209,25 @@ RIGHT = "At 08:05 in light traffic a car from the north turning left yields to a
 crosswalk"
 
 
-def words_of(*texts: Any) -> tuple[Spoken, ScriptedSpeaker]:
+def words_of(*texts: Any) -> tuple[ModelWriter, ScriptedSpeaker]:
     replies = [each if isinstance(each, Said) else {"text": each} for each in texts]
     speaker = ScriptedSpeaker({"plan": replies}, name="openai:writer")
-    return Spoken(SpokenBackend(speaker), ON), speaker
+    return ModelWriter(SpokenBackend(speaker), ON), speaker
 
 
 @pytest.mark.parametrize(
     ("text", "wrong"),
     [
-        ("A car hits a pedestrian at 08:05 in light traffic", "tells of collision"),
+        ("A car hits a pedestrian at 08:05 in light traffic", "describes collision"),
         (RIGHT.replace("light", "heavy"), "density"),
         (RIGHT.replace("08:05", "17:00"), "time"),
-        (RIGHT + ", three other cars", "others beside"),
+        (RIGHT + ", three other cars", "does not have"),
         ("Lovely weather we are having today", "no traffic scene"),
         ("x", "characters"),
         ("A car " + 100 * "and again " , "characters"),
         (f"{RIGHT}.", "before"),
         (RIGHT.replace("left", "right"), "never gets to"),
-        (RIGHT.replace("north turning left", "south turning right"), "turning which way"),
+        (RIGHT.replace("north turning left", "south turning right"), "their movements"),
         (Said("I cannot do that."), "JSON"),
         ({"words": 1}, "no text"),
     ],
@@ -236,7 +236,9 @@ def test_a_models_text_that_tells_another_story_is_sent_back(text: Any, wrong: s
     if isinstance(text, dict):
         text = Said(json.dumps(text))
     writer, speaker = words_of(text, f"  {RIGHT}\n")
-    told = writer.word(story_of_a_yield(), Asked(taken={f"{RIGHT}."}), rng=np.random.default_rng(0))
+    told = writer.write_text(
+        story_of_a_yield(), StoryRequest(taken={f"{RIGHT}."}), rng=np.random.default_rng(0)
+    )
     assert told is not None
     assert (told.text, told.misread) == (RIGHT, 1)
     assert 'time": "08:05' in speaker.asked[0][1].user
@@ -246,14 +248,16 @@ def test_a_models_text_that_tells_another_story_is_sent_back(text: Any, wrong: s
 def test_a_text_that_only_a_model_understands_is_left_to_a_model() -> None:
     text = "somebody on foot gets waved through by a northerner hanging a left, five past eight"
     writer, _ = words_of(text)
-    told = writer.word(story_of_a_yield(), Asked(grammar=False), rng=np.random.default_rng(0))
+    told = writer.write_text(
+        story_of_a_yield(), StoryRequest(grammar=False), rng=np.random.default_rng(0)
+    )
     assert told is not None
     assert told.text == text
 
 
 def test_a_model_that_never_gets_it_right_gives_way_to_a_builtin_voice() -> None:
     writer, speaker = words_of(*["A car hits a pedestrian"] * 3)
-    told = writer.word(story_of_a_yield(), Asked(), rng=np.random.default_rng(0))
+    told = writer.write_text(story_of_a_yield(), StoryRequest(), rng=np.random.default_rng(0))
     assert told is not None
     assert told.voice in VOICES
     assert len(speaker.asked) == 3
@@ -262,7 +266,7 @@ def test_a_model_that_never_gets_it_right_gives_way_to_a_builtin_voice() -> None
 def test_a_model_that_cannot_be_reached_ends_the_order() -> None:
     writer, _ = words_of()
     with pytest.raises(BackendFault, match="no answer left"):
-        writer.word(story_of_a_yield(), Asked(), rng=np.random.default_rng(0))
+        writer.write_text(story_of_a_yield(), StoryRequest(), rng=np.random.default_rng(0))
 
 
 def driving(party: dict[str, Any]) -> str:
@@ -286,7 +290,7 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     model = build_scripted_backend({"plan": [reply]}, name="openai:writer", forever=True)
     answers = tmp_path / "answers.jsonl"
     kept = record_answers(dict.fromkeys(TASKS, model), answers)["plan"]
-    monkeypatch.setattr(writers, "speaking", lambda *_: kept)
+    monkeypatch.setattr(writers, "load_speaking_backend", lambda *_: kept)
     report = fill(order(tmp_path / "first", "2 follows at 5 am in light traffic", writer="x:y"))
     assert report["filled"]
     assert report["by the builtin writer"] == 1
@@ -316,7 +320,7 @@ def test_a_backend_that_is_down_costs_no_instructions(
     assert len((tmp_path / "out" / "order.jsonl").read_text().splitlines()) == 3
     monkeypatch.setattr(carrying, "spread", spread_inline)
     assert main(words) == 0
-    assert audit(tmp_path / "out").complete
+    assert audit_dataset(tmp_path / "out").complete
 
 
 def test_the_papers_composition_with_a_model_and_from_its_answers(
@@ -347,7 +351,7 @@ def test_the_papers_composition_with_a_model_and_from_its_answers(
 
 
 def test_the_papers_composition() -> None:
-    wish = paper_wish(["builtin", "openai:some-model"])
+    wish = build_paper_order(["builtin", "openai:some-model"])
     counts = {(quota.backend, quota.event): quota.count for quota in wish.quotas}
     assert counts == {
         (None, "normal"): 100,
@@ -357,7 +361,7 @@ def test_the_papers_composition() -> None:
         ("openai:some-model", "yielding"): 50,
     }
     assert wish.context.density == "medium"
-    names = {slot.name for slot in slots_of(wish, seed=0)}
+    names = {slot.name for slot in build_slots(wish, seed=0)}
     assert {"normal-001", "builtin-collision-01", "some-model-yielding-50"} <= names
     assert len(names) == wish.count
 

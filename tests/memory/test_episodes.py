@@ -52,9 +52,9 @@ def test_memory_is_bounded_and_can_be_wiped(memory: Episodes) -> None:
     for n in range(9):
         memory.accept(request=f"request {n}", graph=GRAPH, taxonomy=[])
     memory.accept(request="request 6", graph=GRAPH, taxonomy=["again"])
-    assert [each.request[-1] for each in memory.all()] == ["4", "5", "7", "8", "6"]
+    assert [each.request[-1] for each in memory.list_all()] == ["4", "5", "7", "8", "6"]
     assert memory.wipe() == 5
-    assert memory.all() == []
+    assert memory.list_all() == []
     assert memory.wipe() == 0
 
 
@@ -63,7 +63,7 @@ def test_what_others_wrote_into_the_file_does_no_harm(memory: Episodes) -> None:
     evil = {"request": YIELD, "graph": {"agents": "rm -rf"}, "taxonomy": []}
     with memory.path.open("a", encoding="utf-8") as file:
         file.write(f"no json\n[1, 2]\n{json.dumps(evil)}\n" + "\x00\n")
-    assert len(memory.all()) == 2
+    assert len(memory.list_all()) == 2
     examples = recall_from(memory)("plan", YIELD)
     assert [each.request for each in examples] == [YIELD]
     assert examples[0].answer == GRAPH

@@ -61,14 +61,14 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     file = tmp_path / "t.sqlite"
     threads = Threads(file)
     key = threads.keep(b"something")
-    assert threads.kept(key) == b"something"
+    assert threads.get_bytes(key) == b"something"
     threads.close()
     with sqlite3.connect(file) as connection:
         connection.execute("UPDATE kept SET body = x'00'")
     connection.close()
     threads = Threads(file)
     with pytest.raises(InputError, match="damaged"):
-        threads.kept(key)
+        threads.get_bytes(key)
     threads.close()
     (tmp_path / "no.sqlite").write_bytes(b"this is no database, but long enough to be read as one")
     with pytest.raises(InputError, match="cannot use"):

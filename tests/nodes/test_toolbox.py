@@ -13,9 +13,9 @@ from langchain_core.outputs import ChatGeneration, ChatResult
 from langchain_core.tools import BaseTool
 
 from scenewright import verify
-from scenewright.authoring.agent import Authored, author, workbench
+from scenewright.authoring.agent import AgentResult, author, build_tool_state
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.nodes.toolbox import Workbench, build_tools
+from scenewright.nodes.toolbox import ToolState, build_tools
 
 PLAN: dict[str, Any] = {
     "agents": [
@@ -30,12 +30,12 @@ IN_ORDER = (
 
 
 @pytest.fixture
-def bench() -> Workbench:
-    return workbench("A car yields to a pedestrian", seed=1)
+def bench() -> ToolState:
+    return build_tool_state("A car yields to a pedestrian", seed=1)
 
 
 @pytest.fixture
-def tools(bench: Workbench) -> dict[str, BaseTool]:
+def tools(bench: ToolState) -> dict[str, BaseTool]:
     return {each.name: each for each in build_tools(bench)}
 
 
@@ -45,7 +45,7 @@ def told(tool: BaseTool, **arguments: Any) -> dict[str, Any]:
 
 
 def test_the_tools_in_their_order_make_a_verified_scene(
-    bench: Workbench, tools: dict[str, BaseTool]
+    bench: ToolState, tools: dict[str, BaseTool]
 ) -> None:
     assert told(tools["ground_plan"], plan=PLAN)["ok"]
     for name in IN_ORDER:
@@ -75,7 +75,7 @@ def test_a_refusal_says_what_to_mend(tools: dict[str, BaseTool]) -> None:
 
 
 def test_a_new_product_outdates_what_was_made_from_the_old(
-    bench: Workbench, tools: dict[str, BaseTool]
+    bench: ToolState, tools: dict[str, BaseTool]
 ) -> None:
     told(tools["ground_plan"], plan=PLAN)
     for name in IN_ORDER:
@@ -117,7 +117,7 @@ def call(name: str, **arguments: Any) -> AIMessage:
     return AIMessage(content="", tool_calls=[asked])
 
 
-def made_by(*script: Any, **named: Any) -> tuple[Authored, Scripted]:
+def made_by(*script: Any, **named: Any) -> tuple[AgentResult, Scripted]:
     model = Scripted(script=list(script), seen=[])
     return author("A car yields to a pedestrian", model=model, seed=1, **named), model
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright import verify
-from scenewright.authoring.session import Session, Shown
+from scenewright.authoring.session import Session, SessionVersion
 from scenewright.backends import Backend, load_backend
 from scenewright.memory.threads import Threads
 from scenewright.scene.record import AgentRecord
@@ -29,7 +29,7 @@ class Conversation:
     def say(self, words: str) -> dict[str, Any]:
         return self.session.say(words)
 
-    def made(self, words: str) -> Shown:
+    def made(self, words: str) -> SessionVersion:
         """The version that the words made; it must be verified, by the file alone."""
         reply = self.session.say(words)
         assert reply["kind"] == "made", (words, reply)
@@ -39,21 +39,21 @@ class Conversation:
         return shown
 
     @property
-    def now(self) -> Shown:
-        shown = self.session.shown()
+    def now(self) -> SessionVersion:
+        shown = self.session.find_version()
         assert shown is not None
         return shown
 
 
-def agents(shown: Shown) -> dict[str, AgentRecord]:
+def agents(shown: SessionVersion) -> dict[str, AgentRecord]:
     return {each.name: each for each in shown.record.agents}
 
 
-def events(shown: Shown) -> list[str]:
+def events(shown: SessionVersion) -> list[str]:
     return [each.type for each in shown.record.events]
 
 
-def same(before: Shown, after: Shown) -> set[str]:
+def same(before: SessionVersion, after: SessionVersion) -> set[str]:
     """Names of those who are the same to the last bit."""
     old = agents(before)
     return {name for name, each in agents(after).items() if old.get(name) == each}

@@ -58,7 +58,7 @@ def die_at(point: str, file: str, words: str) -> None:
 
 def seen(file: str) -> dict[str, object]:
     threads, session = opened(file)
-    shown = session.shown()
+    shown = session.find_version()
     found = {
         "version": None if shown is None else shown.version["number"],
         "scene": None if shown is None else shown.scene_json.decode(),

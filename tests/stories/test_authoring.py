@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conversation import Conversation, agents, events, same
 
-from scenewright.authoring.session import Shown
+from scenewright.authoring.session import SessionVersion
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.scripted import build_scripted_backend
 from scenewright.backends.staged import Staged
@@ -31,19 +31,19 @@ def talk() -> Iterator[Conversation]:
     conversation.threads.close()
 
 
-def lowest(shown: Shown, name: str) -> tuple[float, float]:
+def lowest(shown: SessionVersion, name: str) -> tuple[float, float]:
     """Where the agent is slowest."""
     xy = np.array(agents(shown)[name].trajectory)
     at = int(np.argmin(np.convolve(np.hypot(*np.diff(xy, axis=0).T), np.ones(5), "same")[3:-3])) + 3
     return float(xy[at][0]), float(xy[at][1])
 
 
-def slowest(shown: Shown, name: str) -> float:
+def slowest(shown: SessionVersion, name: str) -> float:
     xy = np.array(agents(shown)[name].trajectory)
     return float(np.hypot(*np.diff(xy, axis=0).T).min() / 0.1)
 
 
-def fastest(shown: Shown, name: str) -> float:
+def fastest(shown: SessionVersion, name: str) -> float:
     xy = np.array(agents(shown)[name].trajectory)
     return float(np.hypot(*np.diff(xy, axis=0).T).max() / 0.1)
 
@@ -96,7 +96,7 @@ def test_who_came_from_a_red_light_can_come_at_another_time() -> None:
     assert "stands nowhere in this scene but at its light" in refused["reason"]
 
 
-def stays(shown: Shown) -> list[Segment]:
+def stays(shown: SessionVersion) -> list[Segment]:
     return [each for each in agents(shown)["vehicle-1"].segments if each.status == "stop"]
 
 

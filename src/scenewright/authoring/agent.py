@@ -22,7 +22,7 @@ from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
 from scenewright.graph.run import DEFAULT_INTERSECTION, ProgressCallback, ground_of, json_bytes
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.toolbox import Recorder, Workbench, build_tools
+from scenewright.nodes.toolbox import Recorder, ToolState, build_tools
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.time_limit import (
@@ -58,7 +58,7 @@ class AgentState(TypedDict):
     calls: int
 
 
-class Authored:
+class AgentResult:
     """What an agent made.
 
     Attributes:
@@ -83,7 +83,7 @@ def author(
     time_limit: float = DEFAULT_LIMIT,
     log: ProgressCallback | None = None,
     hide: Callable[[str], str] = lambda text: text,
-) -> Authored:
+) -> AgentResult:
     """A verified scene made with the tools alone.
 
     Args:
@@ -98,13 +98,15 @@ def author(
         Unsatisfiable: no verified scene came of it; carries every rejection.
         BackendFault: the model cannot be reached.
     """
-    bench = workbench(instruction, intersection=intersection, seed=seed, record=record, log=log)
+    bench = build_tool_state(
+        instruction, intersection=intersection, seed=seed, record=record, log=log
+    )
     calls: list[tuple[str, bool]] = []
     tools = {each.name: each for each in build_tools(bench)}
     try:
         with limit_time(time_limit):
             if model is None:
-                words = _routed(instruction, bench, tools, calls)
+                words = _run_router(instruction, bench, tools, calls)
             else:
                 words = _converse(instruction, model, bench, tools, calls, most_calls, hide)
     except TimeLimitReachedError as error:
@@ -118,18 +120,18 @@ def author(
         raise Unsatisfiable(
             f"no verified scene within {len(calls)} calls; last: {last}", rejections
         )
-    return Authored(bench.state["scene"], bench.state["proof"], calls)
+    return AgentResult(bench.state["scene"], bench.state["proof"], calls)
 
 
-def workbench(
+def build_tool_state(
     instruction: str,
     *,
     intersection: str = DEFAULT_INTERSECTION,
     seed: int = 0,
     record: Recorder | None = None,
     log: ProgressCallback | None = None,
-) -> Workbench:
-    """A workbench with nothing on it but the instruction; InputError if there is no such map."""
+) -> ToolState:
+    """A tool state with nothing but the instruction; InputError if there is no such map."""
     context = RunContext(
         backend=load_backend("builtin"),
         ground=ground_of(intersection),
@@ -138,20 +140,20 @@ def workbench(
         entropy=zlib.crc32(instruction.encode("utf-8", "surrogatepass")),
         log=log or (lambda _stage, _line: None),
     )
-    return Workbench(instruction, context, record=record)
+    return ToolState(instruction, context, record=record)
 
 
 def _converse(
     instruction: str,
     model: BaseChatModel,
-    bench: Workbench,
+    bench: ToolState,
     tools: dict[str, BaseTool],
     calls: list[tuple[str, bool]],
     most_calls: int,
     hide: Callable[[str], str],
 ) -> str:
     """The loop; the last words of the model."""
-    done = partial(_done, bench, calls)
+    done = partial(_is_done, bench, calls)
     graph = build_agent(model, tools, calls, most_calls, done, hide).compile()
     quoted = json.dumps(instruction[:2000], ensure_ascii=False)
     start: AgentState = {
@@ -162,7 +164,7 @@ def _converse(
     return str(final["messages"][-1].text)[:500]
 
 
-def _done(bench: Workbench, calls: Sequence[tuple[str, bool]]) -> bool:
+def _is_done(bench: ToolState, calls: Sequence[tuple[str, bool]]) -> bool:
     """Verified, and asked to be kept."""
     return bench.verified and ("record_scene", True) in calls
 
@@ -185,14 +187,14 @@ def build_agent(
         except (InputError, BackendFault):
             raise
         except Exception as error:  # every provider has exceptions of its own
-            told = hide(f"{type(error).__name__}: {error}")[:400]
-            raise BackendFault(f"the model failed: {told}") from None
+            reason = hide(f"{type(error).__name__}: {error}")[:400]
+            raise BackendFault(f"the model failed: {reason}") from None
         return {"messages": [said]}
 
     def act(state: AgentState) -> dict[str, Any]:
         said = state["messages"][-1]
         asked = said.tool_calls if isinstance(said, AIMessage) else []
-        results = [_called(each, tools, calls) for each in asked[: most_calls - state["calls"]]]
+        results = [_run_call(each, tools, calls) for each in asked[: most_calls - state["calls"]]]
         # Every call must be answered, also those beyond the cap.
         spent = [
             ToolMessage("not called: the budget of calls is spent", tool_call_id=str(each["id"]))
@@ -200,24 +202,24 @@ def build_agent(
         ]
         return {"messages": [*results, *spent], "calls": state["calls"] + len(results)}
 
-    def after_think(state: AgentState) -> Literal["act", "__end__"]:
+    def choose_after_think(state: AgentState) -> Literal["act", "__end__"]:
         said = state["messages"][-1]
         wants = isinstance(said, AIMessage) and bool(said.tool_calls)
         return "act" if wants and state["calls"] < most_calls else "__end__"
 
-    def after_act(state: AgentState) -> Literal["think", "__end__"]:
+    def choose_after_act(state: AgentState) -> Literal["think", "__end__"]:
         return "__end__" if done() or state["calls"] >= most_calls else "think"
 
     graph: StateGraph[AgentState, None, Any, Any] = StateGraph(AgentState)
     graph.add_node("think", think)
     graph.add_node("act", act)
     graph.add_edge(START, "think")
-    graph.add_conditional_edges("think", after_think, {"act": "act", "__end__": END})
-    graph.add_conditional_edges("act", after_act, {"think": "think", "__end__": END})
+    graph.add_conditional_edges("think", choose_after_think, {"act": "act", "__end__": END})
+    graph.add_conditional_edges("act", choose_after_act, {"think": "think", "__end__": END})
     return graph
 
 
-def _called(call: Any, tools: dict[str, BaseTool], calls: list[tuple[str, bool]]) -> ToolMessage:
+def _run_call(call: Any, tools: dict[str, BaseTool], calls: list[tuple[str, bool]]) -> ToolMessage:
     """The result of one call; a tool that there is not is a result as well."""
     name, identity = str(call["name"])[:80], str(call["id"])
     tool = tools.get(name)
@@ -230,9 +232,9 @@ def _called(call: Any, tools: dict[str, BaseTool], calls: list[tuple[str, bool]]
     return ToolMessage(text[:_LONGEST_RESULT], tool_call_id=identity, name=name)
 
 
-def _routed(
+def _run_router(
     instruction: str,
-    bench: Workbench,
+    bench: ToolState,
     tools: dict[str, BaseTool],
     calls: list[tuple[str, bool]],
 ) -> str:
@@ -257,7 +259,7 @@ def _routed(
     return "" if bench.verified else "every sample was refused"
 
 
-def provenance_bytes(made: Authored, *, seed: int, model: str | None) -> bytes:
+def format_provenance(made: AgentResult, *, seed: int, model: str | None) -> bytes:
     """provenance.json of a scene that an agent made."""
     return json_bytes(
         {

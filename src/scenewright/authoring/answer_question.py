@@ -22,8 +22,8 @@ BRAKES = 2.0
 KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
 KMH = 3.6
-TELLS = (
-    "I can tell: what happens, when, where and how close; how fast each goes and whether it brakes "
+TOPICS = (
+    "I can answer: what happens, when, where and how close; how fast each goes, whether it brakes "
     "or stops; where each comes from and goes to; the lights; who was there; who had to give way."
 )
 _VERBS = {
@@ -84,8 +84,12 @@ def answer_question(
         if re.search(rf"\b(?:{pattern})", plain):
             return answer(scene, about)
     if set(re.findall(r"[a-z]+", plain)) <= {*_NOUNS, "the", "and", "a"}:
-        return [*_tell_ways(scene, about), *_tell_speeds(scene, about), *_tell_lights(scene, about)]
-    return ["That is nothing that the scene can tell.", TELLS]
+        return [
+            *_describe_routes(scene, about),
+            *_describe_speeds(scene, about),
+            *_describe_lights(scene, about),
+        ]
+    return ["The scene has no answer to that.", TOPICS]
 
 
 def _find_agents(plain: str, scene: _Scene) -> list[AgentRecord]:
@@ -117,7 +121,7 @@ def _find_time(scene: _Scene, agent: AgentRecord) -> float | None:
     return min(own or [e.time for e in scene.proof.events], default=None)
 
 
-def _tell_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     lines = [_describe_event(scene, event) for event in scene.proof.events]
     return lines or [
         "Nothing happens: no collision, near miss or giving way, only ordinary traffic."
@@ -143,17 +147,17 @@ def _describe_place(spot: tuple[float, float], intersection_map: IntersectionMap
     return "in the junction"
 
 
-def _tell_closeness(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_closeness(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     lines = []
     for event in scene.proof.events:
         figures = [_FIGURES[key].format(event.evidence[key]) for key in _FIGURES
                    if isinstance(event.evidence.get(key), float)]  # fmt: skip
         lines.append(_describe_event(scene, event))
         lines += [f"  {each}" for each in figures]
-    return lines or _tell_events(scene, [])
+    return lines or _describe_events(scene, [])
 
 
-def _tell_speeds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_speeds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [_describe_speed(scene, agent) for agent in about]
 
 
@@ -171,11 +175,11 @@ def _format_speed(value: float) -> str:
     return f"{value:.1f} m/s ({value * KMH:.0f} km/h)"
 
 
-def _tell_braking(scene: _Scene, about: list[AgentRecord]) -> list[str]:
-    return [_describe_braking(scene, agent) for agent in about]
+def _describe_braking(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [_describe_agent_braking(scene, agent) for agent in about]
 
 
-def _describe_braking(scene: _Scene, agent: AgentRecord) -> str:
+def _describe_agent_braking(scene: _Scene, agent: AgentRecord) -> str:
     step = scene.record.meta.step
     speed = _compute_speeds(agent, step)
     change = (speed[6:] - speed[:-6]) / (6 * step) if len(speed) > 6 else np.zeros(1)
@@ -187,7 +191,7 @@ def _describe_braking(scene: _Scene, agent: AgentRecord) -> str:
     return f"{_name(agent)} {brakes}; it stands for {still:.1f} s."
 
 
-def _tell_ways(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_routes(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
     lines = []
     for agent in about:
         way = f"comes from the {agent.entry}, goes to the {agent.exit} ({agent.movement})"
@@ -196,7 +200,7 @@ def _tell_ways(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return lines
 
 
-def _tell_lights(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_lights(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     if not scene.record.signals:
         return ["There are no traffic lights here."]
     return [line for agent in about for line in _describe_light(scene, agent)]
@@ -222,28 +226,28 @@ def _find_light_names(intersection_map: IntersectionMap, agent: AgentRecord) -> 
     return {walk.id for walk in intersection_map.crosswalks if walk.leg == agent.crosswalk}
 
 
-def _tell_counts(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
-    named = ", ".join(_name(each) for each in scene.list_named()) or "nobody"
+def _describe_counts(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    named = ", ".join(_name(each) for each in scene.list_named()) or "none"
     kinds = Counter(e.subtype or e.type for e in scene.record.agents if e.role == "background")
-    others = ", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "nobody"
+    others = ", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"
     return [f"In the event: {named}.", f"Besides: {others}; {len(scene.record.agents)} in all."]
 
 
-def _tell_time(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_time(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     meta = scene.record.meta
     clock = f"The scene is at {meta.time_of_day} and lasts {meta.duration:g} s."
-    return [*_tell_events(scene, about), clock]
+    return [*_describe_events(scene, about), clock]
 
 
-def _tell_fault(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_fault(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     if not scene.proof.events:
-        return _tell_events(scene, [])
+        return _describe_events(scene, [])
     return [line for event in scene.proof.events for line in (_describe_event(scene, event),
             f"  {_find_fault(scene, event)}")]  # fmt: skip
 
 
 def _find_fault(scene: _Scene, event: Event) -> str:
-    """Who broke a rule of the road that the tracks show; lawyers may see it otherwise."""
+    """Agents that broke a rule of the road as the tracks show; lawyers may see it otherwise."""
     pair = [each for n in (event.from_, event.to) if (each := scene.get_agent(n)) is not None]
     for agent in pair:
         if agent.violates_signal:
@@ -263,40 +267,40 @@ def _find_fault(scene: _Scene, event: Event) -> str:
     return "The tracks show no rule broken."
 
 
-def _tell_all(scene: _Scene, about: list[AgentRecord]) -> list[str]:
-    return [*_tell_closeness(scene, about), *_tell_counts(scene, about)]
+def _describe_scene(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [*_describe_closeness(scene, about), *_describe_counts(scene, about)]
 
 
-def _tell_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     kinds = {event.type for event in scene.proof.events}
     first = (
         "Yes: they collide." if "collision" in kinds
         else "Yes: it is a near miss." if "near_miss" in kinds
         else "No: the checker found neither a collision nor a near miss among those asked for."
     )  # fmt: skip
-    return [first, *_tell_closeness(scene, about)]
+    return [first, *_describe_closeness(scene, about)]
 
 
-def _tell_speed_limit(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_speed_limit(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     limits = sorted({lane.speed_limit for lane in scene.intersection_map.lanelets})
     limit = " to ".join(_format_speed(each) for each in (limits[0], limits[-1])[: len(limits)])
-    return [f"The speed limit here is {limit}.", *_tell_speeds(scene, about)]
+    return [f"The speed limit here is {limit}.", *_describe_speeds(scene, about)]
 
 
-def _tell_no_weather(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
-    return ["There is no weather here: the road is dry and everybody sees equally far."]
+def _explain_no_weather(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    return ["There is no weather here: the road is dry and all agents see equally far."]
 
 
-def _tell_no_age(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _explain_no_age(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [
         "Pedestrians have no age or sex here; all are about as wide.",
-        *_tell_counts(scene, about),
+        *_describe_counts(scene, about),
     ]
 
 
-def _tell_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     kinds = [f"{each.name} is a {each.subtype or each.type}." for each in about]
-    return [*kinds, *_tell_ways(scene, about)]
+    return [*kinds, *_describe_routes(scene, about)]
 
 
 def define_terms() -> list[str]:
@@ -313,13 +317,13 @@ def _define_figures(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     return define_terms()
 
 
-def _tell_causes(scene: _Scene, about: list[AgentRecord]) -> list[str]:
-    """Why: what the event is, who broke a rule, how each moved."""
-    lines = _tell_fault(scene, about)
-    return [*lines, *_tell_braking(scene, about)]
+def _describe_causes(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    """Causes: the event, the agents that broke a rule, the motion of each."""
+    lines = _describe_fault(scene, about)
+    return [*lines, *_describe_braking(scene, about)]
 
 
-def _tell_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     seen = [
         f"{_name(scene.get_agent(each['observer']))} first sees "
         f"{_name(scene.get_agent(each['subject']))} at {each['first_visible']:.1f} s."
@@ -327,68 +331,70 @@ def _tell_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     ]
     hidden = [each for each in scene.record.objects if each.height == "high"]
     free = "Nothing stands between them: they can see one another all the time."
-    return [*_tell_events(scene, about), *(seen or ([] if hidden else [free]))]
+    return [*_describe_events(scene, about), *(seen or ([] if hidden else [free]))]
 
 
-def _tell_proof(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _describe_proof(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     return [
         "A checker that shares no code with the generator found this on the finished tracks:",
-        *_tell_closeness(scene, []),
+        *_describe_closeness(scene, []),
         "Motion keeps to limits of acceleration and braking fitted to recorded traffic.",
     ]
 
 
-def _tell_counts_and_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+def _describe_counts_and_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [
-        *_tell_counts(scene, about),
+        *_describe_counts(scene, about),
         *(f"{each.name} is a {each.subtype or each.type}." for each in about),
     ]
 
 
-def _tell_places(scene: _Scene, about: list[AgentRecord]) -> list[str]:
-    return [*_tell_ways(scene, about), *_tell_events(scene, about)]
+def _describe_places(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [*_describe_routes(scene, about), *_describe_events(scene, about)]
 
 
-def _tell_help(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+def _list_topics(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     return [
-        TELLS,
+        TOPICS,
         'Or say what shall be different: "make the car a truck", "have it be a collision".',
     ]
 
 
 _TOPICS: tuple[tuple[str, _Answer], ...] = (
     (r"(?:what(?:'s| is| does| are)|explain) (?:an? |the )?(?:pet|ttc|drac)\b", _define_figures),
-    (r"speed limit|allowed to (?:go|drive)", _tell_speed_limit),
-    (r"rain|snow|weather|wet\b|fog|icy?\b|slippery", _tell_no_weather),
+    (r"speed limit|allowed to (?:go|drive)", _describe_speed_limit),
+    (r"rain|snow|weather|wet\b|fog|icy?\b|slippery", _explain_no_weather),
     (r"(?:are|is) (?:there|any).*\b(?:kids?|child(?:ren)?|wom[ae]n|m[ae]n|old|elderly)\b|how "
-     r"old", _tell_no_age),
+     r"old", _explain_no_age),
     (r"(?:who|what)(?:'s| is| are) (?:she|he|her|him|it|they|them)$|(?:is|are) (?:that|it|this|"
      r"he|she|the \w+) "
-     r"(?:really )?an? \w+", _tell_kinds),
+     r"(?:really )?an? \w+", _describe_kinds),
     (r"what (?:else )?can (?:i|you|we)\b|what (?:could|should) i (?:say|ask)\b|how do i\b",
-     _tell_help),
-    (r"fault|blame|right of way|priority|had to (?:yield|give way)|guilty", _tell_fault),
-    (r"lights?\b|signals?\b|green\b|red\b|yellow\b", _tell_lights),
-    (r"danger|safe\b|risk|serious|severe|critical|how bad", _tell_danger),
-    (r"(?:how|too) (?:fast|slow)\b|speed|km/?h\b|m/s\b|mph\b", _tell_speeds),
-    (r"brak|stops?\b|stopped\b|slow|decelerat|stand|wait", _tell_braking),
-    (r"how close|distance|apart\b|gap\b|pet\b|ttc\b|headway|near\b|close\b|far\b", _tell_closeness),
+     _list_topics),
+    (r"fault|blame|right of way|priority|had to (?:yield|give way)|guilty", _describe_fault),
+    (r"lights?\b|signals?\b|green\b|red\b|yellow\b", _describe_lights),
+    (r"danger|safe\b|risk|serious|severe|critical|how bad", _describe_danger),
+    (r"(?:how|too) (?:fast|slow)\b|speed|km/?h\b|m/s\b|mph\b", _describe_speeds),
+    (r"brak|stops?\b|stopped\b|slow|decelerat|stand|wait", _describe_braking),
+    (r"how close|distance|apart\b|gap\b|pet\b|ttc\b|headway|near\b|close\b|far\b",
+     _describe_closeness),
     (r"how many|(?:is|are) there|who else\b|how much traffic|busy\b|who(?:'s| is| are) in\b",
-     _tell_counts),
+     _describe_counts),
     (r"where(?: (?:does|do|did|is|are)|'s) .*\b(?:comes?|coming|from|go|goes|going|head|heading)\b|"
-     r"which way|turn(?:s|ing)?\b|direction", _tell_ways),
+     r"which way|turn(?:s|ing)?\b|direction", _describe_routes),
     (r"when\b|what time|how long|take so long|take that long|what hour|day or night\b|time of "
-     r"day", _tell_time),
-    (r"hit|touch|collid|crash|happen|where\b|miss|yield|give way|follow|whom?\b", _tell_events),
-    (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's", _tell_all),
+     r"day", _describe_time),
+    (r"hit|touch|collid|crash|happen|where\b|miss|yield|give way|follow|whom?\b", _describe_events),
+    (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's", _describe_scene),
 )  # fmt: skip
 """Words of a question -> what answers it, the more special topic first."""
 _BY_TOPIC: dict[str, _Answer] = {
-    "q_what": _tell_events, "q_speed": _tell_speeds, "q_brake": _tell_braking,
-    "q_close": _tell_closeness, "q_define": _define_figures, "q_who": _tell_counts_and_kinds,
-    "q_where": _tell_places, "q_when": _tell_time, "q_light": _tell_lights,
-    "q_danger": _tell_danger, "q_fault": _tell_fault, "q_why": _tell_causes,
-    "q_sight": _tell_sight, "q_limit": _tell_speed_limit, "q_weather": _tell_no_weather,
-    "q_proof": _tell_proof,
+    "q_what": _describe_events, "q_speed": _describe_speeds, "q_brake": _describe_braking,
+    "q_close": _describe_closeness, "q_define": _define_figures,
+    "q_who": _describe_counts_and_kinds,
+    "q_where": _describe_places, "q_when": _describe_time, "q_light": _describe_lights,
+    "q_danger": _describe_danger, "q_fault": _describe_fault, "q_why": _describe_causes,
+    "q_sight": _describe_sight, "q_limit": _describe_speed_limit, "q_weather": _explain_no_weather,
+    "q_proof": _describe_proof,
 }  # fmt: skip
 """Intents of the model of turns -> what answers them."""

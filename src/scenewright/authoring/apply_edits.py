@@ -1,11 +1,11 @@
-"""What edits make of an earlier version: the graph as it shall be, and whom they concern."""
+"""Applies edits to an earlier version: the new graph, and the agents that they concern."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from scenewright.authoring.motion_edits import moved_stop, moved_time, waiting
+from scenewright.authoring.motion_edits import extend_stop, move_stop, move_time
 from scenewright.errors import Rejected
 from scenewright.scene.base import AgentClass
 from scenewright.scene.edits import (
@@ -48,8 +48,8 @@ class Revision:
         amended: those changed by hand, as they shall be.
         other: the second agents of relations that changed: if the first cannot serve, these may.
         pace: share of the free speed, by name.
-        by_hand: those of the amended whose stop or time was told, and stays as told.
-        redrawn: who is to take another path; anew: everybody is.
+        by_hand: those of the amended whose stop or time was given, and stays as given.
+        redrawn: agents that are to take another path; anew: all agents are.
     """
 
     earlier: PreviousVersion
@@ -85,7 +85,7 @@ class Revision:
         return found
 
 
-def revised(
+def build_revision(
     earlier: PreviousVersion,
     before: SocialGraph,
     edits: tuple[Edit, ...],
@@ -100,15 +100,15 @@ def revised(
     """
     graph = apply_edits(before, edits)
     grounding = ground_graph(graph, intersection_map=intersection_map)
-    amended, paces = _amended(earlier, edits, pace)
-    touched, other = _touched(before, graph, edits)
+    amended, paces = _amend_agents(earlier, edits, pace)
+    touched, other = _find_touched(before, graph, edits)
     return Revision(
         earlier=earlier,
         before=before,
         graph=graph,
         grounding=grounding,
-        background=_background(earlier, before, graph, edits),
-        hour=_hour(earlier, edits),
+        background=_count_background(earlier, before, graph, edits),
+        hour=_choose_hour(earlier, edits),
         named=frozenset(list_concerned(edits)),
         touched=touched,
         amended=amended,
@@ -122,10 +122,10 @@ def revised(
     )
 
 
-def _touched(
+def _find_touched(
     before: SocialGraph, graph: SocialGraph, edits: tuple[Edit, ...]
 ) -> tuple[frozenset[str], frozenset[str]]:
-    """Who must be solved anew, and the other ends of relations that changed."""
+    """Agents that must be solved anew, and the other ends of relations that changed."""
     touched, other = set(), set()
     for edit in edits:
         match edit:
@@ -151,7 +151,7 @@ def _touched(
             case Unrelate() | RemoveAgent():
                 pass
     new = {each.id for each in graph.agents} - {each.id for each in before.agents}
-    # Where somebody is new, it is the one that comes to the other.
+    # A new agent is the one that comes to the other.
     if touched & new:
         stay = {name for name in touched - new if not _is_changed(name, before, graph)}
         touched, other = touched - stay, (other | stay) - new
@@ -164,7 +164,7 @@ def _is_changed(name: str, before: SocialGraph, graph: SocialGraph) -> bool:
 
 
 def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
-    """Whom the edits speak of."""
+    """Agents that the edits name."""
     names: set[str] = set()
     for edit in edits:
         match edit:
@@ -183,25 +183,25 @@ def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
     return names
 
 
-def _amended(
+def _amend_agents(
     earlier: PreviousVersion, edits: tuple[Edit, ...], pace: Mapping[str, float]
 ) -> tuple[dict[str, SelectedAgent], dict[str, float]]:
-    """Agents changed by hand, and everybody's pace."""
+    """Agents changed by hand, and the pace of each agent."""
     amended: dict[str, SelectedAgent] = {}
     paces = dict(pace)
     for edit in edits:
         if not isinstance(edit, MoveStop | WaitLonger | ComeLater | SetPace):
             continue
         if edit.agent not in earlier.agents:
-            raise _refused(edit.agent, "is not in the scene")
+            raise _build_rejection(edit.agent, "is not in the scene")
         agent = amended.get(edit.agent, earlier.agents[edit.agent].agent)
         match edit:
             case MoveStop(metres=metres):
-                amended[edit.agent] = moved_stop(agent, metres)
+                amended[edit.agent] = move_stop(agent, metres)
             case WaitLonger(seconds=seconds):
-                amended[edit.agent] = waiting(agent, seconds)
+                amended[edit.agent] = extend_stop(agent, seconds)
             case ComeLater(seconds=seconds):
-                amended[edit.agent] = moved_time(agent, seconds)
+                amended[edit.agent] = move_time(agent, seconds)
             case SetPace(factor=factor):
                 paces[edit.agent] = paces.get(edit.agent, 1.0) * factor
                 law = scale_speed(agent.candidate.time_law, factor)
@@ -211,7 +211,7 @@ def _amended(
     return amended, paces
 
 
-def _background(
+def _count_background(
     earlier: PreviousVersion, before: SocialGraph, graph: SocialGraph, edits: tuple[Edit, ...]
 ) -> dict[AgentClass, int]:
     """How many of each class: as they were, but where an edit says otherwise."""
@@ -226,15 +226,15 @@ def _background(
             counts["vehicle" if edit.agent.startswith("vehicle") else "pedestrian"] -= 1
         if isinstance(edit, SetBackground):
             counts["vehicle"] = counts["vehicle"] if edit.vehicles is None else edit.vehicles
-            told = edit.pedestrians
-            counts["pedestrian"] = counts["pedestrian"] if told is None else told
+            asked = edit.pedestrians
+            counts["pedestrian"] = counts["pedestrian"] if asked is None else asked
         if isinstance(edit, ChangeContext) and edit.density != before.context.density:
-            counts = _as_dense(counts, graph)
+            counts = _fit_density(counts, graph)
     return {kind: max(count, 0) for kind, count in counts.items()}
 
 
-def _as_dense(counts: dict[AgentClass, int], graph: SocialGraph) -> dict[AgentClass, int]:
-    """The numbers moved into the range that the density word stands for, vehicles first."""
+def _fit_density(counts: dict[AgentClass, int], graph: SocialGraph) -> dict[AgentClass, int]:
+    """The numbers moved into the range of the density word, vehicles first."""
     if graph.context.density is None:
         return counts
     low, high = DENSITIES[graph.context.density]
@@ -244,23 +244,23 @@ def _as_dense(counts: dict[AgentClass, int], graph: SocialGraph) -> dict[AgentCl
     return {"vehicle": vehicles, "pedestrian": max(total + missing - vehicles, 0)}
 
 
-def _hour(earlier: PreviousVersion, edits: tuple[Edit, ...]) -> float:
-    """The time of day as told; as it was, if that is within what is told."""
-    told = [each.time_of_day for each in edits if isinstance(each, ChangeContext)]
-    if not told or told[-1] is None:
+def _choose_hour(earlier: PreviousVersion, edits: tuple[Edit, ...]) -> float:
+    """The time of day as given; as it was, if that is within what is given."""
+    given = [each.time_of_day for each in edits if isinstance(each, ChangeContext)]
+    if not given or given[-1] is None:
         return earlier.hour
-    start, _, end = told[-1].partition("-")
-    first, last = _clock(start), _clock(end or start)
+    start, _, end = given[-1].partition("-")
+    first, last = _parse_clock(start), _parse_clock(end or start)
     within = (earlier.hour - first) % 24.0 <= (last - first) % 24.0
     return earlier.hour if within else first
 
 
-def _clock(text: str) -> float:
+def _parse_clock(text: str) -> float:
     hours, minutes = text.split(":")
     return int(hours) + int(minutes) / 60.0
 
 
-def _refused(name: str, what: str) -> Rejected:
+def _build_rejection(name: str, what: str) -> Rejected:
     return Rejected(
         Rejection(
             stage="scene_planner", code="contradictory", agents=(name,), detail=f"{name} {what}"

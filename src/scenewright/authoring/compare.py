@@ -11,8 +11,10 @@ _FIGURES = ("pet", "clearance", "path_ttc", "relative_speed")
 """Evidence that is worth comparing, where both events have it."""
 
 
-def compared(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) -> dict[str, Any]:
-    """Who is the same, who is not, who is in one alone; and what happens in either."""
+def compare_versions(
+    a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof
+) -> dict[str, Any]:
+    """Agents that are the same, that differ, that are in one alone; and the events of either."""
     first = {each.name: each for each in a.agents}
     second = {each.name: each for each in b.agents}
     both = [name for name in first if name in second]
@@ -22,31 +24,31 @@ def compared(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) -> 
         "changed": [name for name in both if name not in same],
         "only_first": [name for name in first if name not in second],
         "only_second": [name for name in second if name not in first],
-        "differences": [row for row in _rows(a, a_proof, b, b_proof) if row[1] != row[2]],
+        "differences": [row for row in _build_rows(a, a_proof, b, b_proof) if row[1] != row[2]],
     }
 
 
-def _rows(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) -> list[list[str]]:
+def _build_rows(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) -> list[list[str]]:
     return [
-        ["events", _events(a, a_proof), _events(b, b_proof)],
+        ["events", _format_events(a, a_proof), _format_events(b, b_proof)],
         ["agents", str(len(a.agents)), str(len(b.agents))],
         ["time of day", a.meta.time_of_day, b.meta.time_of_day],
         ["duration", f"{a.meta.duration:g} s", f"{b.meta.duration:g} s"],
     ]
 
 
-def _events(record: SceneRecord, proof: Proof) -> str:
+def _format_events(record: SceneRecord, proof: Proof) -> str:
     names = {each.id: each.name for each in record.agents}
-    told = [_event(each, names) for each in proof.events]
-    return "; ".join(told) or "nothing happens"
+    events = [_format_event(each, names) for each in proof.events]
+    return "; ".join(events) or "nothing happens"
 
 
-def _event(event: Event, names: dict[int, str]) -> str:
+def _format_event(event: Event, names: dict[int, str]) -> str:
     figures = [
         f"{key} {event.evidence[key]:.2f}"
         for key in _FIGURES
         if isinstance(event.evidence.get(key), float)
     ]
-    told = f" ({', '.join(figures)})" if figures else ""
+    measured = f" ({', '.join(figures)})" if figures else ""
     pair = f"{names.get(event.from_, event.from_)} and {names.get(event.to, event.to)}"
-    return f"{event.type} of {pair} at {event.time:.1f} s{told}"
+    return f"{event.type} of {pair} at {event.time:.1f} s{measured}"

@@ -46,7 +46,7 @@ def read_direct_edits(asked: Any, graph: SocialGraph) -> tuple[tuple[Edit, ...],
         asked: a list of objects as `DirectEdit` describes them.
 
     Raises:
-        InputError: it is no such list, or speaks of nobody in the graph.
+        InputError: it is no such list, or names no agent of the graph.
     """
     try:
         edits = _DIRECT.validate_python(asked)

@@ -1,8 +1,8 @@
 """Everyday phrasings of a change, read against the scene before the planner's grammar is asked.
 
-Each rule is a form of words and what it amounts to. Whom the words mean is decided here as well:
+Each rule is a form of words and its edit. The agent that the words mean is decided here as well:
 "her", "the truck", "the other one". Words that fit no rule are left to the planner; what the
-planner makes of words is refused where it passes over somebody whom they name.
+planner makes of words is refused where it omits an agent that they name.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _WEATHER = re.compile(
     r"wind(?:y)?|sunny|weather|hail)\b"
 )
 WEATHER = (
-    "There is no weather here: the road is dry and everybody sees equally far. What can be had "
+    "There is no weather here: the road is dry and all agents see equally far. What can be had "
     'instead: "make it night", "slow the car down", "have her step out from behind a parked van".'
 )
 _LENGTH = re.compile(
@@ -113,7 +113,7 @@ class Talk:
         )
 
     def find(self, who: str) -> AgentNode | None:
-        """Whom the words mean; None where that is nobody, or several equally."""
+        """The agent that the words mean; None where that is no agent, or several equally."""
         words = re.sub(r"^(?:the|that|this|my) ", "", who)
         named = self.list_named()
         if words in {each.id for each in named}:
@@ -231,7 +231,7 @@ def _run(found: re.Match[str], talk: Talk) -> Reading | None:
 
 
 def _change_reaction(found: re.Match[str], talk: Talk) -> Reading | None:
-    """Who of a collision or a near miss does not react to it, or reacts after all."""
+    """The agent of a collision or a near miss that does not react to it, or reacts after all."""
     node, groups = talk.find(found["who"]), found.groupdict()
     if "brake" in found[0] and (node is None or node.type == "pedestrian"):
         drivers = [each for each in talk.list_named() if each.type != "pedestrian"]
@@ -279,7 +279,7 @@ def _reverse(found: re.Match[str], talk: Talk) -> Reading | None:
 
 
 def _come_from(found: re.Match[str], talk: Talk) -> Reading | None:
-    """Riders alone: the planner's grammar reads this of everybody else."""
+    """Riders alone: the planner's grammar reads this for all other agents."""
     node = talk.find(found["who"])
     if node is None or node.type not in ("cyclist", "scooter"):
         return None
@@ -354,7 +354,7 @@ def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
 
 
 def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
-    """A speed of a rider; the planner's grammar reads this of everybody else."""
+    """A speed of a rider; the planner's grammar reads this for all other agents."""
     node = talk.find(found["who"])
     if node is None or node.type not in ("cyclist", "scooter"):
         return None
@@ -488,7 +488,7 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
     """The planner's reading, unless it passes over what the words plainly say.
 
     Refused are a scene of its own made of words that change this one, an addition that takes away
-    what happens now, and a change that leaves out the rider whom the words name.
+    what happens now, and a change that leaves out the rider that the words name.
     """
     plain = simplify(words)
     graph = talk.situation.graph

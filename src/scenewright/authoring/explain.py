@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from scenewright.authoring.thread_state import Refused
+from scenewright.authoring.thread_state import RefusedTurn
 
 _STAGES = {
     "scene_planner": "binding it to the map",
@@ -27,13 +27,15 @@ _ADVICE = {
 }
 
 
-def why(refused: Refused) -> list[str]:
+def explain_refusal(refused: RefusedTurn) -> list[str]:
     """A few lines: the words, the reason, where it failed how often, and what may help."""
     lines = [f"refused: {refused['words']!r}", f"because: {refused['reason']}"]
     stages = Counter(each["stage"] for each in refused["rejections"])
     if sum(stages.values()) > 1:
-        told = [f"{count}x {_STAGES.get(stage, stage)}" for stage, count in stages.most_common()]
-        lines.append(f"it failed {', '.join(told)}")
+        failures = [
+            f"{count}x {_STAGES.get(stage, stage)}" for stage, count in stages.most_common()
+        ]
+        lines.append(f"it failed {', '.join(failures)}")
     details = Counter(each["detail"] for each in refused["rejections"])
     lines += [f"  {detail}" for detail, _ in details.most_common(3) if detail != refused["reason"]]
     if refused["code"] in _ADVICE:

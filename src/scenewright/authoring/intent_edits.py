@@ -41,7 +41,7 @@ from scenewright.scene.measures import UNITS
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
 
 SURE, LIKELY = 0.75, 0.45
-"""Probabilities from which an intent overrides what was read otherwise, or stands for nothing."""
+"""Probabilities from which an intent overrides what was read otherwise, or is ignored."""
 _MORE, _FEWER = 1.4, 0.6
 
 
@@ -137,7 +137,7 @@ def is_change(intent: str) -> bool:
     return intent in _MAKES
 
 
-def agrees(reading: Reading, intent: str, words: str) -> bool:
+def is_consistent(reading: Reading, intent: str, words: str) -> bool:
     """Whether a reading does what the intent is: its edits are of its kinds, its way as said."""
     kinds = _MAKES.get(intent, "").split()
     if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
@@ -190,7 +190,7 @@ _NUMBER = re.compile(
 )
 
 
-def names_somebody(plain: str) -> bool:
+def has_agent_noun(plain: str) -> bool:
     """Whether there is a noun of a road user in the words."""
     return re.search(rf"\b(?:{_NOUN}|people|somebody|someone)(?:e?s)?\b", plain) is not None
 
@@ -209,7 +209,7 @@ class Wish:
     named: tuple[AgentNode, ...]
 
     def choose(self, *, vehicle_first: bool = True) -> AgentNode | None:
-        """Whom the wish is about: whom it names, else who was spoken of last, else the vehicle."""
+        """The agent of the wish: the one it names, else the last one named, else the vehicle."""
         if self.named:
             return self.named[0]
         every = self.talk.list_named()
@@ -231,16 +231,16 @@ class Wish:
                 return float(_WORDS[text]) if text in _WORDS else float(text)
         return None
 
-    def edge(self, *kinds: str) -> RelationEdge | None:
+    def find_edge(self, *kinds: str) -> RelationEdge | None:
         """The only relation of these kinds; None where there is none, or several."""
         edges = self.talk.situation.graph.relations
         found = [each for each in edges if not kinds or each.type in kinds]
         return found[0] if len(found) == 1 else None
 
     def pair(self) -> tuple[str, str] | None:
-        """Who does something to whom: the two that are named, else those of the only relation."""
+        """(actor, affected agent): the two that are named, else those of the only relation."""
         every = [each.id for each in self.talk.situation.graph.agents]
-        edge = self.edge()
+        edge = self.find_edge()
         if len(self.named) >= 2 and self.named[0].id != self.named[1].id:
             return self.named[0].id, self.named[1].id
         if self.named:
@@ -258,7 +258,8 @@ _Answer = str | Reading | None
 
 
 def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
-    """The wish as a plain sentence or a reading; None where the words leave out whom or what."""
+    """The wish as a plain sentence or a reading; None where the words leave out the agent or the
+    change."""
     make = _WISHES.get(intent)
     if make is None:
         return None
@@ -266,7 +267,7 @@ def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
     named = find_named(plain, talk)
     if intent not in _OF_OTHERS and not named and (noun := _find_stranger(plain, talk)):
         there = ", ".join(f"{e.id} ({e.subtype or e.type})" for e in talk.list_named())
-        return _decline(f"There is no {noun} that takes part; there is {there or 'nobody'}.")
+        return _decline(f"There is no {noun} that takes part; there is {there or 'none'}.")
     if intent not in _OF_OTHERS and _find_stranger(plain, talk, new=True):
         return None  # "have a truck hit the car" brings in a truck, which no such change does
     return make(Wish(intent, plain, talk, tuple(named)))
@@ -276,7 +277,7 @@ _OF_OTHERS = frozenset(
     ("more_traffic", "less_traffic", "no_traffic", "set_count", "add_agent", "become", "park",
      "unpark", "hide", "beyond", "weather", "length", "clock", "remove")
 )  # fmt: skip
-"""Intents whose nouns need not be of those who take part."""
+"""Intents whose nouns need not be of agents of the scene."""
 
 
 def _find_stranger(plain: str, talk: Talk, *, new: bool = False) -> str | None:
@@ -315,7 +316,7 @@ def _decline(reason: str) -> DeclinedTurn:
     return DeclinedTurn(code="impossible", reason=reason)
 
 
-def _pace(wish: Wish) -> _Answer:
+def _change_pace(wish: Wish) -> _Answer:
     faster = wish.intent == "faster"
     every = list(wish.named) if len(wish.named) > 1 else [wish.choose()]
     much = re.search(r"\b(?:a lot|much|way|far|really|super)\b", wish.plain)
@@ -326,7 +327,7 @@ def _pace(wish: Wish) -> _Answer:
     return ", ".join(f"make {each} {how}" for each in chosen)
 
 
-def _speed(wish: Wish) -> _Answer:
+def _change_speed(wish: Wish) -> _Answer:
     node, value = wish.choose(), wish.number()
     if node is None or value is None:
         return None
@@ -339,7 +340,7 @@ def _remove(wish: Wish) -> _Answer:
 
 
 def find_new_kind(plain: str) -> str | None:
-    """The noun of somebody new, as in "a bus" or "into a bus"; None where there is none."""
+    """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
     found = _KINDS.search(plain) or _BARE_KIND.search(plain)
     return None if found is None else found["noun"] or found["only"]
 
@@ -380,7 +381,7 @@ def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
     taken = {each.id for each in talk.situation.present} | {each.id for each in graph.agents}
     name = next(f"{kind}-{n}" for n in range(1, 99) if f"{kind}-{n}" not in taken)
     walks = "pedestrian" in (kind, node.type)
-    told = {"id": name, "type": kind, "subtype": subtype}
+    fields = {"id": name, "type": kind, "subtype": subtype}
     way = {} if walks else {"entry": view.entry, "movement": view.movement}
     joined = [each for each in graph.relations if node.id in (each.from_, each.to)]
     swapped = []
@@ -389,7 +390,7 @@ def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
         swapped.append(Relate(edge=each.model_copy(update={mine: name, "kind": None})))
     return Edits(
         edits=(
-            AddAgent(node=AgentNode.model_validate({**told, **way})),
+            AddAgent(node=AgentNode.model_validate({**fields, **way})),
             *swapped,
             RemoveAgent(agent=node.id),
         )
@@ -465,7 +466,7 @@ _HOURS = (
 )  # fmt: skip
 
 
-def _clock(wish: Wish) -> _Answer:
+def _change_clock(wish: Wish) -> _Answer:
     for pattern, hour in _HOURS:
         found = re.search(pattern, wish.plain)
         if found is not None:
@@ -473,9 +474,9 @@ def _clock(wish: Wish) -> _Answer:
     return None
 
 
-def _event(kind: str) -> Callable[[Wish], _Answer]:
+def _make_event_rule(kind: str) -> Callable[[Wish], _Answer]:
     def make(wish: Wish) -> _Answer:
-        edge, pair = wish.edge(), wish.pair()
+        edge, pair = wish.find_edge(), wish.pair()
         if edge is not None and (len(wish.named) < 2 or pair is None or kind != "yield_to"):
             turned = kind == "yield_to" and wish.named and wish.named[0].id == edge.to
             ends = (
@@ -486,8 +487,8 @@ def _event(kind: str) -> Callable[[Wish], _Answer]:
             return Edits(edits=(Relate(edge=RelationEdge.model_validate({"type": kind, **ends})),))
         if pair is None:
             return None
-        told = {"type": kind, "from": pair[0], "to": pair[1]}
-        return Edits(edits=(Relate(edge=RelationEdge.model_validate(told)),))
+        fields = {"type": kind, "from": pair[0], "to": pair[1]}
+        return Edits(edits=(Relate(edge=RelationEdge.model_validate(fields)),))
 
     return make
 
@@ -496,12 +497,12 @@ def _say(sentence: str) -> Callable[[Wish], _Answer]:
     return lambda _wish: sentence
 
 
-def _gap(wish: Wish) -> _Answer:
+def _change_gap(wish: Wish) -> _Answer:
     closer = wish.intent == "closer"
     number = wish.number("s", "m")
     if number is not None:
         return _set_gap(wish)
-    edge = wish.edge("follow")
+    edge = wish.find_edge("follow")
     event = next(
         (e for e in wish.talk.events if isinstance(e.evidence.get("least_headway"), float)), None
     )
@@ -511,7 +512,7 @@ def _gap(wish: Wish) -> _Answer:
             max(now * (0.6 if closer else 1.7), UNITS["headway"].least), UNITS["headway"].most
         )
         return set_measure("headway", round(wanted, 1), edge.from_, edge.to)
-    if wish.edge("collide_at") is not None:
+    if wish.find_edge("collide_at") is not None:
         return _decline(
             'They collide, so there is no gap; say "make it a near miss", or "a softer crash".'
             if not closer else 'They collide already; say "a harder crash" or "a softer crash".'
@@ -520,7 +521,7 @@ def _gap(wish: Wish) -> _Answer:
 
 
 def _set_gap(wish: Wish) -> _Answer:
-    value, edge = wish.number("s", "m") or wish.number(), wish.edge()
+    value, edge = wish.number("s", "m") or wish.number(), wish.find_edge()
     if value is None or edge is None:
         return None
     metres = re.search(r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b", wish.plain) is not None
@@ -533,12 +534,12 @@ def _set_gap(wish: Wish) -> _Answer:
     return None
 
 
-def _impact(wish: Wish) -> _Answer:
-    return f"make the crash {wish.intent}" if wish.edge("collide_at") else None
+def _change_impact(wish: Wish) -> _Answer:
+    return f"make the crash {wish.intent}" if wish.find_edge("collide_at") else None
 
 
 def _set_impact(wish: Wish) -> _Answer:
-    value, edge = wish.number(), wish.edge("collide_at")
+    value, edge = wish.number(), wish.find_edge("collide_at")
     if value is None or edge is None:
         return None
     speed = value if "m/s" in wish.plain else value / 3.6
@@ -547,7 +548,7 @@ def _set_impact(wish: Wish) -> _Answer:
     )
 
 
-def _event_time(wish: Wish) -> _Answer:
+def _change_event_time(wish: Wish) -> _Answer:
     seconds = wish.number("s")
     when = "later" if wish.intent == "event_later" else "earlier"
     return f"{seconds:g} seconds {when}" if seconds else when
@@ -575,10 +576,10 @@ def _make_stop(wish: Wish) -> _Answer:
     node = wish.choose()
     if node is None:
         return None
-    edge = wish.edge("yield_to")
+    edge = wish.find_edge("yield_to")
     if edge is not None and edge.from_ == node.id:
         return f"make {node.id} stop"
-    return _event("yield_to")(wish)
+    return _make_event_rule("yield_to")(wish)
 
 
 def _brake(wish: Wish) -> _Answer:
@@ -589,7 +590,7 @@ def _brake(wish: Wish) -> _Answer:
     return set_measure("braking", value or (2.0 if gentle else 5.5), node.id)
 
 
-def _motion(wish: Wish) -> _Answer:
+def _change_motion(wish: Wish) -> _Answer:
     node = wish.named[0] if wish.named else wish.choose(vehicle_first=False)
     if node is None or node.type != "pedestrian":
         walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
@@ -615,15 +616,15 @@ def _count(wish: Wish) -> dict[str, int]:
     }
 
 
-def _kinds_of(plain: str) -> list[str]:
+def _find_kinds(plain: str) -> list[str]:
     people, cars = re.search(_PEOPLE, plain), re.search(r"\b(?:cars?|vehicles?)\b", plain)
     if people and not cars:
         return ["pedestrians"]
     return ["vehicles"] if cars and not people else ["vehicles", "pedestrians"]
 
 
-def _crowd(wish: Wish) -> _Answer:
-    now, kinds, number = _count(wish), _kinds_of(wish.plain), wish.number()
+def _change_background(wish: Wish) -> _Answer:
+    now, kinds, number = _count(wish), _find_kinds(wish.plain), wish.number()
     more = wish.intent == "more_traffic"
     twice, half = re.search(r"\b(?:twice|double)\b", wish.plain), re.search(r"\bhalf\b", wish.plain)
     wanted = {}
@@ -643,8 +644,8 @@ def _crowd(wish: Wish) -> _Answer:
     return Edits(edits=(SetBackground.model_validate(wanted),))
 
 
-def _no_crowd(wish: Wish) -> _Answer:
-    """Nobody besides those of the event; or none of a kind of vehicle."""
+def _remove_background(wish: Wish) -> _Answer:
+    """No agent besides those of the event; or none of a kind of vehicle."""
     rare = {CLASSES[each][1] for each in re.findall(rf"\b({_NOUN})(?:e?s)\b", wish.plain)} - {
         None,
         "car",
@@ -655,12 +656,12 @@ def _no_crowd(wish: Wish) -> _Answer:
         if not gone:
             return _decline("There is none of these besides those that you spoke of.")
         return Edits(edits=tuple(RemoveAgent(agent=each) for each in gone))
-    kinds = _kinds_of(re.sub(r"\bonly\b.*|\bjust\b.*|\bleave\b.*", "", wish.plain))
+    kinds = _find_kinds(re.sub(r"\bonly\b.*|\bjust\b.*|\bleave\b.*", "", wish.plain))
     return Edits(edits=(SetBackground.model_validate(dict.fromkeys(kinds, 0)),))
 
 
 def _set_count(wish: Wish) -> _Answer:
-    number, kinds = wish.number(), _kinds_of(wish.plain)
+    number, kinds = wish.number(), _find_kinds(wish.plain)
     if number is None:
         return None
     kinds = kinds[:1] if len(kinds) > 1 else kinds
@@ -676,7 +677,7 @@ def _redraw(wish: Wish) -> _Answer:
     return Edits(edits=(Redraw(agent=wish.named[0].id if one else None),))
 
 
-def _park(wish: Wish) -> _Answer:
+def _park_vehicle(wish: Wish) -> _Answer:
     found = re.search(rf"\b(?P<noun>{_NOUN}|box|container|bin)\b", wish.plain)
     side = _find_side(wish.plain)
     if found is None or side is None:
@@ -685,7 +686,7 @@ def _park(wish: Wish) -> _Answer:
     return f"add a {parked}{found['noun']} on the {side} leg"
 
 
-def _unpark(wish: Wish) -> _Answer:
+def _remove_parked(wish: Wish) -> _Answer:
     objects = wish.talk.situation.graph.objects
     if not objects:
         return _decline("Nothing stands in this scene that could be taken away.")
@@ -700,23 +701,23 @@ def _hide(wish: Wish) -> _Answer:
     walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
     if len(walkers) != 1:
         return _decline(
-            "A parked vehicle can hide one who walks, from a vehicle; here nobody walks."
+            "A parked vehicle can hide a pedestrian from a vehicle; there is no pedestrian here."
         )
     found = re.search(r"\b(?:van|truck|bus|car|lorry)\b", re.sub(r"from the \w+", "", wish.plain))
     return f"have her step out from behind a parked {found[0] if found else 'van'}"
 
 
-def _light(wish: Wish) -> _Answer:
+def _change_light(wish: Wish) -> _Answer:
     running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
     runs = wish.intent == "run_red"
     node = wish.choose() if runs else (running[0] if running else None)
     if node is None:
-        return None if runs else _decline("Nobody runs a red light in this scene.")
+        return None if runs else _decline("No agent runs a red light in this scene.")
     made = wish.talk.keep_way(node).model_copy(update={"runs_red": runs})
     return Edits(edits=(ChangeAgent(node=made),))
 
 
-def _jaywalk(wish: Wish) -> _Answer:
+def _make_jaywalker(wish: Wish) -> _Answer:
     walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
     return f"make {walkers[0].id} jaywalk" if len(walkers) == 1 else None
 
@@ -727,18 +728,25 @@ BEYOND = (
     'night".'
 )
 _WISHES: dict[str, Callable[[Wish], _Answer]] = {
-    "slower": _pace, "faster": _pace, "set_speed": _speed, "remove": _remove, "add_agent": _add,
+    "slower": _change_pace, "faster": _change_pace, "set_speed": _change_speed, "remove": _remove,
+    "add_agent": _add,
     "become": _become, "come_from": _come_from, "turn": _turn, "go_to": _go_to, "cross_at": _cross,
-    "reverse": _reverse, "clock": _clock, "collide": _event("collide_at"),
-    "near_miss": _event("near_miss"), "yields": _event("yield_to"), "follow": _event("follow"),
-    "nothing_happens": _say("nothing happens"), "swap": _say("swap roles"), "closer": _gap,
-    "less_close": _gap, "set_gap": _set_gap, "harder": _impact, "softer": _impact,
-    "set_impact": _set_impact, "event_earlier": _event_time, "event_later": _event_time,
+    "reverse": _reverse, "clock": _change_clock, "collide": _make_event_rule("collide_at"),
+    "near_miss": _make_event_rule("near_miss"), "yields": _make_event_rule("yield_to"),
+    "follow": _make_event_rule("follow"),
+    "nothing_happens": _say("nothing happens"), "swap": _say("swap roles"), "closer": _change_gap,
+    "less_close": _change_gap, "set_gap": _set_gap, "harder": _change_impact,
+    "softer": _change_impact,
+    "set_impact": _set_impact, "event_earlier": _change_event_time,
+    "event_later": _change_event_time,
     "come_earlier": _come, "come_later": _come, "wait_longer": _wait, "wait_less": _wait,
     "stop_earlier": _stop_place, "stop_later": _stop_place, "make_stop": _make_stop,
-    "brake_hard": _brake, "runs": _motion, "more_traffic": _crowd, "less_traffic": _crowd,
-    "no_traffic": _no_crowd, "set_count": _set_count, "redraw": _redraw, "park": _park,
-    "unpark": _unpark, "hide": _hide, "run_red": _light, "obey": _light, "jaywalk": _jaywalk,
+    "brake_hard": _brake, "runs": _change_motion, "more_traffic": _change_background,
+    "less_traffic": _change_background,
+    "no_traffic": _remove_background, "set_count": _set_count, "redraw": _redraw,
+    "park": _park_vehicle,
+    "unpark": _remove_parked, "hide": _hide, "run_red": _change_light, "obey": _change_light,
+    "jaywalk": _make_jaywalker,
     "weather": lambda _wish: _decline(WEATHER), "length": lambda _wish: _decline(LENGTH),
     "beyond": lambda _wish: _decline(BEYOND),
 }  # fmt: skip

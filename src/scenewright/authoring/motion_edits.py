@@ -13,12 +13,12 @@ _LEAST_STAND = 1.6
 """A standstill lasts at least so long [s], its smoothed ends included."""
 
 
-def moved_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
+def move_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
     """The agent standing that much further along its path; Rejected if it stands nowhere."""
-    stop = _its_stop(agent)
+    stop = _find_stop(agent)
     s = stop.s + metres
     if not 2.0 < s < agent.candidate.path.length - 1.0:
-        raise _refused(agent, f"has no room to stop {metres:+g} m from where it does")
+        raise _build_rejection(agent, f"has no room to stop {metres:+g} m from where it does")
     others = tuple(each for each in agent.stops if each is not stop)
     holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
     stands = (
@@ -33,33 +33,35 @@ def moved_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
         until=max(stop.until, stands + _LEAST_STAND),
         ahead=ahead,
     )
-    return replace(agent, stops=_in_order(*others, moved))
+    return replace(agent, stops=_sort_stops(*others, moved))
 
 
-def waiting(agent: SelectedAgent, seconds: float) -> SelectedAgent:
+def extend_stop(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     """The agent standing that much longer; Rejected if it stands nowhere or would not stand.
 
-    Who slows down without standing stands so long where it was slowest.
+    An agent that slows down without standing stands that long where it was slowest.
     """
-    rolling = _only_slows(agent)
+    rolling = _find_slowest(agent)
     if rolling is not None and seconds > 0.0:
-        return _halted(agent, rolling, seconds)
-    stop = _its_stop(agent)
+        return _stop_fully(agent, rolling, seconds)
+    stop = _find_stop(agent)
     until = stop.until + seconds
     if until < stop.start + _LEAST_STAND:
-        raise _refused(agent, f"stands for {stop.until - stop.start:.1f} s, which leaves nothing")
+        raise _build_rejection(
+            agent, f"stands for {stop.until - stop.start:.1f} s, which leaves nothing"
+        )
     others = tuple(each for each in agent.stops if each is not stop)
-    return replace(agent, stops=_in_order(*others, replace(stop, until=until)))
+    return replace(agent, stops=_sort_stops(*others, replace(stop, until=until)))
 
 
-def moved_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
+def move_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     """The agent doing the same that much later, to the step.
 
-    When its light turns green is not its own: who came from a red light then comes on green.
+    The light's times stay: an agent that came from a red light then comes on green.
     """
     seconds = round(seconds, 1)
     if agent.role == "foreground" and any(stop.at_red for stop in agent.stops):
-        return moved_time(_without_light(agent), seconds)
+        return move_time(_remove_light_stop(agent), seconds)
     stops = tuple(
         replace(each, start=each.start + seconds, until=each.until + seconds)
         for each in agent.stops
@@ -68,7 +70,7 @@ def moved_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     return replace(agent, enters=round(agent.enters + seconds, 1), stops=stops, contact=contact)
 
 
-def _without_light(agent: SelectedAgent) -> SelectedAgent:
+def _remove_light_stop(agent: SelectedAgent) -> SelectedAgent:
     """The agent without its wait at red, as late as before where it gives way, or at its line."""
     stops = tuple(stop for stop in agent.stops if not stop.at_red)
     last = stops[0] if stops else agent.stops[-1]
@@ -77,36 +79,38 @@ def _without_light(agent: SelectedAgent) -> SelectedAgent:
     return replace(agent, enters=round(at - reaches, 1), stops=stops)
 
 
-def _halted(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgent:
-    """Who slows down standing that long instead, at the same place."""
+def _stop_fully(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgent:
+    """The agent that slowed down, now standing that long at the same place."""
     others = tuple(each for each in agent.stops if each is not rolling)
     holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
     stands = compute_arrival(agent.candidate, StopCommand(rolling.s, 0.0), holds) + agent.enters
     until = stands + max(seconds, _LEAST_STAND)
     stop = replace(rolling, start=stands, until=until, speed=0.0)
-    return replace(agent, stops=_in_order(*others, stop))
+    return replace(agent, stops=_sort_stops(*others, stop))
 
 
-def _its_stop(agent: SelectedAgent) -> Stop:
+def _find_stop(agent: SelectedAgent) -> Stop:
     """Where it gives way; else, of the others, where they stand at all."""
     stops = [each for each in agent.stands if each.reason == "gives_way"] or agent.stands
-    rolling = _only_slows(agent)
+    rolling = _find_slowest(agent)
     if rolling is not None:
-        raise _refused(agent, _slows(rolling))
+        raise _build_rejection(agent, _describe_slowing(rolling))
     if not stops:
         but = " but at its light" if agent.stops else ""
-        raise _refused(agent, f"gives way to nobody and stands nowhere in this scene{but}")
+        raise _build_rejection(
+            agent, f"gives way to no agent and stands nowhere in this scene{but}"
+        )
     return stops[0]
 
 
-def _only_slows(agent: SelectedAgent) -> Stop | None:
-    """Where who gives way without standing for it is slowest; None for everybody else."""
+def _find_slowest(agent: SelectedAgent) -> Stop | None:
+    """The slowest place of an agent that gives way without standing; None for all other agents."""
     yields = [each for each in agent.stops if each.reason == "gives_way"]
     return yields[0] if yields and all(each.rolls for each in yields) else None
 
 
-def _slows(rolling: Stop) -> str:
-    """What who gives way without standing does, and what may be said instead."""
+def _describe_slowing(rolling: Stop) -> str:
+    """What an agent that gives way without standing does, and what may be asked instead."""
     where = "" if rolling.ahead is None else f", {rolling.ahead:.1f} m before the other's way"
     return (
         f"gives way without standing: it slows to {rolling.speed:.1f} m/s{where}; say 'make it "
@@ -114,11 +118,11 @@ def _slows(rolling: Stop) -> str:
     )
 
 
-def _in_order(*stops: Stop) -> tuple[Stop, ...]:
+def _sort_stops(*stops: Stop) -> tuple[Stop, ...]:
     return tuple(sorted(stops, key=lambda each: each.s))
 
 
-def _refused(agent: SelectedAgent, what: str) -> Rejected:
+def _build_rejection(agent: SelectedAgent, what: str) -> Rejected:
     return Rejected(
         Rejection(
             stage="scene_planner",

@@ -22,8 +22,8 @@ from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import Refusal, SocialGraph
 
 
-def situation_of(graph: SocialGraph, record: SceneRecord, earlier: PreviousVersion) -> Situation:
-    """What words are read against: the social graph, and who is there."""
+def build_situation(graph: SocialGraph, record: SceneRecord, earlier: PreviousVersion) -> Situation:
+    """The situation that words are read against: the social graph and the agents."""
     present = []
     for each in record.agents:
         agent = earlier.agents[each.name].agent
@@ -92,7 +92,7 @@ def read_words(
 
 
 SENTENCE = "sentence"
-"""What a choice between sentences stands for, in place of a phrase."""
+"""Marker of a choice between sentences, in place of a phrase."""
 
 
 def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarification | None:

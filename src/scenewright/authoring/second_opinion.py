@@ -14,13 +14,13 @@ from scenewright.authoring.intent_edits import (
     LIKELY,
     STEPS,
     SURE,
-    agrees,
     find_named,
     find_new_kind,
     guess_intent,
+    has_agent_noun,
     is_change,
+    is_consistent,
     is_question,
-    names_somebody,
     replace_agent,
     spell_out,
 )
@@ -79,7 +79,7 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
         return TurnKind(kind="question", words=words, topic=guess.intent)
     if guess.intent == "version" and (number := _read_number(words)) is not None:
         return TurnKind(kind="version", words=words, number=number)
-    if guess.intent in STEPS and not _tells_change(words):
+    if guess.intent in STEPS and not _is_change(words):
         kind: Kind = STEPS[guess.intent]  # type: ignore[assignment]
         count = _read_number(words) if kind == "undo" else None
         return TurnKind(kind=kind, words=words, count=count or 1)
@@ -87,7 +87,7 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
 
 
 def _find_topic(words: str) -> str | None:
-    """What a question is about, as far as the model of turns can tell."""
+    """The topic of a question, as far as the model of turns knows it."""
     asked = [each for each in rank_intents(words) if is_question(each.name)]
     return asked[0].name if asked[0].chance >= LIKELY else None
 
@@ -100,7 +100,7 @@ def _read_number(words: str) -> int | None:
     return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
 
 
-def _tells_change(words: str) -> bool:
+def _is_change(words: str) -> bool:
     """Whether a clause of several asks for a change: thanks may stand beside it."""
     clauses = [each for each in _CLAUSES.split(words) if each.strip()]
     if len(clauses) < 2:
@@ -117,13 +117,13 @@ _THAT_IS = re.compile(r"[ ,]+(?:i meant?|rather|instead|please|sorry|not .*)$")
 _CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
 _FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
 _SIDE = re.compile(r"\b(?:north|south|east|west)\b")
-_SOMEBODY = re.compile(r"\b(?:the|that|this) (?:other )?[a-z-]+\b|\b(?:it|him|her|he|she)\b")
+_AGENT = re.compile(r"\b(?:the|that|this) (?:other )?[a-z-]+\b|\b(?:it|him|her|he|she)\b")
 
 
 def correct(words: str, before: str) -> tuple[str, bool]:
     """ "sorry, 12" after "make the gap 8 m": the words before with what is said instead.
 
-    Words that are no such correction stay as they are. Also returns whether somebody else is meant,
+    Words that are no such correction stay as they are. Also returns whether another agent is meant,
     so that what was done to the first is to be taken back.
     """
     plain = " ".join(words.lower().strip(" .!").split())
@@ -134,12 +134,12 @@ def correct(words: str, before: str) -> tuple[str, bool]:
         (_CLOCK, r"[\d:]+(?: ?[ap]m)?"),
         (_FIGURE, r"\d+(?:[.,]\d+)?(?: ?[a-z/²]+){0,2}"),
         (_SIDE, r"(?:from |to |on |in )?(?:the )?(?:north|south|east|west)(?: side)?"),
-        (_SOMEBODY, r"the (?:other )?[a-z-]+"),
+        (_AGENT, r"the (?:other )?[a-z-]+"),
     ):
         new, old = pattern.search(bare), pattern.search(before.lower())
         if new is not None and old is not None and re.fullmatch(whole, bare):
-            told = f"{before[: old.start()]}{new[0]}{before[old.end() :]}"
-            return told, pattern is _SOMEBODY
+            corrected = f"{before[: old.start()]}{new[0]}{before[old.end() :]}"
+            return corrected, pattern is _AGENT
     return words, False
 
 
@@ -154,13 +154,13 @@ _PARTIES = (("A car", "a pedestrian"), ("A car", "another car"), ("A car", "a cy
 def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     """What to say to words with which no scene can begin; None for all others.
 
-    An event without anybody is asked back; a change of a scene where there is none yet is refused.
+    An event without agents is asked back; a change of a scene where there is none yet is refused.
     """
     guess, plain = guess_intent(words), words.lower()
     verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
-    if verb is not None and not names_somebody(plain) and len(plain.split()) <= 6:
-        told = [f"{one} {verb} {other}" for one, other in _PARTIES]
-        return _offer("Who takes part?", told)
+    if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= 6:
+        choices = [f"{one} {verb} {other}" for one, other in _PARTIES]
+        return _offer("Who takes part?", choices)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
     if not is_change(guess.intent) or guess.chance < SURE or guess.intent in events:
         return None
@@ -173,7 +173,7 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
 def _find_clause(words: str) -> TurnKind | None:
     """ "wow, that was close, how fast was it?": the last clause, where the others say nothing."""
     clauses = [each for each in _CLAUSES.split(words) if each.strip()]
-    if len(clauses) < 2 or _tells_change(" , ".join(clauses[:-1]) + ","):
+    if len(clauses) < 2 or _is_change(" , ".join(clauses[:-1]) + ","):
         return None
     turn = classify_turn(clauses[-1])
     steps = ("question", "undo", "redo", "version", "restart")
@@ -194,7 +194,7 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
         read: reads a plain sentence by rule.
     """
     guess = guess_intent(words)
-    if agrees(by_rule, guess.intent, words):
+    if is_consistent(by_rule, guess.intent, words):
         return by_rule
     if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible":
         return by_rule  # it was understood, and says what the map does not allow
@@ -252,7 +252,7 @@ _NEW_ONE = re.compile(r"\b(?:a|an|two|three|some|another|somebody|someone)\s+\w+
 
 
 def _describes_scene(words: str) -> bool:
-    """Whether the words tell a scene of their own rather than something about this one."""
+    """Whether the words describe a scene of their own rather than something about this one."""
     ranked = dict(rank_intents(words))
     return ranked["new_scene"] >= LIKELY or len(_NEW_ONE.findall(words.lower())) >= 2
 
@@ -311,7 +311,9 @@ def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
             continue
         by_rule = read(part, now)
         made = (
-            by_rule if agrees(by_rule, guess.intent, part) else _make(guess.intent, part, now, read)
+            by_rule
+            if is_consistent(by_rule, guess.intent, part)
+            else _make(guess.intent, part, now, read)
         )
         if not isinstance(made, Edits) or guess.chance < 0.3:
             return None

@@ -4,7 +4,7 @@
       └────► answer  a question back, a refusal, undo, redo, branches
 
 A version becomes the current one in the same checkpoint in which it is entered, after it has been
-verified and everything of it has been kept. Whoever is killed before that has the version before.
+verified and everything of it is saved. A process killed before that leaves the version before.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from pydantic import TypeAdapter
 
 from scenewright.authoring.answer_question import answer_question, define_terms
 from scenewright.authoring.apply_edits import list_concerned
-from scenewright.authoring.compare import compared
+from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
 from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
+    build_situation,
     read_words,
-    situation_of,
 )
 from scenewright.authoring.second_opinion import (
     check_first_words,
@@ -38,9 +38,15 @@ from scenewright.authoring.second_opinion import (
     correct,
     weigh_kind,
 )
-from scenewright.authoring.thread_state import Heading, Pending, Refused, ThreadState, Version
+from scenewright.authoring.thread_state import (
+    PendingChoice,
+    RefusedTurn,
+    ThreadSetting,
+    ThreadState,
+    Version,
+)
 from scenewright.authoring.turn_kind import TurnKind
-from scenewright.authoring.versions import Made, Setting, begin, change
+from scenewright.authoring.versions import EditResult, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import answered, begins_anew
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
@@ -111,7 +117,7 @@ class SessionContext:
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class SessionVersion:
     """A version with everything that is kept of it."""
 
     version: Version
@@ -145,7 +151,7 @@ class Session:
         thread: str,
         *,
         backend: Backend,
-        setting: Heading,
+        setting: ThreadSetting,
         log: ProgressCallback | None = None,
         recall: ExampleRetriever | None = None,
         time_limit: float = DEFAULT_LIMIT,
@@ -169,10 +175,10 @@ class Session:
         self.interrupted: str | None = None
         if snapshot.values and snapshot.next:
             self.interrupted = str(snapshot.values.get("words", ""))
-        self._heading: Heading = snapshot.values.get("heading") or _checked(setting)
+        self._heading: ThreadSetting = snapshot.values.get("heading") or _check_setting(setting)
 
     @property
-    def heading(self) -> Heading:
+    def heading(self) -> ThreadSetting:
         """What all turns of the thread share: intersection, seed, refiner."""
         return self._heading
 
@@ -195,19 +201,19 @@ class Session:
         Raises:
             InputError: they are no such list, or there is no scene yet.
         """
-        version = _found(self.state, None)
+        version = _find_version(self.state, None)
         if version is None:
             raise InputError("there is no scene yet; say what shall happen")
         graph = SocialGraph.model_validate(version["graph"])
         edits, words = read_direct_edits(asked, graph)
         return self._turn({"act": "edit", "words": words, "argument": _dump_edits(edits)})
 
-    def handles(self, which: str | int | None = None) -> list[dict[str, Any]]:
+    def list_handles(self, which: str | int | None = None) -> list[dict[str, Any]]:
         """What can be changed by hand in a version (`list_handles`); empty before there is one."""
-        version = _found(self.state, which)
+        version = _find_version(self.state, which)
         if version is None:
             return []
-        earlier = deserialize_version(self._threads.kept(version["earlier"]))
+        earlier = deserialize_version(self._threads.get_bytes(version["earlier"]))
         graph = SocialGraph.model_validate(version["graph"])
         return list_handles(graph, earlier, load_map(self._heading["intersection"]))
 
@@ -245,25 +251,25 @@ class Session:
         reply: dict[str, Any] = out["reply"]
         return reply
 
-    def shown(self, which: str | int | None = None) -> Shown | None:
+    def find_version(self, which: str | int | None = None) -> SessionVersion | None:
         """A version by number or by branch; the current one if none is named.
 
         Raises:
             InputError: there is no such version.
         """
         state = self.state
-        version = _found(state, which)
+        version = _find_version(state, which)
         if version is None:
             return None
-        scene = self._threads.kept(version["scene"])
-        proof = self._threads.kept(version["proof"])
-        return Shown(
+        scene = self._threads.get_bytes(version["scene"])
+        proof = self._threads.get_bytes(version["proof"])
+        return SessionVersion(
             version,
             SceneRecord.model_validate_json(scene),
             Proof.model_validate_json(proof),
             scene,
             proof,
-            self._threads.kept(version["provenance"]),
+            self._threads.get_bytes(version["provenance"]),
         )
 
 
@@ -271,37 +277,39 @@ def _dump_edits(edits: tuple[Edit, ...]) -> str:
     return _EDITS.dump_json(edits, by_alias=True).decode()
 
 
-def _checked(setting: Heading) -> Heading:
+def _check_setting(setting: ThreadSetting) -> ThreadSetting:
     """What a new thread is to keep; InputError where nothing could ever be made with it."""
     load_map(setting["intersection"])
     check_arguments(setting["seed"], setting["refiner"])
     return setting
 
 
-def _found(state: ThreadState, which: str | int | None) -> Version | None:
+def _find_version(state: ThreadState, which: str | int | None) -> Version | None:
     if which is None or which == "":
         number = state.get("current")
     elif str(which).isdigit():
         number = int(which)
     else:
-        branches = branches_of(state)
+        branches = list_branches(state)
         if which not in branches:
-            raise InputError(f"there is no version or branch {which!r}; there is {_there(state)}")
+            raise InputError(
+                f"there is no version or branch {which!r}; there is {_list_versions(state)}"
+            )
         number = branches[str(which)]
     if number is None:
         return None
     for version in state.get("versions", []):
         if version["number"] == number:
             return version
-    raise InputError(f"there is no version {number}; there is {_there(state)}")
+    raise InputError(f"there is no version {number}; there is {_list_versions(state)}")
 
 
-def _there(state: ThreadState) -> str:
+def _list_versions(state: ThreadState) -> str:
     numbers = ", ".join(str(each["number"]) for each in state.get("versions", []))
-    return f"{numbers or 'none yet'}; branches: {', '.join(branches_of(state)) or 'none yet'}"
+    return f"{numbers or 'none yet'}; branches: {', '.join(list_branches(state)) or 'none yet'}"
 
 
-def branches_of(state: ThreadState) -> dict[str, int]:
+def list_branches(state: ThreadState) -> dict[str, int]:
     """The branches, the one worked on included."""
     found = dict(state.get("branches", {}))
     current = state.get("current")
@@ -319,7 +327,7 @@ def build_session() -> StateGraph[ThreadState, SessionContext, Any, Any]:
     graph.add_node("solve", solve)
     graph.add_node("answer", answer)
     graph.add_edge(START, "read")
-    graph.add_conditional_edges("read", after_read)
+    graph.add_conditional_edges("read", choose_after_read)
     graph.add_edge("solve", END)
     graph.add_edge("answer", END)
     return graph
@@ -337,10 +345,10 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
         }
     if state["act"] != "say":
         return {"reading": None}
-    words, chosen = _answered(state)
+    words, chosen = _resolve_answer(state)
     words, other = (words, False) if chosen else correct(words, state.get("before", ""))
     if other:
-        state = _taken_back(state)
+        state = _take_back(state)
     turn = weigh_kind(words, scene=state.get("current") is not None)
     if turn.kind == "why" and not state.get("refused"):
         turn = TurnKind(kind="question", words=words, topic="q_why")
@@ -371,7 +379,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
         reading = DeclinedTurn(code="no_change", reason=reason)
     plain = reading.model_dump(mode="json", by_alias=True)
     question = taken or (reading if isinstance(reading, Clarification) else None)
-    open_: Pending | None = None
+    open_: PendingChoice | None = None
     if question is not None:
         asked = question.model_dump(mode="json", by_alias=True)
         open_ = {"words": turn.words, "ask": asked, "chosen": chosen}
@@ -389,9 +397,9 @@ def _take_likeliest(doubtful: Clarification, state: ThreadState) -> str | None:
     return sentence if plain else None
 
 
-def _taken_back(state: ThreadState) -> ThreadState:
+def _take_back(state: ThreadState) -> ThreadState:
     """The thread before the last words, if these made the current version: they meant another."""
-    version = _found(state, None)
+    version = _find_version(state, None)
     if version is None or version["parent"] is None or version["words"] != state.get("before"):
         return state
     return cast(ThreadState, {**state, "current": version["parent"]})
@@ -418,8 +426,8 @@ def _find_version_with(words: str, state: ThreadState) -> int | None:
     return None
 
 
-def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
-    """The words that are to be read, and who was chosen for them if these are an answer."""
+def _resolve_answer(state: ThreadState) -> tuple[str, dict[str, str]]:
+    """The words that are to be read, and the agent chosen for them if these are an answer."""
     pending = state.get("pending")
     choice = (
         None
@@ -443,14 +451,14 @@ def _read(
     said: str,
     account: Account,
 ) -> Reading:
-    version = _found(state, None)
+    version = _find_version(state, None)
     if version is None:
         missing = check_first_words(said)
         return missing or _read_with(words, None, chosen, state, context, account=account)
-    situation = situation_of(
+    situation = build_situation(
         SocialGraph.model_validate(version["graph"]),
-        SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
-        deserialize_version(context.threads.kept(version["earlier"])),
+        SceneRecord.model_validate_json(context.threads.get_bytes(version["scene"])),
+        deserialize_version(context.threads.get_bytes(version["earlier"])),
     )
     if (
         chosen
@@ -458,7 +466,7 @@ def _read(
         or not get_backend_of_task(context.backend, "plan").deterministic
     ):
         return _read_with(words, situation, chosen, state, context, account=account)
-    proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
+    proof = Proof.model_validate_json(context.threads.get_bytes(version["proof"]))
     talk = Talk(situation, _list_touched(state), proof.events)
 
     def read_plain(plain: str, about: Talk) -> Reading:
@@ -474,7 +482,7 @@ def _read(
 def _list_touched(state: ThreadState) -> list[str]:
     """Agents that earlier words were about, the last first, back to the first version."""
     versions = {each["number"]: each for each in state.get("versions", [])}
-    version, names = _found(state, None), list[str]()
+    version, names = _find_version(state, None), list[str]()
     while version is not None:
         edits = _EDITS.validate_python(version["edits"])
         names += sorted(list_concerned(edits), reverse=True)
@@ -491,7 +499,7 @@ def _read_with(
     *,
     account: Account,
 ) -> Reading:
-    version, heading = _found(state, None), state["heading"]
+    version, heading = _find_version(state, None), state["heading"]
     return read_words(
         words,
         situation,
@@ -504,7 +512,7 @@ def _read_with(
     )
 
 
-def after_read(state: ThreadState) -> Literal["solve", "answer"]:
+def choose_after_read(state: ThreadState) -> Literal["solve", "answer"]:
     """To the solver with edits and with scenes of their own."""
     reading = state.get("reading")
     return "solve" if reading and reading["reading"] in ("edits", "fresh") else "answer"
@@ -522,18 +530,20 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
         context.time_limit,
     )
     reading = _READING.validate_python(state["reading"])
-    version = _found(state, None)
+    version = _find_version(state, None)
     try:
         if isinstance(reading, Edits) and version is not None:
-            text = _joined(version["text"], state["words"])
-            made = _apart(setting, _changed, text, reading.edits, version, setting, context)
+            text = _join_words(version["text"], state["words"])
+            made = _run_apart(
+                setting, _change_version, text, reading.edits, version, setting, context
+            )
         else:
             text = _keep_hour(_OPENING.sub("", state["words"]), version)
-            made = _apart(setting, begin, text, setting, log=context.log)
+            made = _run_apart(setting, begin, text, setting, log=context.log)
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
-        return _refusal(state, error)
+        return _build_refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
-    return _entered(state, text, edits, made, context)
+    return _enter_version(state, text, edits, made, context)
 
 
 _ADDED = re.compile(r"^\s*(?:(?:and|now|then|ok|please) )*(?:add|put in)\s+", re.IGNORECASE)
@@ -543,43 +553,45 @@ _HOUR = re.compile(r"\b(?:at \d|\d ?[ap]m|morning|noon|afternoon|evening|night|r
 def _keep_hour(words: str, version: Version | None) -> str:
     """Words that add something to a scene in which nothing happened: at its hour, if none is said.
 
-    Such words are a scene of their own, as there is nobody that an edit could be about.
+    Such words are a scene of their own, as there is no agent that an edit could be about.
     """
-    told = None if version is None else (version["graph"].get("context") or {}).get("time_of_day")
-    if told is None or not _ADDED.match(words) or _HOUR.search(words.lower()):
+    hour = None if version is None else (version["graph"].get("context") or {}).get("time_of_day")
+    if hour is None or not _ADDED.match(words) or _HOUR.search(words.lower()):
         return words
-    return f"{_ADDED.sub('', words).rstrip('.! ')}, at {str(told)[:5]}"
+    return f"{_ADDED.sub('', words).rstrip('.! ')}, at {str(hour)[:5]}"
 
 
-def _apart(setting: Setting, make: Callable[..., Made], *args: Any, **named: Any) -> Made:
+def _run_apart(
+    setting: Setting, make: Callable[..., EditResult], *args: Any, **named: Any
+) -> EditResult:
     """Run in the time of a turn, and where LangGraph knows nothing of this graph: a pipeline inside
     it is not checkpointed."""
 
-    def within() -> Made:
+    def run_limited() -> EditResult:
         with limit_time(setting.time_limit):
             return make(*args, **named)
 
-    return Context().run(within)
+    return Context().run(run_limited)
 
 
-def _changed(
+def _change_version(
     text: str, edits: tuple[Edit, ...], version: Version, setting: Setting, context: SessionContext
-) -> Made:
+) -> EditResult:
     threads = context.threads
     return change(
         text,
         edits,
         setting,
         before=SocialGraph.model_validate(version["graph"]),
-        earlier=deserialize_version(threads.kept(version["earlier"])),
-        record=SceneRecord.model_validate_json(threads.kept(version["scene"])),
+        earlier=deserialize_version(threads.get_bytes(version["earlier"])),
+        record=SceneRecord.model_validate_json(threads.get_bytes(version["scene"])),
         pace=version["pace"],
         by_hand=version["by_hand"],
         log=context.log,
     )
 
 
-def _joined(before: str, words: str) -> str:
+def _join_words(before: str, words: str) -> str:
     """Everything said, the first words and the last kept where it is too much."""
     text = f"{before}; then: {words}"
     if len(text) <= _LONGEST_TEXT:
@@ -588,8 +600,12 @@ def _joined(before: str, words: str) -> str:
     return f"{first[:900]}; then: … {rest[-900:]}"
 
 
-def _entered(
-    state: ThreadState, text: str, edits: tuple[Edit, ...], made: Made, context: SessionContext
+def _enter_version(
+    state: ThreadState,
+    text: str,
+    edits: tuple[Edit, ...],
+    made: EditResult,
+    context: SessionContext,
 ) -> ThreadState:
     """The version kept, entered and current, all in one checkpoint."""
     keep, scene = context.threads.keep, made.scene
@@ -605,7 +621,7 @@ def _entered(
         "pace": dict(made.pace),
         "scene": keep(encode_scene(scene.record)),
         "proof": keep(encode_proof(scene.proof)),
-        "provenance": keep(json_bytes(_provenance(scene, edits, state.get("models", {})))),
+        "provenance": keep(json_bytes(_build_provenance(scene, edits, state.get("models", {})))),
         "earlier": keep(serialize_version(made.earlier)),
         "moved": list(made.moved),
         "gone": list(made.gone),
@@ -619,23 +635,30 @@ def _entered(
         "current": version["number"],
         "ahead": [],
         "refused": None,
-        "reply": {"kind": "made", "version": version["number"], "from": parent, **_doubt(state)},
+        "reply": {
+            "kind": "made",
+            "version": version["number"],
+            "from": parent,
+            **_build_doubt(state),
+        },
     }
 
 
-def _doubt(state: ThreadState) -> dict[str, Any]:
+def _build_doubt(state: ThreadState) -> dict[str, Any]:
     """What doubtful words were taken to mean, and what else they may."""
     pending = state.get("pending")
     return {} if pending is None else {"taken": pending["ask"]["question"]}
 
 
-def _provenance(scene: Scene, edits: tuple[Edit, ...], models: Mapping[str, Any]) -> dict[str, Any]:
-    told = [each.model_dump(mode="json", by_alias=True) for each in edits]
+def _build_provenance(
+    scene: Scene, edits: tuple[Edit, ...], models: Mapping[str, Any]
+) -> dict[str, Any]:
+    dumped = [each.model_dump(mode="json", by_alias=True) for each in edits]
     paid = {**models, **scene.provenance.get("models", {})}
-    return {**scene.provenance, "edits": told, **({"models": paid} if paid else {})}
+    return {**scene.provenance, "edits": dumped, **({"models": paid} if paid else {})}
 
 
-def _refusal(
+def _build_refusal(
     state: ThreadState, error: InputError | Unsatisfiable | Rejected | BackendFault
 ) -> ThreadState:
     """The refusal, in reply and for `why`; the current version stays."""
@@ -646,18 +669,18 @@ def _refusal(
     if isinstance(error, BackendFault):
         code = "backend_failed"
     reason = error.rejection.detail if isinstance(error, Rejected) else str(error)
-    refused: Refused = {
+    refused: RefusedTurn = {
         "words": state["words"],
         "code": code,
         "reason": reason,
         "rejections": [each.model_dump(mode="json") for each in rejections],
     }
     paid = {**state.get("models", {}), **error.models}
-    reply = {"kind": "refused", "code": code, "reason": reason, **_paid(paid)}
+    reply = {"kind": "refused", "code": code, "reason": reason, **_build_costs(paid)}
     return {"refused": refused, "reply": reply}
 
 
-def _paid(models: Mapping[str, Any]) -> dict[str, Any]:
+def _build_costs(models: Mapping[str, Any]) -> dict[str, Any]:
     """What models were asked for a turn that made nothing; nothing where none was."""
     return {"models": dict(models)} if models else {}
 
@@ -666,69 +689,67 @@ def answer(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadSta
     """Everything that makes no new version."""
     match state["act"]:
         case "undo":
-            return _undone(state)
+            return _undo(state)
         case "redo":
-            return _redone(state)
+            return _redo(state)
         case "branch":
-            return _branched(state, state.get("argument", ""))
+            return _branch(state, state.get("argument", ""))
     plain = state["reading"] or {}
     if plain.get("reading") == "turn":
         turn = TurnKind.model_validate({k: v for k, v in plain.items() if k != "reading"})
-        return _steered(state, turn, runtime.context)
+        return _handle_command(state, turn, runtime.context)
     reading = _READING.validate_python(plain)
     match reading:
         case Clarification():
             choices = [each.answer for each in reading.choices]
             return {"reply": {"kind": "asked", "question": reading.question, "choices": choices}}
         case DeclinedTurn():
-            refused: Refused = {
+            refused: RefusedTurn = {
                 "words": state["words"],
                 "code": reading.code,
                 "reason": reading.reason,
                 "rejections": [],
             }
             reply = {"kind": "refused", "code": reading.code, "reason": reading.reason}
-            reply |= _paid(state.get("models", {}))
+            reply |= _build_costs(state.get("models", {}))
             return {"refused": refused, "reply": reply}
     return {"reply": {"kind": "nothing", "reason": "there is nothing to change yet"}}
 
 
-def _steered(state: ThreadState, turn: TurnKind, context: SessionContext) -> ThreadState:
+def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext) -> ThreadState:
     """Steps between versions, answers, and what the front end does itself."""
     match turn.kind:
         case "undo":
-            return _undone(state, turn.count)
+            return _undo(state, turn.count)
         case "redo":
-            return _redone(state)
+            return _redo(state)
         case "version":
-            return _moved_to(state, turn.number)
+            return _move_to(state, turn.number)
         case "restart":
-            return _restarted(state)
+            return _restart(state)
         case "question":
-            return {"reply": _answered_question(state, turn, context)}
+            return {"reply": _answer_question(state, turn, context)}
         case "talk":
             return {"reply": {"kind": "nothing", "reason": _SAY_MORE}}
     return {"reply": {"kind": "wish", "wish": turn.kind}}
 
 
-def _answered_question(
-    state: ThreadState, turn: TurnKind, context: SessionContext
-) -> dict[str, Any]:
-    version, words = _found(state, None), turn.words
+def _answer_question(state: ThreadState, turn: TurnKind, context: SessionContext) -> dict[str, Any]:
+    version, words = _find_version(state, None), turn.words
     if turn.topic in ("q_define", "q_limit") and version is None:
         return {"kind": "answer", "lines": define_terms()}
     if version is None:
         return {"kind": "nothing", "reason": _NOTHING_YET}
     if turn.topic in ("q_changed", "q_version") or _ABOUT_VERSION.search(words.lower()):
-        return {"kind": "answer", "lines": _tell_version(state, version, words, context)}
-    record = SceneRecord.model_validate_json(context.threads.kept(version["scene"]))
-    proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
+        return {"kind": "answer", "lines": _describe_version(state, version, words, context)}
+    record = SceneRecord.model_validate_json(context.threads.get_bytes(version["scene"]))
+    proof = Proof.model_validate_json(context.threads.get_bytes(version["proof"]))
     place = load_map(record.meta.intersection)
     lines = answer_question(words, record, proof, place, topic=turn.topic)
     return {"kind": "answer", "lines": lines}
 
 
-def _tell_version(
+def _describe_version(
     state: ThreadState, version: Version, words: str, context: SessionContext
 ) -> list[str]:
     """Which version this is, and how it differs from the one that it is compared with."""
@@ -744,23 +765,26 @@ def _tell_version(
         return lines
     pair = [
         (
-            SceneRecord.model_validate_json(context.threads.kept(each["scene"])),
-            Proof.model_validate_json(context.threads.kept(each["proof"])),
+            SceneRecord.model_validate_json(context.threads.get_bytes(each["scene"])),
+            Proof.model_validate_json(context.threads.get_bytes(each["proof"])),
         )
         for each in (other, version)
     ]
-    found = compared(*pair[0], *pair[1])
+    found = compare_versions(*pair[0], *pair[1])
     lines += [
         f"{what}: {before} in version {other['number']}, now {now}"
         for what, before, now in found["differences"]
     ]
     names = found["changed"] + found["only_first"] + found["only_second"]
-    return [*lines, f"Other than in version {other['number']}: {', '.join(names[:12]) or 'nobody'}"]
+    return [
+        *lines,
+        f"Other than in version {other['number']}: {', '.join(names[:12]) or 'no agent'}",
+    ]
 
 
-def _moved_to(state: ThreadState, number: int | None) -> ThreadState:
+def _move_to(state: ThreadState, number: int | None) -> ThreadState:
     try:
-        version = _found(state, number)
+        version = _find_version(state, number)
     except InputError as error:
         return {"reply": {"kind": "nothing", "reason": str(error)}}
     if version is None:
@@ -769,7 +793,7 @@ def _moved_to(state: ThreadState, number: int | None) -> ThreadState:
     return {"current": version["number"], "ahead": [], "pending": None, "reply": moved}
 
 
-def _restarted(state: ThreadState) -> ThreadState:
+def _restart(state: ThreadState) -> ThreadState:
     """No version is current any more, so that the next words are a scene of their own."""
     current = state.get("current")
     ahead = [] if current is None else [current]
@@ -782,19 +806,19 @@ def _restarted(state: ThreadState) -> ThreadState:
     }
 
 
-def _undone(state: ThreadState, count: int = 1) -> ThreadState:
+def _undo(state: ThreadState, count: int = 1) -> ThreadState:
     """As many steps back as asked for, or as there are."""
     out: ThreadState = {}
     for _ in range(count):
-        step = _undone_once(cast(ThreadState, {**state, **out}))
+        step = _undo_once(cast(ThreadState, {**state, **out}))
         if "current" not in step and out:
             return out
         out = step
     return out
 
 
-def _undone_once(state: ThreadState) -> ThreadState:
-    version = _found(state, None)
+def _undo_once(state: ThreadState) -> ThreadState:
+    version = _find_version(state, None)
     parent = None if version is None else version["parent"]
     if version is None or parent is None:
         return {"reply": {"kind": "nothing", "reason": "there is nothing to undo"}}
@@ -807,7 +831,7 @@ def _undone_once(state: ThreadState) -> ThreadState:
     }
 
 
-def _redone(state: ThreadState) -> ThreadState:
+def _redo(state: ThreadState) -> ThreadState:
     ahead = list(state.get("ahead", []))
     if not ahead:
         return {"reply": {"kind": "nothing", "reason": "there is nothing to redo"}}
@@ -820,8 +844,8 @@ def _redone(state: ThreadState) -> ThreadState:
     }
 
 
-def _branched(state: ThreadState, name: str) -> ThreadState:
-    branches = branches_of(state)
+def _branch(state: ThreadState, name: str) -> ThreadState:
+    branches = list_branches(state)
     current = state.get("current")
     if not name.isidentifier() and not name.replace("-", "_").isidentifier():
         reason = f"{name!r} is no name for a branch; use letters, digits, - and _"

@@ -15,8 +15,8 @@ class Version(TypedDict):
         words: what was said; text: everything said up to it, for the scene's prompt.
         edits: what the words amounted to; graph: its social graph.
         scene, proof, provenance, earlier: fingerprints of what is kept.
-        moved, gone, come: others who are not as they were; longer: by so much [s].
-        by_hand: whose stop or time is as told; let_go: whose is no longer.
+        moved, gone, come: other agents that changed; longer: by so much [s].
+        by_hand: agents whose stop or time is as given; let_go: those whose is no longer.
     """
 
     number: int
@@ -38,7 +38,7 @@ class Version(TypedDict):
     let_go: list[str]
 
 
-class Pending(TypedDict):
+class PendingChoice(TypedDict):
     """A question that was asked back, and the words that it is about."""
 
     words: str
@@ -46,7 +46,7 @@ class Pending(TypedDict):
     chosen: dict[str, str]
 
 
-class Refused(TypedDict):
+class RefusedTurn(TypedDict):
     """Why a turn came to nothing."""
 
     words: str
@@ -55,7 +55,7 @@ class Refused(TypedDict):
     rejections: list[dict[str, Any]]
 
 
-class Heading(TypedDict):
+class ThreadSetting(TypedDict):
     """What all turns of a thread share."""
 
     intersection: str
@@ -79,7 +79,7 @@ class ThreadState(TypedDict, total=False):
     act: Act
     words: str
     argument: str
-    heading: Heading
+    heading: ThreadSetting
     reading: dict[str, Any] | None
     models: dict[str, Any]
     versions: list[Version]
@@ -87,7 +87,7 @@ class ThreadState(TypedDict, total=False):
     ahead: list[int]
     branches: dict[str, int]
     branch: str
-    pending: Pending | None
+    pending: PendingChoice | None
     before: str
-    refused: Refused | None
+    refused: RefusedTurn | None
     reply: dict[str, Any]

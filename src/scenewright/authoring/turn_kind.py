@@ -159,8 +159,8 @@ def classify_turn(words: str) -> TurnKind:
 
 def _describe(kind: Kind, words: str, found: re.Match[str]) -> TurnKind:
     groups = found.groupdict()
-    told = groups.get("nth") or groups.get("count")
-    number = None if told is None else int(_NUMBERS.get(told, told))
+    digits = groups.get("nth") or groups.get("count")
+    number = None if digits is None else int(_NUMBERS.get(digits, digits))
     if kind == "version":
         return TurnKind(kind=kind, words=words, number=number)
     return TurnKind(kind=kind, words=words, count=number or 1)

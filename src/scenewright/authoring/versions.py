@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from scenewright.authoring.apply_edits import Revision, revised
-from scenewright.authoring.attempts import attempts
+from scenewright.authoring.apply_edits import Revision, build_revision
+from scenewright.authoring.attempts import generate_attempts
 from scenewright.backends import Backend
 from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import ProgressCallback, Scene, synthesize
@@ -21,7 +21,7 @@ from scenewright.time_limit import DEFAULT_LIMIT
 
 _PINNED = Budgets(planner=0, filter=1, reasoner=1, generator=1)
 _MOST_TRIES = 10
-"""Attempts with pins before everybody is drawn anew."""
+"""Attempts with frozen agents before all agents are drawn anew."""
 
 _UNPINNED = Budgets(generator=5)
 """How long one attempt with pins is tried before more may move."""
@@ -32,7 +32,7 @@ class Setting:
     """What all versions of a thread share.
 
     Attributes:
-        intersection: name of a bundle; backend: who plans and reasons.
+        intersection: name of a bundle; backend: name of the planner and reasoner.
         seed: of everything drawn; refiner, recall: as in `synthesize`.
         time_limit: longest that a turn may compute [s].
     """
@@ -46,14 +46,14 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class EditResult:
     """A verified version.
 
     Attributes:
         graph: what it shows; earlier: what later versions may be built on.
-        moved: agents that are not as they were though nobody spoke of them; gone, come likewise.
+        moved: agents that changed though the edit does not name them; gone, come likewise.
         longer: how much longer the scene lasts than before [s].
-        by_hand: whose stop or time was told and is as told; let_go: whose is no longer.
+        by_hand: agents whose stop or time is as given; let_go: those whose is no longer.
     """
 
     scene: Scene
@@ -68,7 +68,7 @@ class Made:
     let_go: tuple[str, ...] = ()
 
 
-def begin(text: str, setting: Setting, *, log: ProgressCallback | None = None) -> Made:
+def begin(text: str, setting: Setting, *, log: ProgressCallback | None = None) -> EditResult:
     """The first version, from an instruction (see `synthesize` for what it raises)."""
     scene = synthesize(
         text,
@@ -80,7 +80,7 @@ def begin(text: str, setting: Setting, *, log: ProgressCallback | None = None) -
         time_limit=setting.time_limit,
         log=log,
     )
-    return Made(scene, scene.state["social_graph"], earlier_of(scene))
+    return EditResult(scene, scene.state["social_graph"], build_previous_version(scene))
 
 
 def change(
@@ -94,30 +94,30 @@ def change(
     pace: Mapping[str, float],
     by_hand: Sequence[str] = (),
     log: ProgressCallback | None = None,
-) -> Made:
+) -> EditResult:
     """The next version: as little else as possible is other than before.
 
     Args:
         text: everything said so far, for the scene's prompt.
         before: the social graph so far; record: the scene so far.
-        pace, by_hand: what was told of paces, and of whose stops and times.
+        pace, by_hand: paces as given, and agents whose stops and times were given.
 
     Raises:
         Rejected: the edits contradict the scene or the map.
-        Unsatisfiable: no verified scene was found, whoever was let go.
+        Unsatisfiable: no verified scene was found with any set of freed agents.
         BackendFault: the backend failed for good.
     """
-    revision = revised(
+    revision = build_revision(
         earlier, before, edits, intersection_map=load_map(setting.intersection), pace=pace
     )
     trial = _Trial(text, setting, revision, log)
     refused = Unsatisfiable("there is nothing to try")
-    for pins in attempts(revision):
-        if trial.idle(pins, refused):
+    for pins in generate_attempts(revision):
+        if trial.is_idle(pins, refused):
             continue
-        found = trial.around(pins)
+        found = trial.solve_revision(pins)
         if isinstance(found, Scene):
-            return _compared(found, revision, record, by_hand)
+            return _build_result(found, revision, record, by_hand)
         refused = found
     raise refused
 
@@ -132,30 +132,30 @@ class _Trial:
         self._log = log or (lambda _stage, _line: None)
         self._tries = 0
 
-    def idle(self, pins: FrozenAgents, refused: Unsatisfiable) -> bool:
+    def is_idle(self, pins: FrozenAgents, refused: Unsatisfiable) -> bool:
         """Whether these pins need not be tried after that refusal."""
         if pins.known:
             return self._tries >= _MOST_TRIES
         return pins.background != self._revision.background and "no room" not in str(refused)
 
-    def around(self, firm: FrozenAgents) -> Scene | Unsatisfiable:
+    def solve_revision(self, firm: FrozenAgents) -> Scene | Unsatisfiable:
         """A verified scene; else why there is none, also without those that were in the way."""
         pins: FrozenAgents | None = firm
-        refused = Unsatisfiable("nobody can stop there and do the same")
+        refused = Unsatisfiable("no agent can stop there and do the same")
         while pins is not None:
             self._tries += 1
-            everybody = len(pins.earlier.agents)
-            self._log("session", f"trying with {len(pins.same)} of {everybody} agents as they are")
+            count = len(pins.earlier.agents)
+            self._log("session", f"trying with {len(pins.same)} of {count} agents as they are")
             try:
-                scene = _solved(self._text, self._setting, self._revision, pins, self._log)
+                scene = _solve(self._text, self._setting, self._revision, pins, self._log)
             except Unsatisfiable as error:
-                refused, pins = error, _loosened(pins, self._revision, error)
+                refused, pins = error, _loosen(pins, self._revision, error)
             else:
-                return scene if _as_told(scene, self._revision) else refused
+                return scene if _has_given_stops(scene, self._revision) else refused
         return refused
 
 
-def _solved(
+def _solve(
     text: str,
     setting: Setting,
     revision: Revision,
@@ -177,8 +177,8 @@ def _solved(
     )
 
 
-def _as_told(scene: Scene, revision: Revision) -> bool:
-    """Whether those whose stop was moved by hand stand where they were told to."""
+def _has_given_stops(scene: Scene, revision: Revision) -> bool:
+    """Whether the agents whose stop was moved by hand stand at the given place."""
     chosen = scene.state["selection"].agents
     return all(
         name in chosen
@@ -189,17 +189,15 @@ def _as_told(scene: Scene, revision: Revision) -> bool:
     )
 
 
-def _loosened(
-    pins: FrozenAgents, revision: Revision, refused: Unsatisfiable
-) -> FrozenAgents | None:
-    """The pins without those of the background that were in the way; None if nobody was."""
+def _loosen(pins: FrozenAgents, revision: Revision, refused: Unsatisfiable) -> FrozenAgents | None:
+    """The frozen agents without the background agents in the way; None if no agent was."""
     foreground = {each.id for each in revision.graph.agents}
     blamed = {name for each in refused.rejections for name in each.agents} - foreground
     blamed &= pins.fixed.keys()
     return pins.release(blamed) if blamed else None
 
 
-def earlier_of(scene: Scene) -> PreviousVersion:
+def build_previous_version(scene: Scene) -> PreviousVersion:
     """What a later version needs of this one."""
     state = scene.state
     selection, behavior, tracks = state["selection"], state["behavior"], state["refined"]
@@ -222,24 +220,24 @@ def earlier_of(scene: Scene) -> PreviousVersion:
     )
 
 
-def _compared(
+def _build_result(
     scene: Scene, revision: Revision, before: SceneRecord, by_hand: Sequence[str]
-) -> Made:
-    """The version, and who is other than before."""
+) -> EditResult:
+    """The version, and the agents that differ from before."""
     old = {each.name: each for each in before.agents}
     new = {each.name: each for each in scene.record.agents}
     unlike = [name for name, each in new.items() if name in old and old[name] != each]
     let_go = [n for n in by_hand if n in unlike and n not in revision.by_hand]
-    told = {n for n in (*by_hand, *revision.by_hand) if n in new and n not in let_go}
-    return Made(
+    as_given = {n for n in (*by_hand, *revision.by_hand) if n in new and n not in let_go}
+    return EditResult(
         scene=scene,
         graph=revision.graph,
-        earlier=earlier_of(scene),
+        earlier=build_previous_version(scene),
         pace=revision.pace,
         moved=tuple(name for name in unlike if name not in revision.named),
         gone=tuple(n for n in old if n not in new and n not in revision.named),
         come=tuple(name for name in new if name not in old),
         longer=scene.record.meta.duration - before.meta.duration,
-        by_hand=tuple(sorted(told)),
+        by_hand=tuple(sorted(as_given)),
         let_go=tuple(let_go),
     )

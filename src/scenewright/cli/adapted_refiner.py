@@ -15,7 +15,7 @@ from scenewright.tools.track_io.track_files import FileTracks
 GOES_ON = {"epochs": 6, "rate": 3e-4}
 """How a network that has been trained elsewhere goes on: briefly, in small steps."""
 _TAUGHT = 0.6
-"""Share of a file's time that is learned from; those who come later are held out."""
+"""Share of a file's time that is learned from; agents that come later are held out."""
 _FEWEST = 20
 """Held-out samples of a class below which it decides nothing."""
 
@@ -27,7 +27,7 @@ def adapt_refiner(
 ) -> tuple[dict[str, bytes], str]:
     """Weights and card of a refiner adapted to recorded tracks, and a note of what it is worth.
 
-    There are no files, and the note says so, where who was held out is not predicted better than
+    There are no files, and the note says so, where held-out agents are not predicted better than
     by the weights that serve without: jittering tracks teach jitter.
     """
     from scenewright.tools.trajnet_refiner.bundle_training import (
@@ -39,7 +39,7 @@ def adapt_refiner(
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
-    recordings = [each for file in files for each in _recordings(name, file)]
+    recordings = [each for file in files for each in _split_recordings(name, file)]
     serving = find_refiner(name)
     if serving is None or {each.split for each in recordings} != {"fit", "test"}:
         return {}, "the refiner is not adapted: too few tracks, or no weights to go on from"
@@ -53,12 +53,12 @@ def adapt_refiner(
             stride=OVERLAP,
         )  # fmt: skip
         made = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
-    told, better = compare_errors(before, about["figures"])
-    return (made, f"the refiner is adapted: {told}") if better else ({}, f"not adapted: {told}")
+    note, better = compare_errors(before, about["figures"])
+    return (made, f"the refiner is adapted: {note}") if better else ({}, f"not adapted: {note}")
 
 
-def _recordings(name: str, file: FileTracks) -> Iterator[Recording]:
-    """Who came early in a file, to fit, and who came late, to test."""
+def _split_recordings(name: str, file: FileTracks) -> Iterator[Recording]:
+    """The early agents of a file, to fit, and the late ones, to test."""
     tracks = [(kind, track) for kind, track in file.tracks if kind != "bicycle"]
     begin = min((track.start for _, track in tracks), default=0.0)
     until = begin + _TAUGHT * (max((track.end for _, track in tracks), default=0.0) - begin)
@@ -66,12 +66,12 @@ def _recordings(name: str, file: FileTracks) -> Iterator[Recording]:
     for split, early in splits:
         own = [each for each in tracks if (each[1].start < until) == early]
         if own:
-            agents = tuple(sorted(map(_agent, own), key=lambda agent: agent.track.start))
+            agents = tuple(sorted(map(_build_agent, own), key=lambda agent: agent.track.start))
             end = max(agent.track.end for agent in agents)
             yield Recording(f"{name} {file.name}", agents[0].track.start, end, agents, split)
 
 
-def _agent(seen: tuple[str, Track]) -> RecordedAgent:
+def _build_agent(seen: tuple[str, Track]) -> RecordedAgent:
     kind, track = seen
     shape = PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind)
     return RecordedAgent(track, shape, complete=False)
@@ -80,12 +80,12 @@ def _agent(seen: tuple[str, Track]) -> RecordedAgent:
 def compare_errors(before: Figures, after: Figures) -> tuple[str, bool]:
     """Errors 4.8 s ahead with waypoints, in words, and whether no class is worse for it."""
     kinds = [kind for kind in ("vehicle", "pedestrian") if after[f"{kind}_n"] >= _FEWEST]
-    told = [
+    notes = [
         f"{kind}s held out are off by {after[f'{kind}_ade_waypoints']:.3f} m, by the shipped "
         f"weights {before[f'{kind}_ade_waypoints']:.3f} m (n = {after[f'{kind}_n']:.0f})"
         for kind in kinds
     ]
     worse = [k for k in kinds if after[f"{k}_ade_waypoints"] > before[f"{k}_ade_waypoints"]]
-    return "; ".join(told) or f"fewer than {_FEWEST} moments of anybody held out", bool(
+    return "; ".join(notes) or f"fewer than {_FEWEST} moments of held-out agents", bool(
         kinds
     ) and not worse

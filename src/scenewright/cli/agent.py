@@ -17,14 +17,20 @@ from scenewright.cli.batch import (
     Refiner,
     RowTimeout,
     Workers,
-    asking_of,
-    batch_progress,
-    cores,
-    folder_of_option,
-    options_of,
-    seconds_of,
+    build_asking,
+    build_options,
+    check_row_timeout,
+    count_cores,
+    parse_folder,
+    show_batch_progress,
 )
-from scenewright.cli.console import one_line, progress, put, put_json, say
+from scenewright.cli.console import (
+    format_one_line,
+    log_line,
+    show_progress,
+    write_json,
+    write_stdout,
+)
 from scenewright.cli.dataset import dataset
 from scenewright.cli.tables import write_tables
 from scenewright.errors import BackendFault, Unsatisfiable
@@ -35,12 +41,12 @@ if TYPE_CHECKING:
 
 OrderSeed = Annotated[int, typer.Option(min=0, help="The same seed, the same dataset.")]
 WriterName = Annotated[
-    str, typer.Option(help="Who words the instructions: builtin, or a backend with a model.")
+    str, typer.Option(help="Writer of the instructions: builtin, or a backend with a model.")
 ]
 _SHOWN = 8
 
 
-def agent(
+def run_agent(
     order: Annotated[str, typer.Argument(help="How many scenes of which kinds.")],
     out: Out,
     writer: WriterName = "builtin",
@@ -78,15 +84,15 @@ def agent(
     wish = read_order(order)
     if dry_run:
         if as_json:
-            put_json({"ok": True, "dry_run": True, "understood": wish.lines()})
+            write_json({"ok": True, "dry_run": True, "understood": wish.lines()})
         else:
-            put("".join(f"{line}\n" for line in wish.lines()))
+            write_stdout("".join(f"{line}\n" for line in wish.lines()))
         return
     wanted = Order(
         text=order,
         wish=wish,
-        out=folder_of_option(out),
-        options=options_of(
+        out=parse_folder(out),
+        options=build_options(
             intersection=intersection,
             backend=backend,
             refiner=refiner,
@@ -96,20 +102,20 @@ def agent(
         ),
         writer=writer,
         budget=budget,
-        workers=cores() if workers is None else workers,
+        workers=count_cores() if workers is None else workers,
         engine=engine,
-        row_timeout=seconds_of(row_timeout),
-        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
+        row_timeout=check_row_timeout(row_timeout),
+        asking=build_asking(record=record, timeout=timeout, at_once=at_once),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
 
 
 @dataset.command("paper")
-def paper(
+def make_paper_dataset(
     out: Out,
     backend: Annotated[
         list[str] | None,
-        typer.Option(help="Who plans and reasons; may be given again. builtin if not said."),
+        typer.Option(help="Planner and reasoner; may be given again. builtin if not given."),
     ] = None,
     writer: WriterName = "builtin",
     base_url: BaseUrl = None,
@@ -137,14 +143,14 @@ def paper(
     foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
     goes on. With --tables the paper's tables are measured on it in the same run.
     """
-    from scenewright.dataset.orders.run import Order, paper_wish
+    from scenewright.dataset.orders.run import Order, build_paper_order
 
     backends = list(dict.fromkeys(backend or ["builtin"]))
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
-        wish=paper_wish(backends, scale=scale),
-        out=folder_of_option(out),
-        options=options_of(
+        wish=build_paper_order(backends, scale=scale),
+        out=parse_folder(out),
+        options=build_options(
             intersection=intersection,
             backend=backends[:1],
             refiner=refiner,
@@ -152,19 +158,19 @@ def paper(
             base_url=base_url,
         ),
         writer=writer,
-        workers=cores() if workers is None else workers,
+        workers=count_cores() if workers is None else workers,
         engine=engine,
         title="The paper's composition",
-        row_timeout=seconds_of(row_timeout),
-        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
+        row_timeout=check_row_timeout(row_timeout),
+        asking=build_asking(record=record, timeout=timeout, at_once=at_once),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
     if tables:
-        with progress(quiet=quiet) as log:
+        with show_progress(quiet=quiet) as log:
             page, _, target = write_tables(wanted.out, log=lambda line: log("measuring", line))
         if not as_json:
-            put(page)
-        say(f"written: {target}/tables.md, tables.json")
+            write_stdout(page)
+        log_line(f"written: {target}/tables.md, tables.json")
 
 
 def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None:
@@ -178,11 +184,11 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
 
     if not quiet:
         for line in order.wish.lines():
-            say(f"understood: {one_line(line)}")
-    with batch_progress(quiet=quiet, out=out) as log:
+            log_line(f"understood: {format_one_line(line)}")
+    with show_batch_progress(quiet=quiet, out=out) as log:
         report = fill(order, log=log)
     if not quiet:
-        _tell_report(report, writer=order.writer)
+        _log_report(report, writer=order.writer)
     if report["waiting"]:
         raise BackendFault(
             f"the backend failed for {report['waiting']} of {order.wish.count} scenes; table "
@@ -196,28 +202,28 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
             f"{report['instructions']} instructions; {out} holds the others, report.json says why"
         )
     if as_json:
-        put_json({"ok": True, "out": out, **report})
+        write_json({"ok": True, "out": out, **report})
     else:
-        put(f"{out}\n")
+        write_stdout(f"{out}\n")
 
 
-def _tell_report(report: dict[str, Any], *, writer: str) -> None:
+def _log_report(report: dict[str, Any], *, writer: str) -> None:
     if writer != "builtin" and report["by the builtin writer"]:
-        say(
+        log_line(
             f"{report['by the builtin writer']} of {report['instructions']} instructions are the "
-            "builtin writer's: the model told other stories"
+            "builtin writer's: the model described other stories"
         )
     for quota in report["quotas"]:
-        who = f" by {quota['backend']}" if quota["backend"] else ""
-        say(
-            f"{quota['name']}{who}: {quota['filled']} of {quota['wanted']} in "
-            f"{quota['attempts']} attempts, {_coverage(quota['patterns'])}"
+        planner = f" by {quota['backend']}" if quota["backend"] else ""
+        log_line(
+            f"{quota['name']}{planner}: {quota['filled']} of {quota['wanted']} in "
+            f"{quota['attempts']} attempts, {_format_coverage(quota['patterns'])}"
         )
         for reason, count in list(quota["refused"].items())[:_SHOWN]:
-            say(one_line(f"  refused {count}x {reason}"))
+            log_line(format_one_line(f"  refused {count}x {reason}"))
 
 
-def _coverage(patterns: dict[str, int]) -> str:
+def _format_coverage(patterns: dict[str, int]) -> str:
     if not patterns:
         return "no pattern"
     counts = list(patterns.values())

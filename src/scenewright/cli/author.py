@@ -8,12 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenewright.cli.backend_options import BaseUrl, Timeout
-from scenewright.cli.console import one_line, progress, put, put_json, say
+from scenewright.cli.console import (
+    format_one_line,
+    log_line,
+    show_progress,
+    write_json,
+    write_stdout,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scenewright.authoring.agent import Authored
+    from scenewright.authoring.agent import AgentResult
 
 _SECONDS, _MOST_TOKENS = 120.0, 4096
 
@@ -23,7 +29,8 @@ def author(
     model: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Who calls the tools, such as openai:MODEL; else a fixed router."
+            metavar="NAME",
+            help="Model that calls the tools, such as openai:MODEL; else a fixed router.",
         ),
     ] = None,
     base_url: BaseUrl = None,
@@ -37,13 +44,13 @@ def author(
 ) -> None:
     """Have an agent make a scene by calling the stages as tools: a model, or a fixed router."""
     from scenewright.authoring.agent import author as authored
-    from scenewright.cli.make import SCENES, folder_name, read_instruction
+    from scenewright.cli.make import SCENES, choose_folder_name, read_instruction
     from scenewright.cli.output_folder import target_folder
 
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=False)
-    speaker, hide = _model(model, base_url, timeout)
-    with progress(quiet=quiet) as log:
+    speaker, hide = _load_model(model, base_url, timeout)
+    with show_progress(quiet=quiet) as log:
         made = authored(
             instruction,
             model=speaker,
@@ -54,20 +61,20 @@ def author(
             hide=hide,
         )
     if target is None:
-        name = folder_name(made.record.meta.scene_id)
+        name = choose_folder_name(made.record.meta.scene_id)
         target = target_folder(str(Path(SCENES) / name), force=False)
     files = _write(made, target, seed=seed, model=model)
     if not quiet:
         for name, fine in made.calls:
-            say(f"  {one_line(name, limit=40)}{'' if fine else ': refused'}")
+            log_line(f"  {format_one_line(name, limit=40)}{'' if fine else ': refused'}")
     if as_json:
         calls = [{"tool": name, "ok": fine} for name, fine in made.calls]
-        put_json({"ok": True, "folder": str(target), "files": files, "calls": calls})
+        write_json({"ok": True, "folder": str(target), "files": files, "calls": calls})
     else:
-        put(f"{target}\n")
+        write_stdout(f"{target}\n")
 
 
-def _model(
+def _load_model(
     name: str | None, base_url: str | None, timeout: float | None
 ) -> tuple[Any, Callable[[str], str]]:
     """The chat model, and what hides its key in whatever is said of it."""
@@ -82,14 +89,14 @@ def _model(
     return endpoint.model, lambda text: hide_key(text, endpoint.key)
 
 
-def _write(made: Authored, target: Path, *, seed: int, model: str | None) -> list[str]:
-    from scenewright.authoring.agent import provenance_bytes
+def _write(made: AgentResult, target: Path, *, seed: int, model: str | None) -> list[str]:
+    from scenewright.authoring.agent import format_provenance
     from scenewright.cli.output_folder import whole_folder
     from scenewright.files import write_atomically
     from scenewright.graph.run import encode_proof, encode_scene
 
     with whole_folder(target) as part:
-        write_atomically(part / "provenance.json", provenance_bytes(made, seed=seed, model=model))
+        write_atomically(part / "provenance.json", format_provenance(made, seed=seed, model=model))
         write_atomically(part / "proof.json", encode_proof(made.proof))
         write_atomically(part / "scene.json", encode_scene(made.record))
         return sorted(entry.name for entry in part.iterdir())

@@ -1,4 +1,4 @@
-"""Who plans and reasons, as the command line names it."""
+"""The planner and reasoner, as the command line names it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BackendNames = Annotated[
     typer.Option(
         "--backend",
         metavar="NAME",
-        help="Who plans and reasons: builtin (the default), anthropic:MODEL, openai:MODEL or "
+        help="Planner and reasoner: builtin (the default), anthropic:MODEL, openai:MODEL or "
         "recorded:FILE; or STAGE=NAME, repeated, with planner, filter or reasoner.",
     ),
 ]
@@ -54,7 +54,7 @@ TimeLimit = Annotated[
 ]
 
 
-def backend_of(
+def load_named_backend(
     names: list[str] | None,
     *,
     base_url: str | None = None,

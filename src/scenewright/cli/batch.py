@@ -20,7 +20,7 @@ from scenewright.cli.backend_options import (
     TimeLimit,
     Timeout,
 )
-from scenewright.cli.console import is_terminal, one_line, put, put_json, say
+from scenewright.cli.console import format_one_line, is_terminal, log_line, write_json, write_stdout
 from scenewright.cli.interruption import keep
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
@@ -64,7 +64,7 @@ Seed = Annotated[int, typer.Option(help="Rows without a seed get one from this a
 Place = Annotated[str, typer.Option(help="Where it happens.")]
 
 
-def batch(
+def make_batch(
     rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows with `id` and `text`.")],
     out: Out,
     workers: Workers = None,
@@ -109,12 +109,12 @@ def batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
-    from scenewright.dataset.batch.run import Request, run_batch, shard_of
+    from scenewright.dataset.batch.run import Request, parse_shard, run_batch
 
     request = Request(
         source=Path(rows),
-        out=folder_of_option(out),
-        options=options_of(
+        out=parse_folder(out),
+        options=build_options(
             intersection=intersection,
             backend=backend,
             refiner=refiner,
@@ -125,28 +125,28 @@ def batch(
             max_agents=max_agents,
             time_limit=time_limit,
         ),
-        workers=workers or cores(),
+        workers=workers or count_cores(),
         engine=engine,
         limit=limit,
-        shard=shard_of(shard),
-        row_timeout=seconds_of(row_timeout),
-        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
+        shard=parse_shard(shard),
+        row_timeout=check_row_timeout(row_timeout),
+        asking=build_asking(record=record, timeout=timeout, at_once=at_once),
     )
     if workers is not None and workers < 1:
         raise InputError(f"--workers is a number from 1, got {workers}")
     _check_formats(exports or ())
     if dry_run:
-        _tell_what_is_to_do(request, as_json=as_json)
+        _print_plan(request, as_json=as_json)
         return
-    with batch_progress(quiet=quiet, out=out) as log:
+    with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
     _export_scenes(request.out, exports if summary.made else None)
     if not quiet:
-        tell_summary(summary)
+        log_summary(summary)
     if as_json:
-        put_json({"ok": True, "out": out, **summary_object(summary)})
+        write_json({"ok": True, "out": out, **build_summary_object(summary)})
     else:
-        put(f"{out}\n")
+        write_stdout(f"{out}\n")
 
 
 def _check_formats(formats: Sequence[str]) -> None:
@@ -166,14 +166,14 @@ def _export_scenes(out: Path, formats: Sequence[str] | None) -> None:
         export(list_scenes(out), name, out / EXPORTS / name)
 
 
-def cores() -> int:
+def count_cores() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return max(len(os.sched_getaffinity(0)), 1)
     return os.cpu_count() or 1
 
 
-def options_of(
+def build_options(
     *,
     intersection: str,
     backend: Sequence[str] | None,
@@ -193,7 +193,7 @@ def options_of(
     refiner = choose_refiner(refiner)
     gap = find_refiner_gap(intersection, refiner)
     if gap is not None:
-        say(f"warning: {gap}")
+        log_line(f"warning: {gap}")
     return Options(
         intersection=intersection,
         backend=tuple(backend or BUILTIN),
@@ -207,21 +207,21 @@ def options_of(
     )
 
 
-def seconds_of(row_timeout: float | None) -> float:
+def check_row_timeout(row_timeout: float | None) -> float:
     """Longest that one row may take [s]."""
     from scenewright.dataset.batch.run import ROW_TIMEOUT
 
     return ROW_TIMEOUT if row_timeout is None else row_timeout
 
 
-def asking_of(*, record: str | None, timeout: float | None, at_once: int | None) -> Asking:
+def build_asking(*, record: str | None, timeout: float | None, at_once: int | None) -> Asking:
     """How the options say that questions are put."""
     from scenewright.dataset.batch.answering import Asking
 
     return Asking(None if record is None else Path(record), timeout, at_once)
 
 
-def folder_of_option(out: str) -> Path:
+def parse_folder(out: str) -> Path:
     """The folder that --out names; InputError if it cannot be one."""
     if not out.strip() or "\0" in out:
         raise InputError("--out must name a folder")
@@ -231,19 +231,19 @@ def folder_of_option(out: str) -> Path:
     return target
 
 
-def _tell_what_is_to_do(request: Request, *, as_json: bool) -> None:
-    from scenewright.dataset.batch.run import outlook
+def _print_plan(request: Request, *, as_json: bool) -> None:
+    from scenewright.dataset.batch.run import predict_run
 
-    found = outlook(request, shown=SHOWN)
+    found = predict_run(request, shown=SHOWN)
     if as_json:
-        put_json({"ok": True, "dry_run": True, **found})
+        write_json({"ok": True, "dry_run": True, **found})
         return
     lines = [f"{found['rows']} rows, {found['done']} done, {found['to_do']} to do"]
     lines += [f"{each['id']!r} -> {each['folder']}" for each in found["first"]]
-    put("".join(one_line(line) + "\n" for line in lines))
+    write_stdout("".join(format_one_line(line) + "\n" for line in lines))
 
 
-def summary_object(summary: Summary) -> dict[str, Any]:
+def build_summary_object(summary: Summary) -> dict[str, Any]:
     """What `--json` prints of a run."""
     return {
         "rows": summary.rows,
@@ -256,33 +256,35 @@ def summary_object(summary: Summary) -> dict[str, Any]:
     }
 
 
-def tell_summary(summary: Summary) -> None:
+def log_summary(summary: Summary) -> None:
     """Two lines for people."""
     counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
-    say(f"{summary.rows} rows: {counts or 'none'}")
+    log_line(f"{summary.rows} rows: {counts or 'none'}")
     if summary.codes:
         codes = ", ".join(f"{code} ({count})" for code, count in summary.codes.items())
-        say(f"without a scene: {codes}; table scenes has each row's reason")
+        log_line(f"without a scene: {codes}; table scenes has each row's reason")
     if summary.paid:
-        say(", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items()))
+        log_line(
+            ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items())
+        )
     if summary.counts.get("failed"):
-        say("rows that failed are tried again by the same command")
+        log_line("rows that failed are tried again by the same command")
 
 
 @contextmanager
-def batch_progress(*, quiet: bool, out: str) -> Iterator[ProgressCallback]:
-    """Tells how far a batch is: a bar on a terminal, a line every 5 s elsewhere."""
+def show_batch_progress(*, quiet: bool, out: str) -> Iterator[ProgressCallback]:
+    """Shows the progress of a batch: a bar on a terminal, a line every 5 s elsewhere."""
     keep(f"what is done stays in {out}, and the same command goes on from there")
     if quiet:
         yield lambda _: stop_if_asked()
     elif is_terminal(sys.stderr):
-        with _bar() as log:
+        with _show_bar() as log:
             yield log
     else:
-        yield _Lines()
+        yield _BatchLines()
 
 
-class _Lines:
+class _BatchLines:
     """Says a line now and then, and at the end."""
 
     def __init__(self) -> None:
@@ -293,11 +295,11 @@ class _Lines:
         now = time.monotonic()
         if now - self._last >= EVERY or (progress.done == progress.of and progress.rate):
             self._last = now
-            say(line_of(progress))
+            log_line(format_progress(progress))
 
 
 @contextmanager
-def _bar() -> Iterator[ProgressCallback]:
+def _show_bar() -> Iterator[ProgressCallback]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -307,22 +309,22 @@ def _bar() -> Iterator[ProgressCallback]:
 
         def log(progress: Any) -> None:
             stop_if_asked()
-            words = line_of(progress)
+            words = format_progress(progress)
             bar.update(task, total=progress.of, completed=progress.done, description=words)
 
         yield log
 
 
-def line_of(progress: Progress) -> str:
+def format_progress(progress: Progress) -> str:
     """`120 of 1000 rows (3 refused), 18.2 rows/s, 48 s left`."""
     unmade = [f"{n} {status}" for status, n in progress.counts.items() if status != "made"]
-    told = f" ({', '.join(unmade)})" if unmade else ""
+    counted = f" ({', '.join(unmade)})" if unmade else ""
     rate = f", {progress.rate:.3g} rows/s" if progress.rate else ""
-    left = "" if progress.left is None else f", {duration(progress.left)} left"
-    return f"{progress.done} of {progress.of} rows{told}{rate}{left}"
+    left = "" if progress.left is None else f", {format_duration(progress.left)} left"
+    return f"{progress.done} of {progress.of} rows{counted}{rate}{left}"
 
 
-def duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """`48 s`, `12 min`, `3.5 h`."""
     if seconds < 90:
         return f"{seconds:.0f} s"

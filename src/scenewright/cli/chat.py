@@ -11,16 +11,23 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenewright.cli.console import is_terminal, one_line, progress, put, put_json, say
+from scenewright.cli.console import (
+    format_one_line,
+    is_terminal,
+    log_line,
+    show_progress,
+    write_json,
+    write_stdout,
+)
 from scenewright.cli.interrupts import forget_interrupt, was_terminated
-from scenewright.cli.user_folders import threads_file
+from scenewright.cli.user_folders import find_threads_file
 from scenewright.errors import InputError
 from scenewright.intersections import find_data_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from scenewright.authoring.session import Session, Shown
+    from scenewright.authoring.session import Session, SessionVersion
     from scenewright.backends import Backend
     from scenewright.cli.views import ViewKind
     from scenewright.graph.run import ProgressCallback
@@ -64,7 +71,7 @@ class ChatRequest:
     as_json: bool
 
 
-def chat(request: ChatRequest) -> None:
+def run_chat(request: ChatRequest) -> None:
     """Talks until the input ends.
 
     Raises:
@@ -75,12 +82,12 @@ def chat(request: ChatRequest) -> None:
     from scenewright.graph.run import choose_refiner
     from scenewright.memory.threads import Threads
 
-    threads = Threads(threads_file(request.threads))
+    threads = Threads(find_threads_file(request.threads))
     try:
-        thread = request.thread or _unused_name(list(threads.names()))
+        thread = request.thread or _choose_unused_name(list(threads.list_names()))
         _check_name(thread)
         threads.hold(thread)
-        episodes = _episodes(request)
+        episodes = _open_episodes(request)
         progress_log = _ProgressLog()
         session = Session(
             threads,
@@ -95,31 +102,31 @@ def chat(request: ChatRequest) -> None:
             recall=None if episodes is None else recall_from(episodes),
             time_limit=request.time_limit,
         )
-        talk = _Talk(session, request, progress_log, episodes)
+        talk = _ChatLoop(session, request, progress_log, episodes)
         talk.run()
     finally:
         threads.close()
 
 
-def list_threads(told: str | None) -> list[str]:
+def list_threads(path: str | None) -> list[str]:
     """The names of all threads, last used first."""
     from scenewright.memory.threads import Threads
 
-    threads = Threads(threads_file(told))
+    threads = Threads(find_threads_file(path))
     try:
-        return list(threads.names())
+        return list(threads.list_names())
     finally:
         threads.close()
 
 
-def _episodes(request: ChatRequest) -> Episodes | None:
-    from scenewright.cli.user_folders import memory_file
+def _open_episodes(request: ChatRequest) -> Episodes | None:
+    from scenewright.cli.user_folders import find_memory_file
     from scenewright.memory.episodes import Episodes
 
-    return Episodes(memory_file()) if request.memory else None
+    return Episodes(find_memory_file()) if request.memory else None
 
 
-def _unused_name(names: list[str]) -> str:
+def _choose_unused_name(names: list[str]) -> str:
     number = 1
     while f"thread-{number}" in names:
         number += 1
@@ -129,13 +136,13 @@ def _unused_name(names: list[str]) -> str:
 def _check_name(thread: str) -> None:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
         raise InputError(
-            f"{one_line(thread, limit=80)!r} is no name for a thread; use up to 64 letters, "
+            f"{format_one_line(thread, limit=80)!r} is no name for a thread; use up to 64 letters, "
             "digits, ., - and _"
         )
 
 
 class _ProgressLog:
-    """Hands what a turn says to whoever shows it just now."""
+    """Passes the messages of a turn to the current display."""
 
     def __init__(self) -> None:
         self.to: ProgressCallback = lambda _stage, _line: None
@@ -144,7 +151,7 @@ class _ProgressLog:
         self.to(stage, line)
 
 
-class _Talk:
+class _ChatLoop:
     """Reads lines, lets the session act, says what became of it."""
 
     def __init__(
@@ -157,13 +164,13 @@ class _Talk:
         self._session, self._request, self._progress_log = session, request, progress_log
         self._episodes = episodes
         self._json = request.as_json
-        self._page = None if request.as_json else _page()
+        self._page = None if request.as_json else _make_console()
         self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
             "undo": lambda _: self._session.undo(),
             "redo": lambda _: self._session.redo(),
             "branch": self._branch,
-            "branches": lambda _: self._branches(),
-            "history": lambda _: self._history(),
+            "branches": lambda _: self._list_branches(),
+            "history": lambda _: self._list_history(),
             "show": self._show,
             "compare": self._compare,
             "save": self._save,
@@ -172,14 +179,14 @@ class _Talk:
             "mp4": partial(self._save_view, "mp4"),
             "play": lambda _: self._play(),
             "open": lambda _: self._open(),
-            "why": lambda _: self._why(),
+            "why": lambda _: self._explain(),
             "help": lambda _: {"kind": "help", "text": HELP},
         }
 
     def run(self) -> None:
-        """Until the input ends, or somebody quits."""
+        """Runs until the input ends or the user quits."""
         self._greet()
-        for line in _lines(self._prompt(), quiet=self._json):
+        for line in _lines(self._format_prompt(), quiet=self._json):
             words = line.strip()
             if not words:
                 continue
@@ -187,7 +194,7 @@ class _Talk:
                 return
             self._say_back(words, self._answer(words))
 
-    def _prompt(self) -> str:
+    def _format_prompt(self) -> str:
         return f"{self._session.thread}> "
 
     def _greet(self) -> None:
@@ -196,30 +203,32 @@ class _Talk:
         if self._json:
             return
         if version is None:
-            say(f"thread {self._session.thread}: say what shall happen, or /help")
+            log_line(f"thread {self._session.thread}: say what shall happen, or /help")
         else:
-            say(f"thread {self._session.thread}, at version {version}; /show, /help")
+            log_line(f"thread {self._session.thread}, at version {version}; /show, /help")
         if cut:
-            say(f"the last turn was cut short and left nothing behind: {one_line(cut)!r}")
+            log_line(
+                f"the last turn was cut short and left nothing behind: {format_one_line(cut)!r}"
+            )
 
     def _answer(self, words: str) -> dict[str, Any]:
         try:
             if words.startswith("/"):
-                return self._command(words)
+                return self._run_command(words)
             if len(words) > _LONGEST_WORDS:
                 raise InputError(f"{len(words)} characters are too many for one turn")
             if any("\ud800" <= char <= "\udfff" for char in words):
                 raise InputError("these words are not valid UTF-8 text")
-            reply = self._said(words)
+            reply = self._run_turn(words)
             return self._wish(reply["wish"]) if reply["kind"] == "wish" else reply
         except InputError as error:
             return {"kind": "refused", "code": "unusable_input", "reason": str(error)}
 
-    def _said(self, words: str) -> dict[str, Any]:
+    def _run_turn(self, words: str) -> dict[str, Any]:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""
         quiet = self._json or self._request.quiet or not is_terminal(sys.stderr)
         try:
-            with progress(quiet=quiet) as log:
+            with show_progress(quiet=quiet) as log:
                 self._progress_log.to = log
                 return self._session.say(words)
         except KeyboardInterrupt:
@@ -230,11 +239,13 @@ class _Talk:
         finally:
             self._progress_log.to = lambda _stage, _line: None
 
-    def _command(self, words: str) -> dict[str, Any]:
+    def _run_command(self, words: str) -> dict[str, Any]:
         name, *arguments = words[1:].split()
         act = self._commands.get(name.lower() if name else "")
         if act is None:
-            raise InputError(f"there is no /{one_line(name or '', limit=40)}; /help lists all")
+            raise InputError(
+                f"there is no /{format_one_line(name or '', limit=40)}; /help lists all"
+            )
         return act(arguments)
 
     def _wish(self, wish: str) -> dict[str, Any]:
@@ -243,19 +254,19 @@ class _Talk:
         return self._commands[wish]([])
 
     def _branch(self, arguments: list[str]) -> dict[str, Any]:
-        return self._session.branch(arguments[0]) if arguments else self._branches()
+        return self._session.branch(arguments[0]) if arguments else self._list_branches()
 
-    def _branches(self) -> dict[str, Any]:
-        from scenewright.authoring.session import MAIN, branches_of
+    def _list_branches(self) -> dict[str, Any]:
+        from scenewright.authoring.session import MAIN, list_branches
 
         state = self._session.state
         return {
             "kind": "branches",
-            "branches": branches_of(state),
+            "branches": list_branches(state),
             "branch": state.get("branch", MAIN),
         }
 
-    def _history(self) -> dict[str, Any]:
+    def _list_history(self) -> dict[str, Any]:
         state = self._session.state
         rows = [
             {"version": each["number"], "from": each["parent"], "words": each["words"]}
@@ -264,24 +275,24 @@ class _Talk:
         return {"kind": "history", "versions": rows, "current": state.get("current")}
 
     def _show(self, arguments: list[str]) -> dict[str, Any]:
-        shown = self._needed(arguments[0] if arguments else None)
-        return {"kind": "shown", "version": shown.version["number"], **facts(shown)}
+        shown = self._get_version(arguments[0] if arguments else None)
+        return {"kind": "shown", "version": shown.version["number"], **build_facts(shown)}
 
     def _compare(self, arguments: list[str]) -> dict[str, Any]:
-        from scenewright.authoring.compare import compared
+        from scenewright.authoring.compare import compare_versions
 
         if len(arguments) != 2:
             raise InputError("/compare needs two versions or branches, such as /compare 1 2")
-        first, second = (self._needed(each) for each in arguments)
+        first, second = (self._get_version(each) for each in arguments)
         return {
             "kind": "compared",
             "first": first.version["number"],
             "second": second.version["number"],
-            **compared(first.record, first.proof, second.record, second.proof),
+            **compare_versions(first.record, first.proof, second.record, second.proof),
         }
 
-    def _needed(self, which: str | None) -> Shown:
-        shown = self._session.shown(which)
+    def _get_version(self, which: str | None) -> SessionVersion:
+        shown = self._session.find_version(which)
         if shown is None:
             raise InputError("there is no scene yet; say what shall happen")
         return shown
@@ -289,10 +300,10 @@ class _Talk:
     def _save(self, arguments: list[str]) -> dict[str, Any]:
         from scenewright.cli.save import save_version
 
-        shown = self._needed(None)
+        shown = self._get_version(None)
         name = f"{self._session.thread}-{shown.version['number']}"
-        told = " ".join(arguments) or self._request.out or str(Path("scenes") / name)
-        folder, files, warnings = save_version(shown, told)
+        place = " ".join(arguments) or self._request.out or str(Path("scenes") / name)
+        folder, files, warnings = save_version(shown, place)
         warnings += self._remember(shown)
         return {"kind": "saved", "folder": str(folder), "files": files, "warnings": warnings}
 
@@ -300,12 +311,12 @@ class _Talk:
         """Writes the current version as one file; a file that is there is not overwritten."""
         from scenewright.cli.save import save_view
 
-        shown = self._needed(None)
+        shown = self._get_version(None)
         name = f"{self._session.thread}-{shown.version['number']}.{kind}"
         path = save_view(shown, kind, " ".join(arguments) or name)
         return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
-    def _remember(self, shown: Shown) -> list[str]:
+    def _remember(self, shown: SessionVersion) -> list[str]:
         """What went wrong, if it did: the scene is saved in any case."""
         if self._episodes is None:
             return []
@@ -325,7 +336,7 @@ class _Talk:
 
         from scenewright.cli.views import write_view
 
-        shown = self._needed(None)
+        shown = self._get_version(None)
         path = self._view_file(shown, "html")
         write_view("html", path, shown.record, shown.proof)
         opened = webbrowser.open(path.as_uri())
@@ -338,39 +349,43 @@ class _Talk:
         from scenewright.cli.save import record_version
         from scenewright.viz.recording import open_recording
 
-        shown = self._needed(None)
+        shown = self._get_version(None)
         path = self._view_file(shown, "rrd")
         record_version(shown, path)
         open_recording(path)
         return {"kind": "nothing", "reason": f"closed; the recording lies at {path}"}
 
-    def _view_file(self, shown: Shown, ending: str) -> Path:
+    def _view_file(self, shown: SessionVersion, ending: str) -> Path:
         folder = find_data_folder() / "views"
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         return folder / f"{self._session.thread}-{shown.version['number']}.{ending}"
 
-    def _why(self) -> dict[str, Any]:
-        from scenewright.authoring.explain import why
+    def _explain(self) -> dict[str, Any]:
+        from scenewright.authoring.explain import explain_refusal
 
         refused = self._session.state.get("refused")
-        lines = ["nothing was refused since the last change"] if refused is None else why(refused)
+        lines = (
+            ["nothing was refused since the last change"]
+            if refused is None
+            else explain_refusal(refused)
+        )
         return {"kind": "why", "lines": lines, "refused": refused}
 
     def _say_back(self, words: str, reply: dict[str, Any]) -> None:
-        shown = self._session.shown() if reply["kind"] in ("made", "moved_to") else None
+        shown = self._session.find_version() if reply["kind"] in ("made", "moved_to") else None
         if shown is not None:
-            reply = {**reply, **facts(shown)}
+            reply = {**reply, **build_facts(shown)}
         if self._page is None:
             ok = reply["kind"] != "refused"
-            put_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})
+            write_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})
             return
-        from scenewright.cli.turn_report import told
+        from scenewright.cli.turn_report import format_reply
 
-        for style, line in told(reply, shown):
+        for style, line in format_reply(reply, shown):
             _print(self._page, style, line)
 
 
-def facts(shown: Shown) -> dict[str, Any]:
+def build_facts(shown: SessionVersion) -> dict[str, Any]:
     """What a script wants to know of a version."""
     version = shown.version
     return {
@@ -399,7 +414,7 @@ def facts(shown: Shown) -> dict[str, Any]:
     }
 
 
-def _page() -> Console:
+def _make_console() -> Console:
     from rich.console import Console
 
     tty = is_terminal(sys.stdout)
@@ -415,14 +430,14 @@ def _print(page: Console, style: str, line: str) -> None:
     from rich.console import Console
     from rich.text import Text
 
-    plain = one_line(line, limit=_LONGEST_HISTORY)
+    plain = format_one_line(line, limit=_LONGEST_HISTORY)
     indent = line[: len(line) - len(line.lstrip(" "))]
     if not page.is_terminal:
-        put(f"{indent}{plain}\n")
+        write_stdout(f"{indent}{plain}\n")
         return
     buffer = StringIO()
     Console(file=buffer, force_terminal=True, soft_wrap=True).print(Text(indent + plain, style))
-    put(buffer.getvalue())
+    write_stdout(buffer.getvalue())
 
 
 def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
@@ -438,13 +453,13 @@ def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
             try:
                 yield input(prompt)
             except EOFError:
-                say("")
+                log_line("")
                 return
             except KeyboardInterrupt:
                 if was_terminated():
                     raise
                 forget_interrupt()
-                say("\n/quit or Ctrl-D ends the conversation")
+                log_line("\n/quit or Ctrl-D ends the conversation")
 
 
 class _line_history:  # noqa: N801 - used as a function

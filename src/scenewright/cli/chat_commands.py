@@ -12,9 +12,9 @@ from scenewright.cli.backend_options import (
     Record,
     TimeLimit,
     Timeout,
-    backend_of,
+    load_named_backend,
 )
-from scenewright.cli.console import one_line, put, put_json, say
+from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
 from scenewright.time_limit import DEFAULT_LIMIT
 
 memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples for prompts.")
@@ -22,7 +22,7 @@ memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
-def chat(
+def open_chat(
     thread: Annotated[
         str | None, typer.Option(help="Thread to go on with; a new one if none is named.")
     ] = None,
@@ -51,21 +51,21 @@ def chat(
 ) -> None:
     """Make a scene in conversation, and change it in words until it is right."""
     from scenewright.cli.chat import ChatRequest, list_threads
-    from scenewright.cli.chat import chat as talk
+    from scenewright.cli.chat import run_chat as talk
 
     if list_:
         names = list_threads(threads)
         if as_json:
-            put_json({"ok": True, "threads": names})
+            write_json({"ok": True, "threads": names})
         else:
-            put("".join(f"{name}\n" for name in names))
+            write_stdout("".join(f"{name}\n" for name in names))
         return
     talk(
         ChatRequest(
             thread=thread,
             threads=threads,
             intersection=intersection,
-            backend=backend_of(backend, base_url=base_url, record=record, timeout=timeout),
+            backend=load_named_backend(backend, base_url=base_url, record=record, timeout=timeout),
             seed=seed,
             refiner=refiner,
             out=out,
@@ -77,7 +77,7 @@ def chat(
     )
 
 
-def mcp(
+def serve_mcp(
     thread: Annotated[str, typer.Option(help="Thread that the tools work on.")] = "mcp",
     intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
     backend: BackendNames = None,
@@ -92,34 +92,39 @@ def mcp(
     ] = None,
 ) -> None:
     """Serve the tools over the Model Context Protocol, on stdin and stdout (extra `mcp`)."""
-    from scenewright.cli.mcp import Served, serve
+    from scenewright.cli.mcp import ServerOptions, serve
 
-    speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
-    serve(Served(threads, thread, intersection, speaker, seed, out, time_limit))
+    speaker = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    serve(ServerOptions(threads, thread, intersection, speaker, seed, out, time_limit))
 
 
 @memory.command("list")
 def list_memory(as_json: Json = False) -> None:
     """List what is remembered."""
-    from scenewright.cli.user_folders import memory_file
+    from scenewright.cli.user_folders import find_memory_file
     from scenewright.memory.episodes import Episodes
 
-    found = Episodes(memory_file()).all()
+    found = Episodes(find_memory_file()).list_all()
     if as_json:
         rows = [{"request": e.request, "taxonomy": list(e.taxonomy)} for e in found]
-        put_json({"ok": True, "file": str(memory_file()), "episodes": rows})
+        write_json({"ok": True, "file": str(find_memory_file()), "episodes": rows})
     else:
-        put("".join(f"{', '.join(e.taxonomy) or 'normal'}: {one_line(e.request)}\n" for e in found))
+        write_stdout(
+            "".join(
+                f"{', '.join(e.taxonomy) or 'normal'}: {format_one_line(e.request)}\n"
+                for e in found
+            )
+        )
 
 
 @memory.command("wipe")
 def wipe_memory(as_json: Json = False) -> None:
     """Forget everything that is remembered."""
-    from scenewright.cli.user_folders import memory_file
+    from scenewright.cli.user_folders import find_memory_file
     from scenewright.memory.episodes import Episodes
 
-    count = Episodes(memory_file()).wipe()
+    count = Episodes(find_memory_file()).wipe()
     if as_json:
-        put_json({"ok": True, "forgotten": count})
+        write_json({"ok": True, "forgotten": count})
     else:
-        say(f"{count} episodes forgotten")
+        log_line(f"{count} episodes forgotten")

@@ -31,18 +31,18 @@ _STAGES = {
 
 
 class ReaderGoneError(Exception):
-    """Whoever read stdout has closed it."""
+    """The reader of stdout has closed it."""
 
 
-def one_line(text: str, *, limit: int = LONGEST_LINE) -> str:
+def format_one_line(text: str, *, limit: int = LONGEST_LINE) -> str:
     """The text on one line that cannot steer a terminal, at most `limit` long."""
     kept = "".join(c if unicodedata.category(c)[0] != "C" else " " for c in text[: 4 * limit])
     line = " ".join(kept.split())
     return line if len(line) <= limit else line[: limit - 1] + "…"
 
 
-def say(line: str) -> None:
-    """One line to stderr; a closed or full stderr is nobody's business."""
+def log_line(line: str) -> None:
+    """Writes one line to stderr; a closed or full stderr is ignored."""
     if sys.stderr is None:
         return
     try:
@@ -51,11 +51,11 @@ def say(line: str) -> None:
         return
 
 
-def put(text: str) -> None:
+def write_stdout(text: str) -> None:
     """Text to stdout, at once, as UTF-8 whatever the locale; paths keep their bytes.
 
     Raises:
-        ReaderGoneError: nobody reads any more.
+        ReaderGoneError: stdout is closed.
         OSError: stdout cannot be written.
     """
     if sys.stdout is None:
@@ -72,9 +72,9 @@ def put(text: str) -> None:
         raise
 
 
-def put_json(value: Mapping[str, Any]) -> None:
+def write_json(value: Mapping[str, Any]) -> None:
     """One JSON object on one line to stdout."""
-    put(json.dumps(value, allow_nan=False) + "\n")
+    write_stdout(json.dumps(value, allow_nan=False) + "\n")
 
 
 def abandon_stdout() -> None:
@@ -87,7 +87,7 @@ def abandon_stdout() -> None:
         return
 
 
-def rendered(table: Table) -> str:
+def render_table(table: Table) -> str:
     """A table as text, in colour on a terminal, never cut short in a pipe."""
     from io import StringIO
 
@@ -108,58 +108,58 @@ def is_terminal(stream: TextIO | None) -> bool:
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[ProgressCallback]:
-    """Tells how a run goes: a changing line on a terminal, plain lines elsewhere.
+def show_progress(*, quiet: bool) -> Iterator[ProgressCallback]:
+    """Shows the progress of a run: a changing line on a terminal, plain lines elsewhere.
 
     Every line is also a moment at which a run that shall stop does.
     """
     if quiet:
-        yield _heeding(lambda *_: None)
+        yield _stop_on_interrupt(lambda *_: None)
     elif is_terminal(sys.stderr):
         _say_if_new()
-        with _spinner() as log:
-            yield _heeding(log)
+        with _show_spinner() as log:
+            yield _stop_on_interrupt(log)
     else:
-        yield _heeding(_Lines())
+        yield _stop_on_interrupt(_ProgressLines())
 
 
 def _say_if_new() -> None:
-    """Tells who makes a first scene why that takes longer."""
+    """Says at the first scene why it takes longer."""
     from scenewright.compiled import has_cache
 
     if not has_cache():
-        say("compiling the innermost loops, once after an installation: some 15 s")
+        log_line("compiling the innermost loops, once after an installation: some 15 s")
 
 
-def _heeding(log: ProgressCallback) -> ProgressCallback:
-    def heed(stage: str, line: str) -> None:
+def _stop_on_interrupt(log: ProgressCallback) -> ProgressCallback:
+    def log_or_stop(stage: str, line: str) -> None:
         stop_if_asked()
         log(stage, line)
 
-    return heed
+    return log_or_stop
 
 
-class _Lines:
+class _ProgressLines:
     """Says what happens, a refusal only if the run goes on: the last one is the run's answer."""
 
     def __init__(self) -> None:
         self._held: str | None = None
 
     def __call__(self, stage: str, line: str) -> None:
-        words = f"{_STAGES.get(stage, stage)}: {one_line(line)}"
+        words = f"{_STAGES.get(stage, stage)}: {format_one_line(line)}"
         if self._held is not None:
-            say(self._held)
+            log_line(self._held)
         self._held = words if line.startswith("refused") else None
         if self._held is None:
-            say(words)
+            log_line(words)
 
 
 @contextmanager
-def _spinner() -> Iterator[ProgressCallback]:
+def _show_spinner() -> Iterator[ProgressCallback]:
     from rich.console import Console
     from rich.text import Text
 
     with Console(stderr=True).status(Text("starting")) as status:
         yield lambda stage, line: status.update(
-            Text(f"{_STAGES.get(stage, stage)}: {one_line(line, limit=100)}")
+            Text(f"{_STAGES.get(stage, stage)}: {format_one_line(line, limit=100)}")
         )

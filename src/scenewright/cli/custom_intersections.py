@@ -79,7 +79,7 @@ def import_file(
     made = import_map(
         file,
         name=name,
-        center=None if center is None else parsed_center(center),
+        center=None if center is None else parse_center(center),
         junction=junction,
         left_hand=left_hand,
         extent=extent,
@@ -95,7 +95,7 @@ def import_file(
         place,
         lines,
         derive_priors(place, lines),
-        provenance=_provenance(file, made),
+        provenance=_build_provenance(file, made),
         frame={"origin": made.origin, "offset": made.offset},
         notes=made.notes,
         licence=licence,
@@ -172,9 +172,9 @@ def simulate_own(
     facts: dict[str, Any] = {}
     if train:
         command = f"scenewright intersections simulate {name} --minutes {minutes} --seed {seed}"
-        extra, facts = _trained(name, made.recordings, command, seed, log)
+        extra, facts = _train_refiner(name, made.recordings, command, seed, log)
     on_foot = sum(trip.subtype is None for trip in made.trips)
-    folder = _rewritten(
+    folder = _rewrite_bundle(
         bundle,
         priors,
         {"priors": "fitted on simulated traffic (Eclipse SUMO); demand assumed, walked ways "
@@ -194,7 +194,7 @@ def simulate_own(
     }
 
 
-def _trained(
+def _train_refiner(
     name: str, recordings: Sequence[Recording], command: str, seed: int, log: ProgressCallback
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
     """A refiner for the simulated traffic, as files of the bundle, and what it is worth.
@@ -246,7 +246,7 @@ def fit_own(
     """Fits an imported intersection's priors on recorded tracks.
 
     Args:
-        lights: a file of recorded lights; light_legs: which of them is whose.
+        lights: a file of recorded lights; light_legs: the leg of each.
         named: the data set that the tracks are of.
         scale: metres per pixel of tracks in pixels.
         pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
@@ -260,19 +260,19 @@ def fit_own(
     from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
     from scenewright.tools.track_io.track_files import read_track_files
 
-    bundle, lit = _with_recorded_lights(open_custom_bundle(name), lights, light_legs)
+    bundle, lit = _add_recorded_lights(open_custom_bundle(name), lights, light_legs)
     log("reading", f"{len(paths)} files or folders")
     files = read_track_files(
         paths,
-        columns=None if columns is None else parsed_columns(columns),
+        columns=None if columns is None else parse_columns(columns),
         scale=scale,
         named=named,
     )
-    elsewhere, told = _elsewhere(pool, pool_scale)
+    elsewhere, pool_notes = _fit_elsewhere(pool, pool_scale)
     frame = FrameChange(
         bundle.origin,
-        None if origin is None else parsed_center(origin),
-        None if shift is None else parsed_center(shift),
+        None if origin is None else parse_center(origin),
+        None if shift is None else parse_center(shift),
     )
     bundle, learned, new_report = learn_walks(bundle, files, frame)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
@@ -282,20 +282,20 @@ def fit_own(
         bundle.route_lines,
         files,
         frame,
-        begin=None if start is None else _parsed_clock(start),
+        begin=None if start is None else _parse_clock(start),
         hourly=None if counts is None else read_hourly_counts(counts),
         elsewhere=elsewhere,
     )
     adapted, note = adapt_refiner(name, files, log) if train else ({}, None)
-    folder = _rewritten(
+    folder = _rewrite_bundle(
         bundle,
         fitted.priors,
-        {"priors": "fitted on recorded tracks; what they do not tell is derived from the map",
+        {"priors": "fitted on recorded tracks; what they do not show is derived from the map",
          "track_files": sorted(file.name for file in files)[:50],
          "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
-         "pool": ", ".join(told) or None,
+         "pool": ", ".join(pool_notes) or None,
          "lights": None if lights is None else Path(lights).name},
-        {"seen.npz": seen_bytes(fitted.positions), **adapted, **new_report},
+        {"seen.npz": pack_tracks(fitted.positions), **adapted, **new_report},
     )  # fmt: skip
     return {
         "name": name,
@@ -305,7 +305,7 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off_route,
         "open": fitted.open_route,
-        "notes": [*lit, *told, *learned, *fitted.notes, *([] if note is None else [note])],
+        "notes": [*lit, *pool_notes, *learned, *fitted.notes, *([] if note is None else [note])],
         "heldout": [
             {
                 "share": row.share,
@@ -318,7 +318,7 @@ def fit_own(
     }
 
 
-def _with_recorded_lights(
+def _add_recorded_lights(
     bundle: CustomBundle, lights: str | None, light_legs: str | None
 ) -> tuple[CustomBundle, list[str]]:
     """The bundle with a recorded programme in its map, and what was taken."""
@@ -335,12 +335,12 @@ def _with_recorded_lights(
         bundle.intersection_map,
         read_recorded_lights(lights),
         origin=bundle.origin,
-        groups=None if light_legs is None else _parsed_light_legs(light_legs),
+        groups=None if light_legs is None else _parse_light_legs(light_legs),
     )
     return replace(bundle, intersection_map=place), notes
 
 
-def _parsed_light_legs(text: str) -> dict[str, str]:
+def _parse_light_legs(text: str) -> dict[str, str]:
     """Legs by recorded lights.
 
     >>> _parsed_light_legs("1=east,13=walk_east")
@@ -352,13 +352,13 @@ def _parsed_light_legs(text: str) -> dict[str, str]:
     return {light.strip(): leg.strip() for light, leg in pairs}
 
 
-def _elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffsets, list[str]]:
+def _fit_elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffsets, list[str]]:
     """How drivers of other places keep to their lanes, and a line on each file."""
     from scenewright.tools.fitting.lane_keeping import find_lane_offsets, measure_scale
     from scenewright.tools.track_io.track_files import read_track_files
 
     found: dict[str, list[FloatArray]] = {}
-    told = []
+    notes = []
     for file in read_track_files(paths, scale=scale) if paths else ():
         tracks = [track.xy for subtype, track in file.tracks if subtype != "pedestrian"]
         lanes = find_lane_offsets(tracks)
@@ -373,13 +373,13 @@ def _elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffsets, 
             words += f", at {scale:g} m per pixel"
         if wide is not None:
             words += f" ({wide:.3f} would make its lanes 3.25 m wide)"
-        told.append(words)
+        notes.append(words)
     if paths and not found:
         raise InputError(f"{', '.join(paths)[:200]}: no lane that three vehicles share")
-    return found, told
+    return found, notes
 
 
-def seen_bytes(tracks: Sequence[Any]) -> bytes:
+def pack_tracks(tracks: Sequence[Any]) -> bytes:
     """Up to 400 tracks in the map's frame as a file of plain arrays, for the picture."""
     import io
 
@@ -396,7 +396,7 @@ def seen_bytes(tracks: Sequence[Any]) -> bytes:
     return buffer.getvalue()
 
 
-def _rewritten(
+def _rewrite_bundle(
     bundle: CustomBundle, priors: Priors, facts: Mapping[str, Any], extra: Mapping[str, bytes]
 ) -> str:
     """The bundle with new priors; its map's origin and its refiner stay, if not replaced."""
@@ -422,7 +422,7 @@ def _rewritten(
     return str(folder)
 
 
-def parsed_columns(text: str) -> dict[str, str]:
+def parse_columns(text: str) -> dict[str, str]:
     """Columns by our names.
 
     >>> parsed_columns("t=frame/25,id=track,x=px,y=py,class==car")["class"]
@@ -437,7 +437,7 @@ def parsed_columns(text: str) -> dict[str, str]:
     return {key.strip(): value.strip() for key, value in found.items()}
 
 
-def _parsed_clock(text: str) -> float:
+def _parse_clock(text: str) -> float:
     try:
         hours, minutes = (int(part) for part in text.split(":"))
     except ValueError:
@@ -468,8 +468,8 @@ def draw_own(png: str, name: str) -> None:
     from scenewright.viz.intersection_picture import draw_intersection
 
     place = load_map(name)
-    samples = [path for drawn in _drawn(name, place).values() for path in drawn]
-    draw_intersection(png, intersection=place, tracks=_seen(name), samples=samples)
+    samples = [path for drawn in _draw_paths(name, place).values() for path in drawn]
+    draw_intersection(png, intersection=place, tracks=_load_seen(name), samples=samples)
 
 
 def record_own(rrd: str, name: str) -> None:
@@ -482,14 +482,14 @@ def record_own(rrd: str, name: str) -> None:
     record_intersection(
         rrd,
         intersection=place,
-        tracks=_seen(name),
-        priors=_drawn(name, place),
+        tracks=_load_seen(name),
+        priors=_draw_paths(name, place),
         facts=[each for each in map(str, facts) if len(each) < _LONGEST_FACT],
     )
 
 
-def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
-    """By route id, paths drawn from its prior; jaywalkers', who go anywhere, are left out."""
+def _draw_paths(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
+    """By route id, paths drawn from its prior; those of jaywalkers are left out."""
     import numpy as np
 
     from scenewright.tools.gmm_sampler import build_paths, load_priors, sample_waypoints
@@ -510,7 +510,7 @@ def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
     }
 
 
-def _seen(name: str) -> list[FloatArray]:
+def _load_seen(name: str) -> list[FloatArray]:
     """The recorded tracks that a bundle keeps, [T, 2] each [m]."""
     import numpy as np
 
@@ -531,7 +531,7 @@ _SHOWN = {"vehicle": 6, "pedestrian": 1}
 """Paths drawn of every route."""
 
 
-def parsed_center(text: str) -> tuple[float, float]:
+def parse_center(text: str) -> tuple[float, float]:
     """LAT,LON (or X,Y).
 
     >>> parsed_center("49.0053,8.4374")
@@ -546,7 +546,7 @@ def parsed_center(text: str) -> tuple[float, float]:
     return first, second
 
 
-def _provenance(file: str, made: ImportedMap) -> dict[str, Any]:
+def _build_provenance(file: str, made: ImportedMap) -> dict[str, Any]:
     return {
         "map": Path(file).name,
         "map_format": _FORMATS[made.map_format],

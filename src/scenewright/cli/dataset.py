@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenewright.cli.batch import cores, folder_of_option
-from scenewright.cli.console import one_line, progress, put, put_json, say
+from scenewright.cli.batch import count_cores, parse_folder
+from scenewright.cli.console import (
+    format_one_line,
+    log_line,
+    show_progress,
+    write_json,
+    write_stdout,
+)
 from scenewright.cli.errors import NOT_VERIFIED
-from scenewright.cli.export import Form, OutFolder, To, tell_files
+from scenewright.cli.export import Form, OutFolder, To, log_files
 from scenewright.cli.interrupts import stop_if_asked
 
 if TYPE_CHECKING:
@@ -48,20 +54,20 @@ def check(
 
     Exit code 0 if all of it holds, 1 if something does not.
     """
-    from scenewright.dataset.batch.audit import Fault, audit
+    from scenewright.dataset.batch.audit import AuditFault, audit_dataset
     from scenewright.dataset.batch.signing import SIGNATURE, find_signature_fault
 
     unsigned = None if public_key is None else find_signature_fault(Path(folder), public_key)
 
-    with progress(quiet=quiet) as log:
-        found = audit(
+    with show_progress(quiet=quiet) as log:
+        found = audit_dataset(
             Path(folder),
-            workers=workers or cores(),
+            workers=workers or count_cores(),
             log=lambda done, of: _log_now_and_then(log, done, of),
         )
     if unsigned is not None:
-        found = replace(found, faults=(Fault(SIGNATURE, unsigned), *found.faults))
-    told: dict[str, Any] = {
+        found = replace(found, faults=(AuditFault(SIGNATURE, unsigned), *found.faults))
+    about: dict[str, Any] = {
         "folder": folder,
         "files": found.files,
         "scenes": found.scenes,
@@ -70,26 +76,28 @@ def check(
     }
     if as_json:
         faults = [vars(fault) for fault in found.faults]
-        put_json({"ok": not found.faults, **told, "faults": faults})
+        write_json({"ok": not found.faults, **about, "faults": faults})
     else:
         counts = f"{found.files} files, {found.verified} of {found.scenes} scenes verified"
-        put(f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n")
+        write_stdout(f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n")
     for fault in found.faults[:_SHOWN]:
-        say(one_line(f"{fault.where}: {fault.what}"))
+        log_line(format_one_line(f"{fault.where}: {fault.what}"))
     if len(found.faults) > _SHOWN:
-        say(f"and {len(found.faults) - _SHOWN} more; --json has them")
+        log_line(f"and {len(found.faults) - _SHOWN} more; --json has them")
     if not found.complete and not quiet:
-        say("note: the dataset is not complete; the command that made it goes on with it")
+        log_line("note: the dataset is not complete; the command that made it goes on with it")
     if found.faults:
         raise typer.Exit(NOT_VERIFIED)
 
 
 @dataset.command("key")
-def key(file: Annotated[str, typer.Argument(metavar="FILE", help="Secret key to write.")]) -> None:
+def make_key(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="Secret key to write.")],
+) -> None:
     """Make a key to sign datasets with: FILE, to keep, and FILE.pub, to give away."""
     from scenewright.dataset.batch.signing import create_key
 
-    put(f"{file} and {create_key(Path(file))}\n")
+    write_stdout(f"{file} and {create_key(Path(file))}\n")
 
 
 @dataset.command("sign")
@@ -100,7 +108,7 @@ def sign(
     """Sign a dataset with a key of one's own, as minisign does; any change then shows."""
     from scenewright.dataset.batch.signing import sign_dataset
 
-    put(f"{sign_dataset(Path(folder), Path(key))}\n")
+    write_stdout(f"{sign_dataset(Path(folder), Path(key))}\n")
 
 
 @dataset.command("split")
@@ -108,16 +116,16 @@ def split(folder: Folder, out: OutFolder, as_json: Json = False) -> None:
     """Write a dataset's tables divided into train, validation and test.
 
     Rows of one intersection that one voice worded, or whose texts differ by numbers alone, share a
-    part, so that no part tells the answers of another. `datasets.load_dataset(OUT)` finds them.
+    part, so that no part leaks the answers of another. `datasets.load_dataset(OUT)` finds them.
     """
     from scenewright.dataset.tables.divide import divide_tables
 
-    counts = divide_tables(Path(folder), folder_of_option(out))
+    counts = divide_tables(Path(folder), parse_folder(out))
     if as_json:
-        put_json({"folder": folder, "out": out, "scenes": counts})
+        write_json({"folder": folder, "out": out, "scenes": counts})
     else:
-        told = ", ".join(f"{count} in {name}" for name, count in counts.items())
-        put(f"{out}: {told}\n")
+        counted = ", ".join(f"{count} in {name}" for name, count in counts.items())
+        write_stdout(f"{out}: {counted}\n")
 
 
 @dataset.command("export")
@@ -133,5 +141,5 @@ def export_dataset(
     from scenewright.graph.export import export
 
     scenes = list_scenes(Path(folder))
-    files = export(scenes, to, folder_of_option(out), form=form)
-    tell_files(files, scenes=len(scenes), to=to, out=out, as_json=as_json)
+    files = export(scenes, to, parse_folder(out), form=form)
+    log_files(files, scenes=len(scenes), to=to, out=out, as_json=as_json)

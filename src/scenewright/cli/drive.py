@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.console import one_line, progress, put, put_json, say
+from scenewright.cli.console import (
+    format_one_line,
+    log_line,
+    show_progress,
+    write_json,
+    write_stdout,
+)
 from scenewright.cli.output_folder import target_folder, whole_folder
 from scenewright.errors import InputError, Unsatisfiable
 
@@ -52,7 +58,7 @@ def drive(
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     driver = load_policy(policy)
     target = None if out is None else target_folder(out, force=False)
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         reports, failed = [], []
         for k in range(n):
             log("driving", f"{k + 1} of {n}")
@@ -64,7 +70,7 @@ def drive(
             except Unsatisfiable as error:
                 if n == 1:
                     raise
-                failed.append({"seed": seed + k, "reason": one_line(str(error))})
+                failed.append({"seed": seed + k, "reason": format_one_line(str(error))})
         if target is not None:
             _save(reports, target)
     _print_reports(reports, failed, out=out, as_json=as_json)
@@ -106,15 +112,15 @@ def _print_reports(
         raise InputError(f"none of {len(failed)} scenes could be made: {failed[0]['reason']}")
     summary = summarise(reports)
     if as_json:
-        put_json({
+        write_json({
             "ok": True, "n": len(reports), "summary": summary, "out": out, "not_made": failed,
             "drives": [report.to_json() for report in reports],
         })  # fmt: skip
         return
     for report in reports:
-        say(one_line(_describe(report)))
+        log_line(format_one_line(_describe(report)))
     for key, value in summary.items():
-        put(f"{key}: {value}\n")
+        write_stdout(f"{key}: {value}\n")
 
 
 def _describe(report: Report) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from scenewright.cli.console import one_line
+from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import was_stopped, was_terminated
 from scenewright.errors import BackendFault, InputError, OutOfTime, ScenewrightError, Unsatisfiable
 
@@ -31,7 +31,7 @@ _ADVICE = {
 
 
 @dataclass(frozen=True)
-class Fault:
+class CliError:
     """A failure as the command line reports it.
 
     Attributes:
@@ -55,27 +55,29 @@ class Fault:
         }
 
 
-def fault_of(error: BaseException) -> Fault:
-    """The fault that an exception amounts to; one that nobody foresaw is `internal_error`."""
+def to_cli_error(error: BaseException) -> CliError:
+    """The error object of an exception; an unexpected one is `internal_error`."""
     if isinstance(error, KeyboardInterrupt) or was_stopped():
         code = TERMINATED if was_terminated() else INTERRUPTED
-        return Fault("interrupted", code, "interrupted; nothing was written")
+        return CliError("interrupted", code, "interrupted; nothing was written")
     match error:
         case Unsatisfiable():
-            return _unsatisfiable(error)
+            return _describe_unsatisfiable(error)
         case BackendFault():
-            reason = one_line(str(error))
-            return Fault("backend_failed", error.exit_code, reason, _paid(error))
+            reason = format_one_line(str(error))
+            return CliError("backend_failed", error.exit_code, reason, _build_costs(error))
         case InputError():
-            return Fault("unusable_input", UNUSABLE, one_line(str(error)), _paid(error))
+            return CliError(
+                "unusable_input", UNUSABLE, format_one_line(str(error)), _build_costs(error)
+            )
         case MemoryError():
-            return Fault("out_of_memory", UNUSABLE, "there is not enough memory for this")
+            return CliError("out_of_memory", UNUSABLE, "there is not enough memory for this")
         case OSError():
-            return Fault("unusable_input", UNUSABLE, _system(error))
-    return _usage(error) or _internal(error)
+            return CliError("unusable_input", UNUSABLE, _describe_system_error(error))
+    return _describe_usage_error(error) or _describe_internal_error(error)
 
 
-def _unsatisfiable(error: Unsatisfiable) -> Fault:
+def _describe_unsatisfiable(error: Unsatisfiable) -> CliError:
     codes = [each.code for each in error.rejections]
     advice = _ADVICE.get(codes[-1]) if codes else None
     if isinstance(error, OutOfTime):
@@ -83,37 +85,37 @@ def _unsatisfiable(error: Unsatisfiable) -> Fault:
     details: dict[str, Any] = {
         "advice": advice,
         "rejections": [each.model_dump(mode="json") for each in error.rejections],
-        **_paid(error),
+        **_build_costs(error),
     }
-    reason = one_line(str(error))
+    reason = format_one_line(str(error))
     if advice is not None and not reason.endswith((".", "!", "?")):
         reason += "."
     line = reason if advice is None else f"{reason} {advice}"
-    return Fault("unsatisfiable", error.exit_code, line, details)
+    return CliError("unsatisfiable", error.exit_code, line, details)
 
 
-def _paid(error: ScenewrightError) -> dict[str, Any]:
+def _build_costs(error: ScenewrightError) -> dict[str, Any]:
     """What models were asked until then, if any were."""
     return {"models": dict(error.models)} if error.models else {}
 
 
-def _system(error: OSError) -> str:
+def _describe_system_error(error: OSError) -> str:
     what = error.strerror or str(error) or type(error).__name__
-    return one_line(f"{what}: {error.filename}" if error.filename else what)
+    return format_one_line(f"{what}: {error.filename}" if error.filename else what)
 
 
-def _usage(error: BaseException) -> Fault | None:
+def _describe_usage_error(error: BaseException) -> CliError | None:
     # typer brings a private copy of click, so its base class has no stable import path.
     message = getattr(error, "format_message", None)
     if message is None:
         return None
-    return Fault("unusable_input", UNUSABLE, one_line(message()))
+    return CliError("unusable_input", UNUSABLE, format_one_line(message()))
 
 
-def _internal(error: BaseException) -> Fault:
+def _describe_internal_error(error: BaseException) -> CliError:
     reason = f"this is a fault in scenewright: {type(error).__name__}: {error}"
-    return Fault(
+    return CliError(
         "internal_error",
         INTERNAL,
-        one_line(f"{reason} (SCENEWRIGHT_TRACEBACK=1 shows where)"),
+        format_one_line(f"{reason} (SCENEWRIGHT_TRACEBACK=1 shows where)"),
     )

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenewright.cli.console import (
+    format_one_line,
     is_terminal,
-    one_line,
-    progress,
-    put,
-    put_json,
-    rendered,
-    say,
+    log_line,
+    render_table,
+    show_progress,
+    write_json,
+    write_stdout,
 )
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
@@ -39,7 +39,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]
 
 
 @evals.command("trajnet")
-def trajnet(
+def score_trajnet(
     files: Files,
     weights: Annotated[
         str | None,
@@ -54,13 +54,13 @@ def trajnet(
 ) -> None:
     """Score predicted pedestrians as TrajNet++ does: ADE, FDE, Col-I and Col-II by type of scene.
 
-    The refiner predicts without goals, told each pedestrian's destination, and told where it is at
-    the end of the scene. Files without the future are predicted but not scored.
+    The refiner predicts without goals, given each pedestrian's destination, and given where it is
+    at the end of the scene. Files without the future are predicted but not scored.
     """
     from scenewright.evals.trajnet.evaluate import evaluate
 
     recordings = read_recordings(files)
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         evaluated = evaluate(
             recordings,
             weights=None if weights is None else Path(weights),
@@ -69,12 +69,14 @@ def trajnet(
     if out is not None:
         write_predictions(Path(out), recordings, evaluated)
     if not evaluated[0].rows:
-        say("note: no file holds what really happened, so there is nothing to score")
+        log_line("note: no file holds what really happened, so there is nothing to score")
     if as_json:
         results = [each.to_json() for each in evaluated]
-        put_json({"ok": True, "files": files, "out": out, "results": results})
+        write_json({"ok": True, "files": files, "out": out, "results": results})
     else:
-        put("".join(scores_table(each) for each in evaluated if each.rows) or f"{out or ''}\n")
+        write_stdout(
+            "".join(format_scores(each) for each in evaluated if each.rows) or f"{out or ''}\n"
+        )
 
 
 def read_recordings(files: Iterable[str]) -> list[BenchmarkRecording]:
@@ -116,24 +118,24 @@ def write_predictions(
             write_atomically(place / f"{recording.name}.ndjson", text.encode())
 
 
-def scores_table(evaluated: Evaluated) -> str:
+def format_scores(evaluated: Evaluated) -> str:
     """A headline and one line per kind of scene, intervals in brackets."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    told = "" if evaluated.goals == "none" else f", told the {evaluated.goals}"
+    given = "" if evaluated.goals == "none" else f", given the {evaluated.goals}"
     page = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     page.add_column("scenes")
     for title in ("n", "people", "ADE [m]", "FDE [m]", "Col-I [%]", "Col-II [%]"):
         page.add_column(Text(title), justify="right", no_wrap=True)
     for row in evaluated.rows:
-        cells = [_cell(row, measure) for measure in ("ade", "fde", "col1", "col2")]
+        cells = [_format_cell(row, measure) for measure in ("ade", "fde", "col1", "col2")]
         page.add_row(row.name, str(row.scenes), str(row.people), *cells)
-    return one_line(f"{evaluated.predictor}{told}") + "\n" + rendered(page)
+    return format_one_line(f"{evaluated.predictor}{given}") + "\n" + render_table(page)
 
 
-def _cell(row: ScoreRow, measure: str) -> str:
+def _format_cell(row: ScoreRow, measure: str) -> str:
     value, interval = row.values[measure], row.intervals[measure]
     if value is None or interval is None:
         return "none"
@@ -142,7 +144,7 @@ def _cell(row: ScoreRow, measure: str) -> str:
 
 
 @evals.command("trajnet-train")
-def trajnet_train(
+def train_trajnet(
     files: Files,
     out: Annotated[str, typer.Option(metavar="W.safetensors", help="File for the weights.")],
     epochs: Annotated[
@@ -162,23 +164,23 @@ def trajnet_train(
     if not target.parent.is_dir():
         raise InputError(f"cannot write {out}: there is no folder {target.parent}")
     recordings, held = read_recordings(files), read_recordings(held_out or [])
-    with training_bar(quiet=quiet) as (log, told):
+    with show_training_bar(quiet=quiet) as (log, log_epoch):
         about = train_on(
             recordings,
             held_out=held,
             out=target,
             recipe=build_own_recipe(epochs=epochs, seed=seed),
             log=log,
-            after_epoch=told,
+            after_epoch=log_epoch,
         )
     if as_json:
-        put_json({"ok": True, "out": out, **about})
+        write_json({"ok": True, "out": out, **about})
     else:
-        put(f"{out}\n")
+        write_stdout(f"{out}\n")
 
 
 @contextmanager
-def training_bar(
+def show_training_bar(
     *, quiet: bool
 ) -> Iterator[tuple[ProgressCallback | None, Callable[[Epoch], None]]]:
     """A bar over all batches on a terminal, and a line after every epoch, unless `quiet`."""
@@ -198,11 +200,11 @@ def training_bar(
 def _say_epoch(epoch: Epoch) -> None:
     stop_if_asked()
     held = "" if epoch.ade is None else f", held out {epoch.ade:.3f} m"
-    say(f"epoch {epoch.number}: loss {epoch.loss:.3f}{held}, {epoch.seconds:.0f} s")
+    log_line(f"epoch {epoch.number}: loss {epoch.loss:.3f}{held}, {epoch.seconds:.0f} s")
 
 
 @evals.command("realism")
-def realism(
+def score_realism(
     sets: Annotated[
         list[str],
         typer.Argument(
@@ -246,7 +248,7 @@ def realism(
     beside = [read_source(each, scale=scale) for each in real or ()]
     simulated = None if corpus is None else read_source(corpus, place=intersection)
     check_names([each.name for each in (*judged, *beside, *([simulated] if simulated else []))])
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         report = assess(
             judged,
             beside,
@@ -259,9 +261,9 @@ def realism(
     if out is not None:
         write_assessment(Path(out), report)
     if as_json:
-        put_json({"ok": True, "out": out, **report.to_json()})
+        write_json({"ok": True, "out": out, **report.to_json()})
     else:
-        put(report.format_markdown())
+        write_stdout(report.format_markdown())
 
 
 def check_names(names: list[str]) -> None:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.batch import folder_of_option
-from scenewright.cli.console import one_line, put, put_json, say
+from scenewright.cli.batch import parse_folder
+from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
 
 To = Annotated[
     str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
@@ -38,21 +38,21 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write scenes in another format; docs/exports.md describes each."""
-    from scenewright.cli.verify import scene_files
+    from scenewright.cli.verify import list_scene_files
     from scenewright.graph.export import export as write
 
-    given = [each for path in scenes for each in scene_files(path)]
-    tell_files(
-        write(given, to, folder_of_option(out), form=form, ego=ego, intersection=intersection),
+    given = [each for path in scenes for each in list_scene_files(path)]
+    log_files(
+        write(given, to, parse_folder(out), form=form, ego=ego, intersection=intersection),
         scenes=len(given), to=to, out=out, as_json=as_json,
     )  # fmt: skip
 
 
-def tell_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: bool) -> None:
+def log_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: bool) -> None:
     """What was written: one object, or the folder on stdout and a line on stderr."""
     if as_json:
         names = [str(file) for file in files]
-        put_json({"ok": True, "format": to, "scenes": scenes, "out": out, "files": names})
+        write_json({"ok": True, "format": to, "scenes": scenes, "out": out, "files": names})
         return
-    say(one_line(f"{scenes} scenes as {to}: {len(files)} files"))
-    put(f"{out}\n")
+    log_line(format_one_line(f"{scenes} scenes as {to}: {len(files)} files"))
+    write_stdout(f"{out}\n")

@@ -7,7 +7,13 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.console import one_line, progress, put, put_json, say
+from scenewright.cli.console import (
+    format_one_line,
+    log_line,
+    show_progress,
+    write_json,
+    write_stdout,
+)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
@@ -56,7 +62,7 @@ def import_map_file(
     """Make an intersection of your own from a map file: scenes can be made there at once."""
     from scenewright.cli.custom_intersections import import_file, import_text
 
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         facts = import_file(
             file,
             name=name,
@@ -74,7 +80,7 @@ def import_map_file(
     _print_facts(facts, () if quiet else import_text(facts), as_json=as_json)
 
 
-def junctions(
+def show_junctions(
     file: Annotated[str, typer.Argument(help="A map file; see `import`.")],
     street: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only junctions of this street.")
@@ -85,15 +91,15 @@ def junctions(
     as_json: Json = False,
 ) -> None:
     """List the junctions of a map file, to choose one for `import`."""
-    from scenewright.cli.map_junctions import draw_list, list_rows, rows_text
+    from scenewright.cli.map_junctions import draw_list, format_rows, list_rows
 
     found, roads = list_rows(file, street or ())
     if png is not None:
         draw_list(file, found, roads, png)
     if as_json:
-        put_json({"ok": True, "file": file, "junctions": [row.describe() for row in found]})
+        write_json({"ok": True, "file": file, "junctions": [row.describe() for row in found]})
     else:
-        put(rows_text(found))
+        write_stdout(format_rows(found))
 
 
 def export_map(
@@ -106,7 +112,7 @@ def export_map(
     from scenewright.cli.map_export import write_map
 
     write_map(name, out)
-    put(f"{out}\n")
+    write_stdout(f"{out}\n")
 
 
 def simulate(
@@ -125,7 +131,7 @@ def simulate(
     """
     from scenewright.cli.custom_intersections import simulate_own
 
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log)
     _print_facts(facts, (), as_json=as_json)
 
@@ -186,7 +192,7 @@ def fit(
     ] = None,
     light_legs: Annotated[
         str | None,
-        typer.Option(metavar="MAP", help="Which of them is whose: 1=east,13=walk_east."),
+        typer.Option(metavar="MAP", help="Leg of each light: 1=east,13=walk_east."),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -194,7 +200,7 @@ def fit(
     """Fit an imported intersection's priors on recorded tracks, few or many."""
     from scenewright.cli.custom_intersections import fit_own, fit_text
 
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         facts = fit_own(
             name,
             tracks,
@@ -219,8 +225,8 @@ def fit(
 def _print_facts(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:
     """Remarks to people; then the facts as one object, or just where the bundle is."""
     for line in lines:
-        say(one_line(line))
+        log_line(format_one_line(line))
     if as_json:
-        put_json({"ok": True, **facts})
+        write_json({"ok": True, **facts})
     else:
-        put(f"{facts['folder']}\n")
+        write_stdout(f"{facts['folder']}\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenewright.cli.console import one_line, rendered
+from scenewright.cli.console import format_one_line, render_table
 from scenewright.intersections import (
     find_bundle_folder,
     list_intersections,
@@ -23,7 +23,7 @@ def overview() -> list[dict[str, Any]]:
         try:
             rows.append(_brief(load_map(name), name))
         except InputError as error:
-            rows.append({"name": name, "error": one_line(str(error))})
+            rows.append({"name": name, "error": format_one_line(str(error))})
     return rows
 
 
@@ -84,8 +84,8 @@ def overview_table(rows: list[dict[str, Any]]) -> str:
         else:
             answers = ["yes" if row[key] else "no" for key in ("signals", "priors")]
             cells = [row["name"], row["title"], ", ".join(row["legs"]), *answers]
-        table.add_row(*(Text(one_line(cell)) for cell in cells))
-    return rendered(table)
+        table.add_row(*(Text(format_one_line(cell)) for cell in cells))
+    return render_table(table)
 
 
 def details_text(facts: dict[str, Any]) -> str:
@@ -106,4 +106,4 @@ def details_text(facts: dict[str, Any]) -> str:
         *(f"{leg['name']} leg: {leg['road']}" for leg in facts["legs"]),
         *(f"from {entry}: {', '.join(found)}" for entry, found in ways.items()),
     ]
-    return "".join(one_line(line) + "\n" for line in lines)
+    return "".join(format_one_line(line) + "\n" for line in lines)

@@ -45,13 +45,13 @@ def learn_walks(
     found, walks = learn_crossings(place, walkers), learn_sidewalks(place, walkers)
     report = _read_report(bundle)
     kept = [each["leg"] for each in report.get("crosswalks", ()) if each["origin"] == "file"]
-    told = say_what_was_learned(found, kept)
+    notes = say_what_was_learned(found, kept)
     moved = [each for each in found if each.leg not in kept and abs(each.moved) > _STAYS]
     if not moved and not walks:
         none = f"{len(walkers)} people on foot: too few cross any leg at one place to move it"
-        return bundle, told or [none], {}
+        return bundle, notes or [none], {}
     if not (bundle.folder / _FILE).is_file():
-        return bundle, [*told, "import the map again to have that on it"], {}
+        return bundle, [*notes, "import the map again to have that on it"], {}
     survey, options = read_survey((bundle.folder / _FILE).read_bytes())
     made = _derive_anew(bundle, _add_walks(survey, moved, walks, bundle), options)
     if [leg.name for leg in made.intersection_map.legs] != [leg.name for leg in place.legs]:
@@ -61,13 +61,13 @@ def learn_walks(
     changed = replace(bundle, intersection_map=made.intersection_map, route_lines=made.route_lines)
     area = sum(abs(_measure_area(outline)) for outline in walks)
     more = [f"sidewalks: {area:.0f} m² beside the derived ones, where people walk"] if walks else []
-    return changed, [*told, *more], {"report.json": content.encode()}
+    return changed, [*notes, *more], {"report.json": content.encode()}
 
 
 def _list_walkers(
     bundle: CustomBundle, files: Sequence[FileTracks], frame: FrameChange
 ) -> list[FloatArray]:
-    """[T, 2] of everybody on foot, in the map's frame [m]."""
+    """[T, 2] of each pedestrian, in the map's frame [m]."""
     if all(kind != "pedestrian" for file in files for kind, _ in file.tracks):
         return []
     shifts = find_shifts(bundle.intersection_map, bundle.route_lines, files, frame)

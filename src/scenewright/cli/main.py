@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from scenewright.cli.agent import agent
+from scenewright.cli.agent import run_agent
 from scenewright.cli.author import author
 from scenewright.cli.backend_options import (
     BackendNames,
@@ -27,18 +27,18 @@ from scenewright.cli.backend_options import (
     Record,
     TimeLimit,
     Timeout,
-    backend_of,
+    load_named_backend,
 )
-from scenewright.cli.batch import batch
-from scenewright.cli.chat_commands import chat, mcp, memory
+from scenewright.cli.batch import make_batch
+from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
 from scenewright.cli.console import (
     ReaderGoneError,
     abandon_stdout,
-    one_line,
-    progress,
-    put,
-    put_json,
-    say,
+    format_one_line,
+    log_line,
+    show_progress,
+    write_json,
+    write_stdout,
 )
 from scenewright.cli.dataset import dataset
 from scenewright.cli.drive import drive
@@ -47,19 +47,25 @@ from scenewright.cli.errors import (
     NOT_VERIFIED,
     READER_GONE,
     UNUSABLE,
-    Fault,
-    fault_of,
+    CliError,
+    to_cli_error,
 )
 from scenewright.cli.evals import evals
 from scenewright.cli.export import export
-from scenewright.cli.import_commands import export_map, fit, import_map_file, junctions, simulate
+from scenewright.cli.import_commands import (
+    export_map,
+    fit,
+    import_map_file,
+    show_junctions,
+    simulate,
+)
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
-from scenewright.cli.satisfaction import satisfaction
+from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
-from scenewright.cli.tables import tables
-from scenewright.cli.understanding import understanding
+from scenewright.cli.tables import print_tables
+from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
 from scenewright.time_limit import DEFAULT_LIMIT
 
@@ -73,21 +79,21 @@ app = typer.Typer(
 intersections = typer.Typer(
     name="intersections", help="The intersections that scenes can be made at."
 )
-app.command()(batch)
-evals.command("satisfaction")(satisfaction)
-evals.command("tables")(tables)
-app.command()(agent)
+app.command("batch")(make_batch)
+evals.command("satisfaction")(score_satisfaction)
+evals.command("tables")(print_tables)
+app.command("agent")(run_agent)
 intersections.command("import")(import_map_file)
-intersections.command("junctions")(junctions)
+intersections.command("junctions")(show_junctions)
 intersections.command("export")(export_map)
 intersections.command("simulate")(simulate)
 intersections.command("fit")(fit)
 app.add_typer(intersections)
-evals.command("understanding")(understanding)
+evals.command("understanding")(score_understanding)
 app.add_typer(evals)
 app.add_typer(memory)
-app.command()(chat)
-app.command()(mcp)
+app.command("chat")(open_chat)
+app.command("mcp")(serve_mcp)
 app.command()(serve)
 app.command()(author)
 app.add_typer(dataset)
@@ -107,9 +113,9 @@ def _start(
     if version:
         import scenewright
 
-        put(f"scenewright {scenewright.__version__}\n")
+        write_stdout(f"scenewright {scenewright.__version__}\n")
     elif context.invoked_subcommand is None:
-        put(context.get_help() + "\n")
+        write_stdout(context.get_help() + "\n")
 
 
 @app.command()
@@ -157,12 +163,12 @@ def make(
     as_json: Json = False,
 ) -> None:
     """Make a verified scene from an instruction and write it to a folder."""
-    from scenewright.cli.make import Request, make_scene, read_instruction
+    from scenewright.cli.make import MakeOptions, make_scene, read_instruction
 
-    request = Request(
+    request = MakeOptions(
         text=read_instruction(text),
         intersection=intersection,
-        backend=backend_of(backend, base_url=base_url, record=record, timeout=timeout),
+        backend=load_named_backend(backend, base_url=base_url, record=record, timeout=timeout),
         seed=seed,
         refiner=refiner,
         selection=selection,
@@ -177,21 +183,23 @@ def make(
         max_agents=max_agents,
         time_limit=time_limit,
     )
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         made = make_scene(request, log=log)
     for warning in made.warnings:
-        say(f"warning: {warning}")
+        log_line(f"warning: {warning}")
     if not quiet:
-        _tell_what_was_made(made.summary())
+        _log_summary(made.list_summary())
     if as_json:
-        put_json(made.to_json())
+        write_json(made.to_json())
     else:
-        put(f"{made.folder}\n")
+        write_stdout(f"{made.folder}\n")
 
 
-def _tell_what_was_made(lines: list[str]) -> None:
+def _log_summary(lines: list[str]) -> None:
     for line in lines:
-        say(one_line(line) if not line.startswith(" ") else "  " + one_line(line))
+        log_line(
+            format_one_line(line) if not line.startswith(" ") else "  " + format_one_line(line)
+        )
 
 
 @app.command()
@@ -209,25 +217,25 @@ def plan(
 ) -> None:
     """Read instructions, one JSON row each, and write what was understood, one row each."""
     from scenewright.backends import Call
-    from scenewright.cli.plan import all_planned, check_out, read_rows, spent, write_rows
+    from scenewright.cli.plan import check_out, plan_all, read_rows, sum_costs, write_rows
     from scenewright.intersections import load_map
 
     if as_json and out == "-":
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     check_out(out)
-    speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
+    speaker = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
-    planned = all_planned(read_rows(rows), speaker, calls, intersection_map=intersection_map)
+    planned = plan_all(read_rows(rows), speaker, calls, intersection_map=intersection_map)
     write_rows(out, planned)
     refused = sum(row["refused"] for row in planned)
-    paid = spent(calls)
+    paid = sum_costs(calls)
     cost = "".join(f", {count} {name.replace('_', ' ')}" for name, count in paid.items())
-    say(f"{len(planned)} rows, {refused} refused{cost}")
+    log_line(f"{len(planned)} rows, {refused} refused{cost}")
     if as_json:
-        put_json({"ok": True, "rows": len(planned), "refused": refused, "out": out, **paid})
+        write_json({"ok": True, "rows": len(planned), "refused": refused, "out": out, **paid})
     elif out != "-":
-        put(f"{out}\n")
+        write_stdout(f"{out}\n")
 
 
 @app.command()
@@ -254,19 +262,26 @@ def verify(
 
     Of tracks made elsewhere, a CSV or TrajNet++ ndjson, every event is listed.
     """
-    from scenewright.cli.verify import Checked, as_object, check_paths, is_good, notes, report
+    from scenewright.cli.verify import (
+        Checked,
+        build_object,
+        check_paths,
+        is_good,
+        list_notes,
+        report,
+    )
 
     checked = check_paths(paths, intersection=intersection, strict=strict)
     unusable = [each for each in checked if isinstance(each, Checked) and each.error is not None]
     good = all(is_good(each) for each in checked)
     if as_json:
-        put_json(as_object(checked))
+        write_json(build_object(checked))
     elif len(unusable) < len(checked):
-        put(report(checked))
-    for note in notes(checked):
-        say(f"note: {note}")
+        write_stdout(report(checked))
+    for note in list_notes(checked):
+        log_line(f"note: {note}")
     for each in unusable:
-        say(f"scenewright: {each.error}")
+        log_line(f"scenewright: {each.error}")
     if not good:
         raise typer.Exit(UNUSABLE if unusable else NOT_VERIFIED)
 
@@ -293,7 +308,7 @@ def show(
         from scenewright.cli.show import write_views
 
         write_views(scene, wanted, whole=whole)
-        put("".join(f"{name}\n" for name in wanted.values()))
+        write_stdout("".join(f"{name}\n" for name in wanted.values()))
         return
     from scenewright.viz.recording import open_recording
 
@@ -307,9 +322,9 @@ def list_all(as_json: Json = False) -> None:
 
     rows = overview()
     if as_json:
-        put_json({"ok": True, "intersections": rows})
+        write_json({"ok": True, "intersections": rows})
     else:
-        put(overview_table(rows))
+        write_stdout(overview_table(rows))
 
 
 @intersections.command("show")
@@ -336,9 +351,9 @@ def show_one(
         record_own(rrd, name)
         facts = {**facts, "rrd": rrd}
     if as_json:
-        put_json({"ok": True, **facts})
+        write_json({"ok": True, **facts})
     else:
-        put(details_text(facts))
+        write_stdout(details_text(facts))
 
 
 @intersections.command("build")
@@ -359,7 +374,7 @@ def build(
 
     if seed < 0:
         raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         folder = build_bundle(
             name,
             # A name that there is no plan for is refused before anything is written.
@@ -369,13 +384,13 @@ def build(
             progress=lambda line: log("building", line),
         )
     if as_json:
-        put_json({"ok": True, "name": name, "folder": str(folder)})
+        write_json({"ok": True, "name": name, "folder": str(folder)})
     else:
-        put(f"{folder}\n")
+        write_stdout(f"{folder}\n")
 
 
 @intersections.command("corpus")
-def corpus(
+def make_corpus(
     name: Annotated[str, typer.Argument(help="Its name.")],
     out: Annotated[str, typer.Option(metavar="F", help="File to write, an .npz.")],
     hours: Annotated[int, typer.Option(help="How many hours, spread over the day.")] = 15,
@@ -383,12 +398,12 @@ def corpus(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate hours of traffic and keep everybody's tracks (needs the extra `simulate`)."""
+    """Simulate hours of traffic and keep the tracks of all agents (needs the extra `simulate`)."""
     from scenewright.tools.simulation.corpus_recordings import record_traffic
 
     if seed < 0:
         raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         made = record_traffic(
             name,
             out=Path(out),
@@ -398,9 +413,9 @@ def corpus(
         )
     if as_json:
         agents = sum(len(each.agents) for each in made)
-        put_json({"ok": True, "name": name, "file": out, "hours": len(made), "agents": agents})
+        write_json({"ok": True, "name": name, "file": out, "hours": len(made), "agents": agents})
     else:
-        put(f"{out}\n")
+        write_stdout(f"{out}\n")
 
 
 @intersections.command("train")
@@ -432,15 +447,15 @@ def train(
     """Train an intersection's refiner; started again after a kill, it goes on where it was."""
     from scenewright.cli.train import train_refiner
 
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         made = train_refiner(
             name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, log=log,
             walkers=walkers or (), go_on=go_on, most=most,
         )  # fmt: skip
     if as_json:
-        put_json({"ok": True, "name": name, **made})
+        write_json({"ok": True, "name": name, **made})
     else:
-        put(f"{made['folder']}\n")
+        write_stdout(f"{made['folder']}\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -479,7 +494,7 @@ def _run(words: list[str]) -> int:
     except ReaderGoneError:
         return READER_GONE
     except (Exception, KeyboardInterrupt) as error:
-        return _report(_with_what_is_kept(fault_of(error)), error, as_json="--json" in words)
+        return _report(_add_kept_work(to_cli_error(error)), error, as_json="--json" in words)
 
 
 def _flush() -> None:
@@ -492,20 +507,20 @@ def _flush() -> None:
         raise
 
 
-def _with_what_is_kept(fault: Fault) -> Fault:
+def _add_kept_work(fault: CliError) -> CliError:
     word = kept()
     if fault.code != "interrupted" or word is None:
         return fault
     return replace(fault, reason=f"interrupted; {word}")
 
 
-def _report(fault: Fault, error: BaseException, *, as_json: bool) -> int:
+def _report(fault: CliError, error: BaseException, *, as_json: bool) -> int:
     if fault.code == "internal_error" and os.environ.get("SCENEWRIGHT_TRACEBACK"):
         raise error
-    say(f"scenewright: {fault.reason}")
+    log_line(f"scenewright: {fault.reason}")
     if as_json:
         try:
-            put_json(fault.to_json())
+            write_json(fault.to_json())
         except (OSError, ReaderGoneError):
             return fault.exit_code
     return fault.exit_code

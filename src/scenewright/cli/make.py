@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from scenewright.cli.console import one_line
+from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import target_folder, whole_folder
 from scenewright.cli.views import ViewKind, write_view
@@ -28,7 +28,7 @@ OFFERED = 8
 
 
 @dataclass(frozen=True)
-class Request:
+class MakeOptions:
     """What `make` was asked for."""
 
     text: str
@@ -50,7 +50,7 @@ class Request:
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class MakeResult:
     """A scene that was written, where, and what could not be added to it."""
 
     scene: Scene
@@ -58,13 +58,13 @@ class Made:
     files: tuple[str, ...]
     warnings: tuple[str, ...]
 
-    def summary(self) -> list[str]:
+    def list_summary(self) -> list[str]:
         """A few lines for people."""
-        from scenewright.cli.scene_summary import summary
+        from scenewright.cli.scene_summary import summarize_scene
         from scenewright.intersections import load_map
 
         intersection_map = load_map(self.scene.record.meta.intersection)
-        lines = summary(self.scene.record, self.scene.proof, intersection_map)
+        lines = summarize_scene(self.scene.record, self.scene.proof, intersection_map)
         return [*lines, f"  {self.folder}: {', '.join(self.files)}"]
 
     def to_json(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def read_instruction(text: str) -> str:
     return text
 
 
-def make_scene(request: Request, *, log: ProgressCallback) -> Made:
+def make_scene(request: MakeOptions, *, log: ProgressCallback) -> MakeResult:
     """Synthesises a scene and writes its folder as a whole.
 
     A picture or a recording that cannot be drawn is a warning: the scene is worth more.
@@ -109,29 +109,29 @@ def make_scene(request: Request, *, log: ProgressCallback) -> Made:
     target = None if request.out is None else target_folder(request.out, force=request.force)
     scene = _synthesize(request, log)
     if target is None:
-        name = Path(SCENES) / folder_name(scene.record.meta.scene_id)
+        name = Path(SCENES) / choose_folder_name(scene.record.meta.scene_id)
         target = target_folder(str(name), force=request.force)
     with whole_folder(target) as part:
         scene.save(part, profile=request.profile)
-        warnings = (*_unrefined(scene), *_add_views(scene, part, request, log))
+        warnings = (*_explain_unrefined(scene), *_add_views(scene, part, request, log))
         files = tuple(sorted(entry.name for entry in part.iterdir()))
         stop_if_asked()
-    return Made(scene, _shown(target), files, warnings)
+    return MakeResult(scene, _shorten_path(target), files, warnings)
 
 
-def folder_name(scene_id: str) -> str:
-    """A scene id as a plain file name: it derives from text that anybody may have written."""
+def choose_folder_name(scene_id: str) -> str:
+    """A scene id as a plain file name: it derives from text of any origin."""
     slug = re.sub(r"[^a-z0-9_]+", "-", scene_id.lower()).strip("-")[:80].rstrip("-")
     return slug or "scene"
 
 
-def _shown(target: Path) -> Path:
+def _shorten_path(target: Path) -> Path:
     """Relative where that is shorter to read."""
     here = Path.cwd()
     return target.relative_to(here) if target.is_relative_to(here) else target
 
 
-def _synthesize(request: Request, log: ProgressCallback) -> Scene:
+def _synthesize(request: MakeOptions, log: ProgressCallback) -> Scene:
     from scenewright.graph.run import synthesize
 
     return synthesize(
@@ -148,14 +148,14 @@ def _synthesize(request: Request, log: ProgressCallback) -> Scene:
     )
 
 
-def _unrefined(scene: Scene) -> list[str]:
+def _explain_unrefined(scene: Scene) -> list[str]:
     """Why nothing was refined though it was asked for."""
     asked, ran = scene.provenance["refiner"], scene.provenance["refinement"]
     return [ran["note"]] if asked == "trajnet" and ran["refiner"] == "none" else []
 
 
 def _add_views(
-    scene: Scene, folder: Path, request: Request, log: ProgressCallback
+    scene: Scene, folder: Path, request: MakeOptions, log: ProgressCallback
 ) -> tuple[str, ...]:
     views: list[tuple[bool, str, Callable[[Scene, Path], None]]] = [
         (request.picture, "scene.png", partial(_write, "png")),
@@ -167,11 +167,11 @@ def _add_views(
     for wanted, name, write in views:
         if wanted:
             log("writing", name)
-            warnings += _attempt(partial(write, scene, folder / name), name)
+            warnings += _try_write(partial(write, scene, folder / name), name)
     return tuple(warnings)
 
 
-def _attempt(write: Callable[[], None], name: str) -> list[str]:
+def _try_write(write: Callable[[], None], name: str) -> list[str]:
     """What went wrong, unless it is the disk, which concerns the scene as well."""
     try:
         write()
@@ -179,7 +179,7 @@ def _attempt(write: Callable[[], None], name: str) -> list[str]:
         raise
     except Exception as error:  # a library or its environment; the scene stands without it
         stop_if_asked()
-        return [one_line(f"no {name}: {type(error).__name__}: {error}", limit=300)]
+        return [format_one_line(f"no {name}: {type(error).__name__}: {error}", limit=300)]
     return []
 
 

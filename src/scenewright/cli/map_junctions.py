@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from scenewright.cli.console import one_line
+from scenewright.cli.console import format_one_line
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import import Junction, list_junctions
@@ -70,14 +70,14 @@ def list_rows(
     return [JunctionRow(each) for each in ordered], overview.roads
 
 
-def rows_text(rows: Sequence[JunctionRow]) -> str:
+def format_rows(rows: Sequence[JunctionRow]) -> str:
     """A line for each junction: id, place, legs."""
     lines = []
     for row in rows:
         kind = "roundabout, " if row.junction.is_roundabout else ""
         legs = ", ".join(f"{leg['towards']} {leg['street'] or '(unnamed)'}" for leg in row.legs)
         lines.append(f"{row.junction.id}  at {row.place}  {kind}{len(row.legs)} legs: {legs}")
-    return "".join(one_line(line, limit=240) + "\n" for line in lines)
+    return "".join(format_one_line(line, limit=240) + "\n" for line in lines)
 
 
 def draw_list(

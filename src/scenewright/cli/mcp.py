@@ -21,10 +21,10 @@ from scenewright.time_limit import DEFAULT_LIMIT, TimeLimitReachedError, limit_t
 if TYPE_CHECKING:
     from mcp.server import MCPServer
 
-    from scenewright.authoring.session import Session, Shown
+    from scenewright.authoring.session import Session, SessionVersion
     from scenewright.backends import Backend
     from scenewright.cli.views import ViewKind
-    from scenewright.nodes.toolbox import Workbench
+    from scenewright.nodes.toolbox import ToolState
 
 _GUIDE = """\
 Makes verified traffic scenes at one intersection. make_scene takes an instruction in plain
@@ -35,7 +35,7 @@ start_scene, ground_plan, draw_candidates, solve, edit_segments, refine, check_s
 
 
 @dataclass(frozen=True)
-class Served:
+class ServerOptions:
     """What the server works with.
 
     Attributes:
@@ -52,23 +52,23 @@ class Served:
     time_limit: float = DEFAULT_LIMIT
 
 
-def serve(served: Served) -> None:
+def serve(served: ServerOptions) -> None:
     """Serves on stdin and stdout until the client hangs up.
 
     Raises:
         InputError: the package `mcp` is not installed, or the thread cannot be used.
     """
-    server_of(served).run("stdio")
+    build_server(served).run("stdio")
 
 
-def server_of(served: Served) -> MCPServer[Any]:
+def build_server(served: ServerOptions) -> MCPServer[Any]:
     """The server with its tools, not yet running."""
     try:
         from mcp.server import MCPServer
     except ImportError as error:
         raise InputError("this needs the package mcp; pip install 'scenewright[mcp]'") from error
     server: MCPServer[Any] = MCPServer("scenewright", instructions=_GUIDE, log_level="WARNING")
-    desk = _Desk(served)
+    desk = _ClientState(served)
     for tool in (
         desk.make_scene, desk.edit_scene, desk.edit_by_hand, desk.undo, desk.redo, desk.branch,
         desk.show_scene, desk.list_versions, desk.list_threads, desk.open_thread,
@@ -87,22 +87,22 @@ def server_of(served: Served) -> MCPServer[Any]:
     return server
 
 
-class _Desk:
-    """What one client works at: a conversation and a workbench."""
+class _ClientState:
+    """The conversation and the tool state of one client."""
 
-    def __init__(self, served: Served) -> None:
+    def __init__(self, served: ServerOptions) -> None:
         self._served = served
-        self._bench: Workbench | None = None
+        self._bench: ToolState | None = None
         self._open(served.thread)
 
     def _open(self, thread: str) -> None:
         """The session of a thread, held by this process alone; InputError if another has it."""
         from scenewright.authoring.session import Session
-        from scenewright.cli.user_folders import threads_file
+        from scenewright.cli.user_folders import find_threads_file
         from scenewright.graph.run import choose_refiner
         from scenewright.memory.threads import Threads
 
-        served, threads = self._served, Threads(threads_file(self._served.threads))
+        served, threads = self._served, Threads(find_threads_file(self._served.threads))
         try:
             threads.hold(thread)
         except InputError:
@@ -138,7 +138,7 @@ class _Desk:
         try:
             return self._reply(self._session.edit(edits))
         except InputError as error:
-            return _no("unusable_input", str(error))
+            return _build_refusal("unusable_input", str(error))
 
     def branch(self, name: str) -> dict[str, Any]:
         """A branch from the current version; or over to the one of that name."""
@@ -155,20 +155,22 @@ class _Desk:
 
     def list_threads(self) -> dict[str, Any]:
         """The names of all conversations, last used first, and which one is open."""
-        names = list(self._threads.names())
+        names = list(self._threads.list_names())
         return {"ok": True, "threads": names, "open": self._session.thread}
 
     def open_thread(self, thread: str) -> dict[str, Any]:
         """Goes over to a conversation; one that is not there begins empty."""
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
-            return _no("unusable_input", "a thread's name has up to 64 letters, digits, ., - and _")
+            return _build_refusal(
+                "unusable_input", "a thread's name has up to 64 letters, digits, ., - and _"
+            )
         before = self._threads
         try:
             if thread != self._session.thread:
                 self._open(thread)
                 before.close()
         except InputError as error:
-            return _no("unusable_input", str(error))
+            return _build_refusal("unusable_input", str(error))
         return {"ok": True, "thread": thread, "current": self._session.state.get("current")}
 
     def read_picture(self, version: str) -> bytes:
@@ -198,8 +200,8 @@ class _Desk:
             write_view(kind, path, shown.record, shown.proof)
             return path.read_bytes()
 
-    def _find(self, version: str) -> Shown:
-        shown = self._session.shown(None if version == "current" else version)
+    def _find(self, version: str) -> SessionVersion:
+        shown = self._session.find_version(None if version == "current" else version)
         if shown is None:
             raise InputError("there is no scene yet; call make_scene first")
         return shown
@@ -213,15 +215,15 @@ class _Desk:
         return self._reply(self._session.redo())
 
     def show_scene(self) -> dict[str, Any]:
-        """The current version: who is there, what happens, whether it is verified."""
+        """The current version: its agents, its events, whether it is verified."""
         return self._reply({"kind": "shown"})
 
     def explain_refusal(self) -> dict[str, Any]:
         """Why the last words were refused, and what may help."""
-        from scenewright.authoring.explain import why
+        from scenewright.authoring.explain import explain_refusal
 
         refused = self._session.state.get("refused")
-        return {"ok": True, "lines": [] if refused is None else why(refused)}
+        return {"ok": True, "lines": [] if refused is None else explain_refusal(refused)}
 
     def verify_scene(self, scene: dict[str, Any] | None = None) -> dict[str, Any]:
         """Checks the current version, or the content of a scene.json that is handed over."""
@@ -231,47 +233,49 @@ class _Desk:
         from scenewright.scene.record import SceneRecord
 
         try:
-            record = self._shown_record() if scene is None else SceneRecord.model_validate(scene)
+            record = self._get_record() if scene is None else SceneRecord.model_validate(scene)
             proof = verify(record)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             where = ".".join(str(part) for part in first["loc"])
-            return _no("unusable_input", f"this is no scene: {where}: {first['msg']}")
+            return _build_refusal("unusable_input", f"this is no scene: {where}: {first['msg']}")
         except InputError as error:
-            return _no("unusable_input", str(error))
+            return _build_refusal("unusable_input", str(error))
         return {"ok": True, **proof.model_dump(mode="json", by_alias=True)}
 
     def scene_json(self) -> dict[str, Any]:
         """The current version as in scene.json: tracks every 0.1 s, annotations, signals."""
         try:
-            return {"ok": True, "scene": self._shown_record().to_json()}
+            return {"ok": True, "scene": self._get_record().to_json()}
         except InputError as error:
-            return _no("unusable_input", str(error))
+            return _build_refusal("unusable_input", str(error))
 
     def save_scene(self) -> dict[str, Any]:
         """Writes the current version to a folder under the one that the server was started with."""
         from scenewright.cli.save import save_version
 
-        shown = self._session.shown()
+        shown = self._session.find_version()
         if shown is None:
-            return _no("unusable_input", "there is no scene yet; call make_scene first")
+            return _build_refusal("unusable_input", "there is no scene yet; call make_scene first")
         if self._served.out is None:
-            return _no("unusable_input", "the server was started without --out, so nothing is kept")
+            return _build_refusal(
+                "unusable_input", "the server was started without --out, so nothing is kept"
+            )
         name = f"{self._served.thread}-{shown.version['number']}"
         try:
             folder, files, _ = save_version(shown, str(Path(self._served.out) / name))
         except InputError as error:
-            return _no("unusable_input", str(error))
+            return _build_refusal("unusable_input", str(error))
         return {"ok": True, "folder": str(folder), "files": files}
 
     def start_scene(self, instruction: str, seed: int = 0) -> dict[str, Any]:
-        """Clears the workbench for a scene that is made step by step; next: ground_plan."""
-        from scenewright.authoring.agent import workbench
+        """Starts an empty scene that is made step by step; next: ground_plan."""
+        from scenewright.authoring.agent import build_tool_state
 
         if not 0 <= seed < 2**63:
-            return _no("unusable_input", "a seed is a whole number from 0 to 2^63 - 1")
+            return _build_refusal("unusable_input", "a seed is a whole number from 0 to 2^63 - 1")
         intersection_map = self._served.intersection
-        self._bench = workbench(
+        self._bench = build_tool_state(
             instruction, intersection=intersection_map, seed=seed, record=self._keep
         )
         return {"ok": True, "next": "ground_plan"}
@@ -281,7 +285,7 @@ class _Desk:
         return self._step("ground_plan", plan=plan)
 
     def draw_candidates(self) -> dict[str, Any]:
-        """GMM sampler: draws who else is there, and ways to go for everybody."""
+        """GMM sampler: draws the background agents, and candidate paths for all agents."""
         return self._step("draw_candidates")
 
     def check_program(self, program: str) -> dict[str, Any]:
@@ -312,20 +316,18 @@ class _Desk:
         from scenewright.errors import Rejected
 
         if self._bench is None:
-            return _no(
-                "unusable_input", "there is no scene on the workbench; call start_scene first"
-            )
+            return _build_refusal("unusable_input", "no scene was started; call start_scene first")
         try:
             with limit_time(self._served.time_limit):
                 return {"ok": True, **getattr(self._bench, name)(**arguments)}
         except TimeLimitReachedError as error:
-            return _no("time_limit", str(error))
+            return _build_refusal("time_limit", str(error))
         except Rejected as error:
-            told = error.rejection.model_dump(mode="json", include={"code", "agents", "detail"})
-            return {"ok": False, **told}
+            fields = error.rejection.model_dump(mode="json", include={"code", "agents", "detail"})
+            return {"ok": False, **fields}
 
     def _keep(self, record: Any, proof: Any) -> str:
-        """A scene of the workbench, under the server's folder."""
+        """A scene of the tool state, under the server's folder."""
         from scenewright.files import write_atomically
         from scenewright.graph.run import encode_proof, encode_scene, make_folder
 
@@ -336,22 +338,24 @@ class _Desk:
         write_atomically(folder / "scene.json", encode_scene(record))
         return str(folder)
 
-    def _shown_record(self) -> Any:
-        shown = self._session.shown()
+    def _get_record(self) -> Any:
+        shown = self._session.find_version()
         if shown is None:
             raise InputError("there is no scene yet; call make_scene first")
         return shown.record
 
     def _reply(self, reply: dict[str, Any]) -> dict[str, Any]:
-        from scenewright.cli.chat import facts
+        from scenewright.cli.chat import build_facts
 
-        shown = self._session.shown()
+        shown = self._session.find_version()
         if reply["kind"] == "refused":
             return {"ok": False, **reply}
         if shown is None:
-            return _no("unusable_input", str(reply.get("reason", "there is no scene yet")))
-        return {"ok": True, **reply, "version": shown.version["number"], **facts(shown)}
+            return _build_refusal(
+                "unusable_input", str(reply.get("reason", "there is no scene yet"))
+            )
+        return {"ok": True, **reply, "version": shown.version["number"], **build_facts(shown)}
 
 
-def _no(code: str, detail: str) -> dict[str, Any]:
+def _build_refusal(code: str, detail: str) -> dict[str, Any]:
     return {"ok": False, "code": code, "detail": detail}

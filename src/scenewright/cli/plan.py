@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenewright.backends import Backend, Call, Named, Question
-from scenewright.cli.console import one_line, put, say
-from scenewright.cli.errors import fault_of
+from scenewright.cli.console import format_one_line, log_line, write_stdout
+from scenewright.cli.errors import to_cli_error
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.scene.map import IntersectionMap
@@ -35,7 +35,7 @@ def read_rows(path: str) -> list[Any]:
     """
     name = "standard input" if path == "-" else path
     try:
-        data = _stdin() if path == "-" else Path(path).read_bytes()
+        data = _read_stdin() if path == "-" else Path(path).read_bytes()
         text = data.decode("utf-8-sig")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
@@ -44,7 +44,7 @@ def read_rows(path: str) -> list[Any]:
     return [_parse(line, f"{name}, line {number}") for number, line in lines if line.strip()]
 
 
-def _stdin() -> bytes:
+def _read_stdin() -> bytes:
     return sys.stdin.buffer.read() if sys.stdin is not None else b""
 
 
@@ -72,7 +72,7 @@ def plan_rows(
         BackendFault: the backend failed for good.
     """
     for row, plan in zip(
-        rows, _understood_all(rows, backend, intersection_map, account), strict=True
+        rows, _plan_in_batches(rows, backend, intersection_map, account), strict=True
     ):
         stop_if_asked()
         given = row if isinstance(row, dict) else {}
@@ -112,7 +112,7 @@ def plan(
     return row
 
 
-def all_planned(
+def plan_all(
     rows: list[Any],
     backend: Backend,
     calls: list[Call],
@@ -135,16 +135,16 @@ def all_planned(
         raise
 
 
-def _understood_all(
+def _plan_in_batches(
     rows: list[Any], backend: Backend, intersection_map: IntersectionMap | None, account: Account
 ) -> Iterator[Plan]:
-    """The plans in order; several at a time by who has to be awaited.
+    """The plans in order; several at a time for a backend that has to be awaited.
 
     The threads do not outlive an interruption, as those of an executor would.
     """
-    many = min(_at_once(backend), len(rows))
+    many = min(_count_at_once(backend), len(rows))
     if many <= 1:
-        yield from (_understood(row, backend, intersection_map, account) for row in rows)
+        yield from (_plan_one(row, backend, intersection_map, account) for row in rows)
         return
     replies: list[Future[Plan]] = [Future() for _ in rows]
     left = iter(list(zip(rows, replies, strict=True)))
@@ -157,7 +157,7 @@ def _understood_all(
             if reply is None:
                 return
             try:
-                reply.set_result(_understood(row, backend, intersection_map, account))
+                reply.set_result(_plan_one(row, backend, intersection_map, account))
             except BaseException as error:
                 reply.set_exception(error)
 
@@ -166,21 +166,21 @@ def _understood_all(
     yield from (reply.result() for reply in replies)
 
 
-def _at_once(backend: Backend) -> int:
-    """How many rows are worth planning at a time: one by rule, several by who has to be awaited."""
+def _count_at_once(backend: Backend) -> int:
+    """Rows to plan at a time: one for rules, several for a backend that has to be awaited."""
     from scenewright.backends import get_backend_of_task
 
     return int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
 
 
-def _understood(
+def _plan_one(
     row: Any, backend: Backend, intersection_map: IntersectionMap | None, account: Account
 ) -> Plan:
-    fault = _fault_in(row)
-    return refusal(fault) if fault else _plan(row, backend, intersection_map, account)
+    fault = _find_fault(row)
+    return build_refusal(fault) if fault else _plan(row, backend, intersection_map, account)
 
 
-def spent(calls: list[Call]) -> dict[str, int]:
+def sum_costs(calls: list[Call]) -> dict[str, int]:
     """Requests to models, and tokens in and out as far as they were counted; empty without any."""
     asked = sum(call.asked for call in calls)
     if not asked:
@@ -206,17 +206,17 @@ def _plan(
     except Exception as error:
         if os.environ.get("SCENEWRIGHT_TRACEBACK"):
             raise
-        fault = fault_of(error)
-        say(f"warning: row {one_line(row['id'], limit=60)!r}: {fault.reason}")
-        return refusal(fault.reason)
+        fault = to_cli_error(error)
+        log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {fault.reason}")
+        return build_refusal(fault.reason)
 
 
 def _echo(identity: Any) -> str | int | None:
-    """The id that a row came with, right or wrong, as far as one can be told from it."""
+    """The id that a row came with, right or wrong, as far as one can be read from it."""
     return identity if isinstance(identity, str | int) else None
 
 
-def _fault_in(row: Any) -> str | None:
+def _find_fault(row: Any) -> str | None:
     """What is wrong with a row, if anything."""
     if not isinstance(row, dict):
         return "A row is an object with 'id' and 'text'."
@@ -228,7 +228,7 @@ def _fault_in(row: Any) -> str | None:
     return None
 
 
-def refusal(reason: str) -> Refusal:
+def build_refusal(reason: str) -> Refusal:
     """A row's no."""
     return Refusal(code="out_of_scope", reason=reason)
 
@@ -240,7 +240,7 @@ def ask_for_plan(
     intersection_map: IntersectionMap | None = None,
     account: Account = lambda _call: None,
 ) -> Plan:
-    """The backend's plan; told what was wrong, it may mend a malformed one."""
+    """The backend's plan; given what was wrong, it may mend a malformed one."""
     from scenewright.backends import get_backend_of_task
     from scenewright.nodes import scene_planner
 
@@ -251,15 +251,15 @@ def ask_for_plan(
             if intersection_map is None
             else scene_planner.describe_routes(intersection_map)
         )
-        question = _question(row, ways, intersection_map, tuple(wrong), account)
+        question = _build_question(row, ways, intersection_map, tuple(wrong), account)
         try:
             return scene_planner.ask_for_plan(backend, question, ways)
         except Rejected as error:
             wrong.append(error.rejection.detail)
-    return refusal(f"The backend gave no usable plan: {wrong[-1]}")
+    return build_refusal(f"The backend gave no usable plan: {wrong[-1]}")
 
 
-def _question(
+def _build_question(
     row: dict[str, Any],
     ways: Sequence[RouteDescription],
     intersection_map: IntersectionMap | None,
@@ -300,7 +300,7 @@ def write_rows(path: str, rows: list[dict[str, Any]]) -> None:
     lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
     data = lines.encode("utf-8", "backslashreplace")
     if path == "-":
-        put(data.decode("utf-8"))
+        write_stdout(data.decode("utf-8"))
     else:
         write_atomically(path, data)
 

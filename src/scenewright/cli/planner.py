@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.console import progress, put, put_json, say
+from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 from scenewright.errors import InputError
 
 planner = typer.Typer(name="planner", help="Train the builtin planner on annotated instructions.")
@@ -24,13 +24,13 @@ def check(
 
     faults = [f"{path}: {fault}" for path in files for fault in find_faults(path)]
     if as_json:
-        put_json({"ok": not faults, "faults": faults})
+        write_json({"ok": not faults, "faults": faults})
     for fault in faults:
-        say(fault)
+        log_line(fault)
     if faults:
         raise typer.Exit(2)
     if not as_json:
-        put("no faults\n")
+        write_stdout("no faults\n")
 
 
 @planner.command()
@@ -67,13 +67,13 @@ def train(
             raise InputError(f"{path}: {fault}")
     if not out.parent.is_dir():
         raise InputError(f"cannot write {out}: --out must name a file in a folder that exists")
-    with progress(quiet=False) as log:
+    with show_progress(quiet=False) as log:
         rows = train_reader(
             [*package_files(), *own], own=own, out=out, minilm=minilm,
             steps=steps or (400 if minilm is None else 8000), seed=seed,
             log=lambda line: log("training", line),
         )  # fmt: skip
     if as_json:
-        put_json({"ok": True, "rows": rows, "out": str(out)})
+        write_json({"ok": True, "rows": rows, "out": str(out)})
     else:
-        put(f"{out}\n")
+        write_stdout(f"{out}\n")

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.console import progress, put, put_json, say
+from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
 
 
-def satisfaction(
+def score_satisfaction(
     folder: Annotated[
         str | None,
         typer.Argument(metavar="DIR", help="ID/scene.json, or ID.SUFFIX: tracks, for each row."),
@@ -53,7 +53,7 @@ def satisfaction(
     if rows is not None:
         _write_rows(Path(rows), labelled)
         return
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         verdicts = []
         for done, row in enumerate(labelled, start=1):
             found = judging.read_submission(Path(str(folder)), row["id"], intersection=intersection)
@@ -67,12 +67,12 @@ def satisfaction(
     figures = judging.to_json(shares)
     page = enter_leaderboard(Path(board), str(name), figures) if board else None
     if as_json:
-        told = [vars(each) for each in verdicts]
-        put_json({"ok": True, "folder": folder, **figures, "verdicts": told})
+        listed = [vars(each) for each in verdicts]
+        write_json({"ok": True, "folder": folder, **figures, "verdicts": listed})
     else:
-        put(judging.to_markdown(shares, verdicts))
+        write_stdout(judging.to_markdown(shares, verdicts))
     if page is not None:
-        say(f"written: {board}, {page}")
+        log_line(f"written: {board}, {page}")
 
 
 def _write_rows(file: Path, labelled: list[dict[str, object]]) -> None:
@@ -82,4 +82,4 @@ def _write_rows(file: Path, labelled: list[dict[str, object]]) -> None:
         json.dumps({"id": row["id"], "text": row["text"]}, ensure_ascii=False) for row in labelled
     ]
     write_atomically(file, ("\n".join(lines) + "\n").encode("utf-8"))
-    put(f"{file}: {len(lines)} rows\n")
+    write_stdout(f"{file}: {len(lines)} rows\n")

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 
-from scenewright.cli.console import one_line
+from scenewright.cli.console import format_one_line
 from scenewright.scene.account import SaidRecord, SaidSpan, list_manner, list_unrealised
 from scenewright.scene.base import Point
 from scenewright.scene.events import Event, Finding, Proof
@@ -25,42 +25,48 @@ KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
 
 
-def summary(scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap) -> list[str]:
-    """What happens, whether it is proven and who else is there: a few lines."""
-    lines = [happening(event, scene, intersection_map) for event in proof.events]
+def summarize_scene(
+    scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap
+) -> list[str]:
+    """The events, whether they are proven, and the other agents: a few lines."""
+    lines = [describe_event(event, scene, intersection_map) for event in proof.events]
     if not lines and not scene.encounters:
         lines = ["nothing happens: no collision, near miss or yielding"]
     lines += _describe_unasked_runs(scene, proof)
     lines += [_describe_object(each, scene, proof) for each in scene.objects]
-    result = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
-    return [*result, *(f"  {line}" for line in unshown(proof.said))]
+    result = [
+        format_verdict(proof),
+        *(f"  {line}" for line in lines),
+        f"  {_describe_background(scene)}",
+    ]
+    return [*result, *(f"  {line}" for line in list_unshown(proof.said))]
 
 
-def unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
+def list_unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
     """The words of the instruction that tracks do not show, a line for each kind."""
     kinds = (("left out", list_unrealised(said)), ("without effect on tracks", list_manner(said)))
     return [
-        f"{title}: {', '.join(repr(one_line(each, limit=80)) for each in words)}"
+        f"{title}: {', '.join(repr(format_one_line(each, limit=80)) for each in words)}"
         for title, words in kinds
         if words
     ]
 
 
-def verdict(proof: Proof) -> str:
+def format_verdict(proof: Proof) -> str:
     """Verified, or how many findings stand against it."""
-    against = len(findings(proof))
+    against = len(list_findings(proof))
     return "verified" if proof.verified else f"not verified ({against} findings)"
 
 
-def findings(proof: Proof) -> tuple[Finding, ...]:
+def list_findings(proof: Proof) -> tuple[Finding, ...]:
     """Everything that stands against a scene, weightiest first."""
     return (*proof.missing, *proof.interference, *proof.signal_violations, *proof.implausible)
 
 
-def happening(event: Event, scene: SceneRecord, intersection_map: IntersectionMap) -> str:
-    """One event: who does what to whom, when and where."""
+def describe_event(event: Event, scene: SceneRecord, intersection_map: IntersectionMap) -> str:
+    """One event: its agents, its type, its time and place."""
     agents = {agent.id: agent for agent in scene.agents}
-    first, second = (who(agents.get(each), each) for each in (event.from_, event.to))
+    first, second = (name_agent(agents.get(each), each) for each in (event.from_, event.to))
     kind = f" ({event.kind.replace('_', ' ')})" if event.kind else ""
     pet = event.evidence.get("pet")
     gap = f", {pet:.1f} s apart" if isinstance(pet, float) else ""
@@ -70,13 +76,13 @@ def happening(event: Event, scene: SceneRecord, intersection_map: IntersectionMa
     )
 
 
-def who(agent: AgentRecord | None, number: int) -> str:
-    """An agent by name, with what tells it apart."""
+def name_agent(agent: AgentRecord | None, number: int) -> str:
+    """An agent by name, with what distinguishes it."""
     if agent is None:
         return f"agent {number}"
-    name = one_line(agent.name, limit=40)
+    name = format_one_line(agent.name, limit=40)
     if agent.type == "vehicle":
-        what = one_line(agent.subtype or "vehicle", limit=20)
+        what = format_one_line(agent.subtype or "vehicle", limit=20)
         return f"{name} ({what}, {agent.entry} to {agent.exit})"
     if agent.type != "pedestrian" and agent.crosswalk is None:
         return f"{name} ({agent.entry} to {agent.exit})"
@@ -87,27 +93,29 @@ def who(agent: AgentRecord | None, number: int) -> str:
 def place(spot: Point, intersection_map: IntersectionMap) -> str:
     """Where a place [m] is, as people say it."""
     for crosswalk in intersection_map.crosswalks:
-        if _near_polygon(spot, crosswalk.polygon):
+        if _is_near_polygon(spot, crosswalk.polygon):
             return f"on the {crosswalk.leg} crosswalk"
-    lanelet = min(intersection_map.lanelets, key=lambda each: _gap(spot, each), default=None)
+    lanelet = min(
+        intersection_map.lanelets, key=lambda each: _measure_gap(spot, each), default=None
+    )
     if lanelet is None or lanelet.leg is None:
         return "in the junction"
     return f"on the {lanelet.leg} leg"
 
 
-def _gap(spot: Point, lanelet: Lanelet) -> float:
+def _measure_gap(spot: Point, lanelet: Lanelet) -> float:
     line = lanelet.centreline
     return min(
-        (_to_segment(spot, a, b) for a, b in pairwise(line)),
+        (_measure_to_segment(spot, a, b) for a, b in pairwise(line)),
         default=math.inf,
     )
 
 
-def _near_polygon(spot: Point, ring: tuple[Point, ...]) -> bool:
+def _is_near_polygon(spot: Point, ring: tuple[Point, ...]) -> bool:
     """Inside, or within `KERB` of the edge."""
     inside = False
     for a, b in zip(ring, (*ring[1:], ring[0]), strict=True):
-        if _to_segment(spot, a, b) <= KERB:
+        if _measure_to_segment(spot, a, b) <= KERB:
             return True
         if (a[1] > spot[1]) != (b[1] > spot[1]):
             x = a[0] + (spot[1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
@@ -115,7 +123,7 @@ def _near_polygon(spot: Point, ring: tuple[Point, ...]) -> bool:
     return inside
 
 
-def _to_segment(spot: Point, a: Point, b: Point) -> float:
+def _measure_to_segment(spot: Point, a: Point, b: Point) -> float:
     along = (b[0] - a[0], b[1] - a[1])
     square = along[0] ** 2 + along[1] ** 2
     offset = (spot[0] - a[0], spot[1] - a[1])
@@ -125,7 +133,7 @@ def _to_segment(spot: Point, a: Point, b: Point) -> float:
 
 
 def _describe_unasked_runs(scene: SceneRecord, proof: Proof) -> list[str]:
-    """Red lights that are run although nobody asked for it."""
+    """Red lights that are run without being asked for."""
     names = {agent.id: agent.name for agent in scene.agents}
     return [
         f"{run['time']:.1f} s: {names.get(run['agent'], run['agent'])} runs a red light, which was "
@@ -135,7 +143,7 @@ def _describe_unasked_runs(scene: SceneRecord, proof: Proof) -> list[str]:
 
 
 def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> str:
-    """What stands, and when who it hides is first seen."""
+    """Parked vehicles, and when the agents that they hide are first seen."""
     what = f"{each.kind} {each.subtype or ''}".replace("_", "-").strip()
     names = {agent.id: agent.name for agent in scene.agents}
     seen = [f for f in proof.figures.get("first_visible", ()) if f["object"] == each.id]
@@ -152,13 +160,13 @@ def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> st
     return f"{each.id} ({what}) stands at ({each.x:.1f}, {each.y:.1f}){hides}{met}"
 
 
-def _crowd(scene: SceneRecord) -> str:
+def _describe_background(scene: SceneRecord) -> str:
     counts = Counter(agent.type for agent in scene.agents if agent.role == "background")
     vehicles, walkers = counts["vehicle"], counts["pedestrian"]
     meta = scene.meta
     return (
         f"background: {_number(vehicles, 'vehicle')}, {_number(walkers, 'pedestrian')}; "
-        f"{one_line(meta.time_of_day, limit=20)}, {meta.duration:g} s, seed {meta.seed}"
+        f"{format_one_line(meta.time_of_day, limit=20)}, {meta.duration:g} s, seed {meta.seed}"
     )
 
 

@@ -10,8 +10,14 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
-from scenewright.cli.console import say
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    Record,
+    Timeout,
+    load_named_backend,
+)
+from scenewright.cli.console import log_line
 from scenewright.errors import InputError, ScenewrightError
 
 HOST = "127.0.0.1"
@@ -45,14 +51,14 @@ def serve(
         raise InputError(
             "this needs starlette and uvicorn; pip install 'scenewright[page]'"
         ) from error
-    from scenewright.cli.user_folders import threads_file
+    from scenewright.cli.user_folders import find_threads_file
     from scenewright.intersections import find_data_folder, load_map
 
     load_map(intersection)
-    speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
+    speaker = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     listener = _listen(port)
     port = listener.getsockname()[1]
-    conversations = Conversations(str(threads_file(threads)), backend=speaker, seed=seed)
+    conversations = Conversations(str(find_threads_file(threads)), backend=speaker, seed=seed)
     name = ", ".join(backend) if backend else "builtin"
     token = secrets.token_urlsafe(24)
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
@@ -66,7 +72,7 @@ def serve(
         access_log=False,
     )  # fmt: skip
     address = f"http://{HOST}:{port}/?token={token}"
-    say(f"open {address}\nCtrl-C ends it; conversations are kept")
+    log_line(f"open {address}\nCtrl-C ends it; conversations are kept")
     warming = threading.Thread(target=_warm_up, args=(intersection,), daemon=True)
     warming.start()
     if open_:

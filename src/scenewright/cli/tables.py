@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.console import progress, put, put_json, say
+from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 
 FOLDER = "evaluation"
 
 
-def tables(
+def print_tables(
     folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")],
     corpus: Annotated[
         str | None,
@@ -39,7 +39,7 @@ def tables(
 
     Writes tables.md and tables.json. How scenes move and differ needs recorded hours.
     """
-    with progress(quiet=quiet) as log:
+    with show_progress(quiet=quiet) as log:
         page, values, target = write_tables(
             Path(folder),
             out=out,
@@ -51,10 +51,10 @@ def tables(
             log=lambda line: log("measuring", line),
         )
     if as_json:
-        put_json({"ok": True, "out": str(target), **values})
+        write_json({"ok": True, "out": str(target), **values})
     else:
-        put(page)
-        say(f"written: {target}/tables.md, tables.json")
+        write_stdout(page)
+        log_line(f"written: {target}/tables.md, tables.json")
 
 
 def write_tables(

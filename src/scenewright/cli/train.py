@@ -48,11 +48,11 @@ def train_refiner(
     serving = find_refiner(name) if go_on else None
     folder = find_out_folder(name, out)
 
-    def told(epoch: Epoch) -> None:
+    def log_epoch(epoch: Epoch) -> None:
         log("training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}")
 
     about = train_bundle(
-        name, recordings, out=folder, recipe=recipe, after_epoch=told,
+        name, recordings, out=folder, recipe=recipe, after_epoch=log_epoch,
         log=lambda done, of: log("training", f"{100 * done // of} %") if done % 20 == 0 else None,
         start=None if serving is None else serving.net, walkers=_read_walkers(walkers),
         most=most,

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 from scenewright.cli.scene_summary import VERBS
 
 if TYPE_CHECKING:
-    from scenewright.authoring.session import Shown
+    from scenewright.authoring.session import SessionVersion
 
 Line = tuple[str, str]
 GOOD, BAD, PLAIN, FAINT, ASK = "green", "red", "", "dim", "yellow"
 _MOST_NAMES = 8
 
 
-def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
+def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     """The lines of a reply.
 
     Args:
@@ -22,7 +22,7 @@ def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
     """
     match reply["kind"]:
         case "made" | "moved_to":
-            return _version(reply, shown)
+            return _format_version(reply, shown)
         case "asked":
             return [(ASK, reply["question"])]
         case "refused":
@@ -32,14 +32,14 @@ def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
         case "nothing":
             return [(FAINT, reply["reason"])]
         case "shown":
-            return _shown(reply)
+            return _format_shown(reply)
         case "compared":
-            return _compared(reply)
+            return _format_comparison(reply)
         case "saved":
             warned = [(ASK, f"warning: {each}") for each in reply["warnings"]]
             return [*warned, (GOOD, f"{reply['folder']}: {', '.join(reply['files'])}")]
         case "history":
-            return _history(reply) or [(FAINT, "there is no version yet")]
+            return _format_history(reply) or [(FAINT, "there is no version yet")]
         case "branches":
             marks = {name: "*" if name == reply["branch"] else " " for name in reply["branches"]}
             rows = [f"{marks[n]} {n}: version {v}" for n, v in reply["branches"].items()]
@@ -51,44 +51,44 @@ def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
     return [(PLAIN, str(reply))]
 
 
-def _version(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
+def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     if shown is None:
         return [(PLAIN, f"version {reply['version']}")]
-    from scenewright.cli.scene_summary import summary
+    from scenewright.cli.scene_summary import summarize_scene
     from scenewright.intersections import load_map
 
     intersection_map = load_map(shown.record.meta.intersection)
-    first, *rest = summary(shown.record, shown.proof, intersection_map)
+    first, *rest = summarize_scene(shown.record, shown.proof, intersection_map)
     branch = f" on branch {reply['branch']}" if "branch" in reply else ""
     lines = [(GOOD, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
     if "taken" in reply:
         lines.insert(0, (ASK, f"taken as 1, say another number for another: {reply['taken']}"))
     if reply["kind"] == "made" and reply.get("from") is not None and reply["edits"]:
-        lines.append((FAINT, f"  {_others(reply)}"))
+        lines.append((FAINT, f"  {_format_others(reply)}"))
     return lines
 
 
-def _others(reply: dict[str, Any]) -> str:
-    """Who else is other than before."""
+def _format_others(reply: dict[str, Any]) -> str:
+    """Other agents that changed."""
     said = []
     for key, verb in (("moved", "also moved"), ("gone", "gone"), ("come", "new")):
         if reply[key]:
-            said.append(f"{verb}: {_names(reply[key])}")
+            said.append(f"{verb}: {_format_names(reply[key])}")
     if reply["let_go"]:
-        said.append(f"solved anew, so no longer as told: {_names(reply['let_go'])}")
+        said.append(f"solved anew, so no longer as given: {_format_names(reply['let_go'])}")
     if reply["longer"]:
         much = abs(reply["longer"])
         said.append(f"the scene lasts {much:g} s {'longer' if reply['longer'] > 0 else 'less'}")
-    return "; ".join(said) if said else "everybody else is as before, to the last bit"
+    return "; ".join(said) if said else "all other agents are unchanged"
 
 
-def _names(names: list[str]) -> str:
+def _format_names(names: list[str]) -> str:
     shown = ", ".join(names[:_MOST_NAMES])
     more = len(names) - _MOST_NAMES
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _shown(reply: dict[str, Any]) -> list[Line]:
+def _format_shown(reply: dict[str, Any]) -> list[Line]:
     proven = "verified" if reply["verified"] else "not verified"
     lines = [
         (GOOD, f"version {reply['version']}: {proven}, {reply['time_of_day']}, "
@@ -113,7 +113,7 @@ def _shown(reply: dict[str, Any]) -> list[Line]:
     return lines
 
 
-def _compared(reply: dict[str, Any]) -> list[Line]:
+def _format_comparison(reply: dict[str, Any]) -> list[Line]:
     lines = [(GOOD, f"versions {reply['first']} and {reply['second']}")]
     lines += [(PLAIN, f"  {key}: {one} | {other}") for key, one, other in reply["differences"]]
     for key, words in (
@@ -121,11 +121,11 @@ def _compared(reply: dict[str, Any]) -> list[Line]:
         ("only_first", f"only in {reply['first']}"), ("only_second", f"only in {reply['second']}"),
     ):  # fmt: skip
         if reply[key]:
-            lines.append((FAINT, f"  {words}: {_names(reply[key])}"))
+            lines.append((FAINT, f"  {words}: {_format_names(reply[key])}"))
     return lines
 
 
-def _history(reply: dict[str, Any]) -> list[Line]:
+def _format_history(reply: dict[str, Any]) -> list[Line]:
     lines = []
     for row in reply["versions"]:
         mark = "*" if row["version"] == reply["current"] else " "

@@ -1,4 +1,4 @@
-"""`scenewright evals understanding`: who leaves where, who has to do with whom, told early."""
+"""`scenewright evals understanding`: exits and relations of agents, predicted early."""
 
 from __future__ import annotations
 
@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
-from scenewright.cli.console import progress, put, put_json, say
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    Record,
+    Timeout,
+    load_named_backend,
+)
+from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +26,7 @@ ENTERED = 4.0
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="A folder with a folder per scene.")]
 
 
-def understanding(
+def score_understanding(
     folder: Folder,
     method: Annotated[
         list[str] | None,
@@ -62,11 +68,11 @@ def understanding(
         bool, typer.Option("--json", help="Print one JSON object on stdout.")
     ] = False,
 ) -> None:
-    """Score how early exits and relations are told: accuracy and agent-level F1 by window.
+    """Score how early exits and relations are predicted: accuracy and agent-level F1 by window.
 
     Scenes are cut to clips of 10 s that begin 2 to 6 s before a conflict can be seen coming, and to
     others like them in which nothing happens. A method sees motion, sizes and lights up to the
-    window's end and nothing else. Anybody's predictions can be scored; docs/understanding.md
+    window's end and nothing else. Predictions of any program can be scored; docs/understanding.md
     describes the files.
     """
     from scenewright.evals.understanding.evaluate import evaluate, load_cases
@@ -76,12 +82,12 @@ def understanding(
     if (board is None) != (name is None) or (board and len(method or ()) != 1):
         raise InputError("--board and --name go together, with one --method: what is entered")
     lengths, half = read_windows(windows), None if split == "all" else split
-    named = backend_of(backend, base_url=base_url, record=record, timeout=timeout) if (
+    named = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout) if (
         backend
     ) else None  # fmt: skip
     _check_places(out, write_observations)
-    with progress(quiet=quiet) as told:
-        log: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
+    with show_progress(quiet=quiet) as log_stage:
+        log: ProgressLog = lambda line: log_stage("understanding", line)  # noqa: E731
         cases = load_cases(Path(folder), split=_split(half), whole=whole, log=log)
         if write_observations is not None:
             _write_observations(Path(write_observations), cases, lengths)
@@ -89,7 +95,7 @@ def understanding(
             evaluate(cases, each, windows=lengths, backend=named, log=log) for each in method or ()
         ]
     if board is not None:
-        say(f"written: {board}, {_enter(found[0], Path(board), str(name))}")
+        log_line(f"written: {board}, {_enter(found[0], Path(board), str(name))}")
     _hand_out(found, cases, split=split, folder=folder, out=out, as_json=as_json,
               observations=write_observations)  # fmt: skip
 
@@ -102,9 +108,9 @@ def _enter(scores: MethodScores, board: Path, name: str) -> Path:
     if not rows:
         raise InputError(f"--board takes relations after {ENTERED:g} s; there are none")
     figures = {**rows[0].strict, "exits": rows[0].intent.get("overall")}
-    told = {key: None if each is None else each.to_share() for key, each in figures.items()}
+    shares = {key: None if each is None else each.to_share() for key, each in figures.items()}
     nothing = {"rate": None, "interval": None, "n": 0}
-    entry = {key: each or nothing for key, each in told.items()}
+    entry = {key: each or nothing for key, each in shares.items()}
     return enter_leaderboard(board, name, entry, section="predictions")
 
 
@@ -137,9 +143,9 @@ def _hand_out(
     if out is not None:
         _write_report(Path(out), text, result, found)
     if as_json:
-        put_json(result)
+        write_json(result)
     else:
-        put(text or f"{observations}\n")
+        write_stdout(text or f"{observations}\n")
 
 
 def read_windows(text: str | None) -> tuple[float, ...]:
@@ -181,7 +187,7 @@ def _write_observations(file: Path, cases: list[SceneCase], windows: tuple[float
     from scenewright.files import write_atomically
 
     write_atomically(file, format_jsonl(observe_cases(cases, windows)))
-    say(f"{len(cases) * len(windows)} observations written to {file}")
+    log_line(f"{len(cases) * len(windows)} observations written to {file}")
 
 
 def _write_report(

@@ -7,11 +7,11 @@ from pathlib import Path
 from scenewright.intersections import find_data_folder
 
 
-def threads_file(told: str | None) -> Path:
+def find_threads_file(path: str | None) -> Path:
     """The file of threads: the one named, else that of the data folder."""
-    return Path(told) if told else find_data_folder() / "threads.sqlite"
+    return Path(path) if path else find_data_folder() / "threads.sqlite"
 
 
-def memory_file() -> Path:
+def find_memory_file() -> Path:
     """The file of episodes."""
     return find_data_folder() / "memory.jsonl"

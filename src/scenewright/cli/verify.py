@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import one_line, rendered
-from scenewright.cli.scene_summary import findings, verdict, who
-from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, tracks_report
+from scenewright.cli.console import format_one_line, render_table
+from scenewright.cli.scene_summary import format_verdict, list_findings, name_agent
+from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, format_tracks_report
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
@@ -44,15 +44,15 @@ def check_paths(
     checked: list[Checked | CheckedTracks] = []
     for path in paths:
         try:
-            files = scene_files(path)
+            files = list_scene_files(path)
         except (InputError, OSError) as error:
-            checked.append(Checked(Path(path), error=_reason(error)))
+            checked.append(Checked(Path(path), error=_describe_fault(error)))
         else:
             checked += [each for file in files for each in _check(file, intersection, strict)]
     return checked
 
 
-def scene_files(path: str) -> list[Path]:
+def list_scene_files(path: str) -> list[Path]:
     """The file itself; the scene of a folder; all scenes of the folders in it; or all tracks in it.
 
     Raises:
@@ -69,7 +69,7 @@ def scene_files(path: str) -> list[Path]:
     if not place.is_dir() or (place / "scene.json").exists():
         return [place]
     inside = [file.parent for file in sorted(place.glob("*/scene.json"))]
-    inside = inside or [each for each in sorted(place.iterdir()) if _holds_tracks(each)]
+    inside = inside or [each for each in sorted(place.iterdir()) if _has_tracks(each)]
     if not inside:
         raise InputError(
             f"{path}: no scene.json in this folder or in the folders in it, and no tracks"
@@ -81,26 +81,26 @@ def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Check
     from scenewright.graph.run import load_scene, verify
 
     try:
-        if _holds_tracks(path) and not path.is_dir():
+        if _has_tracks(path) and not path.is_dir():
             return check_tracks(path, intersection=intersection)
         scene = load_scene(path)
         return [Checked(path, scene, verify(path, intersection=intersection, strict=strict))]
     except (InputError, OSError) as error:
-        return [Checked(path, error=_reason(error))]
+        return [Checked(path, error=_describe_fault(error))]
 
 
-def _holds_tracks(path: Path) -> bool:
+def _has_tracks(path: Path) -> bool:
     """Whether a file of that name holds tracks."""
     from scenewright.tools.track_io.simulator_files import find_reader
 
     return path.suffix.lower() in TRACKS or find_reader(path.name) is not None
 
 
-def _reason(error: Exception) -> str:
-    return one_line(getattr(error, "strerror", None) or str(error))
+def _describe_fault(error: Exception) -> str:
+    return format_one_line(getattr(error, "strerror", None) or str(error))
 
 
-def as_object(checked: list[Checked | CheckedTracks]) -> dict[str, Any]:
+def build_object(checked: list[Checked | CheckedTracks]) -> dict[str, Any]:
     """The object of `--json`: a list of all, or what one file of tracks holds."""
     good = all(is_good(each) for each in checked)
     if len(checked) == 1 and isinstance(checked[0], CheckedTracks):
@@ -115,10 +115,10 @@ def is_good(checked: Checked | CheckedTracks) -> bool:
     return checked.proof is not None and checked.proof.verified
 
 
-def notes(checked: list[Checked | CheckedTracks]) -> list[str]:
+def list_notes(checked: list[Checked | CheckedTracks]) -> list[str]:
     """What was assumed about tracks, one line each."""
     return [
-        one_line(f"{each.path}: {note}")
+        format_one_line(f"{each.path}: {note}")
         for each in checked
         if isinstance(each, CheckedTracks)
         for note in each.tracks.notes
@@ -129,11 +129,11 @@ def report(checked: list[Checked | CheckedTracks]) -> str:
     """The scenes in one table, and each file of tracks in one of its own."""
     scenes = [each for each in checked if isinstance(each, Checked)]
     tracks = [each for each in checked if isinstance(each, CheckedTracks)]
-    listed = _scenes_report(scenes) if any(each.proof for each in scenes) else ""
-    return listed + "".join(tracks_report(each) for each in tracks)
+    listed = _format_scenes(scenes) if any(each.proof for each in scenes) else ""
+    return listed + "".join(format_tracks_report(each) for each in tracks)
 
 
-def _scenes_report(checked: list[Checked]) -> str:
+def _format_scenes(checked: list[Checked]) -> str:
     """A table of events and verdicts, and below it what stands against a scene."""
     from rich import box
     from rich.table import Table
@@ -144,28 +144,30 @@ def _scenes_report(checked: list[Checked]) -> str:
     table.add_column("time", justify="right", no_wrap=True)
     table.add_column("place", justify="right", no_wrap=True)
     for each in checked:
-        for row in _rows(each):
+        for row in _build_rows(each):
             table.add_row(*row)
-    return rendered(table) + "".join(line + "\n" for each in checked for line in _against(each))
+    return render_table(table) + "".join(
+        line + "\n" for each in checked for line in _list_findings(each)
+    )
 
 
-def _rows(checked: Checked) -> list[tuple[Any, ...]]:
+def _build_rows(checked: Checked) -> list[tuple[Any, ...]]:
     from rich.text import Text
 
     if checked.scene is None or checked.proof is None:
         return []
     good = checked.proof.verified
     head = (
-        Text(one_line(str(checked.path))),
-        Text(verdict(checked.proof), style="green" if good else "red"),
+        Text(format_one_line(str(checked.path))),
+        Text(format_verdict(checked.proof), style="green" if good else "red"),
     )
-    tails = [_event(event, checked.scene) for event in checked.proof.events]
+    tails = [_format_event(event, checked.scene) for event in checked.proof.events]
     tails = tails or [(Text("normal"), Text(""), Text(""), Text(""), Text(""))]
     blank = (Text(""), Text(""))
     return [(*(blank if index else head), *tail) for index, tail in enumerate(tails)]
 
 
-def _event(event: Event, scene: SceneRecord) -> tuple[Any, ...]:
+def _format_event(event: Event, scene: SceneRecord) -> tuple[Any, ...]:
     from rich.text import Text
 
     agents = {agent.id: agent for agent in scene.agents}
@@ -173,17 +175,19 @@ def _event(event: Event, scene: SceneRecord) -> tuple[Any, ...]:
     x, y = event.location
     return (
         Text(words.replace("_", " ")),
-        Text(who(agents.get(event.from_), event.from_)),
-        Text(who(agents.get(event.to), event.to)),
+        Text(name_agent(agents.get(event.from_), event.from_)),
+        Text(name_agent(agents.get(event.to), event.to)),
         Text(f"{event.time:.1f} s"),
         Text(f"({x:.1f}, {y:.1f})"),
     )
 
 
-def _against(checked: Checked) -> list[str]:
+def _list_findings(checked: Checked) -> list[str]:
     if checked.proof is None:
         return []
-    found = findings(checked.proof)
-    lines = [one_line(f"{checked.path}: {each.rule}: {each.detail}") for each in found[:SHOWN]]
+    found = list_findings(checked.proof)
+    lines = [
+        format_one_line(f"{checked.path}: {each.rule}: {each.detail}") for each in found[:SHOWN]
+    ]
     more = len(found) - SHOWN
     return [*lines, f"{checked.path}: and {more} more"] if more > 0 else lines

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import one_line, rendered
+from scenewright.cli.console import format_one_line, render_table
 from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 
@@ -33,7 +33,7 @@ class CheckedTracks:
     """A file of tracks and what happens in it.
 
     Attributes:
-        findings: who is off the map, where one was named.
+        findings: agents that are off the map, where a map was named.
     """
 
     path: Path
@@ -47,7 +47,7 @@ class CheckedTracks:
             "path": str(self.path),
             "step": self.tracks.step,
             "origin": self.tracks.origin,
-            "agents": [_agent(self.tracks, k) for k in range(len(self.tracks.users))],
+            "agents": [_build_agent(self.tracks, k) for k in range(len(self.tracks.users))],
             "events": [event.model_dump(mode="json", by_alias=True) for event in self.events],
             "findings": [finding.model_dump(mode="json") for finding in self.findings],
             "notes": list(self.tracks.notes),
@@ -76,7 +76,7 @@ def _check_recording(path: Path, tracks: ExternalTracks, intersection: str | Non
     return CheckedTracks(path, tracks, events, findings)
 
 
-def _agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
+def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
     user = tracks.users[k]
     return {
         "id": user.id,
@@ -90,8 +90,8 @@ def _agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
     }
 
 
-def tracks_report(checked: CheckedTracks) -> str:
-    """What was read, a table of the events, and below it who is who and who leaves the ground."""
+def format_tracks_report(checked: CheckedTracks) -> str:
+    """What was read, a table of the events, then the ids of agents and those off the ground."""
     from rich import box
     from rich.table import Table
 
@@ -102,13 +102,15 @@ def tracks_report(checked: CheckedTracks) -> str:
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("evidence", overflow="fold")
     for event in checked.events:
-        table.add_row(*_row(event, checked.tracks))
-    listed = rendered(table) if checked.events else ""
-    below = [*_legend(checked), *(finding.detail for finding in checked.findings)]
-    return _headline(checked) + listed + "".join(one_line(line) + "\n" for line in below)
+        table.add_row(*_build_row(event, checked.tracks))
+    listed = render_table(table) if checked.events else ""
+    below = [*_format_legend(checked), *(finding.detail for finding in checked.findings)]
+    return (
+        _format_headline(checked) + listed + "".join(format_one_line(line) + "\n" for line in below)
+    )
 
 
-def _headline(checked: CheckedTracks) -> str:
+def _format_headline(checked: CheckedTracks) -> str:
     users, step = checked.tracks.users, checked.tracks.step
     start, end = min(u.track.start for u in users), max(u.track.end for u in users)
     counts = Counter(event.type.replace("_", " ") for event in checked.events)
@@ -116,29 +118,29 @@ def _headline(checked: CheckedTracks) -> str:
     agents = len(set(checked.tracks.names.values()))
     noun = "agent" if agents == 1 else "agents"
     what = f"{agents} {noun}, {start:.1f} to {end:.1f} s every {step:.3g} s"
-    return one_line(f"{checked.path}: {what}: {found}") + "\n"
+    return format_one_line(f"{checked.path}: {what}: {found}") + "\n"
 
 
-def _row(event: Event, tracks: ExternalTracks) -> tuple[Any, ...]:
+def _build_row(event: Event, tracks: ExternalTracks) -> tuple[Any, ...]:
     from rich.text import Text
 
     more = "".join(f", {each.replace('_', ' ')}" for each in (event.kind, event.cause) if each)
     x, y = event.location
     return (
         Text(event.type.replace("_", " ") + more),
-        Text(_who(event.from_, tracks)),
-        Text(_who(event.to, tracks)),
+        Text(_name_agent(event.from_, tracks)),
+        Text(_name_agent(event.to, tracks)),
         Text(f"{event.time:.1f} s"),
         Text(f"({x:.1f}, {y:.1f})"),
-        Text(_evidence(event)),
+        Text(_format_evidence(event)),
     )
 
 
-def _who(number: int, tracks: ExternalTracks) -> str:
+def _name_agent(number: int, tracks: ExternalTracks) -> str:
     return f"{number} ({tracks.subtypes[number]})"
 
 
-def _evidence(event: Event) -> str:
+def _format_evidence(event: Event) -> str:
     measured = (
         (words, event.evidence.get(key), unit) for words, key, unit in _MEASURES[event.type]
     )
@@ -149,8 +151,8 @@ def _evidence(event: Event) -> str:
     )
 
 
-def _legend(checked: CheckedTracks) -> list[str]:
-    """Who the numbers of the table stand for, where they are not the ids of the file."""
+def _format_legend(checked: CheckedTracks) -> list[str]:
+    """The agents' ids behind the numbers of the table, where these are not the ids of the file."""
     tracks = checked.tracks
     shown = {n for event in checked.events for n in (event.from_, event.to)}
     starts = {user.id: user.track.start for user in tracks.users}

@@ -54,7 +54,7 @@ class Episodes:
     def __init__(self, path: str | Path, *, most: int = MOST_EPISODES) -> None:
         self.path, self.most = Path(path), most
 
-    def all(self) -> list[Episode]:
+    def list_all(self) -> list[Episode]:
         """Every episode, oldest first; lines that are none are passed over.
 
         Raises:
@@ -78,25 +78,25 @@ class Episodes:
         new = Episode(request[:_LONGEST_REQUEST], graph, tuple(taxonomy))
         if len(json.dumps(dict(graph))) > _LONGEST_GRAPH:
             return
-        kept = [each for each in self.all() if each.request != new.request]
+        kept = [each for each in self.list_all() if each.request != new.request]
         self._write([*kept, new][-self.most :])
 
     def wipe(self) -> int:
         """Forgets everything; how many episodes that were."""
-        count = len(self.all())
+        count = len(self.list_all())
         self.path.unlink(missing_ok=True)
         return count
 
     def recall(self, text: str, k: int = 3) -> tuple[Episode, ...]:
         """The episodes most like the text, at most one of each kind of scene first.
 
-        Of two that are equally alike, the later one; who shows what is there already comes after
-        others, so that three examples are not three times the same.
+        Of two that are equally alike, the later one; one that shows what is there already comes
+        after others, so that three examples are not three times the same.
         """
         wanted = embed_text(text)
         scored = [
             (_compute_cosine(wanted, embed_text(each.request)), n, each)
-            for n, each in enumerate(self.all())
+            for n, each in enumerate(self.list_all())
         ]
         near = sorted((s for s in scored if s[0] >= _LEAST_ALIKE), key=lambda s: (-s[0], -s[1]))
         shown: set[tuple[str, ...]] = set()

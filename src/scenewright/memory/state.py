@@ -33,7 +33,7 @@ class SceneState(TypedDict, total=False):
     """Every channel of a run (docs/architecture.md, data flow).
 
     Attributes:
-        planned: a social graph that is settled, so that nobody is asked for one.
+        planned: a social graph that is fixed, so that the planner is not asked for one.
         pinned: agents of an earlier version that stay.
         added_clauses, added_stops: what words that no field of the plan holds became; they outlast
             a failed sample.

@@ -98,7 +98,7 @@ class Threads:
             connection.execute("INSERT OR IGNORE INTO kept VALUES (?, ?)", (key, body))
         return key
 
-    def kept(self, key: str) -> bytes:
+    def get_bytes(self, key: str) -> bytes:
         """The bytes of a fingerprint.
 
         Raises:
@@ -110,7 +110,7 @@ class Threads:
             raise InputError(f"{self.path} is damaged: a version of this thread is not in it")
         return bytes(row[0])
 
-    def names(self) -> Sequence[str]:
+    def list_names(self) -> Sequence[str]:
         """The threads there are, last used first."""
         query = (
             "SELECT thread_id FROM checkpoints GROUP BY thread_id ORDER BY MAX(checkpoint_id) DESC"

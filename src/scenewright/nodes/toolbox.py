@@ -1,6 +1,6 @@
 """The stages as tools for agents: typed arguments in, short facts out, refusals that can be mended.
 
-A workbench holds what has been made so far. Every tool reads what earlier ones have made and puts
+A `ToolState` holds what has been made so far. Every tool reads what earlier ones have made and puts
 its own product there; what was made from an older one goes. An agent is shown facts, never
 coordinates to write. A refusal is a result with `ok` false, a code and a sentence, as a retry edge
 would have it (`scene/rejection.py`).
@@ -48,7 +48,7 @@ _CHANNELS: tuple[tuple[str, ...], ...] = (
     ("refined", "refinement", "rolled"),
     ("scene", "proof"),
 )
-"""By step, in order: what it puts on the workbench."""
+"""By step, in order: what it writes to the tool state."""
 
 _STEPS = ("ground_plan", "draw_candidates", "solve", "edit_segments", "refine", "check_scene")
 _MOST_ANCHORS = 8
@@ -107,7 +107,7 @@ class SegmentArguments(BaseModel):
     agents: list[AgentSegments] = Field(default_factory=list, max_length=28)
 
 
-class Workbench:
+class ToolState:
     """What has been made so far, and the tools that make it.
 
     Args:
@@ -263,8 +263,9 @@ def _format_finding(finding: Finding, names: dict[int, str]) -> str:
     return f"{finding.rule} ({who}): {finding.detail}"
 
 
-def build_tools(bench: Workbench) -> list[BaseTool]:
-    """The workbench's tools for any LangChain chat model, in the order in which they are used."""
+def build_tools(bench: ToolState) -> list[BaseTool]:
+    """The tools on a tool state for any LangChain chat model, in the order in which they are
+    used."""
     from langchain_core.tools import StructuredTool
 
     table: list[tuple[str, Callable[..., Facts], type[BaseModel]]] = [

@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from scenewright.cli.page.answers import answer_safely, read_bytes
-from scenewright.dataset.batch.rows import Row, read_source
+from scenewright.dataset.batch.rows import DatasetRow, read_source
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
@@ -209,7 +209,7 @@ def _read_journal(folder: Path) -> Iterator[dict[str, Any]]:
                 yield json.loads(line)
 
 
-def _read_rows(folder: Path) -> dict[int, Row]:
+def _read_rows(folder: Path) -> dict[int, DatasetRow]:
     """Number of a row -> the row."""
     return {each.number: each.row for each in read_source(folder / _ROWS)}
 
@@ -223,7 +223,7 @@ def _read_error(folder: Path) -> str:
 
 
 def _describe_row(
-    folder: Path, entry: dict[str, Any], place: int, rows: dict[int, Row]
+    folder: Path, entry: dict[str, Any], place: int, rows: dict[int, DatasetRow]
 ) -> dict[str, Any]:
     """A row as the page lists it; its events with their figures where it has a scene."""
     row = {

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from scenewright.authoring.compare import compared
-from scenewright.authoring.explain import why
-from scenewright.authoring.session import MAIN, Session, Shown, branches_of
-from scenewright.authoring.thread_state import Heading
+from scenewright.authoring.compare import compare_versions
+from scenewright.authoring.explain import explain_refusal
+from scenewright.authoring.session import MAIN, Session, SessionVersion, list_branches
+from scenewright.authoring.thread_state import ThreadSetting
 from scenewright.backends import Backend
-from scenewright.cli.chat import facts
+from scenewright.cli.chat import build_facts
 from scenewright.cli.page.answers import BusyError
-from scenewright.cli.turn_report import told
+from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
 from scenewright.graph.run import choose_refiner
 from scenewright.intersections import load_map
@@ -68,18 +68,20 @@ class Conversation:
         return acts[action]()
 
     def _report(self, reply: dict[str, Any]) -> dict[str, Any]:
-        shown = self.session.shown() if reply["kind"] in ("made", "moved_to") else None
+        shown = self.session.find_version() if reply["kind"] in ("made", "moved_to") else None
         if reply["kind"] == "wish":
             reply = {"kind": "nothing", "reason": _WISHES[reply["wish"]]}
         if shown is not None:
-            reply = {**reply, **facts(shown)}
-        lines = [line for _, line in told(reply, shown)]
+            reply = {**reply, **build_facts(shown)}
+        lines = [line for _, line in format_reply(reply, shown)]
         refused = self.session.state.get("refused")
-        reasons = why(refused) if reply["kind"] == "refused" and refused is not None else []
-        choices = [each["answer"] for each in self._pending_choices()]
+        reasons = (
+            explain_refusal(refused) if reply["kind"] == "refused" and refused is not None else []
+        )
+        choices = [each["answer"] for each in self._list_pending_choices()]
         return {"kind": reply["kind"], "lines": lines, "why": reasons, "choices": choices}
 
-    def _pending_choices(self) -> list[dict[str, Any]]:
+    def _list_pending_choices(self) -> list[dict[str, Any]]:
         pending = self.session.state.get("pending")
         return [] if pending is None else list(pending["ask"]["choices"])
 
@@ -95,18 +97,18 @@ class Conversation:
             ],
             "current": state.get("current"),
             "branch": state.get("branch", MAIN),
-            "branches": branches_of(state),
+            "branches": list_branches(state),
             "busy": self.lock.locked(),
             "interrupted": self.session.interrupted,
         }
 
-    def find(self, which: str | None) -> Shown:
+    def find(self, which: str | None) -> SessionVersion:
         """A version by number or branch, the current one if none is named.
 
         Raises:
             InputError: there is none.
         """
-        shown = self.session.shown(which)
+        shown = self.session.find_version(which)
         if shown is None:
             raise InputError("there is no scene yet; say what shall happen")
         return shown
@@ -123,9 +125,9 @@ class Conversation:
     def compare(self, first: str, second: str) -> list[str]:
         """What differs between two versions, in lines."""
         one, other = self.find(first), self.find(second)
-        found = compared(one.record, one.proof, other.record, other.proof)
+        found = compare_versions(one.record, one.proof, other.record, other.proof)
         numbers = {"first": one.version["number"], "second": other.version["number"]}
-        return [line for _, line in told({"kind": "compared", **numbers, **found}, None)]
+        return [line for _, line in format_reply({"kind": "compared", **numbers, **found}, None)]
 
 
 _WISHES = {
@@ -134,7 +136,7 @@ _WISHES = {
     "why": "The reason is under the refusal, at Why.",
     "help": "Say what shall happen, then what shall be different; or ask about the scene.",
     "quit": "Close the window when you like; the conversation is kept.",
-    "html": "Save page, above the picture, gives one file to send to anybody.",
+    "html": "Save page, above the picture, gives one file to send to others.",
     "save": "Save page, scene.json and proof.json are above the picture.",
     "gif": "scenewright show FOLDER --gif and /gif in scenewright chat write an animation.",
     "mp4": "scenewright show FOLDER --mp4 and /mp4 in scenewright chat write a video.",
@@ -161,7 +163,7 @@ class Conversations:
         """Names of all threads, last used first."""
         threads = Threads(self._file)
         try:
-            return list(threads.names())
+            return list(threads.list_names())
         finally:
             threads.close()
 
@@ -202,7 +204,7 @@ class Conversations:
         threads = Threads(self._file)
         try:
             threads.hold(name)
-            setting: Heading = {
+            setting: ThreadSetting = {
                 "intersection": intersection, "seed": seed, "refiner": choose_refiner(None)
             }  # fmt: skip
             session = Session(

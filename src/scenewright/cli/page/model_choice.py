@@ -1,4 +1,4 @@
-"""Who plans and reasons for the page: chosen there; keys come from the environment, never shown."""
+"""The page's planner and reasoner: chosen there; keys come from the environment, never shown."""
 
 from __future__ import annotations
 

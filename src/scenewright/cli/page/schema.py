@@ -18,25 +18,27 @@ _TEXT: dict[str, Any] = {"type": "string"}
 _WHOLE: dict[str, Any] = {"type": "integer"}
 
 
-def _object(required: Sequence[str], **properties: dict[str, Any]) -> dict[str, Any]:
+def _build_object(required: Sequence[str], **properties: dict[str, Any]) -> dict[str, Any]:
     return {"type": "object", "required": list(required), "properties": properties}
 
 
 ACTIONS = ("say", "edit", "undo", "redo", "branch")
 _BODIES: dict[str, tuple[str, dict[str, Any]]] = {
-    "/api/threads": ("application/json", _object((), intersection=_TEXT, seed=_WHOLE)),
+    "/api/threads": ("application/json", _build_object((), intersection=_TEXT, seed=_WHOLE)),
     "/api/threads/{thread}/turn": (
         "application/json",
-        _object(("action",), action={"type": "string", "enum": list(ACTIONS)}, argument=_TEXT),
+        _build_object(
+            ("action",), action={"type": "string", "enum": list(ACTIONS)}, argument=_TEXT
+        ),
     ),
     "/api/settings/backend": (
-        "application/json", _object(("backend",), backend=_TEXT, base_url=_TEXT)
+        "application/json", _build_object(("backend",), backend=_TEXT, base_url=_TEXT)
     ),
     "/api/batches/new": ("application/x-ndjson", {"type": "string", "format": "binary"}),
     "/api/maps": ("application/octet-stream", {"type": "string", "format": "binary"}),
     "/api/maps/{map}/import": (
         "application/json",
-        _object(
+        _build_object(
             ("name",), name=_TEXT, junction=_TEXT,
             side={"type": "string", "enum": ["", "left", "right"]},
             signals={"type": "string", "enum": ["", "keep", "assume", "none"]},
@@ -63,7 +65,7 @@ _ANSWERS = {
 """Address -> type of an answer that is not JSON."""
 _REFUSED = {
     "description": "refused, with the reason",
-    "content": {"application/json": {"schema": _object(("reason",), reason=_TEXT)}},
+    "content": {"application/json": {"schema": _build_object(("reason",), reason=_TEXT)}},
 }
 
 

@@ -63,7 +63,7 @@ class Guard(BaseHTTPMiddleware):
             return refuse(403, "this page answers to its own address alone")
         if origin is not None and origin.removeprefix("http://") not in self._hosts:
             return refuse(403, "requests of other sites are refused")
-        if request.url.path.lstrip("/") not in _ASSETS and not self._knows_token(request):
+        if request.url.path.lstrip("/") not in _ASSETS and not self._has_token(request):
             return refuse(401, "open the address that `scenewright serve` printed, token included")
         response: Response = await call_next(request)
         response.headers.setdefault("Content-Security-Policy", _POLICY)
@@ -72,7 +72,7 @@ class Guard(BaseHTTPMiddleware):
         response.headers["Cache-Control"] = "no-store"
         return response
 
-    def _knows_token(self, request: Request) -> bool:
+    def _has_token(self, request: Request) -> bool:
         given = request.headers.get("x-token") or request.query_params.get("token") or ""
         return secrets.compare_digest(given.encode(), self._token.encode())
 
@@ -169,7 +169,7 @@ class Page:
         """What can be changed by hand in a version."""
         found = await self._find(request)
         which = request.query_params.get("version")
-        handles = await run_in_threadpool(found.session.handles, which)
+        handles = await run_in_threadpool(found.session.list_handles, which)
         return JSONResponse({"handles": handles})
 
     async def describe_making(self, request: Request) -> Response:

@@ -1,4 +1,4 @@
-"""Who answers the questions of many rows, and how they are put: together, in turn, kept."""
+"""Backends that answer the questions of many rows, and how they are asked: at once, in turn."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from scenewright.backends.staged import Staged
 from scenewright.errors import InputError
 
 Names = tuple[str, ...]
-"""Who answers, as the command line names it: one name, or STAGE=NAME several times."""
+"""Backends as the command line names them: one name, or STAGE=NAME several times."""
 BUILTIN: Names = ("builtin",)
 MOST_AT_ONCE = 256
 _PAUSE = 0.02
@@ -42,7 +42,7 @@ class Asking:
 
 
 PLAINLY = Asking()
-"""Nothing kept, nobody waiting for a turn."""
+"""Nothing recorded, no limit on questions at once."""
 
 
 def label(names: Names) -> str:
@@ -50,13 +50,13 @@ def label(names: Names) -> str:
     return ", ".join(names)
 
 
-def plain_name(names: Names) -> str:
+def make_plain_name(names: Names) -> str:
     """The same as part of the names of files and rows."""
-    told = ", ".join(_short(name) for name in names).lower()
-    return re.sub(r"[^a-z0-9]+", "-", told).strip("-")[:60] or "backend"
+    joined = ", ".join(_shorten_name(name) for name in names).lower()
+    return re.sub(r"[^a-z0-9]+", "-", joined).strip("-")[:60] or "backend"
 
 
-def _short(name: str) -> str:
+def _shorten_name(name: str) -> str:
     """Without the company or the folder."""
     kind, colon, rest = name.partition(":")
     if kind == "recorded":
@@ -64,12 +64,14 @@ def _short(name: str) -> str:
     return rest if colon and kind in ("openai", "anthropic") else name
 
 
-def beside(record: Path | None, name: str) -> Path | None:
+def find_record_path(record: Path | None, name: str) -> Path | None:
     """The file of further answers next to one: `answers.jsonl` -> `answers-NAME.jsonl`."""
     return record and record.with_name(f"{record.stem}-{name}{record.suffix}")
 
 
-def speaking(names: Names, base_url: str | None = None, asking: Asking = PLAINLY) -> Backend:
+def load_speaking_backend(
+    names: Names, base_url: str | None = None, asking: Asking = PLAINLY
+) -> Backend:
     """The backend of these names.
 
     Raises:
@@ -81,10 +83,10 @@ def speaking(names: Names, base_url: str | None = None, asking: Asking = PLAINLY
     )  # fmt: skip
     if asking.at_once is None or asking.turns is None:
         return backend
-    return _taking_turns(backend, _Turns(asking.turns, asking.at_once))
+    return _make_take_turns(backend, _Turns(asking.turns, asking.at_once))
 
 
-def url_for(names: Sequence[str], base_url: str | None) -> str | None:
+def find_url(names: Sequence[str], base_url: str | None) -> str | None:
     """The endpoint, for those that have one."""
     return base_url if any("openai:" in name for name in names) else None
 
@@ -103,7 +105,7 @@ def check_asking(asking: Asking, *, one_machine: bool) -> None:
 class _Turns:
     """So many may go on at a time, over all processes that share the folder.
 
-    A turn is a lock on a file: whoever dies gives it back.
+    A turn is a lock on a file: a process that dies releases it.
     """
 
     def __init__(self, folder: Path, most: int) -> None:
@@ -130,15 +132,15 @@ class _Turns:
             time.sleep(_PAUSE)
 
 
-def _taking_turns(backend: Backend, turns: _Turns) -> Backend:
+def _make_take_turns(backend: Backend, turns: _Turns) -> Backend:
     speakers: Mapping[Task, Backend] | None = getattr(backend, "speakers", None)
     if speakers is not None:
-        return Staged({task: _one_taking_turns(each, turns) for task, each in speakers.items()})
-    return _one_taking_turns(backend, turns)
+        return Staged({task: _make_one_take_turns(each, turns) for task, each in speakers.items()})
+    return _make_one_take_turns(backend, turns)
 
 
-def _one_taking_turns(backend: Backend, turns: _Turns) -> Backend:
-    """Rules answer at once, whoever else is asked."""
+def _make_one_take_turns(backend: Backend, turns: _Turns) -> Backend:
+    """The offline backend takes no turns; it answers at once."""
     return backend if backend.deterministic else _InTurn(backend, turns)
 
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.manifest import MANIFEST, hashed, is_as_written, read_manifest
+from scenewright.dataset.batch.manifest import MANIFEST, hash_files, is_as_written, read_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
 from scenewright.dataset.batch.worker import FILES
-from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter, parquet
+from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter, import_parquet
 from scenewright.errors import InputError
 from scenewright.graph.run import verify
 
@@ -23,14 +23,14 @@ ABOUT = (
     "row", "folder", "status", "code", "reason", "text", "asked", "voice", "seed", "intersection",
     "backend", "refiner", "selection", "attempts",
 )  # fmt: skip
-"""Columns of `scenes` that the scenes' files do not tell, or not always."""
+"""Columns of `scenes` that the scenes' files lack, always or at times."""
 _ASIDE = re.compile(
     r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl|"
     r"manifest\.json\.minisig"
 )
 """Names of files that are no part of a dataset."""
 _OWN = {"text": ("meta", "user_prompt"), "seed": ("meta", "seed")}
-"""Columns of `scenes` that a scene tells as well, and where."""
+"""Columns of `scenes` that a scene holds as well, and where."""
 _MOST = 1000
 
 
@@ -38,7 +38,7 @@ _OUTSIDE = "lies outside the dataset"
 
 
 @dataclass(frozen=True)
-class Fault:
+class AuditFault:
     """What is wrong, and with which file or row."""
 
     where: str
@@ -58,10 +58,10 @@ class Audit:
     scenes: int
     verified: int
     complete: bool
-    faults: tuple[Fault, ...]
+    faults: tuple[AuditFault, ...]
 
 
-def audit(
+def audit_dataset(
     folder: Path, *, workers: int = 1, log: Callable[[int, int], None] = lambda _, __: None
 ) -> Audit:
     """Recomputes everything that a dataset says of itself.
@@ -74,16 +74,16 @@ def audit(
     """
     manifest = read_manifest(folder)
     files: dict[str, str] = manifest["files"]
-    faults = [] if is_as_written(folder) else [Fault(MANIFEST, "is not as it was written")]
-    faults += [*_hash_faults(folder, files), *_strangers(folder, files)]
+    faults = [] if is_as_written(folder) else [AuditFault(MANIFEST, "is not as it was written")]
+    faults += [*_hash_faults(folder, files), *_find_strangers(folder, files)]
     outside = {fault.where for fault in faults if fault.what == _OUTSIDE}
     scenes = [
         name.removesuffix("/scene.json")
         for name in files
         if name.endswith("/scene.json") and name not in outside
     ]
-    faults += _table_faults(folder, manifest)
-    checked = list(_checked(folder, scenes, workers=workers, log=log))
+    faults += _find_table_faults(folder, manifest)
+    checked = list(_check_scenes(folder, scenes, workers=workers, log=log))
     faults += [fault for fault in checked if fault is not None]
     return Audit(
         files=len(files),
@@ -94,35 +94,35 @@ def audit(
     )
 
 
-def _hash_faults(folder: Path, files: Mapping[str, str]) -> Iterator[Fault]:
+def _hash_faults(folder: Path, files: Mapping[str, str]) -> Iterator[AuditFault]:
     root = folder.resolve()
     for name, wanted in files.items():
         try:
             if not (root / name).resolve().is_relative_to(root):
-                yield Fault(name, _OUTSIDE)
+                yield AuditFault(name, _OUTSIDE)
                 continue
-            ((_, found),) = hashed(folder, [name])
+            ((_, found),) = hash_files(folder, [name])
         except (OSError, RuntimeError, ValueError) as error:
-            yield Fault(name, f"cannot be read: {getattr(error, 'strerror', None) or error}")
+            yield AuditFault(name, f"cannot be read: {getattr(error, 'strerror', None) or error}")
             continue
         if found != wanted:
-            yield Fault(name, "is not what the manifest says: its hash differs")
+            yield AuditFault(name, "is not what the manifest says: its hash differs")
 
 
-def _strangers(folder: Path, files: Mapping[str, str]) -> Iterator[Fault]:
+def _find_strangers(folder: Path, files: Mapping[str, str]) -> Iterator[AuditFault]:
     """What lies there and is not in the manifest."""
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if _ASIDE.fullmatch(name):
             continue
         if path.is_symlink():
-            yield Fault(name, "is a link, which a copy of the dataset may lose")
+            yield AuditFault(name, "is a link, which a copy of the dataset may lose")
         elif not path.is_dir() and name not in files and name != MANIFEST:
-            yield Fault(name, "is not in the manifest")
+            yield AuditFault(name, "is not in the manifest")
 
 
-def _table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Fault]:
-    """Where the tables do not say what the scenes say; one that is missing the hashes tell of.
+def _find_table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[AuditFault]:
+    """Differences between tables and scenes; a missing table is found by its hash instead.
 
     Datasets of earlier versions have fewer tables, and fewer columns.
     """
@@ -131,17 +131,19 @@ def _table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Fault]:
         return
     again = Path(tempfile.mkdtemp(prefix="scenewright-"))
     try:
-        yield from _rebuilt(folder, again, manifest)
+        yield from _compare_rebuilt(folder, again, manifest)
         for name in there:
-            yield from _compared(folder, again, name, manifest)
+            yield from _compare_tables(folder, again, name, manifest)
     finally:
         shutil.rmtree(again, ignore_errors=True)
 
 
-def _rebuilt(folder: Path, again: Path, manifest: Mapping[str, Any]) -> Iterator[Fault]:
+def _compare_rebuilt(
+    folder: Path, again: Path, manifest: Mapping[str, Any]
+) -> Iterator[AuditFault]:
     """Writes the tables anew from the scenes."""
     try:
-        table = parquet().ParquetFile(folder / "tables/scenes.parquet")
+        table = import_parquet().ParquetFile(folder / "tables/scenes.parquet")
         counts = Counter[str]()
         # Datasets of earlier versions lack some columns.
         known = [name for name in ABOUT if name in table.schema_arrow.names]
@@ -149,39 +151,39 @@ def _rebuilt(folder: Path, again: Path, manifest: Mapping[str, Any]) -> Iterator
             for batch in table.iter_batches(batch_size=500, columns=known):
                 for row in batch.to_pylist():
                     about = {"voice": None, **row}
-                    found = _files(folder, about)
+                    found = _read_files(folder, about)
                     writer.add(found)
                     counts[about["status"]] += 1
-                    yield from _strayed(found)
-        yield from _miscounted(counts, manifest)
+                    yield from _find_strayed(found)
+        yield from _find_miscounts(counts, manifest)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        yield Fault("tables/scenes.parquet", f"cannot be compared with the scenes: {error}")
+        yield AuditFault("tables/scenes.parquet", f"cannot be compared with the scenes: {error}")
 
 
-def _strayed(files: SceneFiles) -> Iterator[Fault]:
+def _find_strayed(files: SceneFiles) -> Iterator[AuditFault]:
     """Where a row's folder holds the scene of another row."""
     if files.scene is None or files.provenance is None:
         return
-    told = {key: files.scene[part][name] for key, (part, name) in _OWN.items()}
-    told["row"] = files.provenance["row"]
-    for key, value in told.items():
+    values = {key: files.scene[part][name] for key, (part, name) in _OWN.items()}
+    values["row"] = files.provenance["row"]
+    for key, value in values.items():
         if value != files.about[key]:
-            yield Fault(
+            yield AuditFault(
                 str(files.about["folder"]), f"is the scene of another row: its {key} differs"
             )
             return
 
 
-def _miscounted(counts: Mapping[str, int], manifest: Mapping[str, Any]) -> Iterator[Fault]:
+def _find_miscounts(counts: Mapping[str, int], manifest: Mapping[str, Any]) -> Iterator[AuditFault]:
     """Where the manifest counts other rows than the table has."""
     for status in ("made", "refused", "failed"):
-        told = manifest["rows"].get(status)
-        if told != counts.get(status, 0):
-            what = f"counts {told} rows {status}, the table scenes has {counts.get(status, 0)}"
-            yield Fault(MANIFEST, what)
+        stated = manifest["rows"].get(status)
+        if stated != counts.get(status, 0):
+            what = f"counts {stated} rows {status}, the table scenes has {counts.get(status, 0)}"
+            yield AuditFault(MANIFEST, what)
 
 
-def _files(folder: Path, about: dict[str, Any]) -> SceneFiles:
+def _read_files(folder: Path, about: dict[str, Any]) -> SceneFiles:
     place = about["folder"]
     if place is None:
         return SceneFiles(about)
@@ -194,40 +196,42 @@ def _files(folder: Path, about: dict[str, Any]) -> SceneFiles:
     return SceneFiles(about, scene, proof, provenance)
 
 
-def _compared(folder: Path, again: Path, name: str, manifest: Mapping[str, Any]) -> Iterator[Fault]:
+def _compare_tables(
+    folder: Path, again: Path, name: str, manifest: Mapping[str, Any]
+) -> Iterator[AuditFault]:
     where = f"tables/{name}.parquet"
     try:
-        found = parquet().ParquetFile(folder / where)
-        wanted = parquet().ParquetFile(again / f"{name}.parquet")
+        found = import_parquet().ParquetFile(folder / where)
+        wanted = import_parquet().ParquetFile(again / f"{name}.parquet")
         rows = manifest.get("tables", {}).get(name)
         if found.metadata.num_rows != rows:
-            yield Fault(where, f"has {found.metadata.num_rows} rows, the manifest says {rows}")
+            yield AuditFault(where, f"has {found.metadata.num_rows} rows, the manifest says {rows}")
         groups, columns = found.num_row_groups, found.schema_arrow.names
         if groups != wanted.num_row_groups or not all(
             found.read_row_group(k).equals(wanted.read_row_group(k, columns=columns))
             for k in range(groups)
         ):
-            yield Fault(where, "does not say what the scenes say")
+            yield AuditFault(where, "does not say what the scenes say")
     except (OSError, ValueError) as error:
-        yield Fault(where, f"is no such table: {error}")
+        yield AuditFault(where, f"is no such table: {error}")
 
 
-def _checked(
+def _check_scenes(
     folder: Path, scenes: list[str], *, workers: int, log: Callable[[int, int], None]
-) -> Iterator[Fault | None]:
+) -> Iterator[AuditFault | None]:
     jobs = [str(folder / scene) for scene in scenes]
     results = (
-        ((job, recheck(job)) for job in jobs)
+        ((job, check_again(job)) for job in jobs)
         if workers == 1
-        else spread(jobs, recheck, workers=workers)
+        else spread(jobs, check_again, workers=workers)
     )
     for count, (job, result) in enumerate(results, start=1):
         log(count, len(jobs))
         what = "the checker died of it" if isinstance(result, Died | Overdue) else result
-        yield None if what is None else Fault(Path(job).name, what)
+        yield None if what is None else AuditFault(Path(job).name, what)
 
 
-def recheck(place: str) -> str | None:
+def check_again(place: str) -> str | None:
     """What is wrong with a scene's folder; None if the checker finds what its proof says."""
     folder = Path(place)
     if not all((folder / name).is_file() for name in FILES):

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
 
-from scenewright.dataset.batch.journal import Entry, Journal, sole_writer
+from scenewright.dataset.batch.journal import Entry, Journal, lock_journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.pool import TRIES, Died, Overdue, spread
 from scenewright.dataset.batch.publish import discard_leftovers, is_whole, publish
@@ -57,7 +57,7 @@ class Batch:
         with ExitStack() as stack:
             try:
                 _refuse_foreign(self.out)
-                stack.enter_context(sole_writer(self.out, self._name))
+                stack.enter_context(lock_journal(self.out, self._name))
                 discard_leftovers(self.out, self._name)
                 self.journal = Journal(self.out, name=self._name, header=self._header)
             except OSError as error:
@@ -78,7 +78,7 @@ class Batch:
 
     def is_done(self, job: Job) -> bool:
         """Whether a row came to an end that another try would not change, and is all there."""
-        entry = self.journal.entry(job.number)
+        entry = self.journal.get_entry(job.number)
         if entry is None or entry.status == "failed":
             return False
         if entry.key != job.key:
@@ -107,20 +107,20 @@ class Batch:
         """
         clock = _Clock(of, log)
         todo = self._open(jobs, clock)
-        for job, result in _engine(engine)(todo, work, workers=workers, limit=limit):
+        for job, result in _load_engine(engine)(todo, work, workers=workers, limit=limit):
             if not clock.now:
-                # From here on it would not tell what is there.
+                # From here on it would not list what is there.
                 (self.out / MANIFEST).unlink(missing_ok=True)
-            outcome = result if isinstance(result, Outcome) else _given_up(result)
-            self.journal.append(self._entry(job, outcome))
-            clock.ended(outcome.status, now=True)
+            outcome = result if isinstance(result, Outcome) else _build_overdue(result)
+            self.journal.append(self._build_entry(job, outcome))
+            clock.log_end(outcome.status, now=True)
         return clock.now
 
     @contextmanager
-    def settled(self) -> Iterator[Journal]:
+    def lock_journals(self) -> Iterator[Journal]:
         """The journals of all runs into this folder as they are; no other finishes meanwhile."""
         with (
-            sole_writer(self.out, "finish", patient=True),
+            lock_journal(self.out, "finish", patient=True),
             Journal(self.out, name=None, header=self._header) as journal,
         ):
             yield journal
@@ -128,12 +128,12 @@ class Batch:
     def _open(self, jobs: Iterable[Job], clock: _Clock) -> Iterator[Job]:
         for job in jobs:
             if self.is_done(job):
-                entry = self.journal.entry(job.number)
-                clock.ended(entry.status if entry else "failed", now=False)
+                entry = self.journal.get_entry(job.number)
+                clock.log_end(entry.status if entry else "failed", now=False)
             else:
                 yield job
 
-    def _entry(self, job: Job, outcome: Outcome) -> Entry:
+    def _build_entry(self, job: Job, outcome: Outcome) -> Entry:
         place = self.out / job.folder
         hashes = {}
         if outcome.status == "made":
@@ -153,7 +153,7 @@ class Batch:
 
 
 class _Clock:
-    """Counts rows and tells how it goes."""
+    """Counts rows and reports progress."""
 
     def __init__(self, of: int, log: ProgressCallback) -> None:
         self._of, self._log = of, log
@@ -161,7 +161,7 @@ class _Clock:
         self._first: float | None = None
         self.now = 0
 
-    def ended(self, status: str, *, now: bool) -> None:
+    def log_end(self, status: str, *, now: bool) -> None:
         self._counts[status] += 1
         if now:
             self.now += 1
@@ -177,7 +177,7 @@ class _Clock:
         return (self.now - 1) / max(time.monotonic() - self._first, 1e-6)
 
 
-def _engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died | Overdue]]]:
+def _load_engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died | Overdue]]]:
     if name == "process":
         return spread
     from scenewright.dataset.batch.cluster import spread_on_ray
@@ -185,22 +185,22 @@ def _engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died | 
     return spread_on_ray
 
 
-def _given_up(result: Died | Overdue) -> Outcome:
+def _build_overdue(result: Died | Overdue) -> Outcome:
     if isinstance(result, Overdue):
         reason = f"took longer than the {result.limit:g} s that a row may take (--row-timeout)"
         return Outcome("failed", "overdue", reason, seconds=result.limit)
-    return _died(result)
+    return _build_died(result)
 
 
-def _died(died: Died) -> Outcome:
-    told = "" if died.code is None else f", the last with code {died.code}"
+def _build_died(died: Died) -> Outcome:
+    cause = "" if died.code is None else f", the last with code {died.code}"
     if died.code == _OUT_OF_MEMORY:
-        told = ", the last killed from outside, as a machine does that runs out of memory"
-    return Outcome("failed", "worker_died", f"{TRIES} workers died of this row{told}")
+        cause = ", the last killed from outside, as a machine does that runs out of memory"
+    return Outcome("failed", "worker_died", f"{TRIES} workers died of this row{cause}")
 
 
 def _refuse_foreign(out: Path) -> None:
-    """A folder that holds other things than a batch is nobody's to write into."""
+    """Refuses a folder that holds other things than a batch."""
     if not any(out.glob("journal*.jsonl")) and any(
         entry for entry in out.iterdir() if not entry.name.startswith((".journal", ".finish"))
     ):

@@ -46,7 +46,7 @@ def spread_on_ray(
     Raises:
         InputError: Ray is not installed.
     """
-    ray = _ray()
+    ray = _import_ray()
     started = not ray.is_initialized()
     if started:
         _begin(ray, workers)
@@ -57,7 +57,7 @@ def spread_on_ray(
             ray.shutdown()
 
 
-def _ray() -> Any:
+def _import_ray() -> Any:
     try:
         return import_module("ray")
     except ImportError as error:
@@ -79,30 +79,30 @@ def _spread(
     workers: int,
     limit: float | None,
 ) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
-    remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_shard)
+    remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run_shard)
     flying: dict[Any, list[JobT]] = {}
     alone: deque[JobT] = deque()
     while True:
-        while len(flying) < AHEAD * workers and (shard := _next(alone, jobs)):
+        while len(flying) < AHEAD * workers and (shard := _take_jobs(alone, jobs)):
             flying[remote.remote(task, shard, limit)] = shard
         if not flying:
             return
         done, _ = ray.wait(list(flying), num_returns=1, timeout=1.0)
         for each in done:
             shard = flying.pop(each)
-            results = _results(ray, each)
+            results = _get_results(ray, each)
             if results is None and len(shard) > 1:
                 alone.extend(shard)
             else:
                 yield from zip(shard, results or [Died(None)], strict=True)
 
 
-def _next(alone: deque[JobT], jobs: Iterator[JobT]) -> list[JobT]:
+def _take_jobs(alone: deque[JobT], jobs: Iterator[JobT]) -> list[JobT]:
     """The jobs of the next task: one whose task died, else the next few."""
     return [alone.popleft()] if alone else list(islice(jobs, SHARD))
 
 
-def _results(ray: Any, reference: Any) -> list[Any] | None:
+def _get_results(ray: Any, reference: Any) -> list[Any] | None:
     """What a task came to; None if every worker that had it died."""
     try:
         found: list[Any] = ray.get(reference)
@@ -113,15 +113,15 @@ def _results(ray: Any, reference: Any) -> list[Any] | None:
     return found
 
 
-def _shard(task: Callable[[Any], Any], jobs: list[Any], limit: float | None) -> list[Any]:
-    return [within(limit, task, job) for job in jobs]
+def _run_shard(task: Callable[[Any], Any], jobs: list[Any], limit: float | None) -> list[Any]:
+    return [run_within(limit, task, job) for job in jobs]
 
 
 class _TimeIsUp(BaseException):
     """Raised in the midst of a job; a base exception, so that no job takes it for its own."""
 
 
-def within(limit: float | None, task: Callable[[Any], Any], job: Any) -> Any:
+def run_within(limit: float | None, task: Callable[[Any], Any], job: Any) -> Any:
     """A job's result, or `Overdue` when the time is up."""
     if limit is None:
         return task(job)

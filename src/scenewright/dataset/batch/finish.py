@@ -16,11 +16,11 @@ import numpy as np
 
 from scenewright.dataset.batch.answering import label
 from scenewright.dataset.batch.journal import Entry, Journal
-from scenewright.dataset.batch.manifest import hashed, write_manifest
+from scenewright.dataset.batch.manifest import hash_files, write_manifest
 from scenewright.dataset.batch.overview import draw_overview
 from scenewright.dataset.batch.statistics import Statistics, draw_statistics
 from scenewright.dataset.batch.worker import Job
-from scenewright.dataset.tables.card import ABSTRACT, Contents, card
+from scenewright.dataset.tables.card import ABSTRACT, Contents, format_card
 from scenewright.dataset.tables.croissant import describe_in_croissant
 from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter
 from scenewright.files import write_atomically
@@ -31,7 +31,7 @@ CARD, CROISSANT = "README.md", "croissant.json"
 
 @dataclass
 class _Tally:
-    """What the card and the figure tell of the scenes."""
+    """What the card and the figure report of the scenes."""
 
     counts: Counter[str] = field(default_factory=Counter)
     tables: Counter[str] = field(default_factory=Counter)
@@ -88,11 +88,11 @@ def finish(
     tally, done = _Tally(), _Done(journal, jobs)
     with TableWriter(part / "tables") as tables:
         for job, entry in done:
-            files = _files(out, job, entry)
+            files = _read_files(out, job, entry)
             tally.tables.update(tables.add(files))
             tally.note(entry, files)
     overview, statistics = (part / name for name in PICTURES)
-    draw_overview(overview, places=tally.places, agents=tally.agents, name=_most(tally))
+    draw_overview(overview, places=tally.places, agents=tally.agents, name=_find_commonest(tally))
     draw_statistics(statistics, tally.statistics)
     (part / CROISSANT).write_bytes(_describe_tables(part, title, about))
     names = [*(f"tables/{name}.parquet" for name in TABLES), *PICTURES, CROISSANT]
@@ -101,16 +101,16 @@ def finish(
         os.replace(part / name, out / name)
     shutil.rmtree(part, ignore_errors=True)
     left = given - tally.counts.total()
-    text = card(_contents(tally, title=title, given=given, about=about))
+    text = format_card(_build_contents(tally, title=title, given=given, about=about))
     write_atomically(out / CARD, text.encode("utf-8"))
     manifest = {
         "schema_version": 1,
         "complete": left == 0 and not tally.counts["failed"],
         **about,
-        "rows": {"given": given, **_statuses(tally), "left": left},
+        "rows": {"given": given, **_count_statuses(tally), "left": left},
         "tables": {name: tally.tables[name] for name in TABLES},
     }
-    ours = hashed(out, [CARD, *names, *extra])
+    ours = hash_files(out, [CARD, *names, *extra])
     write_manifest(out, manifest, _chain(ours, done))
 
 
@@ -122,13 +122,13 @@ class _Done:
 
     def __iter__(self) -> Iterator[tuple[Job, Entry]]:
         for job in self._jobs:
-            entry = self._journal.entry(job.number)
+            entry = self._journal.get_entry(job.number)
             if entry is not None:
                 yield job, entry
 
 
 def _describe_tables(folder: Path, title: str, about: Mapping[str, Any]) -> bytes:
-    hashes = dict(hashed(folder, [f"tables/{name}.parquet" for name in TABLES]))
+    hashes = dict(hash_files(folder, [f"tables/{name}.parquet" for name in TABLES]))
     return describe_in_croissant(
         name=title,
         description=ABSTRACT,
@@ -145,7 +145,7 @@ def _chain(ours: Iterable[tuple[str, str]], done: _Done) -> Iterator[tuple[str, 
             yield f"{entry.folder}/{name}", sha256
 
 
-def _files(out: Path, job: Job, entry: Entry) -> SceneFiles:
+def _read_files(out: Path, job: Job, entry: Entry) -> SceneFiles:
     made = entry.status == "made"
     about = {
         "row": job.key,
@@ -173,20 +173,20 @@ def _files(out: Path, job: Job, entry: Entry) -> SceneFiles:
     return SceneFiles(about, scene, proof, provenance)
 
 
-def _statuses(tally: _Tally) -> dict[str, int]:
+def _count_statuses(tally: _Tally) -> dict[str, int]:
     return {status: tally.counts[status] for status in ("made", "refused", "failed")}
 
 
-def _most(tally: _Tally) -> str | None:
+def _find_commonest(tally: _Tally) -> str | None:
     """The intersection of most scenes."""
     return max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
 
 
-def _contents(tally: _Tally, *, title: str, given: int, about: Mapping[str, Any]) -> Contents:
+def _build_contents(tally: _Tally, *, title: str, given: int, about: Mapping[str, Any]) -> Contents:
     sizes = np.array([n for n, times in sorted(tally.agents.items()) for _ in range(times)])
     figures = {
         "rows given": given,
-        **{f"rows {status}": count for status, count in _statuses(tally).items()},
+        **{f"rows {status}": count for status, count in _count_statuses(tally).items()},
         "scenes verified": tally.verified,
         "agents per scene, least, median, most": "–"
         if not len(sizes)
@@ -199,7 +199,7 @@ def _contents(tally: _Tally, *, title: str, given: int, about: Mapping[str, Any]
         events=tally.events,
         patterns=tally.patterns,
         unmade=tally.codes,
-        statistics=tally.statistics.rows(),
+        statistics=tally.statistics.list_rows(),
         about=about,
         pictures=PICTURES,
     )

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Self
 
 from filelock import FileLock, Timeout
 
-from scenewright.dataset.batch.worker import json_bytes
+from scenewright.dataset.batch.worker import format_json_line
 from scenewright.errors import InputError
 
 _FILE_BITS = 40
@@ -92,12 +92,12 @@ class Journal:
         if self._writer is None:
             raise ValueError("this journal is only read")
         place = self._writer.seek(0, os.SEEK_END)
-        data = json_bytes(vars(entry))
+        data = format_json_line(vars(entry))
         if self._writer.write(data) != len(data):
             raise InputError("cannot write the journal: no space left")
         self._note(entry.number, self._number, place)
 
-    def entry(self, number: int) -> Entry | None:
+    def get_entry(self, number: int) -> Entry | None:
         """The last line about a row."""
         place = self._places[number] if number < len(self._places) else -1
         if place < 0:
@@ -126,7 +126,7 @@ def _begin(file: Path, header: dict[str, Any]) -> None:
     """A journal has its header or does not exist."""
     if not file.exists():
         part = file.with_name(f".{file.name}.part")
-        part.write_bytes(json_bytes(header))
+        part.write_bytes(format_json_line(header))
         os.replace(part, file)
     _cut_torn_line(file)
 
@@ -163,8 +163,8 @@ def _check_header(path: Path, line: bytes, header: dict[str, Any]) -> None:
     if found == header:
         return
     changed = [key for key in header if found.get(key) != header[key]]
-    told = ", ".join(f"{key} was {found.get(key)!r}, now {header[key]!r}" for key in changed)
-    what = "the input has changed" if "input" in changed else told or "another layout"
+    changes = ", ".join(f"{key} was {found.get(key)!r}, now {header[key]!r}" for key in changed)
+    what = "the input has changed" if "input" in changed else changes or "another layout"
     raise InputError(
         f"{path.parent} was begun otherwise ({what}); what is there cannot be gone on with: "
         "give the same input and options, or choose another --out"
@@ -172,7 +172,7 @@ def _check_header(path: Path, line: bytes, header: dict[str, Any]) -> None:
 
 
 @contextmanager
-def sole_writer(folder: Path, name: str, *, patient: bool = False) -> Iterator[None]:
+def lock_journal(folder: Path, name: str, *, patient: bool = False) -> Iterator[None]:
     """Keeps a second run of the same journal out for as long as this one lives.
 
     Args:

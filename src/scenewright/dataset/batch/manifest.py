@@ -29,7 +29,7 @@ def write_manifest(
     part = folder / f".{MANIFEST}.part"
     above = hashlib.sha256()
     with part.open("wb") as stream:
-        for text in _lines(about, files):
+        for text in _format_lines(about, files):
             data = text.encode("utf-8", "backslashreplace")
             above.update(data)
             stream.write(data)
@@ -37,7 +37,7 @@ def write_manifest(
     os.replace(part, folder / MANIFEST)
 
 
-def _lines(about: Mapping[str, Any], files: Iterable[tuple[str, str]]) -> Iterator[str]:
+def _format_lines(about: Mapping[str, Any], files: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Everything but the last line."""
     head = json.dumps(dict(about), ensure_ascii=False, indent=1)
     yield head.removesuffix("\n}") + ',\n "files": {'
@@ -82,7 +82,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return found
 
 
-def hashed(folder: Path, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+def hash_files(folder: Path, names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """(name, sha256) of files below a folder.
 
     Raises:

@@ -59,7 +59,7 @@ class _Worker(Generic[JobT]):
         self.pipe, theirs = context.Pipe()
         self.process: SpawnProcess = context.Process(target=_serve, args=(theirs, task))
         self.process.daemon = True
-        with _one_thread():
+        with _use_one_thread():
             self.process.start()
         theirs.close()
         self.task: _Task[JobT] | None = None
@@ -72,7 +72,7 @@ class _Worker(Generic[JobT]):
         with suppress(OSError):
             self.pipe.send(task.job)
 
-    def left(self, limit: float) -> float:
+    def compute_left(self, limit: float) -> float:
         """How long its job may still take [s]."""
         allowed = limit + (WARM_UP if self.given == 1 else 0.0)
         return self._since + allowed - time.monotonic()
@@ -85,7 +85,7 @@ class _Worker(Generic[JobT]):
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def _use_one_thread() -> Iterator[None]:
     """Workers share the cores among them by being many, not by threads of libraries."""
     missing = [name for name in _THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(missing, "1"))
@@ -99,7 +99,7 @@ def _one_thread() -> Iterator[None]:
 def _serve(pipe: Connection, task: Callable[[Any], Any]) -> None:
     """What a worker does until its pipe closes. Ctrl-C is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, OSError):
         pipe.send_bytes(pickle.dumps(task(pipe.recv())))
         # What the first job loaded stays: the collector need not look through it again and again.
@@ -108,7 +108,7 @@ def _serve(pipe: Connection, task: Callable[[Any], Any]) -> None:
             pipe.send_bytes(pickle.dumps(task(pipe.recv())))
 
 
-def _die_with_parent() -> None:
+def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -132,24 +132,24 @@ def spread(
     queue = _Queue(iter(jobs))
     crew: list[_Worker[JobT]] = []
     try:
-        while len(crew) < workers and (first := queue.next()) is not None:
+        while len(crew) < workers and (first := queue.take_next()) is not None:
             crew.append(_Worker(task))
             crew[-1].give(first)
         while busy := [each for each in crew if each.task is not None]:
-            ready = wait([each.pipe for each in busy], timeout=_patience(busy, limit))
+            ready = wait([each.pipe for each in busy], timeout=_compute_wait(busy, limit))
             for worker in busy:
                 if worker.pipe in ready:
-                    yield from _answers(worker, crew, queue, task)
-                elif limit is not None and worker.left(limit) <= 0.0:
-                    yield from _answers(worker, crew, queue, task, overdue=Overdue(limit))
+                    yield from _collect_answers(worker, crew, queue, task)
+                elif limit is not None and worker.compute_left(limit) <= 0.0:
+                    yield from _collect_answers(worker, crew, queue, task, overdue=Overdue(limit))
     finally:
         for worker in crew:
             worker.stop()
 
 
-def _patience(busy: list[_Worker[JobT]], limit: float | None) -> float | None:
+def _compute_wait(busy: list[_Worker[JobT]], limit: float | None) -> float | None:
     """How long to wait for an answer [s]."""
-    return None if limit is None else max(min(each.left(limit) for each in busy), 0.0)
+    return None if limit is None else max(min(each.compute_left(limit) for each in busy), 0.0)
 
 
 class _Queue(Generic[JobT]):
@@ -158,29 +158,29 @@ class _Queue(Generic[JobT]):
     def __init__(self, jobs: Iterator[JobT]) -> None:
         self._jobs, self.again = jobs, deque[_Task[JobT]]()
 
-    def next(self) -> _Task[JobT] | None:
+    def take_next(self) -> _Task[JobT] | None:
         """The next one; None if none is left."""
         if self.again:
             return self.again.popleft()
         return next((_Task(job) for job in self._jobs), None)
 
 
-def _answers(
+def _collect_answers(
     worker: _Worker[JobT],
     crew: list[_Worker[JobT]],
     queue: _Queue[JobT],
     task: Callable[[JobT], ResultT],
     overdue: Overdue | None = None,
 ) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
-    """A worker's result, if it lived to tell it, after the next job was handed out."""
+    """The result of a worker that is still alive, after the next job was handed out."""
     done, worker.task = worker.task, None
     if done is None:
         return
-    result = overdue or _received(worker)
+    result = overdue or _receive(worker)
     again = isinstance(result, Died) and done.deaths + 1 < TRIES
     if again:
         queue.again.append(_Task(done.job, done.deaths + 1))
-    following = queue.next()
+    following = queue.take_next()
     if isinstance(result, Died | Overdue) or worker.given >= RECYCLED_AFTER:
         worker.stop()
         crew.remove(worker)
@@ -193,7 +193,7 @@ def _answers(
         yield done.job, result
 
 
-def _received(worker: _Worker[JobT]) -> Any:
+def _receive(worker: _Worker[JobT]) -> Any:
     try:
         return pickle.loads(worker.pipe.recv_bytes())
     except (EOFError, OSError):

@@ -67,7 +67,7 @@ class Overrides(Model):
         )
 
 
-class Row(Model):
+class DatasetRow(Model):
     """One line of the input; `voice` names the manner or author of the text, if its author does."""
 
     id: str = Field(min_length=1, max_length=2000)
@@ -81,7 +81,7 @@ class Row(Model):
 class Named:
     """A row with its place: `number` counts rows from 0, `line` lines of the file from 1."""
 
-    row: Row
+    row: DatasetRow
     number: int
     line: int
     folder: str
@@ -103,10 +103,10 @@ class Source:
 
     def __iter__(self) -> Iterator[Named]:
         for number, (line, row) in enumerate(_read(self.path)):
-            yield Named(row, number, line, folder_of(row.id, clashing=self.clashing))
+            yield Named(row, number, line, choose_folder(row.id, clashing=self.clashing))
 
 
-def folder_of(identity: str, *, clashing: frozenset[str] = frozenset()) -> str:
+def choose_folder(identity: str, *, clashing: frozenset[str] = frozenset()) -> str:
     """The folder of a row: its id where that is a plain file name anywhere, else one made from it.
 
     Names differ by more than case, stay below 81 characters and never leave the folder they are in.
@@ -121,7 +121,7 @@ def folder_of(identity: str, *, clashing: frozenset[str] = frozenset()) -> str:
     return f"{slug}-{digest}"
 
 
-def seed_of(row: Row, *, seed: int) -> int:
+def choose_seed(row: DatasetRow, *, seed: int) -> int:
     """The row's seed: its own, else one that the run's seed and the row's id decide."""
     if row.seed is not None:
         return row.seed
@@ -140,45 +140,45 @@ def read_source(path: str | Path) -> Source:
         raise InputError(f"cannot read {file}: rows are read more than once, so from a plain file")
     keys, lines = bytearray(), 0
     for _, row in _read(file):
-        keys += _key(row.id.lower())
+        keys += _hash_key(row.id.lower())
         lines += 1
     if not lines:
         raise InputError(f"{file} holds no rows; each line is an object with 'id' and 'text'")
-    clashing = _clashing(file, _twice(bytes(keys)))
-    return Source(file, _sha256(file), lines, clashing)
+    clashing = _find_clashes(file, _find_duplicates(bytes(keys)))
+    return Source(file, _hash_file(file), lines, clashing)
 
 
-def _key(text: str) -> bytes:
+def _hash_key(text: str) -> bytes:
     return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16).digest()
 
 
-def _twice(keys: bytes) -> frozenset[bytes]:
+def _find_duplicates(keys: bytes) -> frozenset[bytes]:
     """The keys that occur more than once."""
     found, counts = np.unique(np.frombuffer(keys, dtype="V16"), return_counts=True)
     return frozenset(bytes(key) for key in found[counts > 1])
 
 
-def _clashing(file: Path, twice: frozenset[bytes]) -> frozenset[str]:
+def _find_clashes(file: Path, twice: frozenset[bytes]) -> frozenset[str]:
     """Ids in lower case that several rows have; InputError where two are the very same."""
     seen: dict[str, int] = {}
     if twice:
         for line, row in _read(file):
-            if _key(row.id.lower()) in twice:
+            if _hash_key(row.id.lower()) in twice:
                 first = seen.setdefault(row.id, line)
                 if first != line:
                     raise InputError(
-                        f"{file}, line {line}: the id {_quoted(row.id)} is that of line {first}; "
-                        "every row needs an id of its own"
+                        f"{file}, line {line}: the id {_quote_value(row.id)} is that of "
+                        f"line {first}; every row needs an id of its own"
                     )
     return frozenset(identity.lower() for identity in seen)
 
 
-def _sha256(file: Path) -> str:
+def _hash_file(file: Path) -> str:
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _read(file: Path) -> Iterator[tuple[int, Row]]:
+def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:
     """(line, row), blank lines left out."""
     try:
         with file.open("rb") as stream:
@@ -189,46 +189,48 @@ def _read(file: Path) -> Iterator[tuple[int, Row]]:
                     raise InputError(f"{file}, line {line}: longer than {MOST_LINE} bytes")
                 text = data.removeprefix(b"\xef\xbb\xbf") if line == 1 else data
                 if text.strip():
-                    yield line, _row(text, f"{file}, line {line}")
+                    yield line, _parse_row(text, f"{file}, line {line}")
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
 
 
-def _row(data: bytes, where: str) -> Row:
+def _parse_row(data: bytes, where: str) -> DatasetRow:
     try:
-        value = json.loads(data.decode("utf-8"), object_pairs_hook=_once)
+        value = json.loads(data.decode("utf-8"), object_pairs_hook=_check_unique_keys)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: not JSON: {_cut(str(error))}") from error
     if not isinstance(value, dict):
-        raise InputError(f"{where}: a row is an object with 'id' and 'text', not {_quoted(value)}")
+        raise InputError(
+            f"{where}: a row is an object with 'id' and 'text', not {_quote_value(value)}"
+        )
     try:
-        row = Row.model_validate(value)
+        row = DatasetRow.model_validate(value)
     except ValidationError as error:
-        raise InputError(f"{where}: {_fault(error)}") from None
+        raise InputError(f"{where}: {_describe_fault(error)}") from None
     if any("\ud800" <= char <= "\udfff" for char in row.id + row.text + (row.voice or "")):
         raise InputError(f"{where}: half a surrogate pair in 'id', 'text' or 'voice'")
     return row
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _check_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a key twice")
     return found
 
 
-def _fault(error: ValidationError) -> str:
+def _describe_fault(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
     field = ".".join(str(part) for part in first["loc"])
     if first["type"] == "missing":
         return f"the row needs {field!r}"
     if first["type"] == "extra_forbidden":
-        fields = Overrides.model_fields if "." in field else Row.model_fields
+        fields = Overrides.model_fields if "." in field else DatasetRow.model_fields
         return f"no field {_cut(field)!r}; there are {', '.join(fields)}"
-    return f"{field}: {first['msg']}, got {_quoted(first['input'])}"
+    return f"{field}: {first['msg']}, got {_quote_value(first['input'])}"
 
 
-def _quoted(value: Any) -> str:
+def _quote_value(value: Any) -> str:
     return _cut(repr(value))
 
 

@@ -11,13 +11,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.answering import PLAINLY, Asking, check_asking, speaking
+from scenewright.dataset.batch.answering import PLAINLY, Asking, check_asking, load_speaking_backend
 from scenewright.dataset.batch.carry_out import JOURNAL, Batch, Engine, ProgressCallback
 from scenewright.dataset.batch.finish import finish
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.rows import Source, read_source
-from scenewright.dataset.batch.worker import Job, Options, job_of
+from scenewright.dataset.batch.worker import Job, Options, build_job
 from scenewright.errors import InputError
 from scenewright.graph.run import MAX_SEED, REFINERS, check_time_limit
 from scenewright.intersections import find_bundle_folder, load_map
@@ -27,7 +27,7 @@ TITLE = "Traffic scenes in plain language"
 _SHARD = re.compile(r"([1-9]\d{0,5})/([1-9]\d{0,5})")
 MOST_WORKERS = 1024
 ROW_TIMEOUT, MOST_ROW_TIMEOUT = 1800.0, 86400.0
-"""Longest that one row may take [s], unless told otherwise, and the largest that may be told."""
+"""Default of the longest that one row may take [s], and the largest value allowed."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Summary:
         return self.counts.get("made", 0)
 
 
-def shard_of(text: str) -> tuple[int, int]:
+def parse_shard(text: str) -> tuple[int, int]:
     """(i, n) from `i/n`; InputError for anything else."""
     found = _SHARD.fullmatch(text)
     if found is None or int(found[1]) > int(found[2]):
@@ -91,20 +91,20 @@ def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Su
     request = replace(request, asking=replace(request.asking, turns=request.out))
     check_request(request)
     source = read_source(request.source)
-    header = header_of(source, request.options)
+    header = build_batch_header(source, request.options)
     i, n = request.shard
     name = JOURNAL if n == 1 else f"journal-{i}-of-{n}.jsonl"
-    ours, everybody = _Jobs(source, request), _Jobs(source, replace(request, **_WHOLE))
+    ours, all_jobs = _Jobs(source, request), _Jobs(source, replace(request, **_WHOLE))
     with Batch(request.out, header=header, name=name) as batch:
         now = batch.carry_out(
             ours, of=len(ours), workers=request.workers, engine=request.engine,
             limit=request.row_timeout, log=log,
         )  # fmt: skip
-        with batch.settled() as journal:
+        with batch.lock_journals() as journal:
             if now or not (request.out / MANIFEST).exists():
-                about = about_of(header)
-                finish(request.out, everybody, journal, about=about, given=source.rows, title=TITLE)
-            return summary_of(ours, journal, now=now, every=everybody)
+                about = build_about(header)
+                finish(request.out, all_jobs, journal, about=about, given=source.rows, title=TITLE)
+            return build_summary(ours, journal, now=now, every=all_jobs)
 
 
 _WHOLE: dict[str, Any] = {"limit": None, "shard": (1, 1)}
@@ -135,14 +135,14 @@ def check_row_timeout(seconds: float) -> None:
 
 def check_options(options: Options, asking: Asking = PLAINLY) -> None:
     """InputError where an option names what does not exist."""
-    speaking(options.backend, options.base_url, asking)
+    load_speaking_backend(options.backend, options.base_url, asking)
     load_map(options.intersection)
     if options.refiner not in REFINERS:
         known = ", ".join(REFINERS)
         raise InputError(f"there is no refiner {options.refiner!r}; choose one of: {known}")
 
 
-def header_of(source: Source, options: Options) -> dict[str, Any]:
+def build_batch_header(source: Source, options: Options) -> dict[str, Any]:
     """What the first line of a journal holds: all that decides what the scenes are."""
     from scenewright import __version__
 
@@ -151,23 +151,23 @@ def header_of(source: Source, options: Options) -> dict[str, Any]:
         "scenewright": __version__,
         "input": source.sha256,
         "rows": source.rows,
-        **settings_of(options),
+        **list_settings(options),
     }
 
 
-def settings_of(options: Options) -> dict[str, Any]:
+def list_settings(options: Options) -> dict[str, Any]:
     """The options, and fingerprints of the files that they name: a bundle, the relations."""
     digest = hashlib.sha256()
     for pattern in load_patterns():
         digest.update(pattern.model_dump_json().encode())
     return {
-        **options.settings(),
-        "bundle": _fingerprint(find_bundle_folder(options.intersection)),
+        **options.list_settings(),
+        "bundle": _hash_bundle(find_bundle_folder(options.intersection)),
         "relations": digest.hexdigest()[:16],
     }
 
 
-def _fingerprint(bundle: Path) -> str:
+def _hash_bundle(bundle: Path) -> str:
     """Of a bundle's description and map; the description has the checksums of all else."""
     digest = hashlib.sha256()
     for file in (bundle / "bundle.toml", bundle / "map.json"):
@@ -175,22 +175,24 @@ def _fingerprint(bundle: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def about_of(header: dict[str, Any]) -> dict[str, Any]:
+def build_about(header: dict[str, Any]) -> dict[str, Any]:
     """The same for the manifest and the card."""
     return {key: value for key, value in header.items() if key not in ("journal", "rows")}
 
 
-def summary_of(jobs: Iterable[Job], journal: Journal, *, now: int, every: Iterable[Job]) -> Summary:
+def build_summary(
+    jobs: Iterable[Job], journal: Journal, *, now: int, every: Iterable[Job]
+) -> Summary:
     """Counts over rows, from the journal."""
     counts, codes, paid, rows = Counter[str](), Counter[str](), Counter[str](), 0
     for job in jobs:
-        entry = journal.entry(job.number)
+        entry = journal.get_entry(job.number)
         rows += 1
         counts[entry.status if entry else "left"] += 1
         if entry is not None and entry.code is not None:
             codes[entry.code] += 1
         paid.update({} if entry is None else entry.paid)
-    entries = (journal.entry(job.number) for job in every)
+    entries = (journal.get_entry(job.number) for job in every)
     complete = all(entry is not None and entry.status != "failed" for entry in entries)
     return Summary(rows, dict(counts), now, dict(codes.most_common()), complete, dict(paid))
 
@@ -204,7 +206,7 @@ class _Jobs:
     def __iter__(self) -> Iterator[Job]:
         i, n = self._request.shard
         for named in islice(self._source, i - 1, self._request.limit, n):
-            yield job_of(named, self._request.options, self._request.asking)
+            yield build_job(named, self._request.options, self._request.asking)
 
     def __len__(self) -> int:
         i, n = self._request.shard
@@ -212,24 +214,24 @@ class _Jobs:
         return len(range(i - 1, min(most, self._request.limit or most), n))
 
 
-def outlook(request: Request, *, shown: int) -> dict[str, Any]:
+def predict_run(request: Request, *, shown: int) -> dict[str, Any]:
     """What a run would do, for `--dry-run`: nothing is written, no folder is made.
 
     Raises:
-        InputError: as `run_batch`, as far as can be told without trying.
+        InputError: as `run_batch`, as far as is known without trying.
     """
     check_request(replace(request, asking=replace(request.asking, record=None)))
     source = read_source(request.source)
     jobs = _Jobs(source, request)
-    done = _done(request, header_of(source, request.options), jobs)
+    done = _count_done(request, build_batch_header(source, request.options), jobs)
     first = [{"id": job.key, "folder": job.folder, "seed": job.seed} for job in islice(jobs, shown)]
     return {"rows": len(jobs), "done": done, "to_do": len(jobs) - done, "first": first}
 
 
-def _done(request: Request, header: dict[str, Any], jobs: _Jobs) -> int:
+def _count_done(request: Request, header: dict[str, Any], jobs: _Jobs) -> int:
     """How many of the jobs an earlier run has brought to an end."""
     if not any(request.out.glob("journal*.jsonl")):
         return 0
     with Journal(request.out, name=None, header=header) as journal:
-        entries = (journal.entry(job.number) for job in jobs)
+        entries = (journal.get_entry(job.number) for job in jobs)
         return sum(entry is not None and entry.status != "failed" for entry in entries)

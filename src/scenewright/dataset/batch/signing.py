@@ -46,10 +46,12 @@ def create_key(file: Path) -> Path:
     except OSError as error:
         raise InputError(f"cannot write {file}: {error.strerror or error}") from error
     with os.fdopen(handle, "wb") as stream:
-        stream.write(_to_lines("scenewright secret key, keep it to yourself", body))
-    told = file.with_name(f"{file.name}.pub")
-    write_atomically(told, _to_lines("scenewright public key", _LEGACY + number + public))
-    return told
+        stream.write(_format_lines("scenewright secret key, keep it to yourself", body))
+    public_file = file.with_name(f"{file.name}.pub")
+    write_atomically(
+        public_file, _format_lines("scenewright public key", _LEGACY + number + public)
+    )
+    return public_file
 
 
 def sign_dataset(folder: Path, key: Path) -> Path:
@@ -64,7 +66,7 @@ def sign_dataset(folder: Path, key: Path) -> Path:
     signature = private.sign(hashlib.blake2b(data).digest())
     comment = f"file:{MANIFEST} sha256:{hashlib.sha256(data).hexdigest()}"
     whole = private.sign(signature + comment.encode())
-    lines = _to_lines("signature of a scenewright dataset", _HASHED + number + signature)
+    lines = _format_lines("signature of a scenewright dataset", _HASHED + number + signature)
     lines += f"{_TRUSTED}{comment}\n{base64.b64encode(whole).decode()}\n".encode()
     write_atomically(folder / SIGNATURE, lines)
     return folder / SIGNATURE
@@ -126,14 +128,14 @@ def _read_secret(file: Path) -> tuple[bytes, Ed25519PrivateKey]:
     return number, private
 
 
-def _read_public(told: str) -> tuple[bytes, Any]:
+def _read_public(key_or_file: str) -> tuple[bytes, Any]:
     """The number of a public key, and the key."""
-    file = Path(told)
+    file = Path(key_or_file)
     try:
-        text = file.read_text("utf-8").splitlines()[1] if file.is_file() else told
+        text = file.read_text("utf-8").splitlines()[1] if file.is_file() else key_or_file
         body = _decode(text, _PUBLIC_BYTES)
     except (OSError, ValueError, IndexError) as error:
-        reason = f"{told[:80]!r} is neither a public key of minisign nor a file of one"
+        reason = f"{key_or_file[:80]!r} is neither a public key of minisign nor a file of one"
         raise InputError(reason) from error
     return body[2:10], _load_library().Ed25519PublicKey.from_public_bytes(body[10:])
 
@@ -153,7 +155,7 @@ def _decode(text: str, length: int) -> bytes:
     return found
 
 
-def _to_lines(comment: str, body: bytes) -> bytes:
+def _format_lines(comment: str, body: bytes) -> bytes:
     return f"{_COMMENT}{comment}\n{base64.b64encode(body).decode()}\n".encode()
 
 

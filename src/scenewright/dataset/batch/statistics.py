@@ -53,14 +53,14 @@ class Statistics:
         for kind in ("vehicle", "pedestrian"):
             self._add(f"seen in a scene: {kind}s [agents]", kinds.count(kind))
         for agent in files.scene["agents"]:
-            speed = _mean_speed(agent, files.scene["meta"]["step"])
+            speed = _compute_mean_speed(agent, files.scene["meta"]["step"])
             if speed is not None:
                 self._add(f"mean speed of moving {agent['type']}s [m/s]", speed)
 
     def _add(self, figure: str, value: float) -> None:
         self.values.setdefault(figure, array("d")).append(value)
 
-    def rows(self) -> list[tuple[str, str, str]]:
+    def list_rows(self) -> list[tuple[str, str, str]]:
         """(figure, number of values, "5 % / median / 95 %") of each figure, by name."""
         found = []
         for name, values in sorted(self.values.items()):
@@ -69,7 +69,7 @@ class Statistics:
         return found
 
 
-def _mean_speed(agent: Mapping[str, Any], step: float) -> float | None:
+def _compute_mean_speed(agent: Mapping[str, Any], step: float) -> float | None:
     """Mean over the samples at which it moves [m/s]; None where it stands throughout."""
     velocity: FloatArray = differentiate(np.array(agent["trajectory"], dtype=np.float64), step)
     speed = np.hypot(*velocity.T)

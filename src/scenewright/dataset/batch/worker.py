@@ -11,8 +11,15 @@ from functools import cache
 from typing import Any, Literal
 
 from scenewright.backends import Backend, Question
-from scenewright.dataset.batch.answering import BUILTIN, PLAINLY, Asking, Names, label, speaking
-from scenewright.dataset.batch.rows import Named, seed_of
+from scenewright.dataset.batch.answering import (
+    BUILTIN,
+    PLAINLY,
+    Asking,
+    Names,
+    label,
+    load_speaking_backend,
+)
+from scenewright.dataset.batch.rows import Named, choose_seed
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
 from scenewright.time_limit import DEFAULT_LIMIT
 
@@ -29,7 +36,7 @@ class Options:
     """What all rows of a run share: with the input, it decides every byte of the scenes.
 
     Attributes:
-        backend: who answers, as the command line names it.
+        backend: the backend or backends, as the command line names them.
         base_url: of the endpoint that serves the backend's model, where it has one.
         lenient: words that cannot be realised are left out and listed, not refused.
         max_agents: most agents of a scene; what the environment says where none is named, so that
@@ -53,7 +60,7 @@ class Options:
 
         object.__setattr__(self, "max_agents", choose_max_agents(self.max_agents))
 
-    def settings(self) -> dict[str, Any]:
+    def list_settings(self) -> dict[str, Any]:
         """As plain JSON."""
         found = {**asdict(self), "backend": label(self.backend)}
         del found["time_limit"]
@@ -71,8 +78,8 @@ class Job:
     Attributes:
         number: of the row; key: a name for it that is its own: the row's id.
         context: the scene's context as far as the row sets it.
-        asked: the event that an order wants; None where nobody said.
-        voice: who worded the text, where that is known.
+        asked: the event that an order wants; None if not given.
+        voice: the template or model that worded the text, if known.
         asking: how questions are put, which changes no scene.
     """
 
@@ -116,7 +123,7 @@ class Outcome:
     paid: Mapping[str, int] = field(default_factory=dict)
 
 
-def job_of(named: Named, options: Options, asking: Asking) -> Job:
+def build_job(named: Named, options: Options, asking: Asking) -> Job:
     """The job that a row amounts to."""
     row, own = named.row, named.row.overrides
     return Job(
@@ -124,7 +131,7 @@ def job_of(named: Named, options: Options, asking: Asking) -> Job:
         key=row.id,
         folder=named.folder,
         text=row.text,
-        seed=seed_of(row, seed=options.seed),
+        seed=choose_seed(row, seed=options.seed),
         intersection=own.intersection or options.intersection,
         backend=options.backend,
         refiner=own.refiner or options.refiner,
@@ -142,27 +149,27 @@ def job_of(named: Named, options: Options, asking: Asking) -> Job:
 def work(job: Job) -> Outcome:
     """The scene of a job, or why there is none; never an exception, for other rows wait."""
     start = time.perf_counter()
-    outcome = _outcome(job)
+    outcome = _run_job(job)
     seconds = round(time.perf_counter() - start, 4)
-    return replace(outcome, reason=_short(outcome.reason), seconds=seconds)
+    return replace(outcome, reason=_shorten_reason(outcome.reason), seconds=seconds)
 
 
-def _outcome(job: Job) -> Outcome:
+def _run_job(job: Job) -> Outcome:
     try:
-        return _made(job)
+        return _make_scene(job)
     except InputError as error:
-        return Outcome("refused", "unusable_input", str(error), paid=_paid(error.models))
+        return Outcome("refused", "unusable_input", str(error), paid=_sum_paid(error.models))
     except OutOfTime as error:
         attempts = max(len(error.rejections), 1)
-        paid = _paid(error.models)
+        paid = _sum_paid(error.models)
         return Outcome("failed", "time_limit", str(error), attempts=attempts, paid=paid)
     except Unsatisfiable as error:
         codes = [each.code for each in error.rejections]
         code = codes[-1] if codes else "unsatisfiable"
         attempts = max(len(codes), 1)
-        return Outcome("refused", code, str(error), attempts=attempts, paid=_paid(error.models))
+        return Outcome("refused", code, str(error), attempts=attempts, paid=_sum_paid(error.models))
     except BackendFault as error:
-        return Outcome("failed", "backend_failed", str(error), paid=_paid(error.models))
+        return Outcome("failed", "backend_failed", str(error), paid=_sum_paid(error.models))
     except MemoryError:
         return Outcome("failed", "out_of_memory", "there was not enough memory for this row")
     except Exception as error:
@@ -173,10 +180,10 @@ def _outcome(job: Job) -> Outcome:
         return Outcome("failed", "internal_error", reason)
 
 
-def _made(job: Job) -> Outcome:
+def _make_scene(job: Job) -> Outcome:
     from scenewright.graph.run import encode_scene, synthesize
 
-    backend = _backend(job.backend, job.base_url, job.asking)
+    backend = _load_backend(job.backend, job.base_url, job.asking)
     scene = synthesize(
         job.text,
         intersection=job.intersection,
@@ -189,15 +196,17 @@ def _made(job: Job) -> Outcome:
         time_limit=job.time_limit,
     )
     # What differs from run to run would make every file differ; the journal has it.
-    about = timeless(scene.provenance)
+    about = drop_times(scene.provenance)
     files = {
-        "provenance.json": json_bytes({**about, "row": job.key, "overrides": dict(job.context)}),
-        "proof.json": json_bytes(scene.proof.model_dump(mode="json", by_alias=True)),
+        "provenance.json": format_json_line(
+            {**about, "row": job.key, "overrides": dict(job.context)}
+        ),
+        "proof.json": format_json_line(scene.proof.model_dump(mode="json", by_alias=True)),
         "scene.json": encode_scene(scene.record),
     }
     attempts = 1 + len(scene.provenance["rejections"])
     return Outcome(
-        "made", files=files, attempts=attempts, paid=_paid(scene.provenance.get("models", {}))
+        "made", files=files, attempts=attempts, paid=_sum_paid(scene.provenance.get("models", {}))
     )
 
 
@@ -205,24 +214,24 @@ _FLEETING = ("seconds", *PAID)
 """What a second run of a row need not show: an answer may come from memory."""
 
 
-def timeless(value: Any) -> Any:
+def drop_times(value: Any) -> Any:
     """Plain JSON without seconds and without what models were paid, however deep."""
     if isinstance(value, Mapping):
-        return {key: timeless(each) for key, each in value.items() if key not in _FLEETING}
+        return {key: drop_times(each) for key, each in value.items() if key not in _FLEETING}
     if isinstance(value, list | tuple):
-        return [timeless(each) for each in value]
+        return [drop_times(each) for each in value]
     return value
 
 
-def _paid(models: Mapping[str, Any]) -> dict[str, int]:
+def _sum_paid(models: Mapping[str, Any]) -> dict[str, int]:
     """Requests and tokens over all of a row's questions."""
     return {name: sum(each[name] or 0 for each in models.values()) for name in PAID if models}
 
 
 @cache
-def _backend(names: Names, base_url: str | None, asking: Asking) -> Backend:
+def _load_backend(names: Names, base_url: str | None, asking: Asking) -> Backend:
     """The backend of a worker, made once."""
-    return speaking(names, base_url, asking)
+    return load_speaking_backend(names, base_url, asking)
 
 
 class _Overriding:
@@ -241,22 +250,22 @@ class _Overriding:
         if question.task != "plan" or not isinstance(reply, dict) or "agents" not in reply:
             return reply
         # What the words say of a replaced part of the context is no longer so.
-        said = [e for e in reply.get("said") or () if not self._replaces(e)]
+        said = [e for e in reply.get("said") or () if not self._is_replacement_of(e)]
         context = {**(reply.get("context") or {}), **self._context}
         return {**reply, "context": context, "said": said}
 
-    def _replaces(self, entry: Any) -> bool:
+    def _is_replacement_of(self, entry: Any) -> bool:
         became = entry.get("became") if isinstance(entry, Mapping) else None
         return became in self._context
 
 
-def json_bytes(value: Any) -> bytes:
+def format_json_line(value: Any) -> bytes:
     """A value as one line of JSON: the same value, the same bytes."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return (text + "\n").encode("utf-8", "backslashreplace")
 
 
-def _short(reason: str | None) -> str | None:
+def _shorten_reason(reason: str | None) -> str | None:
     if reason is None:
         return None
     line = " ".join(reason.split())

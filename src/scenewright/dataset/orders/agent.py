@@ -24,15 +24,21 @@ import numpy as np
 from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 
-from scenewright.dataset.batch.answering import BUILTIN, Asking, Names, plain_name, url_for
+from scenewright.dataset.batch.answering import BUILTIN, Asking, Names, find_url, make_plain_name
 from scenewright.dataset.batch.carry_out import Batch, Engine, ProgressCallback
 from scenewright.dataset.batch.journal import Entry as Done
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_log import Book, Entry
 from scenewright.dataset.orders.order_spec import Quota, Wish
-from scenewright.dataset.orders.scenario_spec import Party, Story, minute_in, particulars, passers
-from scenewright.dataset.orders.templates import render_text, voices_for
-from scenewright.dataset.orders.writers import Asked, Told, Writer
+from scenewright.dataset.orders.scenario_spec import (
+    Party,
+    Story,
+    draw_minute,
+    draw_passers,
+    list_parties,
+)
+from scenewright.dataset.orders.templates import list_voices, render_text
+from scenewright.dataset.orders.writers import StoryRequest, Writer, WrittenText
 from scenewright.intersections import load_map
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import Density
@@ -42,9 +48,9 @@ REWORDED = 2
 STORIES = 12
 """Stories that are thought up for one attempt at most."""
 _DETAIL = (0.25, 0.35, 0.4)
-"""How often a text tells the movements alone, one place as well, and both sides."""
+"""How often a text gives the movements alone, one place as well, and both sides."""
 _DENSITIES: tuple[Density | None, ...] = (None, None, "low", "medium", "high")
-_TOLD_TIME = 0.8
+_TIME_GIVEN = 0.8
 
 
 @dataclass(frozen=True)
@@ -114,7 +120,7 @@ def read(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
     """The wish becomes slots, patterns dealt out evenly."""
     del state
     context = runtime.context
-    return {"slots": tuple(slots_of(context.wish, seed=context.options.seed)), "spent": 0}
+    return {"slots": tuple(build_slots(context.wish, seed=context.options.seed)), "spent": 0}
 
 
 def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
@@ -123,7 +129,7 @@ def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
     open_slots = [slot for slot in state["slots"] if slot.open]
     due = open_slots[: context.budget - state["spent"]]
     slots = {slot.number: replace(slot, attempts=slot.attempts + 1) for slot in due}
-    entries = tuple(_written(slots[slot.number], context) for slot in due)
+    entries = tuple(_write_instruction(slots[slot.number], context) for slot in due)
     after = tuple(slots.get(slot.number, slot) for slot in state["slots"])
     return {"slots": after, "due": entries, "spent": state["spent"] + len(due)}
 
@@ -132,7 +138,7 @@ def make(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
     """The pipeline carries out all that was written; what is done is left alone."""
     del state
     context = runtime.context
-    jobs = jobs_of(context.book.entries, context.options, context.asking)
+    jobs = build_jobs(context.book.entries, context.options, context.asking)
     context.batch.carry_out(
         jobs, of=len(jobs), workers=context.workers, engine=context.engine, limit=context.limit,
         log=context.log,
@@ -153,10 +159,10 @@ def settle(state: SettleReads, *, runtime: Runtime[OrderContext]) -> OrderState:
     slots = {slot.number: slot for slot in state["slots"]}
     for entry in state["due"]:
         slot = slots[entry.slot]
-        done = context.batch.journal.entry(context.book.number[entry.id])
+        done = context.batch.journal.get_entry(context.book.number[entry.id])
         if done is not None and done.code == "backend_failed":
             slots[slot.number] = replace(slot, waiting=True)
-        elif done is not None and serves(slot, done, context.batch.out):
+        elif done is not None and is_slot_served(slot, done, context.batch.out):
             slots[slot.number] = replace(slot, filled=entry.id)
     return {"slots": tuple(slots.values())}
 
@@ -169,14 +175,14 @@ class RouteReads(TypedDict):
     spent: int
 
 
-def again(state: RouteReads, *, runtime: Runtime[OrderContext]) -> Literal["write", "end"]:
+def choose_next(state: RouteReads, *, runtime: Runtime[OrderContext]) -> Literal["write", "end"]:
     """Another round, as long as slots are open and the budget is not spent."""
     left = runtime.context.budget - state["spent"]
     return "write" if left > 0 and any(slot.open for slot in state["slots"]) else "end"
 
 
 @cache
-def order_graph() -> Any:
+def build_order_graph() -> Any:
     """The compiled agent."""
     graph: StateGraph[OrderState, OrderContext, OrderState, OrderState] = StateGraph(
         OrderState, context_schema=OrderContext
@@ -187,16 +193,16 @@ def order_graph() -> Any:
     graph.add_edge("read", "write")
     graph.add_edge("write", "make")
     graph.add_edge("make", "settle")
-    graph.add_conditional_edges("settle", again, {"write": "write", "end": END})
+    graph.add_conditional_edges("settle", choose_next, {"write": "write", "end": END})
     return graph.compile(name="order")
 
 
-def slots_of(wish: Wish, *, seed: int) -> Iterator[Slot]:
+def build_slots(wish: Wish, *, seed: int) -> Iterator[Slot]:
     """A slot for each scene; each quota's patterns in turn, in an order that the seed decides."""
-    number, names = 0, _names_of(wish)
+    number, names = 0, _choose_id_prefixes(wish)
     for quota in wish.quotas:
         key = quota.name if quota.place is None else f"{quota.place}-{quota.name}"
-        rng = _rng(seed, key)
+        rng = _make_rng(seed, key)
         leaves = [quota.leaves[int(k)] for k in rng.permutation(len(quota.leaves))]
         name = quota.name if quota.backend is None else f"{names[quota.backend]}-{quota.name}"
         digits = max(len(str(quota.count)), 2)
@@ -207,10 +213,10 @@ def slots_of(wish: Wish, *, seed: int) -> Iterator[Slot]:
             number += 1
 
 
-def _names_of(wish: Wish) -> dict[str, str]:
+def _choose_id_prefixes(wish: Wish) -> dict[str, str]:
     """Backend -> how the ids of its rows begin; no two alike."""
     backends = dict.fromkeys(quota.backend for quota in wish.quotas if quota.backend)
-    plain = {backend: plain_name((backend,)) for backend in backends}
+    plain = {backend: make_plain_name((backend,)) for backend in backends}
     often = Counter(plain.values())
     return {
         backend: name if often[name] == 1 else f"{name}-{k + 1}"
@@ -218,19 +224,19 @@ def _names_of(wish: Wish) -> dict[str, str]:
     }
 
 
-def _rng(*key: int | str) -> np.random.Generator:
+def _make_rng(*key: int | str) -> np.random.Generator:
     numbers = [part if isinstance(part, int) else zlib.crc32(part.encode()) for part in key]
     return np.random.default_rng(np.random.SeedSequence(numbers))
 
 
-def _written(slot: Slot, context: OrderContext) -> Entry:
+def _write_instruction(slot: Slot, context: OrderContext) -> Entry:
     """The instruction of this attempt: as it was written before, or a new one."""
     known = context.book.find(slot.number, slot.attempts)
     if known is not None:
         return known
-    rng = _rng(context.options.seed, slot.key, slot.attempts)
+    rng = _make_rng(context.options.seed, slot.key, slot.attempts)
     earlier = [context.book.find(slot.number, k) for k in range(1, slot.attempts)]
-    story, told = _worded(slot, context, [each.text for each in earlier if each], rng)
+    story, written = _word_story(slot, context, [each.text for each in earlier if each], rng)
     background = context.wish.context.background
     entry = Entry(
         id=slot.name if slot.attempts == 1 else f"{slot.name}-try{slot.attempts}",
@@ -238,62 +244,64 @@ def _written(slot: Slot, context: OrderContext) -> Entry:
         attempt=slot.attempts,
         event=slot.quota.event,
         leaf=story.leaf,
-        voice=told.voice,
-        text=told.text,
+        voice=written.voice,
+        text=written.text,
         seed=int(rng.integers(2**31)),
-        backend=list(_planner(slot, context)),
+        backend=list(_choose_planner(slot, context)),
         background=None if background is None else background.model_dump(exclude_none=True),
     )
     context.book.add(entry)
     return entry
 
 
-def _planner(slot: Slot, context: OrderContext) -> Names:
+def _choose_planner(slot: Slot, context: OrderContext) -> Names:
     return context.options.backend if slot.quota.backend is None else (slot.quota.backend,)
 
 
-def _worded(
+def _word_story(
     slot: Slot, context: OrderContext, avoid: list[str], rng: np.random.Generator
-) -> tuple[Story, Told]:
+) -> tuple[Story, WrittenText]:
     """A story with its text; one that the place has no room for is thought up anew."""
     turn = slot.number + 5 * (slot.attempts - 1)
-    asked = Asked(turn, tuple(avoid), context.book.texts, _planner(slot, context) == BUILTIN)
+    asked = StoryRequest(
+        turn, tuple(avoid), context.book.texts, _choose_planner(slot, context) == BUILTIN
+    )
     for _ in range(STORIES):
-        story = story_of(slot, context, rng)
-        told = context.writer.word(story, asked, rng=rng)
-        if told is not None:
-            return story, told
-    # Told as it is: the pipeline will say what is wrong with it.
-    voice = voices_for(story)[0]
-    return story, Told(render_text(story, voice, rng), voice, STORIES)
+        story = draw_story(slot, context, rng)
+        written = context.writer.write_text(story, asked, rng=rng)
+        if written is not None:
+            return story, written
+    # Written as it is: the pipeline will report what is wrong with it.
+    voice = list_voices(story)[0]
+    return story, WrittenText(render_text(story, voice, rng), voice, STORIES)
 
 
-def story_of(slot: Slot, context: OrderContext, rng: np.random.Generator) -> Story:
+def draw_story(slot: Slot, context: OrderContext, rng: np.random.Generator) -> Story:
     """What this attempt is to show."""
     intersection_map = load_map(context.options.intersection)
-    leaf = _leaf(slot)
+    leaf = _choose_leaf(slot)
     parties: tuple[Party, ...] = ()
     if leaf is not None:
         detail = int(rng.choice(len(_DETAIL), p=_DETAIL))
-        parties = particulars(
+        parties = list_parties(
             get_pattern(leaf), intersection_map=intersection_map, detail=detail, rng=rng
         )
     elif slot.quota.foreground:
-        parties = passers(intersection_map, rng)
+        parties = draw_passers(intersection_map, rng)
     windows = context.wish.windows
-    told = bool(windows) or rng.random() < _TOLD_TIME
-    minute = minute_in(windows, rng) if told else None
+    is_given = bool(windows) or rng.random() < _TIME_GIVEN
+    minute = draw_minute(windows, rng) if is_given else None
     drawn = _DENSITIES[int(rng.integers(len(_DENSITIES)))]
     return Story(slot.quota.event, leaf, parties, minute, context.wish.context.density or drawn)
 
 
-def _leaf(slot: Slot) -> str | None:
+def _choose_leaf(slot: Slot) -> str | None:
     if not slot.leaves:
         return None
     return slot.leaves[(slot.attempts - 1) // REWORDED % len(slot.leaves)]
 
 
-def jobs_of(
+def build_jobs(
     entries: Iterable[Entry], options: Options, asking: Mapping[Names, Asking]
 ) -> list[Job]:
     """The jobs of all that was written."""
@@ -311,25 +319,25 @@ def jobs_of(
             context={} if entry.background is None else {"background": entry.background},
             asked=entry.event,
             voice=entry.voice,
-            base_url=url_for(entry.backend, options.base_url),
+            base_url=find_url(entry.backend, options.base_url),
             asking=asking[tuple(entry.backend)],
         )
         for number, entry in enumerate(entries)
     ]
 
 
-def serves(slot: Slot, done: Done, out: Path) -> bool:
+def is_slot_served(slot: Slot, done: Done, out: Path) -> bool:
     """Whether a row's scene shows what its slot is for."""
     if done.status != "made":
         return False
-    shown = shown_by(out, done)
+    shown = list_shown(out, done)
     if slot.quota.event == "normal":
         return shown == ([], [])
     events, leaves = shown
     return events == [slot.quota.event] and set(leaves) <= set(slot.quota.leaves)
 
 
-def shown_by(out: Path, done: Done) -> tuple[list[str], list[str]]:
+def list_shown(out: Path, done: Done) -> tuple[list[str], list[str]]:
     """The events that a scene was made for, and the patterns that play them."""
     folder = out / done.folder
     scene = json.loads((folder / "scene.json").read_bytes())

@@ -1,7 +1,7 @@
 """order.jsonl: every instruction that was written for an order, in order; append-only.
 
-Written before its scene is made, so an order that is killed goes on with the same texts, whoever
-wrote them.
+Written before its scene is made, so an order that is killed goes on with the same texts, written
+by a model or not.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.worker import json_bytes
+from scenewright.dataset.batch.worker import format_json_line
 from scenewright.errors import InputError
 
 BOOK = "order.jsonl"
@@ -25,7 +25,7 @@ class Entry:
     Attributes:
         id: of its row; slot: which of the order's scenes it is for; attempt: from 1 on.
         event, leaf: what it is to show; voice: how it is worded.
-        backend: who is to plan it, by name; background: numbers that the order fixes.
+        backend: name of the planner; background: numbers that the order fixes.
     """
 
     id: str
@@ -75,7 +75,7 @@ class Book:
     def add(self, entry: Entry) -> None:
         """Writes one more."""
         with self._file.open("ab", buffering=0) as stream:
-            stream.write(json_bytes(asdict(entry)))
+            stream.write(format_json_line(asdict(entry)))
         self.number[entry.id] = len(self.entries)
         self.entries.append(entry)
         self.texts.add(entry.text)

@@ -50,7 +50,7 @@ _MEANS: Mapping[str, tuple[str, ...]] = {
     "turning": ("turn",), "oncoming": ("opposite",), "rearend": ("rear", "end"),
     "headon": ("head",), "swipe": ("sideswipe",), "on": (),
 }  # fmt: skip
-"""Words that stand for others of the taxonomy."""
+"""Synonyms of words of the taxonomy."""
 _EMPTY = frozenset(
     _list(
         "scene scenes event events of the a an with case cases example examples call calls close "
@@ -88,10 +88,10 @@ class Quota:
     Attributes:
         name: of the kind, for ids; event: as the checker calls it, or `normal`.
         leaves: ids of the patterns that serve it; none for normal scenes.
-        backend: who plans and reasons, if not the run's; place: which of the order's backends that
-            is, from 0 on. Chance goes by the place, so that recorded answers of a model may stand
-            where the model stood.
-        foreground: whether the texts of normal scenes name two who do nothing to one another.
+        backend: the planner and reasoner, if not the run's; place: which of the order's backends
+            that is, from 0 on. Draws depend on the place alone, so that recorded answers of a model
+            can replace the model.
+        foreground: whether the texts of normal scenes name two agents that do not interact.
     """
 
     name: str
@@ -123,12 +123,14 @@ class Wish:
 
     def lines(self) -> list[str]:
         """What was understood, for people."""
-        times = ", ".join(f"{_clock(start)}-{_clock(end)}" for start, end in self.windows)
+        times = ", ".join(
+            f"{_format_clock(start)}-{_format_clock(end)}" for start, end in self.windows
+        )
         parts = [f"{q.count} x {q.name} ({len(q.leaves)} patterns)" for q in self.quotas]
         return [*parts, f"time of day: {times or 'any'}; density: {self.context.density or 'any'}"]
 
 
-def _clock(minute: int) -> str:
+def _format_clock(minute: int) -> str:
     return f"{minute // 60 % 24:02d}:{minute % 60:02d}"
 
 
@@ -138,32 +140,32 @@ def read_order(text: str) -> Wish:
     Raises:
         InputError: it names no counts, or a kind that no relation file serves.
     """
-    words = _words(text)
+    words = _split_words(text)
     quotas: list[Quota] = []
     rest: list[str] = []
     at = 0
     while at < len(words):
-        counted = _counted(words, at)
+        counted = _parse_count(words, at)
         if counted is None:
             rest.append(words[at])
             at += 1
             continue
         count, begin = counted
         end = _end_of(words, begin)
-        quotas += _quotas(words[begin:end], count)
+        quotas += _parse_quotas(words[begin:end], count)
         at = end
     if not quotas or not all(quota.count for quota in quotas):
         raise InputError(
             f"the order names no count of scenes of a known kind; say, for instance, {EXAMPLE}; "
             f"{_KNOWN_KINDS}"
         )
-    wish = Wish(tuple(_merged(quotas)), *_setting(" ".join(rest)))
+    wish = Wish(tuple(_merge_quotas(quotas)), *_parse_setting(" ".join(rest)))
     if wish.count > MOST:
         raise InputError(f"an order is of at most {MOST} scenes, this one of {wish.count}")
     return wish
 
 
-def _words(text: str) -> list[str]:
+def _split_words(text: str) -> list[str]:
     """Words and numbers in lower case; a full stop or comma stays a word of its own."""
     plain = text.lower().replace("t-bone", "tbone").replace("near-miss", "near miss")
     plain = plain.replace("near misses", "near_misses").replace("near miss", "near_miss")
@@ -171,7 +173,7 @@ def _words(text: str) -> list[str]:
     return re.findall(r"-?\d+(?:[:.]\d+)?|[a-z_]+(?:'[a-z]+)?|[,.;]", plain)
 
 
-def _counted(words: list[str], at: int) -> tuple[int, int] | None:
+def _parse_count(words: list[str], at: int) -> tuple[int, int] | None:
     """A count that begins here and is one of events: (count, where what is counted begins)."""
     found = _number(words, at)
     if found is None:
@@ -183,7 +185,7 @@ def _counted(words: list[str], at: int) -> tuple[int, int] | None:
     span = words[begin : _end_of(words, begin)]
     if {"background", "other"} & set(span):
         return None
-    named = any(_kind_of(word) for word in span) or _known(span)
+    named = any(_find_kind(word) for word in span) or _is_known(span)
     each = bool({"each", "every", "scene", "scenes", "event", "events"} & set(span))
     return (count, begin) if named or each else None
 
@@ -219,53 +221,55 @@ def _end_of(words: list[str], begin: int) -> int:
     return len(words)
 
 
-def _kind_of(word: str) -> str | None:
-    stem = _singular(word)
+def _find_kind(word: str) -> str | None:
+    stem = _make_singular(word)
     return next((kind for kind, names in _KINDS.items() if stem in names), None)
 
 
-def _singular(word: str) -> str:
+def _make_singular(word: str) -> str:
     for end, without in (("sses", "ss"), ("shes", "sh"), ("misses", "miss"), ("s", "")):
         if word.endswith(end) and not word.endswith("ss"):
             return word.removesuffix(end) + without
     return word
 
 
-def _known(span: list[str]) -> bool:
-    every = {part for pattern in load_patterns() for part in _vocabulary(pattern)}
-    stems = [_singular(word) for word in span if word not in _EMPTY]
+def _is_known(span: list[str]) -> bool:
+    every = {part for pattern in load_patterns() for part in _list_vocabulary(pattern)}
+    stems = [_make_singular(word) for word in span if word not in _EMPTY]
     return any(stem in every or _MEANS.get(stem) for stem in stems)
 
 
-def _quotas(span: list[str], count: int) -> list[Quota]:
+def _parse_quotas(span: list[str], count: int) -> list[Quota]:
     """The quota that a counted phrase asks for; `of each` makes one for every pattern."""
-    kinds = dict.fromkeys(kind for word in span if (kind := _kind_of(word)))
+    kinds = dict.fromkeys(kind for word in span if (kind := _find_kind(word)))
     if NORMAL in kinds:
         return [Quota(NORMAL, count, NORMAL)]
-    wanted = [part for word in span for part in _meaning(word, bool(kinds))]
+    wanted = [part for word in span for part in _get_meaning(word, bool(kinds))]
     found = [
         pattern
         for pattern in load_patterns()
         if (not kinds or pattern.relation in kinds)
-        and all(any(_fits(part, known) for known in _vocabulary(pattern)) for part in wanted)
+        and all(
+            any(_is_match(part, known) for known in _list_vocabulary(pattern)) for part in wanted
+        )
     ]
     if not found:
         raise InputError(f"no relation is a {' '.join(span)[:60]!r}; {_KNOWN_KINDS}")
     if {"each", "every"} & set(span):
-        return [_quota(pattern.id.replace("_", "-"), count, [pattern]) for pattern in found]
+        return [_build_quota(pattern.id.replace("_", "-"), count, [pattern]) for pattern in found]
     found = [each for each in found if each.is_common] or found
     if len(kinds) == 1:
-        return [_quota(_name(span, next(iter(kinds))), count, found)]
+        return [_build_quota(_name(span, next(iter(kinds))), count, found)]
     return _spread(found, count)
 
 
-def _quota(name: str, count: int, found: list[Pattern]) -> Quota:
+def _build_quota(name: str, count: int, found: list[Pattern]) -> Quota:
     event = EVENT_OF_RELATION[found[0].relation]
     return Quota(name, count, event, tuple(pattern.id for pattern in found))
 
 
 def _spread(found: list[Pattern], count: int) -> list[Quota]:
-    """A count without a kind: even over the patterns, each told by its event."""
+    """A count without a kind: even over the patterns, each named by its event."""
     share, more = divmod(count, len(found))
     quotas: dict[str, list[tuple[Pattern, int]]] = {}
     for number, pattern in enumerate(found):
@@ -279,32 +283,32 @@ def _spread(found: list[Pattern], count: int) -> list[Quota]:
     ]
 
 
-def _meaning(word: str, kind_named: bool) -> tuple[str, ...]:
+def _get_meaning(word: str, kind_named: bool) -> tuple[str, ...]:
     """What a word asks of a pattern; words of the kind itself and empty ones ask nothing."""
-    stem = _singular(word)
+    stem = _make_singular(word)
     if word in _EMPTY or word == "and":
         return ()
     if stem in _MEANS:
         return _MEANS[stem]
-    return () if kind_named and _kind_of(word) else (stem,)
+    return () if kind_named and _find_kind(word) else (stem,)
 
 
-def _vocabulary(pattern: Pattern) -> frozenset[str]:
+def _list_vocabulary(pattern: Pattern) -> frozenset[str]:
     text = f"{pattern.id} {pattern.theme} {pattern.subtype}".lower().replace("_", " ")
-    return frozenset(_singular(word) for word in re.findall(r"[a-z]+", text))
+    return frozenset(_make_singular(word) for word in re.findall(r"[a-z]+", text))
 
 
-def _fits(part: str, known: str) -> bool:
+def _is_match(part: str, known: str) -> bool:
     return known == part or (len(part) > 3 and known.startswith(part))
 
 
 def _name(span: list[str], kind: str) -> str:
     """`rear-end-collision`: what was said, without empty words."""
-    said = [_singular(w) for w in span if w not in _EMPTY and not _kind_of(w) and w != "and"]
+    said = [_make_singular(w) for w in span if w not in _EMPTY and not _find_kind(w) and w != "and"]
     return "-".join([*said, EVENT_OF_RELATION[kind].replace("_", "-")])[:40]
 
 
-def _merged(quotas: list[Quota]) -> Iterator[Quota]:
+def _merge_quotas(quotas: list[Quota]) -> Iterator[Quota]:
     """One quota for each kind, in the order in which they were named first."""
     names = dict.fromkeys((quota.name, quota.event) for quota in quotas)
     for name, event in names:
@@ -313,17 +317,17 @@ def _merged(quotas: list[Quota]) -> Iterator[Quota]:
         yield Quota(name, sum(quota.count for quota in same), event, tuple(leaves))
 
 
-def _setting(rest: str) -> tuple[tuple[tuple[int, int], ...], SceneContext]:
+def _parse_setting(rest: str) -> tuple[tuple[tuple[int, int], ...], SceneContext]:
     """Time and context in what is left of the order, read as an instruction is."""
     facts = {"instruction": f"Ordinary traffic {rest}", "previous": None, "legs": _LEGS}
     reply = load_backend().answer(Question(task="plan", facts=facts))
     context = SceneContext.model_validate(reply.get("context") or {})
     named = next((_WINDOWS[words] for words in _WINDOWS if re.search(rf"\b{words}\b", rest)), None)
     if named is None and context.time_of_day is not None:
-        named = (_minutes(context.time_of_day),)
+        named = (_parse_minutes(context.time_of_day),)
     return named or (), context.model_copy(update={"time_of_day": None})
 
 
-def _minutes(text: str) -> tuple[int, int]:
+def _parse_minutes(text: str) -> tuple[int, int]:
     ends = [int(part[:2]) * 60 + int(part[3:]) for part in text.split("-")]
     return ends[0], ends[-1]

@@ -12,10 +12,10 @@ from scenewright.dataset.batch.answering import (
     PLAINLY,
     Asking,
     Names,
-    beside,
     check_asking,
-    plain_name,
-    url_for,
+    find_record_path,
+    find_url,
+    make_plain_name,
 )
 from scenewright.dataset.batch.carry_out import Batch, Engine, ProgressCallback
 from scenewright.dataset.batch.finish import finish
@@ -26,16 +26,16 @@ from scenewright.dataset.batch.run import (
     ROW_TIMEOUT,
     check_options,
     check_row_timeout,
-    settings_of,
+    list_settings,
 )
-from scenewright.dataset.batch.worker import Options, json_bytes
+from scenewright.dataset.batch.worker import Options, format_json_line
 from scenewright.dataset.orders.agent import (
     OrderContext,
     OrderState,
     Slot,
-    jobs_of,
-    order_graph,
-    shown_by,
+    build_jobs,
+    build_order_graph,
+    list_shown,
 )
 from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import NORMAL, Quota, Wish
@@ -58,7 +58,8 @@ class Order:
 
     Attributes:
         text: the order as given, for the record; wish: as it was understood.
-        writer: who words the instructions; budget: how many at most, None: twice the scenes + 20.
+        writer: name of the writer of the instructions.
+        budget: most instructions; None: twice the scenes + 20.
         row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
             are asked, each has a file of answers of its own beside the one that is named.
     """
@@ -80,16 +81,16 @@ class Order:
         """Instructions that may be written."""
         return self.budget or 2 * self.wish.count + SPARE
 
-    def speakers(self) -> dict[Names, Asking]:
+    def map_speakers(self) -> dict[Names, Asking]:
         """Backend -> how its questions are put."""
         others = [(quota.backend,) for quota in self.wish.quotas if quota.backend]
-        everybody: list[Names] = list(dict.fromkeys([self.options.backend, *others]))
+        all_names: list[Names] = list(dict.fromkeys([self.options.backend, *others]))
         asking = replace(self.asking, turns=self.out)
-        if len(everybody) == 1:
-            return {everybody[0]: asking}
+        if len(all_names) == 1:
+            return {all_names[0]: asking}
         return {
-            each: replace(asking, record=beside(asking.record, plain_name(each)))
-            for each in everybody
+            each: replace(asking, record=find_record_path(asking.record, make_plain_name(each)))
+            for each in all_names
         }
 
 
@@ -100,17 +101,17 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
         InputError: an option or the folder cannot be used.
         BackendFault: the writer failed for good.
     """
-    speakers = order.speakers()
+    speakers = order.map_speakers()
     check_order(order, speakers)
     intersection_map = load_map(order.options.intersection)
-    kept = beside(order.asking.record, "writer")
+    kept = find_record_path(order.asking.record, "writer")
     writer = load_writer(
         order.writer,
         intersection_map=intersection_map,
         base_url=order.options.base_url,
         asking=replace(order.asking, record=kept),
     )
-    header = header_of(order)
+    header = build_order_header(order)
     with Batch(order.out, header=header) as batch:
         book = Book(order.out)
         context = OrderContext(
@@ -118,11 +119,11 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
             budget=order.most, workers=order.workers, engine=order.engine,
             limit=order.row_timeout, asking=speakers, log=log,
         )  # fmt: skip
-        before = _written(order.out)
+        before = _list_sizes(order.out)
         state = _run(context)
-        with batch.settled() as journal:
+        with batch.lock_journals() as journal:
             report = report_of(order, state, book, journal)
-            if before != _written(order.out) or not (order.out / MANIFEST).exists():
+            if before != _list_sizes(order.out) or not (order.out / MANIFEST).exists():
                 _finish(order, book, journal, header, report)
     return report
 
@@ -136,22 +137,24 @@ def check_order(order: Order, speakers: Mapping[Names, Asking]) -> None:
     check_row_timeout(order.row_timeout)
     check_asking(order.asking, one_machine=order.engine == "process")
     url = order.options.base_url
-    everybody = [*(name for names in speakers for name in names), order.writer]
-    if url is not None and url_for(everybody, url) is None:
+    all_names = [*(name for names in speakers for name in names), order.writer]
+    if url is not None and find_url(all_names, url) is None:
         raise InputError("--base-url is where a model is reached; name one, as openai:MODEL")
     for names, asking in speakers.items():
-        options = replace(order.options, backend=names, base_url=url_for(names, url))
+        options = replace(order.options, backend=names, base_url=find_url(names, url))
         check_options(options, asking)
 
 
 def _run(context: OrderContext) -> OrderState:
     # Rounds are bounded by the budget; each takes three steps.
     limit = 4 * context.budget + 8
-    state: OrderState = order_graph().invoke({}, context=context, config={"recursion_limit": limit})
+    state: OrderState = build_order_graph().invoke(
+        {}, context=context, config={"recursion_limit": limit}
+    )
     return state
 
 
-def _written(out: Path) -> tuple[int, ...]:
+def _list_sizes(out: Path) -> tuple[int, ...]:
     """Sizes of what grows as an order is filled."""
     return tuple(path.stat().st_size for path in (*sorted(out.glob("journal*.jsonl")), out / BOOK))
 
@@ -159,10 +162,10 @@ def _written(out: Path) -> tuple[int, ...]:
 def _finish(
     order: Order, book: Book, journal: Journal, header: Mapping[str, Any], report: dict[str, Any]
 ) -> None:
-    write_atomically(order.out / REPORT, json_bytes(report))
+    write_atomically(order.out / REPORT, format_json_line(report))
     finish(
         order.out,
-        jobs_of(book.entries, order.options, order.speakers()),
+        build_jobs(book.entries, order.options, order.map_speakers()),
         journal,
         about={key: value for key, value in header.items() if key != "journal"},
         given=len(book.entries),
@@ -171,7 +174,7 @@ def _finish(
     )
 
 
-def header_of(order: Order) -> dict[str, Any]:
+def build_order_header(order: Order) -> dict[str, Any]:
     """What decides the scenes of an order."""
     from scenewright import __version__
 
@@ -181,7 +184,7 @@ def header_of(order: Order) -> dict[str, Any]:
         "order": order.text,
         "writer": order.writer,
         "budget": order.most,
-        **settings_of(order.options),
+        **list_settings(order.options),
     }
 
 
@@ -189,7 +192,7 @@ def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> 
     """What was wanted, what there is, and why the rest could not be."""
     slots = state["slots"]
     quotas = [
-        _quota_report(
+        _report_quota(
             quota, [slot for slot in slots if slot.quota == quota], book, journal, order.out
         )
         for quota in order.wish.quotas
@@ -208,7 +211,7 @@ def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> 
     }
 
 
-def _quota_report(
+def _report_quota(
     quota: Quota,
     slots: Sequence[Slot],
     book: Book,
@@ -218,11 +221,11 @@ def _quota_report(
     mine = {slot.number for slot in slots}
     leaves, refused = Counter[str](dict.fromkeys(quota.leaves, 0)), Counter[str]()
     for slot in slots:
-        done = None if slot.filled is None else journal.entry(book.number[slot.filled])
+        done = None if slot.filled is None else journal.get_entry(book.number[slot.filled])
         if done is not None:
-            leaves.update(shown_by(out, done)[1])
+            leaves.update(list_shown(out, done)[1])
     for k, entry in enumerate(book.entries):
-        done = journal.entry(k)
+        done = journal.get_entry(k)
         if entry.slot in mine and done is not None and done.status != "made":
             refused[f"{entry.leaf or NORMAL}: {done.code}"] += 1
     return {
@@ -239,7 +242,7 @@ def _quota_report(
     }
 
 
-def paper_wish(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
+def build_paper_order(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
     """The paper's composition (4.1): 100 normal scenes, and 40 collisions and 50 yields of each
     backend, two agents in the foreground, medium density.
 

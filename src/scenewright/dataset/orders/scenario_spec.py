@@ -1,4 +1,4 @@
-"""What one scene is to show, before anybody words it: a leaf of the taxonomy with its particulars.
+"""What one scene is to show, before it is worded: a leaf of the taxonomy with its agents.
 
 Sides are chosen such that the map has them and the two ways meet, so that a text never asks for
 what cannot be.
@@ -25,11 +25,11 @@ _OPPOSITE: dict[Compass, Compass] = {
 
 @dataclass(frozen=True)
 class Party:
-    """Somebody in a story.
+    """An agent of a story.
 
     Attributes:
-        side: where it comes from, if that is told; crosswalk: leg that a pedestrian crosses.
-        tie: `oncoming` or `cross`: how it comes, told by the other one.
+        side: where it comes from, if that is given; crosswalk: leg that a pedestrian crosses.
+        tie: `oncoming` or `cross`: how it comes, relative to the other agent.
     """
 
     type: AgentClass
@@ -45,7 +45,7 @@ class Story:
 
     Attributes:
         event: as the checker calls it, or `normal`; leaf: id of the pattern, None for normal.
-        minute: time of day [min], None: not told.
+        minute: time of day [min], None: not given.
     """
 
     event: str
@@ -60,29 +60,31 @@ class Story:
         return None if self.minute is None else f"{self.minute // 60:02d}:{self.minute % 60:02d}"
 
 
-def particulars(
+def list_parties(
     pattern: Pattern, *, intersection_map: IntersectionMap, detail: int, rng: np.random.Generator
 ) -> tuple[Party, Party]:
-    """Who takes part and where from.
+    """Returns the two agents of a pattern and their origins.
 
     Args:
         detail: 0 movements alone, 1 ties and crosswalks of one of them, 2 sides.
     """
-    options = list(_meetings(pattern, intersection_map))
+    options = list(_list_meetings(pattern, intersection_map))
     if not options or detail == 0:
-        return _bare(pattern.from_, rng), _bare(pattern.to, rng)
+        return _make_bare_party(pattern.from_, rng), _make_bare_party(pattern.to, rng)
     first, second = options[int(rng.integers(len(options)))]
     if detail >= 2:
         return first, second
     if "pedestrian" in (first.type, second.type):
-        # One of the two places is told; the other follows from it or stays open.
+        # One of the two places is given; the other follows from it or stays open.
         hide_walk = bool(rng.integers(2))
-        return _without(first, hide_walk), _without(second, hide_walk)
-    return _without(first, False), _tied(pattern, second)
+        return _drop_side(first, hide_walk), _drop_side(second, hide_walk)
+    return _drop_side(first, False), _tie_party(pattern, second)
 
 
-def passers(intersection_map: IntersectionMap, rng: np.random.Generator) -> tuple[Party, Party]:
-    """Two who do nothing to one another: a vehicle, and a vehicle or a pedestrian."""
+def draw_passers(
+    intersection_map: IntersectionMap, rng: np.random.Generator
+) -> tuple[Party, Party]:
+    """Two agents that do not interact: a vehicle, and a vehicle or a pedestrian."""
     ways = [way for way in intersection_map.movements if way.turn != "uturn"]
     one, other = (ways[int(k)] for k in rng.choice(len(ways), size=2, replace=False))
     driver = Party("vehicle", one.turn, side=one.entry)
@@ -92,38 +94,40 @@ def passers(intersection_map: IntersectionMap, rng: np.random.Generator) -> tupl
     return driver, Party("vehicle", other.turn, side=other.entry)
 
 
-def _bare(role: Role, rng: np.random.Generator) -> Party:
+def _make_bare_party(role: Role, rng: np.random.Generator) -> Party:
     kind = "cyclist" if role.type == "rider" else role.type
     return Party(kind, role.movements[int(rng.integers(len(role.movements)))])
 
 
-def _without(party: Party, hide_walk: bool) -> Party:
+def _drop_side(party: Party, hide_walk: bool) -> Party:
     if party.type == "pedestrian":
         return Party(party.type, party.movement, crosswalk=None if hide_walk else party.crosswalk)
     return Party(party.type, party.movement, side=party.side if hide_walk else None)
 
 
-def _tied(pattern: Pattern, party: Party) -> Party:
+def _tie_party(pattern: Pattern, party: Party) -> Party:
     ties = {"opposite": "oncoming", "lateral": "cross"}
     return Party(party.type, party.movement, tie=ties.get(pattern.entries))
 
 
-def _meetings(pattern: Pattern, intersection_map: IntersectionMap) -> Iterator[tuple[Party, Party]]:
+def _list_meetings(
+    pattern: Pattern, intersection_map: IntersectionMap
+) -> Iterator[tuple[Party, Party]]:
     """Every pair of ways on the map that the pattern's two can take."""
     if pattern.to.type == "pedestrian":
-        for walker, driver in _strikes(pattern.to, pattern.from_, intersection_map):
+        for walker, driver in _list_strikes(pattern.to, pattern.from_, intersection_map):
             yield driver, walker
     elif pattern.from_.type == "pedestrian":
-        yield from _strikes(pattern.from_, pattern.to, intersection_map)
+        yield from _list_strikes(pattern.from_, pattern.to, intersection_map)
     else:
-        yield from _pairs(pattern, intersection_map)
+        yield from _list_pairs(pattern, intersection_map)
 
 
-def _strikes(
+def _list_strikes(
     walks: Role, drives: Role, intersection_map: IntersectionMap
 ) -> Iterator[tuple[Party, Party]]:
     """(pedestrian, vehicle): a crosswalk that the vehicle's way leads over."""
-    for way in _ways(drives, intersection_map):
+    for way in _list_movements(drives, intersection_map):
         driver = Party("vehicle", way.turn, side=way.entry)
         for walk in intersection_map.crosswalks:
             if (
@@ -135,22 +139,26 @@ def _strikes(
             yield Party("pedestrian", "jaywalking"), driver
 
 
-def _pairs(pattern: Pattern, intersection_map: IntersectionMap) -> Iterator[tuple[Party, Party]]:
-    for one in _ways(pattern.from_, intersection_map):
-        for other in _ways(pattern.to, intersection_map):
-            if _lie_right(pattern, one, other) and _meet(pattern, one, other, intersection_map):
+def _list_pairs(
+    pattern: Pattern, intersection_map: IntersectionMap
+) -> Iterator[tuple[Party, Party]]:
+    for one in _list_movements(pattern.from_, intersection_map):
+        for other in _list_movements(pattern.to, intersection_map):
+            if _is_geometry_right(pattern, one, other) and _meet(
+                pattern, one, other, intersection_map
+            ):
                 yield (
                     Party("vehicle", one.turn, side=one.entry),
                     Party("vehicle", other.turn, side=other.entry),
                 )
 
 
-def _ways(role: Role, intersection_map: IntersectionMap) -> list[VehicleMovement]:
+def _list_movements(role: Role, intersection_map: IntersectionMap) -> list[VehicleMovement]:
     ways = (*intersection_map.movements, *intersection_map.uturns)
     return [way for way in ways if way.turn in role.movements]
 
 
-def _lie_right(pattern: Pattern, one: VehicleMovement, other: VehicleMovement) -> bool:
+def _is_geometry_right(pattern: Pattern, one: VehicleMovement, other: VehicleMovement) -> bool:
     match pattern.entries:
         case "same":
             return one.entry == other.entry
@@ -175,25 +183,25 @@ def _meet(
     return frozenset((one.id, other.id)) in intersection_map.zone_pairs
 
 
-def twins(pattern: Pattern) -> bool:
+def has_likelier_twin(pattern: Pattern) -> bool:
     """Whether only its own phrase names it: a likelier pattern has the same parties, or none does
     it without saying how."""
     return pattern.manoeuvre is not None or any(
         other.id != pattern.id
         and other.weight > pattern.weight
-        and _shape(other) == _shape(pattern)
+        and _get_shape(other) == _get_shape(pattern)
         for other in load_patterns()
     )
 
 
-def _shape(pattern: Pattern) -> tuple[object, ...]:
+def _get_shape(pattern: Pattern) -> tuple[object, ...]:
     return (
         pattern.relation, pattern.kind, pattern.entries, pattern.from_.type, pattern.to.type,
         frozenset(pattern.from_.movements), frozenset(pattern.to.movements),
     )  # fmt: skip
 
 
-def minute_in(windows: Sequence[tuple[int, int]], rng: np.random.Generator) -> int:
+def draw_minute(windows: Sequence[tuple[int, int]], rng: np.random.Generator) -> int:
     """A minute of the day from one of the windows, each minute as likely; full fives more often."""
     spans = [max(end - start, 1) for start, end in windows] or [24 * 60]
     starts = [start for start, _ in windows] or [0]

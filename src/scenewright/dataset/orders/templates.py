@@ -1,6 +1,6 @@
-"""One story told by many writers: a headline, a report, a request, small talk, shorthand.
+"""Text templates in many styles: a headline, a report, a request, small talk, shorthand.
 
-A voice is a pattern for whole texts; who and what stand in it are drawn from word lists. What a
+A voice is a template for whole texts; its nouns and phrases are drawn from word lists. What a
 voice makes of a story is read back before it is used, so a wording that is misread costs nothing.
 """
 
@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from scenewright.dataset.orders.scenario_spec import Party, Story, twins
+from scenewright.dataset.orders.scenario_spec import Party, Story, has_likelier_twin
 from scenewright.scene.relations import Pattern, get_pattern
 
 ItemT = TypeVar("ItemT")
@@ -36,47 +36,49 @@ class Verb:
     passive: str | None = None
 
 
-def _verb(present: str, past: str, bare: str, participle: str | None = None) -> Verb:
+def _make_verb(present: str, past: str, bare: str, participle: str | None = None) -> Verb:
     return Verb(present, past, bare, participle)
 
 
 _HIT = (
-    _verb("hits", "hit", "hit", "hit by"), _verb("strikes", "struck", "strike", "struck by"),
-    _verb("runs into", "ran into", "run into"),
-    _verb("collides with", "collided with", "collide with"),
+    _make_verb("hits", "hit", "hit", "hit by"),
+    _make_verb("strikes", "struck", "strike", "struck by"),
+    _make_verb("runs into", "ran into", "run into"),
+    _make_verb("collides with", "collided with", "collide with"),
 )  # fmt: skip
 VERBS: Mapping[str, tuple[Verb, ...]] = {
     "pedestrian_strike": (
-        *_HIT[:3], _verb("knocks down", "knocked down", "knock down", "knocked down by"),
+        *_HIT[:3], _make_verb("knocks down", "knocked down", "knock down", "knocked down by"),
     ),
     "angle": (
-        _verb("T-bones", "T-boned", "T-bone"), _verb("broadsides", "broadsided", "broadside"),
+        _make_verb("T-bones", "T-boned", "T-bone"),
+        _make_verb("broadsides", "broadsided", "broadside"),
     ),
     "rear_end": (
-        _verb("rear-ends", "rear-ended", "rear-end", "rear-ended by"),
-        _verb("runs into the back of", "ran into the back of", "run into the back of"),
+        _make_verb("rear-ends", "rear-ended", "rear-end", "rear-ended by"),
+        _make_verb("runs into the back of", "ran into the back of", "run into the back of"),
     ),
-    "sideswipe": (_verb("sideswipes", "sideswiped", "sideswipe", "sideswiped by"),),
+    "sideswipe": (_make_verb("sideswipes", "sideswiped", "sideswipe", "sideswiped by"),),
     "head_on": (
-        _verb("collides head-on with", "collided head-on with", "collide head-on with"),
-        _verb("crashes head-on into", "crashed head-on into", "crash head-on into"),
+        _make_verb("collides head-on with", "collided head-on with", "collide head-on with"),
+        _make_verb("crashes head-on into", "crashed head-on into", "crash head-on into"),
     ),
-    "collide_at": (*_HIT, _verb("crashes into", "crashed into", "crash into")),
+    "collide_at": (*_HIT, _make_verb("crashes into", "crashed into", "crash into")),
     "near_miss": (
-        _verb("narrowly misses", "narrowly missed", "narrowly miss", "narrowly missed by"),
-        _verb("nearly hits", "nearly hit", "nearly hit", "nearly hit by"),
-        _verb("almost hits", "almost hit", "almost hit", "almost hit by"),
-        _verb("barely misses", "barely missed", "barely miss"),
+        _make_verb("narrowly misses", "narrowly missed", "narrowly miss", "narrowly missed by"),
+        _make_verb("nearly hits", "nearly hit", "nearly hit", "nearly hit by"),
+        _make_verb("almost hits", "almost hit", "almost hit", "almost hit by"),
+        _make_verb("barely misses", "barely missed", "barely miss"),
     ),
     "yield_to": (
-        _verb("yields to", "yielded to", "yield to"),
-        _verb("gives way to", "gave way to", "give way to"),
-        _verb("waits for", "waited for", "wait for"),
-        _verb("stops for", "stopped for", "stop for"),
+        _make_verb("yields to", "yielded to", "yield to"),
+        _make_verb("gives way to", "gave way to", "give way to"),
+        _make_verb("waits for", "waited for", "wait for"),
+        _make_verb("stops for", "stopped for", "stop for"),
     ),
     "follow": (
-        _verb("follows", "followed", "follow", "followed by"),
-        _verb("tails", "tailed", "tail"), _verb("trails", "trailed", "trail"),
+        _make_verb("follows", "followed", "follow", "followed by"),
+        _make_verb("tails", "tailed", "tail"), _make_verb("trails", "trailed", "trail"),
     ),
 }  # fmt: skip
 """By kind of collision, else by relation."""
@@ -110,17 +112,17 @@ VOICES: Mapping[str, str] = {
     "list": "Scene: {event}. Time: {clock}. Traffic: {level}.",
     "phrase": "{Own}{at}{in}.",
 }
-"""Name -> text. Parts of a setting that is not told fall away."""
+"""Name -> text. Parts of a setting that is not given are left out."""
 
 
-def voices_for(story: Story) -> list[str]:
-    """The voices that a story can be told in."""
+def list_voices(story: Story) -> list[str]:
+    """Names of the templates that fit a story."""
     if story.leaf is None:
         return ["plain", "setting first", "request", "telegraph", "headline", "report", "list"]
-    if twins(get_pattern(story.leaf)):
+    if has_likelier_twin(get_pattern(story.leaf)):
         return ["phrase"]
-    told = [name for name in VOICES if _has_all(VOICES[name], story)]
-    return [name for name in told if name != "two looks" or story.parties[1].tie is None]
+    fitting = [name for name in VOICES if _has_all(VOICES[name], story)]
+    return [name for name in fitting if name != "two looks" or story.parties[1].tie is None]
 
 
 def _has_all(text: str, story: Story) -> bool:
@@ -132,69 +134,73 @@ def _has_all(text: str, story: Story) -> bool:
 
 
 def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
-    """The story as that voice tells it."""
+    """The story as text in that voice."""
     if story.leaf is None:
-        return _normal(story, voice, rng)
+        return _render_normal(story, voice, rng)
     pattern = get_pattern(story.leaf)
-    names, who = _cast(story, rng)
-    verb = _one(VERBS.get(pattern.kind or "", VERBS[pattern.relation]), rng)
+    names, who = _draw_nouns(story, rng)
+    verb = _draw_one(VERBS.get(pattern.kind or "", VERBS[pattern.relation]), rng)
     event = f"{who[0]} {verb.present} {who[1]}"
     passive = verb.passive and f"{who[1]} is {verb.passive} {who[0]}"
-    setting = _setting(story, rng)
+    setting = _render_setting(story, rng)
     text = VOICES[voice]
     parts = {
         **setting,
-        "event": event, "Event": _upper(event), "EVENT": event.upper(),
-        "Past": _upper(f"{who[0]} {verb.past} {who[1]}"),
-        "Passive": _upper(passive or event),
-        "first": who[0], "First": _upper(who[0]), "second": who[1], "verb": verb.present,
+        "event": event, "Event": _capitalize(event), "EVENT": event.upper(),
+        "Past": _capitalize(f"{who[0]} {verb.past} {who[1]}"),
+        "Passive": _capitalize(passive or event),
+        "first": who[0], "First": _capitalize(who[0]), "second": who[1], "verb": verb.present,
         "second again": f"the {names[1]}",
-        "Own": _upper(_own_phrase(pattern, who, rng)),
+        "Own": _capitalize(_draw_own_phrase(pattern, who, rng)),
     }  # fmt: skip
-    return _filled(text, parts)
+    return _fill(text, parts)
 
 
-def _cast(story: Story, rng: np.random.Generator) -> tuple[list[str], list[str]]:
+def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list[str]]:
     """A noun for each party, different ones, and all that is said of it."""
-    names = [_drawn(VEHICLES if p.type == "vehicle" else PEDESTRIANS, rng) for p in story.parties]
+    names = [
+        _draw_weighted(VEHICLES if p.type == "vehicle" else PEDESTRIANS, rng) for p in story.parties
+    ]
     if story.parties[0].type == story.parties[1].type == "vehicle":
-        names[1] = _drawn({n: w for n, w in VEHICLES.items() if n != names[0]}, rng)
+        names[1] = _draw_weighted({n: w for n, w in VEHICLES.items() if n != names[0]}, rng)
     pairs = zip(story.parties, names, strict=True)
-    return names, [_named(party, name, rng) for party, name in pairs]
+    return names, [_render_party(party, name, rng) for party, name in pairs]
 
 
-def _normal(story: Story, voice: str, rng: np.random.Generator) -> str:
-    low = _one(_NORMAL, rng)
+def _render_normal(story: Story, voice: str, rng: np.random.Generator) -> str:
+    low = _draw_one(_NORMAL, rng)
     if story.parties:
-        low = _one(_PASSING, rng).format(*_cast(story, rng)[1])
-    low, event = low[0].lower() + low[1:], _upper(low)
+        low = _draw_one(_PASSING, rng).format(*_draw_nouns(story, rng)[1])
+    low, event = low[0].lower() + low[1:], _capitalize(low)
     parts = {
-        **_setting(story, rng),
+        **_render_setting(story, rng),
         "event": low, "Event": event, "EVENT": event.upper(), "Past": event,
     }  # fmt: skip
-    return _filled(VOICES[voice], parts)
+    return _fill(VOICES[voice], parts)
 
 
-def _filled(text: str, parts: Mapping[str, str]) -> str:
+def _fill(text: str, parts: Mapping[str, str]) -> str:
     for name, words in parts.items():
         text = text.replace("{" + name + "}", words)
     return " ".join(text.replace(" .", ".").replace("..", ".").replace(" ,", ",").split())
 
 
-def _setting(story: Story, rng: np.random.Generator) -> dict[str, str]:
-    """Words for time and density, empty where they are not told."""
-    clock = "" if story.minute is None else _clock(story.minute, rng)
-    density = "" if story.density is None else _one(_DENSITIES[story.density], rng)
-    within = f" {_one(('in', 'with'), rng)} {density}" if density else ""
+def _render_setting(story: Story, rng: np.random.Generator) -> dict[str, str]:
+    """Words for time and density, empty where they are not given."""
+    clock = "" if story.minute is None else _format_clock(story.minute, rng)
+    density = "" if story.density is None else _draw_one(_DENSITIES[story.density], rng)
+    within = f" {_draw_one(('in', 'with'), rng)} {density}" if density else ""
     at = f" at {clock}" if clock else ""
     return {
-        "at": at, "At": f"At {clock}", "AT": at.upper(), "clock": clock, "Clock": _upper(clock),
-        "in": within, "IN": within.upper(), "with": f" and there was {density}" if density else "",
-        "Density": _upper(density), "level": story.density or "",
+        "at": at, "At": f"At {clock}", "AT": at.upper(),
+        "clock": clock, "Clock": _capitalize(clock),
+        "in": within, "IN": within.upper(),
+        "with": f" and there was {density}" if density else "",
+        "Density": _capitalize(density), "level": story.density or "",
     }  # fmt: skip
 
 
-def _clock(minute: int, rng: np.random.Generator) -> str:
+def _format_clock(minute: int, rng: np.random.Generator) -> str:
     hour, rest = divmod(minute, 60)
     half = "am" if hour < 12 else "pm"
     twelve = (hour - 1) % 12 + 1
@@ -205,13 +211,13 @@ def _clock(minute: int, rng: np.random.Generator) -> str:
         ]  # fmt: skip
     if rest == 30:
         ways.append(f"half past {twelve} {half}")
-    return _one(ways, rng)
+    return _draw_one(ways, rng)
 
 
-def _named(party: Party, name: str, rng: np.random.Generator) -> str:
+def _render_party(party: Party, name: str, rng: np.random.Generator) -> str:
     """`a left-turning taxi from the north`, `a woman on the east crosswalk`."""
     if party.type == "pedestrian":
-        return _walking(party, name, rng)
+        return _render_walking(party, name, rng)
     turns = {"left": ("left-turning", "turning left"), "right": ("right-turning", "turning right")}
     if party.movement in turns:
         before, after = turns[party.movement]
@@ -224,45 +230,47 @@ def _named(party: Party, name: str, rng: np.random.Generator) -> str:
     if party.tie == "oncoming":
         return f"an oncoming {words}"
     if party.tie == "cross":
-        return f"{_article(words)} {words} {_one(('on', 'from'), rng)} the cross street"
-    return f"{_article(words)} {words}{_from(party, rng)}"
+        return f"{_choose_article(words)} {words} {_draw_one(('on', 'from'), rng)} the cross street"
+    return f"{_choose_article(words)} {words}{_render_origin(party, rng)}"
 
 
-def _from(party: Party, rng: np.random.Generator) -> str:
+def _render_origin(party: Party, rng: np.random.Generator) -> str:
     if party.side is None:
         return ""
-    return _one((f" from the {party.side}", f" coming from the {party.side}"), rng)
+    return _draw_one((f" from the {party.side}", f" coming from the {party.side}"), rng)
 
 
-def _walking(party: Party, name: str, rng: np.random.Generator) -> str:
+def _render_walking(party: Party, name: str, rng: np.random.Generator) -> str:
     if party.movement == "jaywalking":
-        return _one(("a jaywalker", f"{_article(name)} {name} who is jaywalking"), rng)
+        return _draw_one(("a jaywalker", f"{_choose_article(name)} {name} who is jaywalking"), rng)
     if party.crosswalk is None:
-        return _one((f"{_article(name)} {name} on the crosswalk", f"a crossing {name}"), rng)
+        return _draw_one(
+            (f"{_choose_article(name)} {name} on the crosswalk", f"a crossing {name}"), rng
+        )
     where = (
         f"on the {party.crosswalk} crosswalk", f"crossing the {party.crosswalk} leg",
         f"in the {party.crosswalk} crosswalk",
     )  # fmt: skip
-    return f"{_article(name)} {name} {_one(where, rng)}"
+    return f"{_choose_article(name)} {name} {_draw_one(where, rng)}"
 
 
-def _own_phrase(pattern: Pattern, who: Sequence[str], rng: np.random.Generator) -> str:
-    phrase = _one(pattern.phrases, rng)
+def _draw_own_phrase(pattern: Pattern, who: Sequence[str], rng: np.random.Generator) -> str:
+    phrase = _draw_one(pattern.phrases, rng)
     return phrase.replace("{from}", who[0]).replace("{to}", who[1])
 
 
-def _article(words: str) -> str:
+def _choose_article(words: str) -> str:
     return "an" if words[0] in "aeioAEIO" or words.startswith("SUV") else "a"
 
 
-def _upper(text: str) -> str:
+def _capitalize(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _one(items: Sequence[ItemT], rng: np.random.Generator) -> ItemT:
+def _draw_one(items: Sequence[ItemT], rng: np.random.Generator) -> ItemT:
     return items[int(rng.integers(len(items)))]
 
 
-def _drawn(weights: Mapping[str, float], rng: np.random.Generator) -> str:
+def _draw_weighted(weights: Mapping[str, float], rng: np.random.Generator) -> str:
     share = np.array(list(weights.values()))
     return list(weights)[int(rng.choice(len(share), p=share / share.sum()))]

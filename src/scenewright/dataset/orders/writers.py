@@ -1,4 +1,4 @@
-"""Who words a story: the builtin voices, or a language model."""
+"""Writers of instructions: the builtin templates, or a language model."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from scenewright.backends import STAGE_OF, Backend, Question, Wording, load_backend
-from scenewright.dataset.batch.answering import PLAINLY, Asking, speaking, url_for
+from scenewright.dataset.batch.answering import PLAINLY, Asking, find_url, load_speaking_backend
 from scenewright.dataset.orders.scenario_spec import Story
-from scenewright.dataset.orders.templates import render_text, voices_for
+from scenewright.dataset.orders.templates import list_voices, render_text
 from scenewright.errors import BackendFault, Rejected
 from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.map import IntersectionMap
@@ -22,18 +22,18 @@ from scenewright.scene.social import SocialGraph
 from scenewright.tools.map_grounding.grounding import find_assignments, ground_graph
 
 TRIES = 6
-"""Wordings of one story that are read back before another story is told."""
+"""Texts of one story that are read back before another story is drawn."""
 _CASTS = 6
 """Ways of playing a text that are looked at."""
 ASKED = 3
-"""Texts that a model may give for one story before a builtin voice tells it."""
+"""Texts that a model may give for one story before a builtin template is used."""
 LENGTH = (8, 400)
 """Characters of an instruction that a model words."""
 
 
 @dataclass(frozen=True)
-class Told:
-    """A wording: the text, whose voice it is, and how many were misread before it."""
+class WrittenText:
+    """A text, the name of its template or manner, and how many texts were misread before it."""
 
     text: str
     voice: str
@@ -41,7 +41,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Asked:
+class StoryRequest:
     """What a text must mind beside its story.
 
     Attributes:
@@ -61,35 +61,39 @@ class Writer(Protocol):
 
     name: str
 
-    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+    def write_text(
+        self, story: Story, asked: StoryRequest, *, rng: np.random.Generator
+    ) -> WrittenText | None:
         """A text for a story; None for a story that cannot be at the place."""
 
 
-class Builtin:
-    """Voices in turn; each wording is read back by the grammar, and told anew if misread."""
+class BuiltinWriter:
+    """Templates in turn; the grammar reads each text back, and a misread one is written anew."""
 
     name = "builtin"
 
     def __init__(self, intersection_map: IntersectionMap) -> None:
         self._reader, self._on = load_backend("builtin"), intersection_map
 
-    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+    def write_text(
+        self, story: Story, asked: StoryRequest, *, rng: np.random.Generator
+    ) -> WrittenText | None:
         """A text that the grammar reads as the story, and that the map has room for."""
-        voices = voices_for(story)
+        voices = list_voices(story)
         for k in range(TRIES):
             voice = voices[(asked.turn + k) % len(voices)]
             text = render_text(story, voice, rng)
-            if text not in asked.avoid and reads_as(
+            if text not in asked.avoid and is_read_as(
                 self._reader, text, story, intersection_map=self._on
             ):
-                return Told(text, voice, k)
+                return WrittenText(text, voice, k)
         return None
 
 
-def reads_as(
+def is_read_as(
     reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap
 ) -> bool:
-    """Whether a text is understood as the story it tells, and can be at the place."""
+    """Whether a text is understood as its story, and whether the map has room for it."""
     graph = _read_back(reader, text, intersection_map)
     if graph is None:
         return False
@@ -100,14 +104,14 @@ def reads_as(
         kinds = sorted(agent.type for agent in graph.agents)
         wanted = sorted(party.type for party in story.parties)
         return not graph.relations and kinds == wanted and context.background is None
-    if context.background is not None or not _same_event(graph, story):
+    if context.background is not None or not _has_same_event(graph, story):
         return False
-    return _always_plays(graph, story.leaf, intersection_map)
+    return _is_pattern_certain(graph, story.leaf, intersection_map)
 
 
 def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) -> SocialGraph | None:
     """The social graph of a text; None if it is refused or the map has no room for it."""
-    reply = reader.answer(Question(task="plan", facts=_asked_of(text, intersection_map)))
+    reply = reader.answer(Question(task="plan", facts=_list_requested(text, intersection_map)))
     if "agents" not in reply:
         return None
     graph = SocialGraph.model_validate(reply)
@@ -118,7 +122,7 @@ def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) ->
     return graph
 
 
-def _always_plays(graph: SocialGraph, leaf: str, intersection_map: IntersectionMap) -> bool:
+def _is_pattern_certain(graph: SocialGraph, leaf: str, intersection_map: IntersectionMap) -> bool:
     """Whether the text leaves no other pattern to be drawn, so that patterns come out even."""
     grounding = ground_graph(graph, intersection_map=intersection_map)
     draws = (
@@ -133,7 +137,7 @@ def _always_plays(graph: SocialGraph, leaf: str, intersection_map: IntersectionM
     return all(drawn is not None and drawn.patterns[0].pattern == leaf for drawn in draws)
 
 
-def _same_event(graph: SocialGraph, story: Story) -> bool:
+def _has_same_event(graph: SocialGraph, story: Story) -> bool:
     if len(graph.relations) != 1 or len(graph.agents) != 2:
         return False
     edge = graph.relations[0]
@@ -154,40 +158,40 @@ def _same_event(graph: SocialGraph, story: Story) -> bool:
     )
 
 
-def misread(
+def describe_misreading(
     reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap, strict: bool
 ) -> str | None:
-    """What a text tells that its story does not, for whoever wrote it; None if nothing is wrong.
+    """What a text says that its story does not, as feedback for the writer; None if nothing.
 
     Args:
         strict: whether the reader must understand it; else only a contradiction counts, as a text
             may be clear to others that the reader cannot read.
     """
-    if strict and reads_as(reader, text, story, intersection_map=intersection_map):
+    if strict and is_read_as(reader, text, story, intersection_map=intersection_map):
         return None
-    reply = reader.answer(Question(task="plan", facts=_asked_of(text, intersection_map)))
+    reply = reader.answer(Question(task="plan", facts=_list_requested(text, intersection_map)))
     if "agents" not in reply:
         return f"it is refused: {reply.get('reason')}" if strict else None
     graph = SocialGraph.model_validate(reply)
-    told: set[str] = {EVENT_OF_RELATION[each.type] for each in graph.relations} or {"normal"}
-    if told != {story.event}:
-        return f"it tells of {' and '.join(sorted(told))}, the story is of {story.event}"
+    events: set[str] = {EVENT_OF_RELATION[each.type] for each in graph.relations} or {"normal"}
+    if events != {story.event}:
+        return f"it describes {' and '.join(sorted(events))}, the story is of {story.event}"
     for name, found, wanted in (
         ("density of traffic", graph.context.density, story.density),
         ("time", graph.context.time_of_day, story.clock),
     ):
         if found != wanted and (strict or found is not None):
-            return f"its {name} is {found or 'not told'}, the story's is {wanted or 'not told'}"
+            return f"its {name} is {found or 'not given'}, the story's is {wanted or 'not given'}"
     if graph.context.background is not None:
-        return "it tells of others beside the story's; leave them out"
+        return "it names agents that the story does not have; leave them out"
     return (
-        "who takes part, from where and turning which way is not as in the story, or not all told"
+        "the agents, their approaches or their movements are not as in the story, or not all given"
         if strict
         else None
     )
 
 
-def _asked_of(text: str, intersection_map: IntersectionMap) -> dict[str, Any]:
+def _list_requested(text: str, intersection_map: IntersectionMap) -> dict[str, Any]:
     return {
         "instruction": text,
         "previous": None,
@@ -213,26 +217,32 @@ _MANNERS = (
 )  # fmt: skip
 
 
-class Spoken:
+class ModelWriter:
     """A language model, in a different manner each time.
 
-    Every text is read back. One that tells another story goes back with what is wrong with it, at
-    most ASKED times; then a builtin voice tells the story.
+    Every text is read back. One of another story goes back with what is wrong with it, at
+    most ASKED times; then a builtin template is used.
     """
 
     def __init__(self, backend: Backend, intersection_map: IntersectionMap) -> None:
         self.name = backend.name
-        self._backend, self._else, self._on = backend, Builtin(intersection_map), intersection_map
+        self._backend, self._else, self._on = (
+            backend,
+            BuiltinWriter(intersection_map),
+            intersection_map,
+        )
         self._reader = load_backend("builtin")
 
-    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+    def write_text(
+        self, story: Story, asked: StoryRequest, *, rng: np.random.Generator
+    ) -> WrittenText | None:
         """What the model says, once nothing is found wrong with it.
 
         Raises:
             BackendFault: the model cannot be reached at all, as without its key.
         """
         manner, seed = _MANNERS[asked.turn % len(_MANNERS)], int(rng.integers(2**31))
-        facts = {"story": to_facts(story), "manner": manner, "not again": list(asked.avoid)}
+        facts = {"story": build_facts(story), "manner": manner, "not again": list(asked.avoid)}
         faults: list[str] = []
         while len(faults) < ASKED:
             try:
@@ -244,19 +254,19 @@ class Spoken:
                 if fault.final:
                     raise
                 break
-            wrong = self._wrong_with(text, story, asked)
+            wrong = self._find_fault(text, story, asked)
             if wrong is None:
-                return Told(text, manner, len(faults))
+                return WrittenText(text, manner, len(faults))
             faults.append(wrong)
-        return self._else.word(story, asked, rng=rng)
+        return self._else.write_text(story, asked, rng=rng)
 
     def _ask(self, facts: dict[str, Any], faults: Sequence[str], *, seed: int) -> str:
         """A text, in one line."""
-        told = {**facts, "wrong with your last texts": list(faults)} if faults else facts
-        words = json.dumps(told, ensure_ascii=False)
+        given = {**facts, "wrong with your last texts": list(faults)} if faults else facts
+        words = json.dumps(given, ensure_ascii=False)
         wording = Wording(system=_RULES, user=words, schema=_SCHEMA)
         question = Question(
-            task="plan", facts=told, rejections=tuple(faults), seed=seed, wording=lambda: wording
+            task="plan", facts=given, rejections=tuple(faults), seed=seed, wording=lambda: wording
         )
         text = self._backend.answer(question).get("text")
         if not isinstance(text, str):
@@ -264,16 +274,18 @@ class Spoken:
             raise Rejected(Rejection(stage=STAGE_OF["plan"], code="malformed_reply", detail=detail))
         return " ".join(text.split())
 
-    def _wrong_with(self, text: str, story: Story, asked: Asked) -> str | None:
+    def _find_fault(self, text: str, story: Story, asked: StoryRequest) -> str | None:
         if not LENGTH[0] <= len(text) <= LENGTH[1] or not text.isprintable():
             return f"a text has {LENGTH[0]} to {LENGTH[1]} printable characters"
         if text in asked.avoid or text in asked.taken:
             return "this very text was written before; word it differently"
-        return misread(self._reader, text, story, intersection_map=self._on, strict=asked.grammar)
+        return describe_misreading(
+            self._reader, text, story, intersection_map=self._on, strict=asked.grammar
+        )
 
 
-def to_facts(story: Story) -> dict[str, Any]:
-    """A story as plain facts, without what is not told."""
+def build_facts(story: Story) -> dict[str, Any]:
+    """A story as plain facts, without what it leaves open."""
     roles = ("who does it", "to whom")
     found: dict[str, Any] = {"event": story.event, "time": story.clock, "density": story.density}
     if story.leaf is not None:
@@ -292,5 +304,7 @@ def load_writer(
 ) -> Writer:
     """The writer of that name for a place; InputError for a backend that does not exist."""
     if name == "builtin":
-        return Builtin(intersection_map)
-    return Spoken(speaking((name,), url_for((name,), base_url), asking), intersection_map)
+        return BuiltinWriter(intersection_map)
+    return ModelWriter(
+        load_speaking_backend((name,), find_url((name,), base_url), asking), intersection_map
+    )

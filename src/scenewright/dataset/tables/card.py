@@ -39,23 +39,23 @@ class Contents:
     pictures: tuple[str, str]
 
 
-def card(contents: Contents) -> str:
+def format_card(contents: Contents) -> str:
     """The card as Markdown, with the front matter by which `datasets` finds the tables."""
     where, how = contents.pictures
     parts = [
-        _front_matter(contents),
+        _format_front_matter(contents),
         f"# {escape_markdown(contents.title)}",
         ABSTRACT,
         f"![Where and when events happen, and how many agents there are]({where})",
-        _counts("In figures", contents.figures, "figure", "value"),
-        _counts("Events in scenes", contents.events, "event", "how many"),
-        _statistics(contents.statistics),
+        _format_counts("In figures", contents.figures, "figure", "value"),
+        _format_counts("Events in scenes", contents.events, "event", "how many"),
+        _format_statistics(contents.statistics),
         f"![How close events are, how fast agents move, how many are seen]({how})",
-        _counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
-        _counts("Rows without a scene", contents.unmade, "reason", "rows"),
+        _format_counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
+        _format_counts("Rows without a scene", contents.unmade, "reason", "rows"),
         _LAYOUT,
-        *(_schema(name, contents.tables.get(name, 0)) for name in TABLES),
-        _counts("How it was made", _flat(contents.about), "option", "value"),
+        *(_format_schema(name, contents.tables.get(name, 0)) for name in TABLES),
+        _format_counts("How it was made", _flatten(contents.about), "option", "value"),
         _LICENCE,
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -89,7 +89,7 @@ Apache License 2.0. The priors of the intersection derive from public counts; th
 the bundle's `bundle.toml`."""
 
 
-def _front_matter(contents: Contents) -> str:
+def _format_front_matter(contents: Contents) -> str:
     from huggingface_hub import DatasetCardData
 
     rows = contents.tables.get("scenes", 0)
@@ -111,7 +111,7 @@ def _describe_config(name: str) -> dict[str, Any]:
     return {"config_name": name, **default, "data_files": files}
 
 
-def _counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str:
+def _format_counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str:
     if not counts:
         return ""
     lines = [f"## {title}", "", f"| {name} | {value} |", "|---|---|"]
@@ -124,7 +124,7 @@ def _counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str
     return "\n".join(lines)
 
 
-def _statistics(rows: Sequence[tuple[str, str, str]]) -> str:
+def _format_statistics(rows: Sequence[tuple[str, str, str]]) -> str:
     if not rows:
         return ""
     lines = ["## What the scenes show", "", "| figure | values | 5 % / median / 95 % |"]
@@ -132,7 +132,7 @@ def _statistics(rows: Sequence[tuple[str, str, str]]) -> str:
     return "\n".join(lines)
 
 
-def _schema(name: str, rows: int) -> str:
+def _format_schema(name: str, rows: int) -> str:
     lines = [f"### Table `{name}`: {rows} rows", "", "| column | type | meaning |", "|---|---|---|"]
     kinds = {"list": "list of string", "ids": "list of int16", "floats": "list of float64"}
     for column, (kind, meaning) in SCHEMAS[name].items():
@@ -140,7 +140,7 @@ def _schema(name: str, rows: int) -> str:
     return "\n".join(lines)
 
 
-def _flat(about: Mapping[str, Any]) -> dict[str, Any]:
+def _flatten(about: Mapping[str, Any]) -> dict[str, Any]:
     """Nested options side by side, as strings."""
     found: dict[str, Any] = {}
     for key, value in about.items():

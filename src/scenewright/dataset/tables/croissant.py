@@ -70,13 +70,13 @@ def describe_in_croissant(
         "license": licence,
         "version": version,
         "isLiveDataset": False,
-        "distribution": [_file(table, hashes[table]) for table in TABLES],
+        "distribution": [_describe_file(table, hashes[table]) for table in TABLES],
         "recordSet": [_record_set(table) for table in TABLES],
     }
     return (json.dumps(value, ensure_ascii=False, indent=1) + "\n").encode("utf-8")
 
 
-def _file(table: str, sha256: str) -> dict[str, Any]:
+def _describe_file(table: str, sha256: str) -> dict[str, Any]:
     return {
         "@type": "cr:FileObject",
         "@id": f"{table}.parquet",
@@ -88,11 +88,11 @@ def _file(table: str, sha256: str) -> dict[str, Any]:
 
 
 def _record_set(table: str) -> dict[str, Any]:
-    fields = [_field(table, column) for column in SCHEMAS[table]]
+    fields = [_describe_field(table, column) for column in SCHEMAS[table]]
     return {"@type": "cr:RecordSet", "@id": table, "name": table, "field": fields}
 
 
-def _field(table: str, column: str) -> dict[str, Any]:
+def _describe_field(table: str, column: str) -> dict[str, Any]:
     kind, meaning = SCHEMAS[table][column]
     extract = {"fileObject": {"@id": f"{table}.parquet"}, "extract": {"column": column}}
     found = {

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.tables.parquet import TABLES, arrow_schema, parquet
+from scenewright.dataset.tables.parquet import TABLES, build_arrow_schema, import_parquet
 from scenewright.dataset.tables.splits import SPLITS, Split
 from scenewright.errors import InputError
 
@@ -37,7 +37,7 @@ def divide_tables(folder: Path, out: Path) -> dict[Split, int]:
     for split in SPLITS:
         (part / split).mkdir(parents=True)
     there = {name: _divide(folder, part, name, belongs) for name in TABLES}
-    (part / "README.md").write_text(_card(counts, there), encoding="utf-8")
+    (part / "README.md").write_text(_format_card(counts, there), encoding="utf-8")
     out.parent.mkdir(parents=True, exist_ok=True)
     if out.exists():
         out.rmdir()
@@ -46,7 +46,7 @@ def divide_tables(folder: Path, out: Path) -> dict[Split, int]:
 
 
 def _read(folder: Path, name: str, **options: Any) -> Iterator[Any]:
-    file = parquet().ParquetFile(folder / f"tables/{name}.parquet")
+    file = import_parquet().ParquetFile(folder / f"tables/{name}.parquet")
     yield from file.iter_batches(batch_size=_AT_ONCE, **options)
 
 
@@ -63,16 +63,24 @@ def _assign_rows(folder: Path) -> tuple[dict[str, Split], Counter[Split]]:
 
 def _divide(folder: Path, part: Path, name: str, belongs: Mapping[str, Split]) -> list[Split]:
     """Writes one table's files; the splits that have rows of it."""
-    schema = arrow_schema(name)
+    schema = build_arrow_schema(name)
     writers = {
-        split: parquet().ParquetWriter(part / split / f"{name}.parquet", schema, compression="zstd")
+        split: import_parquet().ParquetWriter(
+            part / split / f"{name}.parquet", schema, compression="zstd"
+        )
         for split in SPLITS
     }
     found: Counter[Split] = Counter()
     for batch in _read(folder, name):
-        whose = None if name == "map" else [belongs[row] for row in batch["row"].to_pylist()]
+        rows_of_split = (
+            None if name == "map" else [belongs[row] for row in batch["row"].to_pylist()]
+        )
         for split, writer in writers.items():
-            chosen = batch if whose is None else batch.filter([each == split for each in whose])
+            chosen = (
+                batch
+                if rows_of_split is None
+                else batch.filter([each == split for each in rows_of_split])
+            )
             found[split] += len(chosen)
             if len(chosen):
                 writer.write_batch(chosen.cast(schema))
@@ -81,7 +89,7 @@ def _divide(folder: Path, part: Path, name: str, belongs: Mapping[str, Split]) -
     return [split for split in SPLITS if found[split]]
 
 
-def _card(counts: Mapping[Split, int], there: Mapping[str, list[Split]]) -> str:
+def _format_card(counts: Mapping[Split, int], there: Mapping[str, list[Split]]) -> str:
     """Front matter by which `load_dataset(OUT)` finds splits; `scenes` is what it loads unasked.
 
     A split without rows is not named, as `datasets` refuses empty ones.
@@ -92,7 +100,7 @@ def _card(counts: Mapping[Split, int], there: Mapping[str, list[Split]]) -> str:
         lines.append("  data_files:")
         for split in splits:
             lines += [f"  - split: {split}", f"    path: {split}/{name}.parquet"]
-    told = ", ".join(f"{counts[split]} in {split}" for split in SPLITS)
+    counted = ", ".join(f"{counts[split]} in {split}" for split in SPLITS)
     return "\n".join(
-        [*lines, "---", "", f"Scenes: {told}. Made by `scenewright dataset split`.", ""]
+        [*lines, "---", "", f"Scenes: {counted}.  Made by `scenewright dataset split`.", ""]
     )

@@ -1,8 +1,7 @@
 """Scenes as Parquet tables: scenes, agents, tracks, events, account, lights, map.
 
-Rows are written in the order in which scenes are added, in groups of the same size whoever adds
-them, so the same scenes give the same bytes (for one version of pyarrow). pyarrow loads on first
-use.
+Rows are written in the order in which scenes are added, in groups of the same size, so the same
+scenes give the same bytes (for one version of pyarrow). pyarrow loads on first use.
 """
 
 from __future__ import annotations
@@ -170,16 +169,18 @@ class SceneFiles:
     provenance: Mapping[str, Any] | None = None
 
 
-def rows_of(files: SceneFiles) -> dict[str, Any]:
+def build_rows(files: SceneFiles) -> dict[str, Any]:
     """Rows of each table for one row of the dataset; those of `tracks` as lists by column."""
     if files.scene is None or files.proof is None:
-        return {name: [] for name in TABLES} | {"scenes": [_about_row(files)], "tracks": {}}
+        return {name: [] for name in TABLES} | {"scenes": [_describe_row(files)], "tracks": {}}
     row, scene = files.about["row"], files.scene
     return {
-        "scenes": [_scene_row(files)],
-        "agents": [_agent_row(row, agent, scene["meta"]["step"]) for agent in scene["agents"]],
-        "tracks": _track_rows(row, scene),
-        "events": list(_event_rows(row, scene, files.proof)),
+        "scenes": [_build_scene_row(files)],
+        "agents": [
+            _build_agent_row(row, agent, scene["meta"]["step"]) for agent in scene["agents"]
+        ],
+        "tracks": _build_track_rows(row, scene),
+        "events": list(_build_event_rows(row, scene, files.proof)),
         # Proofs of earlier versions have no account.
         "account": [{"row": row, **entry} for entry in files.proof.get("said", ())],
         "lights": [{"row": row, **light} for light in scene["signals"] or ()],
@@ -187,18 +188,18 @@ def rows_of(files: SceneFiles) -> dict[str, Any]:
     }
 
 
-def _about_row(files: SceneFiles) -> dict[str, Any]:
+def _describe_row(files: SceneFiles) -> dict[str, Any]:
     """What is known of a row without its files."""
     about = files.about
     split = choose_split(about["intersection"], about["text"], about["voice"])
     return {**about, "split": split}
 
 
-def _scene_row(files: SceneFiles) -> dict[str, Any]:
+def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
     scene, about = files.scene or {}, files.provenance or {}
     meta, agents = scene["meta"], scene["agents"]
     return {
-        **_about_row(files),
+        **_describe_row(files),
         "intersection": meta["intersection"],
         "refiner": about.get("refiner"),
         "selection": about.get("selection"),
@@ -215,11 +216,11 @@ def _scene_row(files: SceneFiles) -> dict[str, Any]:
         "pedestrians": sum(agent["type"] == "pedestrian" for agent in agents),
         "foreground": sum(agent["role"] == "foreground" for agent in agents),
         "background": sum(agent["role"] == "background" for agent in agents),
-        "objects": _json(scene["objects"]) if scene.get("objects") else None,
+        "objects": _format_json(scene["objects"]) if scene.get("objects") else None,
     }
 
 
-def _agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[str, Any]:
+def _build_agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[str, Any]:
     same = ("name", "type", "subtype", "role", "entry", "exit", "movement", "crosswalk", "route")
     start = agent["spawn_time"]
     return {
@@ -233,11 +234,11 @@ def _agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[str, Any
         "length": agent["length"],
         "width": agent["width"],
         "violates_signal": agent["violates_signal"],
-        "segments": _json(agent["segments"]),
+        "segments": _format_json(agent["segments"]),
     }
 
 
-def _track_rows(row: str, scene: Mapping[str, Any]) -> dict[str, list[Any]]:
+def _build_track_rows(row: str, scene: Mapping[str, Any]) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {name: [] for name in SCHEMAS["tracks"]}
     step = scene["meta"]["step"]
     for agent in scene["agents"]:
@@ -256,26 +257,26 @@ def _track_rows(row: str, scene: Mapping[str, Any]) -> dict[str, list[Any]]:
     return columns
 
 
-def _event_rows(
+def _build_event_rows(
     row: str, scene: Mapping[str, Any], proof: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
     """The scene's events with what the checker measured, then the incidental ones."""
     asked = {(each["type"], each["from"], each["to"]) for each in scene["relations"]}
-    measured = {_key(each): each["evidence"] for each in proof["events"]}
+    measured = {_get_event_key(each): each["evidence"] for each in proof["events"]}
     for event in scene["events"]:
         named = (event["type"], event["from"], event["to"])
         turned = (event["type"], event["to"], event["from"])
-        evidence = measured.get(_key(event), {})
-        yield _event_row(row, event, evidence, asked=named in asked or turned in asked)
+        evidence = measured.get(_get_event_key(event), {})
+        yield _build_event_row(row, event, evidence, asked=named in asked or turned in asked)
     for event in proof["incidental"]:
-        yield _event_row(row, event, event["evidence"], asked=False, incidental=True)
+        yield _build_event_row(row, event, event["evidence"], asked=False, incidental=True)
 
 
-def _key(event: Mapping[str, Any]) -> tuple[Any, ...]:
+def _get_event_key(event: Mapping[str, Any]) -> tuple[Any, ...]:
     return event["type"], event["from"], event["to"], event["time"]
 
 
-def _event_row(
+def _build_event_row(
     row: str,
     event: Mapping[str, Any],
     evidence: Mapping[str, Any],
@@ -297,11 +298,11 @@ def _event_row(
         "asked": asked,
         "incidental": incidental,
         "queue": incidental and event["type"] == "follow",
-        "evidence": _json(evidence),
+        "evidence": _format_json(evidence),
     }
 
 
-def _json(value: Any) -> str:
+def _format_json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
@@ -326,7 +327,7 @@ class TableWriter:
 
     def add(self, files: SceneFiles) -> dict[str, int]:
         """Adds one row of the dataset; how many rows each table got."""
-        rows = rows_of(files)
+        rows = build_rows(files)
         place = rows["scenes"][0].get("intersection") if files.scene else None
         if place is not None and place not in self._maps:
             self._maps.add(place)
@@ -338,12 +339,12 @@ class _Part:
     """One table: columns that fill up, and the file that takes them."""
 
     def __init__(self, path: Path, name: str) -> None:
-        self._group, self._schema = _GROUP[name], arrow_schema(name)
-        self._writer = parquet().ParquetWriter(path, self._schema, compression="zstd")
+        self._group, self._schema = _GROUP[name], build_arrow_schema(name)
+        self._writer = import_parquet().ParquetWriter(path, self._schema, compression="zstd")
         self._columns: dict[str, list[Any]] = {key: [] for key in SCHEMAS[name]}
 
     def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> int:
-        columns = rows if isinstance(rows, dict) else _by_column(rows, self._columns)
+        columns = rows if isinstance(rows, dict) else _group_by_column(rows, self._columns)
         first = next(iter(self._columns))
         for key, values in columns.items():
             self._columns[key] += values
@@ -359,29 +360,29 @@ class _Part:
         first = {key: values[:count] for key, values in self._columns.items()}
         if next(iter(first.values())):
             self._writer.write_table(
-                _arrow().table(first, schema=self._schema), row_group_size=count
+                _import_arrow().table(first, schema=self._schema), row_group_size=count
             )
         for values in self._columns.values():
             del values[:count]
 
 
-def _by_column(rows: list[dict[str, Any]], columns: Iterable[str]) -> dict[str, list[Any]]:
+def _group_by_column(rows: list[dict[str, Any]], columns: Iterable[str]) -> dict[str, list[Any]]:
     return {key: [row.get(key) for row in rows] for key in columns}
 
 
-def _arrow() -> Any:
+def _import_arrow() -> Any:
     # pyarrow has no types of its own.
     return import_module("pyarrow")
 
 
-def parquet() -> Any:
+def import_parquet() -> Any:
     """pyarrow's module for Parquet files."""
     return import_module("pyarrow.parquet")
 
 
-def arrow_schema(name: str) -> Any:
+def build_arrow_schema(name: str) -> Any:
     """The schema of a table as pyarrow has it, with each column's meaning."""
-    pa = _arrow()
+    pa = _import_arrow()
     types = {
         "string": pa.string(),
         "list": pa.list_(pa.string()),

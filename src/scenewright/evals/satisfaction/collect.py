@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenewright.dataset.batch.rows import folder_of
+from scenewright.dataset.batch.rows import choose_folder
 from scenewright.errors import InputError
 from scenewright.evals.satisfaction.judge import Submission
 from scenewright.evals.satisfaction.seen import see_agents
@@ -24,7 +24,7 @@ def read_submission(folder: Path, identity: str, *, intersection: str) -> Submis
     Raises:
         InputError: more than one file for an instruction.
     """
-    name = folder_of(identity)
+    name = choose_folder(identity)
     if (folder / name / "scene.json").is_file():
         return _read_scene(folder / name)
     files = sorted(path for path in folder.glob(f"{name}.*") if path.is_file())

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.manifest import read_manifest
-from scenewright.dataset.tables.parquet import parquet
+from scenewright.dataset.tables.parquet import import_parquet
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import SceneRecord
@@ -62,7 +62,7 @@ def read_dataset(folder: Path) -> Dataset:
     """
     manifest = read_manifest(folder)
     try:
-        table = parquet().read_table(folder / "tables" / "scenes.parquet", columns=_COLUMNS)
+        table = import_parquet().read_table(folder / "tables" / "scenes.parquet", columns=_COLUMNS)
         rows = tuple(_read_instruction(row) for row in table.to_pylist())
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"cannot read the table scenes of {folder}: {error}") from error
