@@ -4,6 +4,10 @@ import pytest
 
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.references import answered
+from scenewright.backends.builtin.revising import read
+from scenewright.cli.scene_summary import list_unshown
+from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.social import Refusal
 from scenewright.scene.streets import expand_name
 
@@ -42,6 +46,42 @@ def test_of_a_street_with_two_legs_that_is_taken_which_the_map_can_serve():
     for leg in ("north", "south"):
         site = Site(roads=ROADS, can_serve=lambda graph, leg=leg: graph.agents[0].entry == leg)
         assert plan(text, site=site).agents[0].entry == leg
+
+
+@pytest.mark.parametrize("words", ["from Borough High St", "coming up Borough High Street"])
+def test_which_leg_of_a_street_with_two_is_drawn_and_said(words):
+    text = f"A car {words} hits a pedestrian"
+    graphs = [plan(text, site=SITE, seed=seed) for seed in range(4)]
+    assert [graph.agents[0].entry for graph in graphs] == ["north", "south"] * 2
+    (entry,) = (each for each in graphs[1].said if each.became == "entry")
+    assert entry.note.endswith("has the legs north and south; the words leave open which")
+    assert list_unshown(graphs[1].said)[-1].startswith("chosen: the south leg (Borough High St")
+
+
+def test_two_on_one_street_who_cannot_meet_on_one_leg_come_from_both():
+    site = Site(roads=ROADS, can_serve=lambda graph: len({a.entry for a in graph.agents}) == 2)
+    graph = plan("Two cars on Borough High Street collide head-on", site=site)
+    assert [agent.entry for agent in graph.agents] == ["north", "south"]
+
+
+def test_no_leg_is_drawn_where_the_words_say_which():
+    graph = plan("A car from Marshalsea Road hits a car from southern Borough High St", site=SITE)
+    assert [each.note for each in graph.said if each.became == "entry"] == [None, None]
+
+
+def test_a_change_asks_which_leg_of_a_street_with_two():
+    car = AgentView(
+        id="vehicle-1", number=1, type="vehicle", subtype="car", entry="east", exit="west",
+        movement="straight", role="foreground", speed=10.0,
+    )  # fmt: skip
+    situation = Situation(graph=plan("A car from the east"), present=(car,))
+    words = "make the car come from Borough High Street"
+    asked = read(words, situation, site=SITE)
+    assert asked.question == "Which leg of Borough High Street: north or south?"
+    choice = answered("the south leg", asked)
+    chosen = {choice.means.partition("=")[0]: choice.answer}
+    (edit,) = read(words, situation, chosen=chosen, site=SITE).edits
+    assert edit.node.entry == "south"
 
 
 def test_a_compass_word_beside_the_name_chooses_the_leg_or_is_refused():

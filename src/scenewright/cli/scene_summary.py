@@ -45,11 +45,17 @@ def summarize_scene(
 def list_unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
     """The words of the instruction that tracks do not show, a line for each kind."""
     kinds = (("left out", list_unrealised(said)), ("without effect on tracks", list_manner(said)))
-    return [
+    lines = [
         f"{title}: {', '.join(repr(format_one_line(each, limit=80)) for each in words)}"
         for title, words in kinds
         if words
     ]
+    chosen = [
+        f"chosen: the {each.value} leg ({format_one_line(each.note, limit=80)})"
+        for each in said
+        if each.note and each.became != "nothing"
+    ]
+    return [*lines, *chosen]
 
 
 def format_verdict(proof: Proof) -> str:

@@ -33,8 +33,11 @@ from scenewright.viz.leg_labels import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 _SIZE = 8.0
+_MARGIN = 4.0
+"""Of labels to the edge of the picture [pixels]."""
 _LINES = {"roads": "#0077BB", "paths": "#CC9966", "crossings": "#D81B60"}
 _PLACES = {"lights": ("#E69F00", "s"), "crossing_nodes": ("#D81B60", "o")}
 _WORDS = {
@@ -117,8 +120,20 @@ def _draw_ours(axes: Axes, intersection: IntersectionMap) -> None:
     for leg in intersection.legs:
         at, turn = place_leg_label(intersection, leg)
         words = make_drawable(name_leg(leg), limit=60)
-        add_halo(axes.text(float(at[0]), float(at[1]), words, fontsize=8, ha="center", va="center",
-                           rotation=turn, zorder=20))  # fmt: skip
+        label = axes.text(float(at[0]), float(at[1]), words, fontsize=8, ha="center", va="center",
+                          rotation=turn, zorder=20)  # fmt: skip
+        add_halo(label)
+        _keep_inside(axes, label)
+
+
+def _keep_inside(axes: Axes, label: Text) -> None:
+    """Moves a label that runs over the edge of the picture back into it."""
+    box, frame = label.get_window_extent(), axes.get_window_extent()
+    x = max(frame.x0 + _MARGIN - box.x0, 0.0) - max(box.x1 - frame.x1 + _MARGIN, 0.0)
+    y = max(frame.y0 + _MARGIN - box.y0, 0.0) - max(box.y1 - frame.y1 + _MARGIN, 0.0)
+    at = axes.transData.transform(label.get_position()) + np.array([x, y])
+    inside = axes.transData.inverted().transform(at)
+    label.set_position((float(inside[0]), float(inside[1])))
 
 
 def _draw_legend(figure: Figure, layers: Layers, height: float) -> None:

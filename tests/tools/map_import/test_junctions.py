@@ -71,14 +71,14 @@ def test_a_bend_is_no_junction():
 @pytest.fixture(scope="module")
 def town(tmp_path_factory):
     file = tmp_path_factory.mktemp("town") / "town.osm"
-    names = ["Elm Street", "Mill Road", "Elm Street", "Kings Avenue"]
+    names = ["Elm Street", "Mill Road", "Elm Street", "King's Avenue"]
     return map_files.osm(file, (0, 90, 180, 270), names=names, second=True)
 
 
 def test_all_junctions_are_listed_with_streets_and_places(town):
     found = list_junctions(town).junctions
     assert [each.id for each in found] == ["1", "101"]
-    assert set(found[0].streets) == {"Elm Street", "Mill Road", "Kings Avenue"}
+    assert set(found[0].streets) == {"Elm Street", "Mill Road", "King's Avenue"}
     assert found[0].degrees == pytest.approx(map_files.ORIGIN, abs=1e-6)
 
 
@@ -137,5 +137,5 @@ def test_a_junction_is_chosen_by_its_streets_and_ids_outlast_the_driving_side(to
         made = import_map(town, name="x", junction="101", left_hand=left)
         assert made.origin[1] > lon + 0.01
         assert {leg.road for leg in made.intersection_map.legs} == {
-            "Elm Street", "Mill Road", "Kings Avenue",
+            "Elm Street", "Mill Road", "King's Avenue",
         }  # fmt: skip

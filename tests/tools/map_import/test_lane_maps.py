@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 import map_files
@@ -9,7 +10,7 @@ from scenewright.cli.map_export import write_map
 from scenewright.errors import InputError
 from scenewright.tools.exporters.lanelet2 import write_lanelet2
 from scenewright.tools.map_import import import_map, list_junctions
-from scenewright.tools.map_import.read_lanelet2 import load_lanelet2
+from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile, load_lanelet2
 from scenewright.tools.track_io.tfrecord import write_records
 from scenewright.tools.track_io.womd import load_scenario_class
 
@@ -73,6 +74,22 @@ def test_lanes_of_other_formats_are_the_same_junction(file, direct, tmp_path, wr
     made = import_map(target, name="x").intersection_map
     assert {each.id for each in made.movements} == {each.id for each in direct.movements}
     assert [each.legs for each in list_junctions(target).junctions] == [4]
+
+
+def test_bends_of_the_next_junction_are_not_this_ones(file, tmp_path):
+    lanes = load_lanelet2(file).lanelets.values()
+    pair = {
+        f"{k}": FileLanelet(f"{k}", *(np.clip(x, -30, 30) + np.array([east, 0]) for x in sides), {})
+        for k, (east, sides) in enumerate(
+            (east, (each.left, each.right)) for east in (0, 60) for each in lanes
+        )
+    }
+    target = commonroad(LaneletFile(file, pair, (), None), tmp_path / "two.xml")
+    found = list_junctions(target).junctions
+    assert [each.legs for each in found] == [4, 4]
+    assert len({each.id for each in found}) == 2
+    made = import_map(target, name="x", junction=found[1].id).intersection_map
+    assert len(made.legs) == 4
 
 
 def test_a_map_written_as_lanelet2_is_read_back(direct, tmp_path):

@@ -146,3 +146,15 @@ def test_places_on_the_ellipsoid_go_there_and_back():
     assert north == pytest.approx(
         [0.0, 1111.32], abs=0.02
     )  # a minute of arc at 45 degrees: 1852.22 m
+
+
+def test_a_crossing_node_where_roads_meet_lies_across_the_road_that_goes_on(tmp_path):
+    file = tmp_path / "tee.osm"
+    file.write_text("<osm version='0.6'></osm>")
+    places = [(1, -40, 0), (2, 0, 0), (3, 40, 0), (4, 0, 40)]
+    nodes = [(n, x, y, {"highway": "crossing"} if n == 2 else {}) for n, x, y in places]
+    road = {"highway": "residential"}
+    add_to_osm(file, nodes, [(11, (4, 2), road), (12, (1, 2, 3), road)])
+    [crossing] = list_osm_crossings(read_osm_file(file, map_files.ORIGIN), np.zeros(2))
+    assert crossing.source == "node 2"
+    assert crossing.line[0] == pytest.approx((0.0, -crossing.line[1][1]), abs=0.1)

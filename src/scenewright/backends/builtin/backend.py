@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,7 +27,7 @@ class BuiltinBackend:
         """The reply to a question (see `Backend`)."""
         match question.task:
             case "plan":
-                return _plan(question.facts, question.can_serve)
+                return _plan(question)
             case "constraints":
                 return _clauses(question.facts["words"])
             case "behavior":
@@ -36,9 +36,11 @@ class BuiltinBackend:
                 raise TypeError(f"the grammar is not asked for {question.task}")
 
 
-def _plan(facts: dict[str, Any], can_serve: Callable[[SocialGraph], bool] | None) -> dict[str, Any]:
-    site = replace(_site(facts), can_serve=can_serve)
-    understood = plan(facts["instruction"], previous=facts.get("previous"), site=site)
+def _plan(question: Question) -> dict[str, Any]:
+    facts = question.facts
+    site = replace(_site(facts), can_serve=question.can_serve)
+    previous = facts.get("previous")
+    understood = plan(facts["instruction"], previous=previous, site=site, seed=question.seed)
     return understood.model_dump(mode="json", by_alias=True)
 
 

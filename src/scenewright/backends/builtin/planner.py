@@ -67,13 +67,16 @@ _KNOWN: RecentCache[tuple[str, str | None, Site], Plan] = RecentCache(most=256)
 """One text is asked for with many seeds."""
 
 
-def plan(text: str, *, previous: str | None = None, site: Site | None = None) -> Plan:
+def plan(
+    text: str, *, previous: str | None = None, site: Site | None = None, seed: int = 0
+) -> Plan:
     """The social graph that the text asks for, or why there is none (paper 3.1, SEMANTICS 2-4).
 
     Args:
         text: the instruction, in English, at most 2,000 characters.
         previous: an earlier instruction that `text` edits; a full instruction replaces it.
         site: where it is to happen; None: four legs in right-hand traffic.
+        seed: chooses the leg of a street that has several.
     """
     site = site or Site()
     try:
@@ -82,7 +85,8 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
     if not choices:
         return _plan_once(text, previous, site)
-    return _plan_with_streets(choices, previous, site)
+    first = seed % len(choices)
+    return _plan_with_streets((*choices[first:], *choices[:first]), previous, site)
 
 
 def _plan_with_streets(choices: Sequence[CompassText], previous: str | None, site: Site) -> Plan:

@@ -25,7 +25,7 @@ from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.redraft import by_grammar, free_name, next_item
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.standing_edits import read_standing_edits
-from scenewright.backends.builtin.street_names import list_compass_texts
+from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
 from scenewright.errors import Rejected
 from scenewright.scene.edits import (
     AddAgent,
@@ -99,7 +99,7 @@ def read(
 
     Args:
         situation: None where there is no scene yet.
-        chosen: answers given to questions about these words: phrase -> agent id.
+        chosen: answers given to questions about these words: phrase -> agent id or leg.
         site: where it happens; None: four legs in right-hand traffic.
     """
     plain = " ".join(words.lower().split())
@@ -107,14 +107,14 @@ def read(
         return NewScene()
     site = site or Site()
     try:
-        worded = list_compass_texts(words, site.roads)
-        tried: Reading | None = None
-        for each in worded:
-            made = read(each.text, situation, chosen=chosen, site=replace(site, roads=()))
-            if isinstance(made, Edits):
-                return made
-            tried = tried or made
-        return tried or _edits(words, situation, chosen or {}, site)
+        worded = list_compass_texts(words, site.roads, chosen)
+        plain_site = replace(site, roads=())
+        made = [read(each.text, situation, chosen=chosen, site=plain_site) for each in worded]
+        edits = [each for each in made if isinstance(each, Edits)]
+        if any(each != edits[0] for each in edits):
+            return ask_which_leg(words, worded[0].left_open[0])
+        found = edits or made
+        return found[0] if found else _edits(words, situation, chosen or {}, site)
     except Unclear as unclear:
         return unclear.ask
     except Refused as refused:

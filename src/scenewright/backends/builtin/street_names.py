@@ -7,7 +7,7 @@ Both readers know "from the north" and no street of any town. What they are give
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 
@@ -15,9 +15,15 @@ from rapidfuzz import fuzz
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.scene.account import SaidSpan
+from scenewright.scene.edits import Choice, Clarification
 from scenewright.scene.streets import TYPES, expand_name
 
 _MOST_READINGS = 24
+_BOTH = " and one from the "
+_TWO_ON = re.compile(
+    r"\b(?:two|both|2)\b[\w ]*\b(?:on|along|from|down|up)\s+(?:the\s+)?$", re.IGNORECASE
+)
+_PLACES = ("entry", "exit", "crosswalk")
 _ALIKE = 88.0
 _COMPASS = r"(?:north|south)(?:east|west)?|east|west"
 _WORD = re.compile(r"[\w'’]+")
@@ -68,11 +74,13 @@ class CompassText:
 
     Attributes:
         pieces: (start, end) in this text and (start, end) in the original, of what was replaced.
+        left_open: mentions of streets with several legs, of which the text does not say which.
     """
 
     text: str
     original: str
     pieces: tuple[tuple[int, int, int, int], ...]
+    left_open: tuple[StreetMention, ...] = ()
 
     def find_original(self, start: int, end: int) -> tuple[int, int]:
         """The characters of the original in which a span of this text lies."""
@@ -94,9 +102,14 @@ class CompassText:
     def restore_span(self, entry: SaidSpan) -> SaidSpan:
         """An entry of the account in the words of the original."""
         start, end = self.find_original(entry.start, entry.end)
-        return entry.model_copy(
-            update={"start": start, "end": end, "words": self.original[start:end] or entry.words}
-        )
+        words = self.original[start:end] or entry.words
+        update = {"start": start, "end": end, "words": words}
+        spans = (each for each in self.left_open if each.start < end and start < each.end)
+        if entry.became in _PLACES and (street := next(spans, None)):
+            legs = " and ".join(street.legs)
+            name = self.original[street.start : street.end]
+            update["note"] = f"{name} has the legs {legs}; the words leave open which"
+        return entry.model_copy(update=update)
 
     def restore_words(self, reason: str) -> str:
         """A reason that quotes this text, quoting the original."""
@@ -107,11 +120,14 @@ class CompassText:
         return reason
 
 
-def list_compass_texts(text: str, roads: Sequence[tuple[str, str]]) -> list[CompassText]:
+def list_compass_texts(
+    text: str, roads: Sequence[tuple[str, str]], chosen: Mapping[str, str] | None = None
+) -> list[CompassText]:
     """The text with a leg for every street it names, one for each choice of legs; [] if none.
 
     Args:
         roads: leg and the name of its street.
+        chosen: the leg of a street that has several: the words that name it -> leg.
 
     Raises:
         Refused: a street is named that no leg bears.
@@ -120,8 +136,32 @@ def list_compass_texts(text: str, roads: Sequence[tuple[str, str]]) -> list[Comp
     _refuse_unknown(text, found, roads)
     if not found:
         return []
-    choices = product(*(mention.legs for mention in found))
-    return [_replace(text, found, legs) for legs in islice(choices, _MOST_READINGS)]
+    answers = [(chosen or {}).get(text[each.start : each.end]) for each in found]
+    found = [
+        replace(mention, legs=(leg,)) if leg in mention.legs else mention
+        for mention, leg in zip(found, answers, strict=True)
+    ]
+    choices = product(*(_list_choices(text, mention) for mention in found))
+    tried = sorted(islice(choices, _MOST_READINGS), key=lambda legs: _BOTH in "".join(legs))
+    return [_replace(text, found, legs) for legs in tried]
+
+
+def _list_choices(text: str, mention: StreetMention) -> tuple[str, ...]:
+    """The legs that a mention may mean; of two road users on a street, also one on each."""
+    if len(mention.legs) == 2 and _TWO_ON.search(text[: mention.start]):
+        return (*mention.legs, _BOTH.join(mention.legs))
+    return mention.legs
+
+
+def ask_which_leg(text: str, mention: StreetMention) -> Clarification:
+    """The question which leg of a street is meant."""
+    street = text[mention.start : mention.end]
+    return Clarification(
+        question=f"Which leg of {street}: {' or '.join(mention.legs)}?",
+        choices=tuple(
+            Choice(answer=leg, means=f"{street}={leg}: the {leg} leg") for leg in mention.legs
+        ),
+    )
 
 
 def find_mentions(text: str, roads: Sequence[tuple[str, str]]) -> list[StreetMention]:
@@ -256,7 +296,8 @@ def _replace(text: str, found: Sequence[StreetMention], legs: Sequence[str]) -> 
         pieces.append((len(out), len(out) + len(words), start, end))
         out += words
         at = end
-    return CompassText(out + text[at:], text, tuple(pieces))
+    left_open = tuple(mention for mention in found if len(mention.legs) > 1)
+    return CompassText(out + text[at:], text, tuple(pieces), left_open)
 
 
 def _word_leg(
@@ -286,6 +327,8 @@ def _word_leg(
     on_foot = _CROSSES_ON_FOOT.search(text[:start].rsplit(" by ", 1)[-1]) and word in ("on", "at")
     if lead and on_foot and _stands_last(text[:start]):
         return at + lead.start(), end, f"on the {leg} crosswalk"
+    if lead and _BOTH in leg:
+        return at + lead.start(), end, f", one from the {leg},"
     if lead and word in _FROM:
         return at + lead.start(), end, f"from the {leg}"
     if lead and word in _ACROSS:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import combinations
 
@@ -65,15 +65,13 @@ def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
     return DrivingSide(found.left_hand, found.reason, against=against)
 
 
-def find_lanelet2_side(
-    approaches: Iterable[FloatArray], exits: Iterable[FloatArray]
-) -> DrivingSide:
+def find_lanelet2_side(lines: Sequence[FloatArray]) -> DrivingSide:
     """By the lanes: in right-hand traffic oncoming lanes are on the left.
 
     Args:
-        approaches, exits: [P, 2] middles in driving direction [m].
+        lines: [P, 2] middles of lanes in driving direction [m]; of more than 600, every nth counts.
     """
-    counts = Counter(_count_oncoming([*approaches, *exits]))
+    counts = Counter(_count_oncoming(lines[:: len(lines) // 600 + 1]))
     if counts["left"] == counts["right"]:
         return ASSUMED_SIDE
     left = counts["left"] > counts["right"]
@@ -142,7 +140,7 @@ def _measure_turn(line: FloatArray) -> float:
     return float(course[-1] - course[0])
 
 
-def _count_oncoming(lines: list[FloatArray]) -> Iterator[str]:
+def _count_oncoming(lines: Sequence[FloatArray]) -> Iterator[str]:
     """For each two lines beside one another in opposite directions, the side driven on."""
     for a, b in combinations(lines, 2):
         ahead = a[-1] - a[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -79,18 +78,20 @@ def _add_element(found: OsmFile, element: Any, origin: LatLon) -> None:
 def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]:
     """The crossings of roads round a place: nodes of roads, and footways that cross one."""
     roads = [each for each in osm.list_roads() if _is_near(osm, each[2], middle)]
-    degrees = Counter(n for _, _, nodes in roads for n in _list_arms(nodes))
     ways = [each for each in _list_crossing_ways(osm) if _is_near(osm, each[2], middle)]
     way_at = {node: each for each in ways for node in each[2]}
-    found = []
+    found: list[tuple[bool, SurveyCrossing | None]] = []
     for _, road, nodes in roads:
         for i, node in enumerate(nodes):
             tags, way = osm.node_tags.get(node, {}), way_at.get(node)
             is_crossing = _is_crossing_node(tags) or way is not None
-            if node in osm.nodes and is_crossing and degrees[node] <= 2:
-                found.append(_build_crossing(osm, road, nodes, i, tags, way))
-        found += list(_list_unshared(osm, road, nodes, ways))
-    kept = _drop_repeated([each for each in found if each is not None])
+            if node in osm.nodes and is_crossing:
+                ends_here = i in (0, len(nodes) - 1)
+                found.append((ends_here, _build_crossing(osm, road, nodes, i, tags, way)))
+        found += [(False, each) for each in _list_unshared(osm, road, nodes, ways)]
+    # Where roads meet, that which goes on is crossed rather than that which ends there.
+    found.sort(key=lambda each: each[0])
+    kept = _drop_repeated([each for _, each in found if each is not None])
     return [each.move(-middle) for each in kept]
 
 
@@ -112,13 +113,6 @@ def _is_near(osm: OsmFile, nodes: tuple[str, ...], middle: FloatArray) -> bool:
         return False
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     return bool((low < middle + _REACH).all() and (high > middle - _REACH).all())
-
-
-def _list_arms(nodes: tuple[str, ...]) -> Iterator[str]:
-    """Every node as often as the way leaves it."""
-    for a, b in pairwise(nodes):
-        yield a
-        yield b
 
 
 def _is_crossing_node(tags: Tags) -> bool:

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -38,6 +39,8 @@ from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_cross
 from scenewright.tools.map_import.legs import find_legs
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.survey import (
+    ASSUMED_SIDE,
+    DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
@@ -53,6 +56,8 @@ _DEFAULT_SPEED = 50.0
 _MOST_LANELETS = 12
 _SHORTEST_LANE = 2.0
 """A path that is outside the junction for less [m] at either end is cut off."""
+_SHORTEST_LEG = 6.0
+"""The same in a file of several junctions, of which some lie at the file's edge [m]."""
 _MARGIN = 0.5
 _ABREAST = 5.0
 """Lanelets that stay closer [m] all along are lanes side by side."""
@@ -87,7 +92,7 @@ class FileLanelet:
     def _resample_sides(self, count: int) -> list[FloatArray]:
         return [resample_to_count(side, count) for side in (self.left, self.right)]
 
-    @property
+    @cached_property
     def width(self) -> float:
         """The median over its length [m]."""
         left, right = self._resample_sides(len(self.middle))
@@ -100,6 +105,8 @@ class FileLanelet:
 
 
 _Lanelets = Mapping[str, FileLanelet]
+_Grounds = tuple[Any, Any]
+"""What lanelets share at a junction, and at all others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,14 +132,22 @@ class _Path:
     def length(self) -> float:
         return 0.5 * (len(self.line) - 1)
 
-    def find_junction(self, shared: Any) -> tuple[float, float] | None:
-        """Where along it the junction begins and ends [m]; None if it leads through none."""
+    def find_junction(self, shared: Any, others: Any) -> tuple[float, float] | None:
+        """Where along it the junction begins and ends [m]; None if it leads through none.
+
+        Bends before and behind the shared ground belong to it, if they lie no nearer to others'.
+        """
         inside = np.flatnonzero(geos.contains_xy(shared.buffer(0.5), *self.line.T))
         bends = np.flatnonzero(_measure_curvature(self.line) > 1.0 / _SHARPEST)
         if not len(inside):
             return None
-        near = (bends > inside[0] - _BEND_REACH) & (bends < inside[-1] + _BEND_REACH)
-        bends = bends[near]
+        elsewhere = np.flatnonzero(geos.contains_xy(others, *self.line.T))
+        low, high = inside[0] - _BEND_REACH, inside[-1] + _BEND_REACH
+        if len(before := elsewhere[elsewhere < inside[0]]):
+            low = max(low, (before[-1] + inside[0]) // 2)
+        if len(behind := elsewhere[elsewhere > inside[-1]]):
+            high = min(high, (behind[0] + inside[-1]) // 2)
+        bends = bends[(bends > low) & (bends < high)]
         first, last = min([inside[0], *bends[:1]]), max([inside[-1], *bends[-1:]])
         return 0.5 * float(first) - _MARGIN, 0.5 * float(last) + _MARGIN
 
@@ -220,13 +235,15 @@ def survey_lanelets(
     notes = [*held.notes]
     if not held.lanelets:
         raise InputError(f"{held.file} has no lanelets for vehicles there")
+    lines = [each.middle for each in held.lanelets.values()]
+    side = take_option(left_hand) or find_lanelet2_side(lines)
     if center is None and junction is None and not streets:
         far = max(float(np.hypot(*each.middle.T).max()) for each in held.lanelets.values())
         if far <= _ONE_JUNCTION:
-            return _survey_junction(held, held.lanelets, None, notes, left_hand)
+            return _survey_junction(held, held.lanelets, None, notes, side)
     found = _find_places(held)
     if not found and center is None:
-        return _survey_junction(held, held.lanelets, None, notes, left_hand)
+        return _survey_junction(held, held.lanelets, None, notes, side)
     chosen = choose_junction(
         [each for each, _ in found],
         file=held.file,
@@ -235,9 +252,9 @@ def survey_lanelets(
         origin=held.origin,
         streets=streets,
     )
-    ground = next(shape for each, shape in found if each is chosen)
+    ground = next(grounds for each, grounds in found if each is chosen)
     near = _take_near(held.lanelets, chosen.xy)
-    return _survey_junction(held, near, ground, notes, left_hand)
+    return _survey_junction(held, near, ground, notes, side)
 
 
 _ONE_JUNCTION = 250.0
@@ -260,27 +277,29 @@ def list_lanelet_junctions(held: LaneletFile) -> JunctionOverview:
     return JunctionOverview(found, tuple(each.middle for each in held.lanelets.values()))
 
 
-def _find_places(held: LaneletFile) -> list[tuple[Junction, Any]]:
+def _find_places(held: LaneletFile) -> list[tuple[Junction, _Grounds]]:
     """Junctions with the ground that lanelets share there; those of three or more legs."""
     follows = _find_successors(held.lanelets)
     shared = _find_shared_ground(held.lanelets, follows, sorted(held.lanelets))
     grown = shared.buffer(_APART / 2)
-    found = []
+    found: list[tuple[Junction, _Grounds]] = []
     for area in getattr(grown, "geoms", [grown]):
         ground = shared.intersection(area)
+        grounds = ground, shared.difference(area)
         middle = np.array(ground.envelope.centroid.coords[0])
         xy = float(middle[0]), float(middle[1])
         near = _take_near(held.lanelets, xy)
         try:
-            survey = _survey_junction(held, near, ground, [], left_hand=None)
+            survey = _survey_junction(held, near, grounds, [], ASSUMED_SIDE)
             legs = find_legs(survey)
         except InputError:
             continue
         touched = [n for n, each in near.items() if geos.LineString(each.middle).intersects(ground)]
         if len(survey.connections) < 3 or not touched:
             continue
+        taken = {each.id for each, _ in found}
         junction = Junction(
-            id=min(touched, key=lambda name: (len(name), name)),
+            id=min(touched, key=lambda name: (name in taken, len(name), name)),
             xy=xy,
             legs=len(legs),
             name=", ".join(sorted({leg.road for leg in legs} - {""}))[:80],
@@ -289,7 +308,7 @@ def _find_places(held: LaneletFile) -> list[tuple[Junction, Any]]:
             bearings=tuple(leg.bearing for leg in legs),
             origin=held.origin,
         )
-        found.append((junction, ground))
+        found.append((junction, grounds))
     return found
 
 
@@ -445,21 +464,24 @@ def _orient_bounds(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 def _survey_junction(
     held: LaneletFile,
     lanelets: _Lanelets,
-    ground: Any | None,
+    grounds: _Grounds | None,
     notes: list[str],
-    left_hand: bool | None,
+    side: DrivingSide,
 ) -> Survey:
     """The junction of some lanelets.
 
     Args:
-        ground: that lanelets share there; None takes all that they share.
+        grounds: that lanelets share there, and at other junctions; None is one junction of all.
     """
     file, foot, crossings = held.file, held.foot, held.crossings
     follows = _find_successors(lanelets)
     paths = [_Path.join(lanelets, names) for names in _list_paths(lanelets, follows)]
     used = sorted({name for path in paths for name in path.names})
-    shared = _find_shared_ground(lanelets, follows, used) if ground is None else ground
-    approaches, exits, found = _split_paths(paths, shared, notes)
+    if grounds is None:
+        grounds = _find_shared_ground(lanelets, follows, used), geos.Polygon()
+    shared, others = grounds
+    shortest = _SHORTEST_LANE if others.is_empty else _SHORTEST_LEG
+    approaches, exits, found = _split_paths(paths, grounds, shortest, notes)
     if not found:
         raise InputError(
             f"{file} has {len(lanelets)} lanelets for vehicles, but no way leads from outside "
@@ -486,7 +508,7 @@ def _survey_junction(
         ),
         crossings=tuple(each.move(-middle) for each in crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
-        side=take_option(left_hand) or find_lanelet2_side(approaches.values(), exits.values()),
+        side=side,
         origin=None if held.origin is None else project_to_degrees(held.origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         file_origin=held.origin,
@@ -499,7 +521,7 @@ _Lines = dict[str, FloatArray]
 
 
 def _split_paths(
-    paths: Sequence[_Path], shared: Any, notes: list[str]
+    paths: Sequence[_Path], grounds: _Grounds, shortest: float, notes: list[str]
 ) -> tuple[_Lines, _Lines, dict[tuple[str, str], FloatArray]]:
     """Approaches and exits by name, and whole paths by both names."""
     approaches: _Lines = {}
@@ -507,11 +529,11 @@ def _split_paths(
     found: dict[tuple[str, str], FloatArray] = {}
     cut_off = 0
     for path in paths:
-        junction = path.find_junction(shared)
+        junction = path.find_junction(*grounds)
         if junction is None:
             continue
         begin, end = junction
-        if begin < _SHORTEST_LANE or path.length - end < _SHORTEST_LANE:
+        if begin < shortest or path.length - end < shortest:
             cut_off += 1
             continue
         before, after = f"{path.name_at(begin)}>", f">{path.name_at(end)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import html
 import math
 import re
 import subprocess
@@ -193,7 +194,7 @@ def _check_is_there(
     places = [np.array(node.getCoord()[:2], dtype=float) for node in nodes]
     away = min(float(np.hypot(*(each - place))) for each in places)
     edges = [edge for node in nodes for edge in (*node.getIncoming(), *node.getOutgoing())]
-    lacking = sorted({*listed.streets} - {""} - {str(edge.getName() or "") for edge in edges})
+    lacking = sorted({*listed.streets} - {""} - {*map(_read_street, edges)})
     if away > _NEAR or lacking:
         why = f"without {', '.join(lacking)}" if lacking else f"{away:.0f} m away"
         raise InputError(
@@ -238,7 +239,7 @@ def group_network(net: Any) -> list[JunctionGroup]:
         both = (start, end) in back and edge.getID() not in rings
         if both and any((each.start, each.end) == (end, start) for each in pieces):
             continue
-        name, kind = str(edge.getName() or ""), str(edge.getType() or "")
+        name, kind = _read_street(edge), str(edge.getType() or "")
         is_ring, is_slip = edge.getID() in rings, kind.endswith("_link")
         pieces.append(StreetPiece(start, end, _get_shape(edge), name, not both, is_ring, is_slip))
     return group_junctions(places, pieces)
@@ -313,6 +314,11 @@ def _read_network(network: Path, file: Path) -> Any:
         raise InputError(f"cannot read the network in {file}: {str(fault)[:160]}") from None
 
 
+def _read_street(edge: Any) -> str:
+    """The name of an edge's street; netconvert escapes that of OpenStreetMap twice."""
+    return html.unescape(str(edge.getName() or ""))
+
+
 def _list_driving_lanes(edge: Any) -> list[Any]:
     return [lane for lane in edge.getLanes() if lane.allows("passenger")]
 
@@ -343,7 +349,7 @@ def _survey_junction(
         each for name in approaches for each in _trace_connections(net, name, exits, group, middle)
     ]
     used = {way.approach for way in connections}, {way.exit for way in connections}
-    names = sorted({edge.getName() for edge in (*roads_in, *roads_out)} - {"", None})
+    names = sorted({*map(_read_street, (*roads_in, *roads_out))} - {""})
     crossings = tuple(each for node in nodes for each in _read_crossings(net, node, middle))
     lights = {each.light for each in connections} | {each.light for each in crossings}
     return Survey(
@@ -375,11 +381,14 @@ def _choose_title(names: Sequence[str], group: JunctionGroup) -> str:
     """The streets' names; the junction's id where they are only numbers or too many to read."""
     spoken = [name for name in names if re.sub(r"(?i)road|street|[\W\d_]", "", name)]
     if not spoken or len(spoken) > _MOST_NAMES:
-        return f"junction {min(group.nodes, key=lambda name: (len(name), name))}"
+        node = min(group.nodes, key=lambda name: (len(name), name))
+        return f"junction {node}" if len(node) <= _LONGEST_ID else "junction without street names"
     return ", ".join(spoken)[:80]
 
 
 _MOST_NAMES = 6
+_LONGEST_ID = 24
+"""netconvert names a joined junction after all its nodes."""
 
 
 def _describe_parts(group: JunctionGroup) -> Iterator[str]:
@@ -466,7 +475,7 @@ def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
         line=line - middle,
         width=float(lane.getWidth()) or 3.2,
         speed=float(lane.getSpeed()),
-        road=str(lane.getEdge().getName() or ""),
+        road=_read_street(lane.getEdge()),
     )
 
 

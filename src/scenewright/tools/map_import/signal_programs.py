@@ -119,6 +119,9 @@ def _choose_steps(
     if lit:
         detail = f"none; the file has a light on {lit[0]} only"
         return [], ReportItem("signals", "none", 0.5, detail)
+    if survey.is_signalised is None and survey.lights:
+        detail = "none; the file's lights stand at no stop line of these legs"
+        return [], ReportItem("signals", "none", 0.5, detail)
     if survey.is_signalised is None:
         detail = "the file says nothing of them: none (--signals assume gives it a programme)"
         return [], ReportItem("signals", "none", None, detail)
