@@ -1,4 +1,4 @@
-"""Edits in conversation: how many are made, who stays as it was, how long they take.
+"""Edits in conversation: how many are made, how many agents stay unchanged, how long they take.
 
 Every instruction of examples/instructions.txt is made once, and every edit below is said about it.
 
@@ -36,7 +36,7 @@ def main(seed: int) -> None:
     seconds: list[float] = []
     kept = others = 0
     for n, text in enumerate(INSTRUCTIONS.read_text("utf-8").splitlines()):
-        session = started(text, seed, str(n))
+        session = start_session(text, seed, str(n))
         before = session.find_version()
         if before is None:
             continue
@@ -52,18 +52,18 @@ def main(seed: int) -> None:
             after = session.find_version()
             assert after is not None
             assert after.proof.verified
-            same, untouched = unmoved(before, after)
+            same, untouched = count_unmoved(before, after)
             kept, others = kept + same, others + untouched
             session.undo()
     print(f"{platform.python_version()} on {platform.machine()}, seed {seed}")
     for edit in EDITS:
         print(f"  {edit:42s} {made[edit]:3d} of {told[edit]:3d}")
     print(f"made {sum(made.values())} of {sum(told.values())}; not made: {dict(codes)}")
-    print(f"agents nobody spoke of: {kept} of {others} bit for bit as before")
+    print(f"agents not spoken of: {kept} of {others} bit for bit as before")
     print(f"seconds a turn: median {median(seconds):.2f}, most {max(seconds):.1f}")
 
 
-def started(text: str, seed: int, name: str) -> Session:
+def start_session(text: str, seed: int, name: str) -> Session:
     heading: Any = {"intersection": "amsterdam_120", "seed": seed, "refiner": "none"}
     session = Session(Threads(":memory:"), name, backend=load_backend("builtin"), setting=heading)
     try:
@@ -73,12 +73,12 @@ def started(text: str, seed: int, name: str) -> Session:
     return session
 
 
-def unmoved(before: Any, after: Any) -> tuple[int, int]:
-    """Of the agents of the version before that the edit does not name: as they were, and all."""
+def count_unmoved(before: Any, after: Any) -> tuple[int, int]:
+    """Count the agents of the version before that the edit does not name: unchanged, and all."""
     edits = str(after.version["edits"])
     old = {each.name: each for each in before.record.agents}
     new = {each.name: each for each in after.record.agents}
-    if "'pedestrians': 0" in edits:  # nobody else was to be left
+    if "'pedestrians': 0" in edits:  # no other pedestrian was to be left
         old = {name: each for name, each in old.items() if each.role == "foreground"}
     rest = [name for name in old if f"'{name}'" not in edits]
     return sum(new.get(name) == old[name] for name in rest), len(rest)

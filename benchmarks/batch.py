@@ -47,47 +47,47 @@ def write_rows(path: Path, count: int) -> Path:
     return path
 
 
-def command(rows: Path, out: Path, words: list[str]) -> list[str]:
+def build_command(rows: Path, out: Path, words: list[str]) -> list[str]:
     return [sys.executable, "-m", "scenewright", "batch", str(rows), "--out", str(out), *words]
 
 
 def start(rows: Path, out: Path, words: list[str]) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [*command(rows, out, words), "--quiet"],
+        [*build_command(rows, out, words), "--quiet"],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
     )  # fmt: skip
 
 
-def done_in(out: Path) -> int:
-    """Lines of the journal but its header."""
+def count_done(out: Path) -> int:
+    """Count the lines of the journal but its header."""
     try:
         return (out / "journal.jsonl").read_bytes().count(b"\n") - 1
     except FileNotFoundError:
         return 0
 
 
-def killed(rows: Path, out: Path, words: list[str], kills: int, count: int) -> list[int]:
-    """Runs to the end through so many kills; rows that were done at each of them."""
+def run_with_kills(rows: Path, out: Path, words: list[str], kills: int, count: int) -> list[int]:
+    """Run to the end through so many kills; return the rows done at each of them."""
     moments = sorted(random.Random(0).sample(range(count), kills))
     seen: list[int] = []
     for moment in moments:
         run = start(rows, out, words)
         # A random moment between two rows, at start-up where the kill before came later.
-        while run.poll() is None and done_in(out) < moment:
+        while run.poll() is None and count_done(out) < moment:
             time.sleep(0.01)
         time.sleep(random.random() * 0.2)
         assert run.poll() is None, "over before it was killed"
         os.kill(run.pid, signal.SIGKILL)
         run.wait()
-        seen.append(done_in(out))
+        seen.append(count_done(out))
     run = start(rows, out, words)
     _, error = run.communicate()
     assert run.returncode == 0, error.decode()
     return seen
 
 
-def hashes(out: Path) -> dict[str, str]:
-    """Every file that counts."""
+def compute_hashes(out: Path) -> dict[str, str]:
+    """Hash every file that counts."""
     return {
         str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(out.rglob("*"))
@@ -103,15 +103,15 @@ class Memory(threading.Thread):
         self.pid, self.parent, self.child, self.total = pid, 0.0, 0.0, 0.0
 
     def run(self) -> None:
-        while parent := resident(self.pid):
-            children = [resident(pid) for pid in children_of(self.pid)]
+        while parent := measure_resident(self.pid):
+            children = [measure_resident(pid) for pid in list_children(self.pid)]
             self.parent = max(self.parent, parent)
             self.child = max(self.child, *children, 0.0)
             self.total = max(self.total, parent + sum(children))
             time.sleep(0.05)
 
 
-def resident(pid: int) -> float:
+def measure_resident(pid: int) -> float:
     try:
         fields = Path(f"/proc/{pid}/statm").read_text().split()
     except OSError:
@@ -119,14 +119,14 @@ def resident(pid: int) -> float:
     return int(fields[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def children_of(pid: int) -> list[int]:
+def list_children(pid: int) -> list[int]:
     try:
         return [int(p) for p in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
     except OSError:
         return []
 
 
-def kill_benchmark(count: int, kills: int, words: list[str]) -> None:
+def benchmark_kills(count: int, kills: int, words: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         rows = write_rows(Path(folder) / "rows.jsonl", count)
         whole, broken = Path(folder) / "whole", Path(folder) / "broken"
@@ -136,9 +136,9 @@ def kill_benchmark(count: int, kills: int, words: list[str]) -> None:
         assert run.returncode == 0, error.decode()
         undisturbed = time.perf_counter() - begin
         begin = time.perf_counter()
-        seen = killed(rows, broken, words, kills, count)
+        seen = run_with_kills(rows, broken, words, kills, count)
         disturbed = time.perf_counter() - begin
-        ours, theirs = hashes(whole), hashes(broken)
+        ours, theirs = compute_hashes(whole), compute_hashes(broken)
         same = sum(ours[name] == theirs.get(name) for name in ours)
         made = json.loads((whole / "manifest.json").read_bytes())["rows"]
     print(f"{count} rows ({made}), undisturbed {undisturbed:.0f} s")
@@ -146,7 +146,7 @@ def kill_benchmark(count: int, kills: int, words: list[str]) -> None:
     print(f"files the same: {same} of {len(ours)}; files in the other run: {len(theirs)}")
 
 
-def memory_benchmark(counts: list[int], words: list[str]) -> None:
+def benchmark_memory(counts: list[int], words: list[str]) -> None:
     titles = (
         "rows", "command", "largest worker", "all processes", "processor time a row",
         "seconds a row", "disk a row", "said again, nothing to do",
@@ -155,11 +155,11 @@ def memory_benchmark(counts: list[int], words: list[str]) -> None:
     for count in counts:
         with tempfile.TemporaryDirectory() as folder:
             rows, out = write_rows(Path(folder) / "rows.jsonl", count), Path(folder) / "out"
-            watch, seconds, cpu = measured(rows, out, words)
+            watch, seconds, cpu = measure_run(rows, out, words)
             made = json.loads((out / "manifest.json").read_bytes())["rows"]["made"]
             assert made == count, f"{made} of {count} made"
             disk = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
-            _, again, _ = measured(rows, out, words)
+            _, again, _ = measure_run(rows, out, words)
         print(
             f"| {count} | {watch.parent:.0f} MB | {watch.child:.0f} MB | {watch.total:.0f} MB "
             f"| {1000 * cpu / count:.0f} ms | {1000 * seconds / count:.0f} ms "
@@ -168,8 +168,8 @@ def memory_benchmark(counts: list[int], words: list[str]) -> None:
         )
 
 
-def measured(rows: Path, out: Path, words: list[str]) -> tuple[Memory, float, float]:
-    """A run watched to its end; wall seconds, and processor seconds of all its processes."""
+def measure_run(rows: Path, out: Path, words: list[str]) -> tuple[Memory, float, float]:
+    """Watch a run to its end; return wall and processor seconds of all its processes."""
     begin = time.perf_counter()
     run = start(rows, out, words)
     watch = Memory(run.pid)
@@ -192,8 +192,8 @@ def main() -> None:
     options = ["--workers", str(given.workers), "--refiner", given.refiner]
     print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     if given.kills:
-        kill_benchmark(given.rows, given.kills, options)
-    memory_benchmark(given.memory, options)
+        benchmark_kills(given.rows, given.kills, options)
+    benchmark_memory(given.memory, options)
 
 
 if __name__ == "__main__":

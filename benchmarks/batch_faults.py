@@ -6,7 +6,7 @@ Rows without a word for the traffic, so that streets are full. While the command
 numbers of rows done: a worker is killed (`kill -9`, as often as `--kills` says, every fifth time
 the command itself), the disk is full twice (the file system of FOLDER is filled up to the last
 byte until the command ends, then emptied again), the clock is set back by a day once (for the rest
-of that run the command is told an earlier time, and what it has written lies in the future), and
+of that run the command is given an earlier time, and what it has written lies in the future), and
 once the same command is started a second time on the same folder. After each end the command is
 given again. FOLDER/fs should be a file system of its own; `--mount MB` makes one in memory, which
 takes root. Killed itself, the same line goes on: FOLDER/happened.json says what happened so far.
@@ -30,7 +30,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from batch import children_of, command, done_in
+from batch import build_command, count_done, list_children
 
 from scenewright.dataset.batch.answering import PLAINLY
 from scenewright.dataset.batch.audit import audit_dataset
@@ -72,8 +72,8 @@ class Happenings:
         if file.is_file():
             self.seen = json.loads(file.read_text())
 
-    def due(self, done: int) -> str | None:
-        """The next thing that is to happen, if it is time."""
+    def get_due(self, done: int) -> str | None:
+        """Return the next event, if it is due."""
         left = self.plan[len(self.seen) :]
         return left[0][1] if left and left[0][0] <= done else None
 
@@ -108,7 +108,7 @@ def end(run: subprocess.Popen[bytes], *, within: float) -> tuple[int, str]:
 
 def kill_worker(pid: int) -> bool:
     """Kills one worker of the command, if it has one."""
-    workers = [p for p in children_of(pid) if b"spawn_main" in _command_line(p)]
+    workers = [p for p in list_children(pid) if b"spawn_main" in _read_command_line(p)]
     if not workers:
         return False
     with suppress(ProcessLookupError):
@@ -116,7 +116,7 @@ def kill_worker(pid: int) -> bool:
     return True
 
 
-def _command_line(pid: int) -> bytes:
+def _read_command_line(pid: int) -> bytes:
     with suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_bytes()
     return b""
@@ -147,16 +147,16 @@ def carry_out(words: list[str], out: Path, happenings: Happenings, clock: Path) 
         run, given = start(words, earlier=clock if back else None), given + 1
         while run.poll() is None:
             time.sleep(0.1)
-            done = done_in(out)
-            kind = happenings.due(done)
-            if kind is not None and not happen(kind, run, words, out, happenings, done):
+            done = count_done(out)
+            kind = happenings.get_due(done)
+            if kind is not None and not apply_event(kind, run, words, out, happenings, done):
                 continue
             if kind in ("command", "full", "clock"):
                 back = kind == "clock"
                 break
         else:
             code, line = end(run, within=60)
-            if code == 0 and happenings.due(done_in(out)) is None:
+            if code == 0 and happenings.get_due(count_done(out)) is None:
                 return given
             if code != 0:
                 print(f"ended with {code}: {line}", flush=True)
@@ -166,7 +166,7 @@ def carry_out(words: list[str], out: Path, happenings: Happenings, clock: Path) 
                 return given  # all rows are done; what was still to happen cannot any more
 
 
-def happen(
+def apply_event(
     kind: str,
     run: subprocess.Popen[bytes],
     words: list[str],
@@ -174,7 +174,7 @@ def happen(
     happenings: Happenings,
     done: int,
 ) -> bool:
-    """Lets it happen; whether it could."""
+    """Apply the event; return whether that was possible."""
     if kind == "worker":
         if not kill_worker(run.pid):
             return False
@@ -256,7 +256,7 @@ def main() -> None:
     options = ["--workers", str(asked.workers), "--refiner", asked.refiner, "--quiet"]
     happenings = Happenings(asked.folder / "happened.json", asked.rows, asked.kills)
     begin = time.perf_counter()
-    given = carry_out(command(rows, out, options), out, happenings, clock)
+    given = carry_out(build_command(rows, out, options), out, happenings, clock)
     took = time.perf_counter() - begin
     found = check(rows, out, asked.refiner)
     kinds = [each["kind"] for each in happenings.seen]

@@ -15,14 +15,14 @@ from scenewright.tools.relation_checker import check
 AGENTS, SAMPLES, REPEATS = 14, 300, 40
 
 
-def default_map() -> IntersectionMap | None:
+def load_default_map() -> IntersectionMap | None:
     file = resources.files("scenewright.intersections") / "amsterdam_120" / "map.json"
     return IntersectionMap.model_validate_json(file.read_text()) if file.is_file() else None
 
 
-def agent(n: int, rng: np.random.Generator) -> AgentRecord:
-    """One agent in lane. North-south cars wait for 13 s, east-west cars pass before, walkers cross
-    beside the traffic that has green; four of each kind of car per lane, 13 m apart."""
+def build_agent(n: int, rng: np.random.Generator) -> AgentRecord:
+    """Build one agent in its lane. North-south cars wait 13 s, east-west cars pass before, walkers
+    cross beside the traffic that has green; four of each kind of car per lane, 13 m apart."""
     walker, queue = n >= 10, n % 10
     t = np.arange(SAMPLES) * 0.1
     if walker:
@@ -55,18 +55,20 @@ def agent(n: int, rng: np.random.Generator) -> AgentRecord:
     })  # fmt: skip
 
 
-def scene(seed: int) -> SceneRecord:
+def build_scene(seed: int) -> SceneRecord:
     rng = np.random.default_rng(seed)
     meta = SceneMeta(
         scene_id=str(seed), map_id=0, timestamp=0.0, user_prompt="", intersection="amsterdam_120",
         step=0.1, duration=30.0, time_of_day="12:00", seed=seed,
     )  # fmt: skip
-    return SceneRecord(meta=meta, agents=tuple(agent(n, rng) for n in range(AGENTS)), events=())
+    return SceneRecord(
+        meta=meta, agents=tuple(build_agent(n, rng) for n in range(AGENTS)), events=()
+    )
 
 
 def main() -> None:
-    ground = default_map()
-    scenes = [scene(seed) for seed in range(REPEATS)]
+    ground = load_default_map()
+    scenes = [build_scene(seed) for seed in range(REPEATS)]
     check(scenes[0], ground)
     times = []
     for record in scenes:

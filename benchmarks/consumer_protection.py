@@ -15,7 +15,7 @@ from pathlib import Path
 
 CATALOGUE = Path(__file__).parents[1] / "examples" / "consumer_protection.jsonl"
 EXACT = {"m/s": 0.5 / 3.6 + 0.005, "%": 5.0}
-"""How far a figure may be from what was asked; evidence is told to 0.01 m/s."""
+"""How far a figure may be from what was asked; evidence is rounded to 0.01 m/s."""
 
 _RANGE = re.compile(r"in \[([\d.]+), ([\d.]+)\] (m/s|%)$")
 _SEEN = re.compile(r" is ([\d.]+) (?:m/s|%)$")

@@ -3,7 +3,7 @@
 `python benchmarks/dataset.py --out DIR --scale 1 --corpus F.npz --taf-bw FOLDER` makes the paper's
 composition in DIR, or goes on with it, checks it from end to end, and prints Tables 1 to 5 beside
 the paper's, realism and diversity. Tables that need a corpus or real tracks say so where there are
-none. Each `--backend` gets its 40 collisions and 50 yields. Unless told more, a small one is tried.
+none. Each `--backend` gets its 40 collisions and 50 yields. Without options a small one is tried.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import time
 from pathlib import Path
 
 
-def told(*words: str) -> None:
-    """Runs one command of scenewright; ends where it fails."""
+def run_command(*words: str) -> None:
+    """Run one command of scenewright; exit where it fails."""
     print(f"$ scenewright {' '.join(words)}", flush=True)
     begin = time.perf_counter()
     code = subprocess.run([sys.executable, "-m", "scenewright", *words], check=False).returncode
@@ -41,11 +41,11 @@ def main() -> None:
         out = str(given.out or Path(folder) / "dataset")
         who = [word for name in given.backend for word in ("--backend", name)]
         how = ["--scale", given.scale, "--seed", given.seed, "--refiner", given.refiner]
-        told("dataset", "paper", "--out", out, *how, "--writer", given.writer, *who)
-        told("dataset", "check", out)
+        run_command("dataset", "paper", "--out", out, *how, "--writer", given.writer, *who)
+        run_command("dataset", "check", out)
         against = ["--corpus", given.corpus] if given.corpus else []
         against += ["--taf-bw", given.taf_bw] if given.taf_bw else []
-        told("evals", "tables", out, *against)
+        run_command("evals", "tables", out, *against)
 
 
 if __name__ == "__main__":

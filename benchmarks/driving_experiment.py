@@ -5,7 +5,7 @@ python benchmarks/driving_experiment.py --train 60 --test 100 --taf-bw FOLDER [-
 The policy is the rule-based driver; tuned are eight of its parameters and whether it always gives
 way, to the fewest collisions at no less than 95 % of the way that it made before. The search draws
 candidates, tries all on a few scenes, the better ones on more and the best on all. Both are then
-driven through scenes held out and through real near misses (TAF-BW, Karlsruhe), everybody else
+driven through scenes held out and through real near misses (TAF-BW, Karlsruhe), all others
 replaying. Without `--scenes` the scenes are made here, one for every instruction and seed.
 """
 

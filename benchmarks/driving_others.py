@@ -63,7 +63,7 @@ def run(scenario, ego: str, others: str, seed: int) -> dict:
 
 
 def summarize(rows: list[dict]) -> dict:
-    """The encounters of runs, and the collisions that nobody asked for."""
+    """The encounters of runs, and the collisions that were not asked for."""
     meetings = [each for row in rows for each in row["resolved"]]
     allowed = [each for each in meetings if each.get("allowed", True)]
     came = [each["came_about"] for each in meetings]

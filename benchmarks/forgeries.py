@@ -3,11 +3,11 @@
     python benchmarks/forgeries.py [--json FILE]
 
 Scenes of seven kinds are made; every field of their scene.json is changed in several ways (taken
-out, emptied, moved, exchanged with another's), and so are whole parts together, as someone would
-do who wants a scene to say something else. Each forgery is verified twice: alone, where tracks,
-the map and the other fields can betray it (`content`), and beside the honest proof.json,
-with --strict (`digest`). What the content alone cannot betray is listed with how often it did; the
-exit code is 1 if a forgery passes --strict. Needs about two minutes.
+out, emptied, moved, exchanged with another's), and so are whole parts together, as a forger would
+who wants a scene to say something else. Each forgery is verified twice: alone, where tracks, the
+map and the other fields can betray it (`content`), and beside the honest proof.json, with --strict
+(`digest`). What the content alone cannot betray is listed with how often it did; the exit code is 1
+if a forgery passes --strict. Needs about two minutes.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ def swap(part: str, first: str, second: str) -> Forgery:
     return forge
 
 
-def together(*forgeries: Forgery) -> Forgery:
-    """One after the other."""
+def chain(*forgeries: Forgery) -> Forgery:
+    """Chain forgeries one after the other."""
 
     def forge(scene: Json) -> None:
         for each in forgeries:
@@ -142,7 +142,7 @@ def relabel_crosswalk(scene: Json) -> None:
 
 
 def make_background(scene: Json) -> None:
-    """Everybody a background agent."""
+    """Make every agent a background agent."""
     for agent in scene["agents"]:
         agent["role"] = "background"
 
@@ -202,15 +202,15 @@ def rename_all(scene: Json) -> None:
     vehicles[0]["name"], vehicles[-1]["name"] = vehicles[-1]["name"], vehicles[0]["name"]
 
 
-def green_for_all(scene: Json) -> None:
-    """Every light green."""
+def set_all_green(scene: Json) -> None:
+    """Set every light to green."""
     for signal in scene["signals"]:
         signal["colour"] = "green"
 
 
 TOGETHER: dict[str, Forgery] = {
     "crosswalk, route and goal relabelled": relabel_crosswalk,
-    "striker and struck exchanged": together(
+    "striker and struck exchanged": chain(
         swap("relations", "from", "to"), swap("events", "from", "to"),
         swap("relations", "point_from", "point_to"),
     ),
@@ -222,12 +222,12 @@ TOGETHER: dict[str, Forgery] = {
     "subtype exchanged": change(
         "agents", 0, "subtype", to=lambda old: "bus" if old == "car" else "car"
     ),
-    "time of day and timestamp": together(
+    "time of day and timestamp": chain(
         change("meta", "timestamp", to=3600.0), change("meta", "time_of_day", to="01:00")
     ),
     "density high": change("meta", "density", to="high"),
     "instruction of another scene": change("meta", "user_prompt", to="Two buses collide"),
-    "instruction and words of another scene": together(
+    "instruction and words of another scene": chain(
         change("meta", "user_prompt", to="Two buses collide"), change("said", to=[])
     ),
     "another intersection": change("meta", "intersection", to="nowhere"),
@@ -242,9 +242,9 @@ TOGETHER: dict[str, Forgery] = {
     "first agent 2 s earlier": delay_first(-2.0),
     "last agent deleted": lambda scene: scene["agents"].pop() and None,
     "first agent deleted": remove("agents", 0),
-    "lights all green": green_for_all,
+    "lights all green": set_all_green,
     "lights deleted": change("signals", to=[]),
-    "agent smaller": together(
+    "agent smaller": chain(
         change("agents", 0, "length", to=lambda old: old * 0.8),
         change("agents", 0, "width", to=lambda old: old * 0.8),
     ),

@@ -46,8 +46,8 @@ FIRST_SEED = 9_000
 MEASURES = (("vehicle", "jerk"), ("vehicle", "acceleration"), ("pedestrian", "jerk"))
 
 
-def states(count: int) -> Iterator[Mapping[str, Any]]:
-    """What runs without a refiner end with; requests that cannot be met are left out."""
+def run_requests(count: int) -> Iterator[Mapping[str, Any]]:
+    """Run requests without a refiner; those that cannot be met are left out."""
     for text, number in list_requests(count):
         try:
             yield synthesize(text, seed=FIRST_SEED + number, refiner="none").state
@@ -55,8 +55,8 @@ def states(count: int) -> Iterator[Mapping[str, Any]]:
             continue
 
 
-def refined(state: Mapping[str, Any], seed: int) -> SceneRecord:
-    """The scene with its tracks refined once, whatever the checker says of them."""
+def refine_once(state: Mapping[str, Any], seed: int) -> SceneRecord:
+    """Refine the scene's tracks once, whatever the checker says of them."""
     context = RunContext(
         load_backend("builtin"), ground_of(PLACE), load_priors(PLACE), seed,
         refiner="trajnet", learned=load_bundled_refiner(PLACE),
@@ -73,22 +73,24 @@ def record(state: Mapping[str, Any], tracks: Mapping[str, Any]) -> SceneRecord:
 
 
 @contextmanager
-def no_layer() -> Iterator[None]:
+def disable_layer() -> Iterator[None]:
     """Within, proposals go as they are, but where the prior is kept or one would go back."""
     known = kinematic_layer.limit_deviation
 
-    def bare(prior: Any, deviation: Any, *, kept: Any, path: Any, **_: Any) -> tuple[Any, Any]:
+    def skip_layer(
+        prior: Any, deviation: Any, *, kept: Any, path: Any, **_: Any
+    ) -> tuple[Any, Any]:
         s = np.where(kept, prior, np.maximum.accumulate(prior + deviation))
         return np.clip(s, 0.0, path.length), np.where(kept, 0.0, 1.0)
 
-    kinematic_layer.limit_deviation = bare
+    kinematic_layer.limit_deviation = skip_layer
     try:
         yield
     finally:
         kinematic_layer.limit_deviation = known
 
 
-def broken(scenes: Sequence[SceneRecord]) -> PlanningShare:
+def count_broken(scenes: Sequence[SceneRecord]) -> PlanningShare:
     """How many agents break a limit, of all."""
     intersection_map = ground_of(PLACE).intersection_map
     faults = [check(scene, intersection_map).implausible for scene in scenes]
@@ -96,12 +98,12 @@ def broken(scenes: Sequence[SceneRecord]) -> PlanningShare:
     return PlanningShare(found, sum(len(scene.agents) for scene in scenes))
 
 
-def worded(share: PlanningShare) -> str:
+def format_share(share: PlanningShare) -> str:
     low, high = share.interval or (0.0, 1.0)
     return f"{share.right} of {share.n} ({share.rate or 0.0:.1%}, {low:.1%} to {high:.1%})"
 
 
-def distances(scenes: Sequence[SceneRecord], known: Sequence[Agents]) -> Iterator[str]:
+def list_distances(scenes: Sequence[SceneRecord], known: Sequence[Agents]) -> Iterator[str]:
     clusters = list_scene_agents([convert_scene(scene) for scene in scenes])
     for kind, measure in MEASURES:
         ours, theirs = (
@@ -127,16 +129,20 @@ def main() -> None:
                 )
             ]
         )
-    found = list(states(told.count))
+    found = list(run_requests(told.count))
     sets = {
         "edited": [record(state, state["edited"]) for state in found],
-        "refined": [refined(state, k) for k, state in enumerate(found)],
+        "refined": [refine_once(state, k) for k, state in enumerate(found)],
     }
-    with no_layer():
-        sets["refined without the layer"] = [refined(state, k) for k, state in enumerate(found)]
+    with disable_layer():
+        sets["refined without the layer"] = [refine_once(state, k) for k, state in enumerate(found)]
     print("tracks | agents that break a limit |", " | ".join(" ".join(each) for each in MEASURES))
     for name, scenes in sets.items():
-        cells = [name, worded(broken(scenes)), *(distances(scenes, known) if known else ())]
+        cells = [
+            name,
+            format_share(count_broken(scenes)),
+            *(list_distances(scenes, known) if known else ()),
+        ]
         print(" | ".join(cells))
 
 

@@ -5,7 +5,7 @@
 
 A model is asked by file: `ask` takes N labelled instructions of the test half, runs each as far as
 the answers reach and writes the questions that are still open to FOLDER/questions.jsonl, one JSON
-object each: key, task, system, user, schema. Whoever answers writes FOLDER/answers.jsonl with one
+object each: key, task, system, user, schema. The answers go to FOLDER/answers.jsonl with one
 line per question, {"key": ..., "reply": "..."}, the reply as the model gave it; more files named
 answers*.jsonl are read as well. Then `ask` again, until it says that no question is open: the
 questions of later stages, and those of the retry edges, come up only when the earlier ones are
@@ -50,7 +50,7 @@ Part = Literal["development", "test"]
 
 
 class OpenError(BackendFault):
-    """A question that nobody has answered yet."""
+    """A question without an answer yet."""
 
 
 class ByFile:
@@ -59,7 +59,7 @@ class ByFile:
     name = NAME
 
     def __init__(self, folder: Path) -> None:
-        self._answers = dict(_answers(folder))
+        self._answers = dict(_read_answers(folder))
         self.open: dict[str, dict[str, Any]] = {}
 
     def complete(self, question: Question, prompt: Prompt) -> Completion:
@@ -76,7 +76,7 @@ class ByFile:
         raise OpenError(f"no answer to {key} yet", final=True)
 
 
-def _answers(folder: Path) -> Iterable[tuple[str, str]]:
+def _read_answers(folder: Path) -> Iterable[tuple[str, str]]:
     for file in sorted(folder.glob("answers*.jsonl")):
         for number, line in enumerate(file.read_text("utf-8").splitlines(), start=1):
             if line.strip():
@@ -88,7 +88,7 @@ def _answers(folder: Path) -> Iterable[tuple[str, str]]:
                     raise SystemExit(f"{file}, line {number}: {error!r}") from None
 
 
-def rows_of(n: int, seed: int, *, part: Part = "test") -> list[dict[str, Any]]:
+def choose_rows(n: int, seed: int, *, part: Part = "test") -> list[dict[str, Any]]:
     """N labelled instructions of one half, spread by a hash that knows nothing of them.
 
     Without the ids `v4-` and `v5-`, which came later, a seed means the rows answers were kept for.
@@ -98,7 +98,7 @@ def rows_of(n: int, seed: int, *, part: Part = "test") -> list[dict[str, Any]]:
     return rows[:n]
 
 
-def planned(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[list[dict[str, Any]], int]:
+def plan_rows(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[list[dict[str, Any]], int]:
     """The rows as understood, as far as there are answers, and how many wait for one."""
     done, waiting = [], 0
     for row in rows:
@@ -128,21 +128,21 @@ def _plan(row: dict[str, Any], backend: Backend) -> Plan:
     return build_refusal(f"no usable plan: {wrong[-1]}")
 
 
-def scenes(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[dict[str, str], int]:
-    """Instruction -> verified as told, verified, or why there is no scene; and how many wait."""
+def make_scenes(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[dict[str, str], int]:
+    """Make scenes: verified as labelled, verified, or why there is none; and how many wait."""
     found: dict[str, str] = {}
     waiting = 0
     for row in rows:
         if row["expected"]["refused"]:
             continue
         try:
-            found[row["id"]] = _scene(row, backend)
+            found[row["id"]] = _make_scene(row, backend)
         except OpenError:
             waiting += 1
     return found, waiting
 
 
-def _scene(row: dict[str, Any], backend: Backend) -> str:
+def _make_scene(row: dict[str, Any], backend: Backend) -> str:
     try:
         scene = synthesize(
             row["text"], backend=backend, previous=row.get("previous"), refiner="none"
@@ -150,11 +150,11 @@ def _scene(row: dict[str, Any], backend: Backend) -> str:
     except (Unsatisfiable, InputError) as error:
         return f"refused: {error}"
     made = plan_to_row(row["id"], scene.state["social_graph"])
-    as_told = compare(row["expected"], made)
-    return "as told" if as_told.get("relations") and as_told.get("agents") else "otherwise"
+    right = compare(row["expected"], made)
+    return "as labelled" if right.get("relations") and right.get("agents") else "otherwise"
 
 
-def told(share: PlanningShare) -> str:
+def format_share(share: PlanningShare) -> str:
     if share.interval is None:
         return "none"
     low, high = share.interval
@@ -164,36 +164,35 @@ def told(share: PlanningShare) -> str:
 
 
 def report(name: str, rows: Sequence[dict[str, Any]], backend: Backend) -> None:
-    plans, waiting = planned(rows, backend)
-    made, later = scenes(rows, backend)
+    plans, waiting = plan_rows(rows, backend)
+    made, later = make_scenes(rows, backend)
     if waiting + later:
         print(f"{name}: {waiting + later} instructions still wait for answers", file=sys.stderr)
     labelled = [row for row in rows if row["id"] in {each["id"] for each in plans}]
     result = score(labelled, plans)
     print(f"== {name}")
-    print(f"planning, every field right: {told(result.all_fields)}")
+    print(f"planning, every field right: {format_share(result.all_fields)}")
     print(", ".join(f"{field} {s.right}/{s.n}" for field, s in result.fields.items()))
     kinds = Counter(each.partition(":")[0] for each in made.values())
-    right = PlanningShare(kinds["as told"], len(made))
-    print(f"ISR, verified with agents and relations as labelled: {told(right)}")
-    print(
-        f"verified at all: {told(PlanningShare(kinds['as told'] + kinds['otherwise'], len(made)))}"
-    )
+    right = PlanningShare(kinds["as labelled"], len(made))
+    print(f"ISR, verified with agents and relations as labelled: {format_share(right)}")
+    verified = PlanningShare(kinds["as labelled"] + kinds["otherwise"], len(made))
+    print(f"verified at all: {format_share(verified)}")
     for key, fields in result.wrong.items():
         text = next(row["text"] for row in rows if row["id"] == key)
         print(f"  wrong {', '.join(fields)}: {text[:110]}")
     for key, why in made.items():
-        if why != "as told":
+        if why != "as labelled":
             text = next(row["text"] for row in rows if row["id"] == key)
             print(f"  {why[:120]}: {text[:90]}")
 
 
 def ask(folder: Path, n: int, seed: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    text_model, rows = ByFile(folder), rows_of(n, seed)
+    text_model, rows = ByFile(folder), choose_rows(n, seed)
     backend = TextBackend(text_model)
-    planned(rows, backend)
-    scenes(rows, backend)
+    plan_rows(rows, backend)
+    make_scenes(rows, backend)
     lines = "".join(
         json.dumps(each, ensure_ascii=False) + "\n" for each in text_model.open.values()
     )
@@ -220,7 +219,7 @@ def main() -> None:
         ask(told_by.folder, told_by.n, told_by.seed)
         return
     if told_by.what == "builtin":
-        report("builtin", rows_of(told_by.n, told_by.seed), load_backend("builtin"))
+        report("builtin", choose_rows(told_by.n, told_by.seed), load_backend("builtin"))
         return
     setting = {"n": told_by.n, "seed": told_by.seed}
     if told_by.backend is None:
@@ -228,7 +227,7 @@ def main() -> None:
         backend: Backend = TextBackend(ByFile(told_by.folder))
     else:
         backend = load_backend(told_by.backend, base_url=told_by.base_url)
-    rows = rows_of(setting["n"], setting["seed"])
+    rows = choose_rows(setting["n"], setting["seed"])
     report(told_by.model if told_by.backend is None else backend.name, rows, backend)
     report("builtin", rows, load_backend("builtin"))
 

@@ -49,7 +49,7 @@ WHEN = ("", " at 8 am", " at noon", " in the evening", " at night", " in light t
         " in moderate traffic", " in heavy traffic", " with nobody else around")  # fmt: skip
 
 
-def requests(place: IntersectionMap, count: int, seed: int = 1) -> list[str]:
+def write_requests(place: IntersectionMap, count: int, seed: int = 1) -> list[str]:
     """Requests that the map can serve."""
     rng = np.random.default_rng(seed)
     offers = [
@@ -73,17 +73,17 @@ def requests(place: IntersectionMap, count: int, seed: int = 1) -> list[str]:
             continue
         pattern = names[i // 2 % len(names)]
         chosen = by_pattern[pattern][int(rng.integers(len(by_pattern[pattern])))]
-        made.append(f"{_sentence(chosen, rng)}{when}")
+        made.append(f"{_write_sentence(chosen, rng)}{when}")
     return made
 
 
-def _sentence(chosen: tuple, rng: np.random.Generator) -> str:
+def _write_sentence(chosen: tuple, rng: np.random.Generator) -> str:
     pattern, a, b = chosen
     verb = str(rng.choice(WORDS[pattern.relation]))
-    return f"{_who(a, 'A')} {verb} {_who(b, 'a')}"
+    return f"{_describe_agent(a, 'A')} {verb} {_describe_agent(b, 'a')}"
 
 
-def _who(route: Route, article: str) -> str:
+def _describe_agent(route: Route, article: str) -> str:
     if route.type == "vehicle":
         turn = {"left": "turning left", "right": "turning right", "straight": "going straight",
                 "uturn": "making a U-turn"}[route.movement]  # fmt: skip
@@ -93,7 +93,7 @@ def _who(route: Route, article: str) -> str:
     return f"{article} pedestrian on the {route.crosswalk} crosswalk"
 
 
-def wilson(good: int, n: int) -> tuple[float, float]:
+def compute_wilson(good: int, n: int) -> tuple[float, float]:
     """95 % interval of a share."""
     z, p = 1.96, good / n
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)
@@ -110,7 +110,7 @@ def main() -> None:
     options = parser.parse_args()
     for name in options.names:
         begin, good, interference, why = time.perf_counter(), 0, 0, Counter()
-        texts = requests(load_map(name), options.requests, options.seed)
+        texts = write_requests(load_map(name), options.requests, options.seed)
         for i, text in enumerate(texts):
             try:
                 scene = synthesize(text, intersection=name, seed=i, refiner="none")
@@ -121,7 +121,7 @@ def main() -> None:
                 continue
             good += scene.proof.verified
             interference += len(scene.proof.interference)
-        low, high = wilson(good, len(texts))
+        low, high = compute_wilson(good, len(texts))
         print(
             f"{name}: {good}/{len(texts)} = {good / len(texts):.3f} [{low:.3f}, {high:.3f}], "
             f"interference {interference}, {time.perf_counter() - begin:.0f} s, {dict(why)}",

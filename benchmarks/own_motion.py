@@ -30,14 +30,14 @@ from scenewright.tools.track_io.taf_bw import read_taf_bw
 SMOOTHING = 0.4
 
 
-def background(scene: SceneTracks) -> SceneTracks:
-    """A scene without those who were asked for."""
+def keep_background(scene: SceneTracks) -> SceneTracks:
+    """Keep the background agents of a scene."""
     users = tuple(user for user in scene.users if user.id not in scene.foreground)
     return SceneTracks(users, signals=scene.signals)
 
 
-def whole(recording: Recording) -> SceneTracks:
-    """Everybody of a recording, bicycles left out; windows of it would cut encounters."""
+def read_whole(recording: Recording) -> SceneTracks:
+    """Read all agents of a recording, bicycles left out; windows of it would cut encounters."""
     seen = [a for a in recording.agents if a.subtype != "bicycle" and len(a.track.xy) > 1]
     return SceneTracks(tuple(RoadUser(n, a.track, a.shape) for n, a in enumerate(seen)))
 
@@ -49,10 +49,10 @@ def main() -> None:
     parser.add_argument("tracks", nargs="+", type=Path)
     options = parser.parse_args()
     place = load_map(options.name)
-    made = [background(scene) for scene in read_scenes(options.dataset)]
+    made = [keep_background(scene) for scene in read_scenes(options.dataset)]
     real = [each for folder in options.tracks for each in read_taf_bw(folder).recordings]
     ours = measure_scenes(list(observe_scenes(made, intersection_map=place)), smoothing=SMOOTHING)
-    seen = list(observe_scenes(map(whole, real), intersection_map=None))
+    seen = list(observe_scenes(map(read_whole, real), intersection_map=None))
     theirs = {**measure_scenes(seen), **measure_motion(isolate_agents(real), smoothing=SMOOTHING)}
     print(f"{options.name}: {len(made)} scenes, {sum(len(r.agents) for r in real)} real tracks")
     print("| measure | of | distance, 95 % | halves | scenes 5/50/95 % | real 5/50/95 % |")

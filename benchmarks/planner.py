@@ -39,7 +39,7 @@ def is_right(expected: Row, plan: Any) -> bool:
     return all(compare(expected, plan_to_row("", plan)).values())
 
 
-def verdict_of(row: Row) -> str:
+def judge_row(row: Row) -> str:
     """What became of a row: right, right after one answer, refused, planned or misread."""
     plan = planner._plan(row["text"], row.get("previous"), Site())
     if is_right(row["expected"], plan):
@@ -52,9 +52,9 @@ def verdict_of(row: Row) -> str:
     return "planned what should be refused" if row["expected"]["refused"] else "misread"
 
 
-def report(name: str, rows: list[Row], show: int) -> None:
+def print_report(name: str, rows: list[Row], show: int) -> None:
     before = time.perf_counter()
-    verdicts = [verdict_of(row) for row in rows]
+    verdicts = [judge_row(row) for row in rows]
     spent = (time.perf_counter() - before) / len(rows)
     counts = Counter(verdicts)
     print(f"{name}: {len(rows)} rows, {1000 * spent:.0f} ms each with the sentences offered")
@@ -90,7 +90,7 @@ def plan_as_json(text: str) -> str:
     return planner._plan(text, None, Site()).model_dump_json(by_alias=True)
 
 
-def fuzz(rows: list[Row], number: int) -> None:
+def test_mangled(rows: list[Row], number: int) -> None:
     """Mangled texts: counts exceptions, prints the first of them and the slowest text."""
     rng, slowest, failed = random.Random(0), (0.0, ""), list[tuple[str, str]]()
     texts = [row["text"] for row in rows]
@@ -149,11 +149,11 @@ def main() -> None:
     voices = Path(str(files("scenewright.evals.planning"))) / "voices.jsonl"
     for path in given.files or [voices]:
         rows = load(path)
-        report(path.name, rows, given.show)
+        print_report(path.name, rows, given.show)
     if given.threads:
         compare_threads(rows, threads=given.threads, number=given.texts or len(rows))
     if given.fuzz:
-        fuzz(rows, given.fuzz)
+        test_mangled(rows, given.fuzz)
 
 
 if __name__ == "__main__":

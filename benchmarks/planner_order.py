@@ -2,11 +2,11 @@
 
     python benchmarks/planner_order.py [--show]
 
-Rows of evals/planning/order.jsonl are {"id", "text", "first", "second"}: who passes first and who
-second, by class, subtype, entry, movement or crosswalk. `kept`: a yield, a follow, a collision in
-one lane or `first` of another relation fixes that order in the plan; `inverted`: the other one;
-`left open`: neither, and no words are said to be left out. Where words are left out, `make`
-refuses the instruction.
+Rows of evals/planning/order.jsonl are {"id", "text", "first", "second"}: the agent that passes
+first and the second, by class, subtype, entry, movement or crosswalk. `kept`: a yield, a follow, a
+collision in one lane or `first` of another relation fixes that order in the plan; `inverted`: the
+other one; `left open`: neither, and no words are said to be left out. Where words are left out,
+`make` refuses the instruction.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ Row = dict[str, Any]
 
 
 def count_fits(agent: Row, told: Row) -> int:
-    """How many of the told fields an agent has; -9 where its class or subtype is another."""
+    """Count the labelled fields that an agent has; -9 where its class or subtype is another."""
     if any(agent[key] != told[key] for key in ("type", "subtype") if key in told):
         return -9
     return sum(agent[key] == value for key, value in told.items())
 
 
 def find_pair(plan: Row, row: Row) -> tuple[Row, Row] | None:
-    """The two agents that fit best who passes first and who second; None where none fit."""
+    """Find the agents that fit the first and second to pass best; None where none fit."""
     pairs = [
         (count_fits(one, row["first"]) + count_fits(two, row["second"]), one, two)
         for one, two in permutations(plan["agents"], 2)
@@ -42,7 +42,7 @@ def find_pair(plan: Row, row: Row) -> tuple[Row, Row] | None:
 
 
 def find_first(relation: Row, one: Row, two: Row) -> str | None:
-    """Who of two agents passes first by their relation; None where it says nothing of that."""
+    """Find the agent that passes first by the relation; None where that is left open."""
     in_one_lane = one["entry"] is not None and one["entry"] == two["entry"]
     if {relation["from"], relation["to"]} != {one["id"], two["id"]}:
         return None
@@ -51,7 +51,7 @@ def find_first(relation: Row, one: Row, two: Row) -> str | None:
     return relation.get("first") or (relation["to"] if ordered else None)
 
 
-def verdict_of(row: Row) -> str:
+def judge_row(row: Row) -> str:
     """What became of the order."""
     plan = scenewright.plan(row["text"])
     if plan["refused"]:
@@ -71,7 +71,7 @@ def main() -> None:
     given = parser.parse_args()
     source = files("scenewright.evals.planning").joinpath("order.jsonl").read_text("utf-8")
     rows = [json.loads(line) for line in source.splitlines()]
-    verdicts = [verdict_of(row) for row in rows]
+    verdicts = [judge_row(row) for row in rows]
     for label, number in Counter(verdicts).most_common():
         low, high = PlanningShare(number, len(rows)).interval or (0.0, 1.0)
         rate = 100 * number / len(rows)

@@ -26,7 +26,9 @@ from scenewright.tools.fitting.fit_tracks import (
 from scenewright.tools.track_io.track_files import read_track_files
 
 
-def interval(one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
+def compute_interval(
+    one: np.ndarray, other: np.ndarray, rng: np.random.Generator
+) -> tuple[float, float]:
     """95 % of the difference of means, drawn again over tracks."""
     picks = rng.integers(len(one), size=(2000, len(one)))
     return tuple(np.quantile((other - one)[picks].mean(axis=1), [0.025, 0.975]))
@@ -55,7 +57,7 @@ def main() -> None:
     for scale in options.pool_scale:
         lanes, told = _fit_elsewhere(options.pool, scale)
         found = evaluate(lanes)
-        low, high = interval(np.array(shipped), np.array(found), np.random.default_rng(0))
+        low, high = compute_interval(np.array(shipped), np.array(found), np.random.default_rng(0))
         print(f"  {'; '.join(told)}")
         print(f"  {np.mean(found):.3f}, against the shipped {low:+.3f} to {high:+.3f}")
 

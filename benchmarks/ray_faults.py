@@ -22,7 +22,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from batch import command, done_in
+from batch import build_command, count_done
 from batch_faults import check, end, start
 
 from scenewright.errors import InputError
@@ -82,7 +82,7 @@ def start_head(folder: Path) -> RayNode:
 def carry_out(folder: Path, rows: Path, out: Path, count: int) -> dict[str, object]:
     """Runs it all; what happened."""
     os.environ["RAY_ADDRESS"] = f"127.0.0.1:{PORT}"
-    words, happened = command(rows, out, OPTIONS), dict[str, object]()
+    words, happened = build_command(rows, out, OPTIONS), dict[str, object]()
     head = start_head(folder)
     node = RayNode(folder, f"--address=127.0.0.1:{PORT}")
     try:
@@ -90,7 +90,7 @@ def carry_out(folder: Path, rows: Path, out: Path, count: int) -> dict[str, obje
             run = start(words)
             while run.poll() is None:
                 time.sleep(0.2)
-                done = done_in(out)
+                done = count_done(out)
                 if "node" not in happened and done >= count // 4:
                     node.kill()
                     happened["node"] = done
@@ -100,7 +100,7 @@ def carry_out(folder: Path, rows: Path, out: Path, count: int) -> dict[str, obje
                     code, line = end(run, within=300)
                     happened |= {"code": code, "line": line}
                     head = start_head(folder)
-            if run.returncode == 0 and "head" in happened and done_in(out) >= count:
+            if run.returncode == 0 and "head" in happened and count_done(out) >= count:
                 return happened | {"given": given}
         raise SystemExit(f"the command does not end well: {end(run, within=60)}")
     finally:

@@ -23,7 +23,7 @@ AGENTS, REPEATS = 16, 5
 BATCHES = (1, 4, 16, 64, 256, 1024)
 
 
-def scenes(count: int) -> Scenes:
+def build_scenes(count: int) -> Scenes:
     """Pedestrians at about 1.3 m/s in a square of 12 m, and four vehicles."""
     draw = torch.Generator().manual_seed(0)
     start = torch.rand(count, AGENTS, 1, 2, generator=draw) * 12
@@ -44,7 +44,7 @@ def main() -> None:
         f"{sum(p.numel() for p in net.parameters())} weights"
     )
     for count in BATCHES:
-        batch, times = scenes(count).to(device), []
+        batch, times = build_scenes(count).to(device), []
         predict(net, batch)
         for _ in range(REPEATS):
             began = time.perf_counter()

@@ -1,11 +1,11 @@
 """ISR over every kind of relation: `python benchmarks/robustness.py [seeds]`.
 
-Requests leave free what the relation does not need; two to four named agents and five to ten in
-the background. ISR = verified scenes that are what the words say (`_told.py`: events and their
-roles, kind, cause, entries, movements, who runs red) / requests, with a Wilson interval; a refusal
-counts as a failure (SEMANTICS), and so does a scene that is verified but is not it. Targets: how
-often PET, path TTC, speed and point of impact were as asked for, of all requests that asked; a
-refusal counts as a failure here too.
+Requests leave free what the relation does not need; two to four named agents and five to ten in the
+background. ISR = verified scenes that are what the words say (`_request_labels.py`: events and
+their roles, kind, cause, entries, movements, red-light runners) / requests, with a Wilson interval;
+a refusal counts as a failure (SEMANTICS), and so does a scene that is verified but is not it.
+Targets: how often PET, path TTC, speed and point of impact were as asked for, of all requests that
+asked; a refusal counts as a failure here too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 
-from _told import TOLD, faults
+from _request_labels import LABELS, find_faults
 
 from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import Scene, synthesize
@@ -78,7 +78,7 @@ REQUESTS = {
 DENSITY = " in medium traffic"
 
 
-def wilson(right: int, n: int) -> tuple[float, float]:
+def compute_wilson(right: int, n: int) -> tuple[float, float]:
     """95 % interval of a share."""
     z, rate = 1.96, right / n
     centre, spread = (
@@ -88,7 +88,7 @@ def wilson(right: int, n: int) -> tuple[float, float]:
     return (centre - spread) / (1 + z * z / n), (centre + spread) / (1 + z * z / n)
 
 
-def missed_by(scene: Scene, figure: str) -> float:
+def compute_miss(scene: Scene, figure: str) -> float:
     """How far the first relation's event is from the figure that it asks for."""
     asked, event = scene.record.relations[0], scene.proof.events[0]
     seen, whose = event.evidence, "from" if asked.from_ == event.from_ else "to"
@@ -128,7 +128,7 @@ def report(missed: Mapping[str, list[float]], asked: Counter[str]) -> None:
             continue
         within = f" within {tolerance:g} {unit}" if unit else ""
         worst = f", worst {max(missed[name], default=math.nan):.2f} {unit}" if unit else ""
-        low, high = wilson(met, n)
+        low, high = compute_wilson(met, n)
         print(f"{name} asked for met{within}: {met} of {n} [{low:.3f}, {high:.3f}]{worst}")
 
 
@@ -146,17 +146,16 @@ def main() -> None:
                 scene = synthesize(text + DENSITY, seed=seed)
             except Unsatisfiable:
                 continue
-            wrong.update(faults(scene, TOLD[name]))
-            right += not faults(scene, TOLD[name])
+            wrong.update(find_faults(scene, LABELS[name]))
+            right += not find_faults(scene, LABELS[name])
             if name in ASKS:
-                missed[ASKS[name]].append(missed_by(scene, ASKS[name]))
+                missed[ASKS[name]].append(compute_miss(scene, ASKS[name]))
             attempts[len(scene.provenance["rejections"])] += 1
         verified, asked = verified + right, asked + seeds
-        told = ", ".join(f"{fault} {count}x" for fault, count in wrong.items())
-        print(
-            f"{right:4d} / {seeds}  {name}{f'  (not as told: {told})' if told else ''}", flush=True
-        )
-    low, high = wilson(verified, asked)
+        note = ", ".join(f"{fault} {count}x" for fault, count in wrong.items())
+        note = f"  (not as labelled: {note})" if note else ""
+        print(f"{right:4d} / {seeds}  {name}{note}", flush=True)
+    low, high = compute_wilson(verified, asked)
     print(
         f"ISR {verified / asked:.4f} [{low:.4f}, {high:.4f}], n = {asked}, "
         f"{(time.perf_counter() - start) / asked:.3f} s a request, {platform.machine()}, "

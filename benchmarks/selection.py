@@ -3,7 +3,7 @@
 Parties of twelve (eight vehicles, four pedestrians) on routes, candidates and time laws drawn from
 the shipped bundle's priors, without lights, so that crossing traffic must be kept apart in time:
 
-    free     M = 64, everybody may enter at any moment of the scene
+    free     M = 64, every agent may enter at any moment of the scene
     pinned   M = 32, within 2 s of the arrival drawn for each
     tight    the same, within 1 s: where the solver reaches its bounds
     coarse   M = 16, pinned, entry times on a grid of 0.5 s: against toulbar2 (extra `bench`)
@@ -57,24 +57,24 @@ NO_LIMIT = 600.0
 
 @dataclass(frozen=True, eq=False)
 class Party:
-    """Who is to be seated, and how many of each class."""
+    """The background agents, and how many of each class are needed."""
 
     agents: tuple[AgentOffers, ...]
     wanted: dict[AgentClass, int]
 
-    def built(self) -> Party:
+    def build_all(self) -> Party:
         """The same, every candidate built."""
         for agent in self.agents:
-            for option in options(agent):
+            for option in list_options(agent):
                 assert option.actor is not None
         return self
 
 
-def options(agent: AgentOffers) -> list[Option]:
+def list_options(agent: AgentOffers) -> list[Option]:
     return [option for offer in agent.offers for option in offer.options]
 
 
-def party(
+def draw_party(
     seed: int,
     *,
     size: int,
@@ -96,20 +96,24 @@ def party(
         rng=rng,
     )
     agents = tuple(
-        AgentOffers(draws.name, draws.route.type, False, tuple(offers(draws, pinned, grid)))
+        AgentOffers(draws.name, draws.route.type, False, tuple(list_offers(draws, pinned, grid)))
         for draws in pool.agents.values()
         if not draws.reserve
     )
     return Party(agents, dict(pool.background))
 
 
-def offers(draws: AgentCandidates, pinned: float | None, grid: int) -> Iterator[CandidateOffer]:
+def list_offers(
+    draws: AgentCandidates, pinned: float | None, grid: int
+) -> Iterator[CandidateOffer]:
     cost = draws.nll + draws.time_nll
     for m in np.argsort(cost).tolist():
-        yield CandidateOffer(float(cost[m]), partial(ways, draws, m, float(cost[m]), pinned, grid))
+        yield CandidateOffer(
+            float(cost[m]), partial(list_ways, draws, m, float(cost[m]), pinned, grid)
+        )
 
 
-def ways(
+def list_ways(
     draws: AgentCandidates, m: int, cost: float, pinned: float | None, grid: int
 ) -> tuple[Option, ...]:
     """One candidate, free to come at any moment at which it is seen for four seconds."""
@@ -125,46 +129,46 @@ def ways(
     return (Option(lambda: actor, m, starts[(starts - drawn_time) % grid == 0], cost, drawn_time),)
 
 
-def cost_of(chosen: Sequence[tuple[AgentOffers, float]]) -> float:
-    """Above everybody's cheapest [nats]."""
+def compute_cost(chosen: Sequence[tuple[AgentOffers, float]]) -> float:
+    """Compute the cost above the cheapest options [nats]."""
     return sum(cost - agent.offers[0].cost for agent, cost in chosen)
 
 
-def exactly(of: Party) -> tuple[float | None, Assignment | str]:
+def assign_exactly(of: Party) -> tuple[float | None, Assignment | str]:
     assignment = assign_min_cost(of.agents, ConflictTable([]), of.wanted)
     if isinstance(assignment, str):
         return None, assignment
-    return cost_of([(g, assignment.chosen[g.name][0].cost) for g in of.agents]), assignment
+    return compute_cost([(g, assignment.chosen[g.name][0].cost) for g in of.agents]), assignment
 
 
-def greedily(of: Party) -> float | None:
+def assign_greedily(of: Party) -> float | None:
     """Each in turn its cheapest candidate with room, at the moment nearest to its wish."""
     present, chosen = ReservationTable(), []
     for agent in sorted(of.agents, key=lambda each: each.offers[0].cost):
-        for option in options(agent):
+        for option in list_options(agent):
             free = present.find_free_times(option.actor, option.starts, foreground=False)
             if len(free):
                 start = free[np.argmin(np.abs(free - option.drawn_time))]
                 present.add(option.actor.shift(STEP * int(start)), foreground=False)
                 chosen.append((agent, option.cost))
                 break
-    return cost_of(chosen) if len(chosen) == len(of.agents) else None
+    return compute_cost(chosen) if len(chosen) == len(of.agents) else None
 
 
-def pairs(of: Party) -> Iterator[tuple[tuple[int, int, int, int], list[tuple[int, int]]]]:
-    """What every two options of two guests forbid of start_i - start_j [steps]."""
-    every = [options(agent) for agent in of.agents]
+def list_pairs(of: Party) -> Iterator[tuple[tuple[int, int, int, int], list[tuple[int, int]]]]:
+    """List what every two options of two agents forbid of start_i - start_j [steps]."""
+    every = [list_options(agent) for agent in of.agents]
     for i in range(len(every)):
         for j in range(i):
             for (k, a), (m, b) in product(enumerate(every[i]), enumerate(every[j])):
                 yield (i, k, j, m), find_blocked_offsets(b.actor, a.actor, strict=False)
 
 
-def with_full_tables(of: Party) -> float | None:
+def assign_with_full_tables(of: Party) -> float | None:
     """CP-SAT over all pairs of options, computed up front."""
     from ortools.sat.python import cp_model
 
-    model, every = cp_model.CpModel(), [options(agent) for agent in of.agents]
+    model, every = cp_model.CpModel(), [list_options(agent) for agent in of.agents]
     takes = [[model.new_bool_var("") for _ in own] for own in every]
     starts = [
         model.new_int_var_from_domain(
@@ -180,7 +184,7 @@ def with_full_tables(of: Party) -> float | None:
         for option, literal in zip(own, take, strict=True):
             domain = cp_model.Domain.from_values(option.starts.tolist())
             model.add_linear_expression_in_domain(start, domain).only_enforce_if(literal)
-    for (i, k, j, m), forbidden in pairs(of):
+    for (i, k, j, m), forbidden in list_pairs(of):
         for low, high in forbidden:
             below, above = model.new_bool_var(""), model.new_bool_var("")
             model.add(starts[i] - starts[j] <= low).only_enforce_if(below)
@@ -188,7 +192,7 @@ def with_full_tables(of: Party) -> float | None:
             model.add_bool_or([~takes[i][k], ~takes[j][m], below, above])
     model.minimize(
         sum(
-            round(1e5 * cost_of([(agent, option.cost)])) * literal
+            round(1e5 * compute_cost([(agent, option.cost)])) * literal
             for agent, own, take in zip(of.agents, every, takes, strict=True)
             for option, literal in zip(own, take, strict=True)
         )
@@ -200,23 +204,23 @@ def with_full_tables(of: Party) -> float | None:
     return 1e-5 * solver.objective_value if status == cp_model.OPTIMAL else None
 
 
-def values(of: Party) -> list[list[tuple[int, int]]]:
-    """Per guest, every option with every entry time."""
+def list_values(of: Party) -> list[list[tuple[int, int]]]:
+    """List, per agent, every option with every entry time."""
     return [
-        [(k, int(start)) for k, option in enumerate(options(agent)) for start in option.starts]
+        [(k, int(start)) for k, option in enumerate(list_options(agent)) for start in option.starts]
         for agent in of.agents
     ]
 
 
-def apart(of: Party) -> dict[tuple[int, int], Any]:
-    """[V, W] per two guests: which of their values may go together."""
-    every = [np.array(each) for each in values(of)]
+def compute_compatible(of: Party) -> dict[tuple[int, int], Any]:
+    """Compute [V, W] per two agents: which of their values may go together."""
+    every = [np.array(each) for each in list_values(of)]
     fits = {
         (i, j): np.ones((len(every[i]), len(every[j])), dtype=bool)
         for i in range(len(every))
         for j in range(i)
     }
-    for (i, k, j, m), forbidden in pairs(of):
+    for (i, k, j, m), forbidden in list_pairs(of):
         rows, columns = (np.flatnonzero(every[g][:, 0] == o) for g, o in ((i, k), (j, m)))
         apart_by = every[i][rows, 1][:, None] - every[j][columns, 1]
         for low, high in forbidden:
@@ -224,27 +228,27 @@ def apart(of: Party) -> dict[tuple[int, int], Any]:
     return fits
 
 
-def by_toulbar2(of: Party) -> float | None:
+def assign_by_toulbar2(of: Party) -> float | None:
     """A weighted constraint network over (candidate, entry time), full tables up front."""
     import pytoulbar2
 
     top = 1e6
     network = pytoulbar2.CFN(top, 5, verbose=-1)
-    for g, (agent, own) in enumerate(zip(of.agents, values(of), strict=True)):
+    for g, (agent, own) in enumerate(zip(of.agents, list_values(of), strict=True)):
         network.AddVariable(str(g), [f"v{n}" for n in range(len(own))])
-        ranked = options(agent)
-        network.AddFunction([g], [cost_of([(agent, ranked[k].cost)]) for k, _ in own])
-    for (i, j), fits in apart(of).items():
+        ranked = list_options(agent)
+        network.AddFunction([g], [compute_cost([(agent, ranked[k].cost)]) for k, _ in own])
+    for (i, j), fits in compute_compatible(of).items():
         if not fits.all():
             network.AddFunction([i, j], np.where(fits, 0.0, top).ravel().tolist())
     solved = network.Solve()
     return None if solved is None else float(solved[1])
 
 
-def by_brute_force(of: Party) -> float | None:
-    own, fits, best = values(of), apart(of), None
+def assign_by_brute_force(of: Party) -> float | None:
+    own, fits, best = list_values(of), compute_compatible(of), None
     costs = [
-        [cost_of([(agent, options(agent)[k].cost)]) for k, _ in each]
+        [compute_cost([(agent, list_options(agent)[k].cost)]) for k, _ in each]
         for agent, each in zip(of.agents, own, strict=True)
     ]
     for choice in product(*(range(len(each)) for each in own)):
@@ -258,13 +262,13 @@ def by_brute_force(of: Party) -> float | None:
 
 @dataclass
 class Tally:
-    """What one way of seating did over all parties of a kind."""
+    """Results of one method of assignment over all parties of a kind."""
 
     seconds: list[float]
     costs: list[float | None]
 
     @classmethod
-    def of(cls, way: Callable[[Party], float | None], parties: Sequence[Party]) -> Tally:
+    def run_all(cls, way: Callable[[Party], float | None], parties: Sequence[Party]) -> Tally:
         tally = cls([], [])
         for each in parties:
             start = time.process_time()
@@ -274,7 +278,7 @@ class Tally:
 
     def line(self, name: str, best: Tally) -> str:
         both = list(zip(self.costs, best.costs, strict=True))
-        equal = sum(same(one, other) for one, other in both)
+        equal = sum(is_same(one, other) for one, other in both)
         above = [one - other for one, other in both if one is not None and other is not None]
         worse = f", mean {statistics.fmean(above):.2f} nats above" if above else ""
         none = sum(cost is None for cost in self.costs)
@@ -285,7 +289,7 @@ class Tally:
         )
 
 
-def same(one: float | None, other: float | None) -> bool:
+def is_same(one: float | None, other: float | None) -> bool:
     if one is None or other is None:
         return one is other
     return abs(one - other) <= SAME
@@ -294,19 +298,19 @@ def same(one: float | None, other: float | None) -> bool:
 def compare(
     name: str, draw: Callable[[int], Party], n: int, rivals: dict[str, Callable[[Party], Any]]
 ) -> None:
-    """Seats n parties exactly and by every rival, and prints how they did."""
+    """Assign n parties exactly and by every rival, and print the results."""
     seatings: list[Assignment | str] = []
 
-    def ours(of: Party) -> float | None:
-        cost, assignment = exactly(of)
+    def assign_by_ours(of: Party) -> float | None:
+        cost, assignment = assign_exactly(of)
         seatings.append(assignment)
         return cost
 
-    parties = [draw(seed).built() for seed in range(n)]
-    best = Tally.of(ours, parties)
+    parties = [draw(seed).build_all() for seed in range(n)]
+    best = Tally.run_all(assign_by_ours, parties)
     found = [each for each in seatings if isinstance(each, Assignment)]
     why = [each for each in seatings if isinstance(each, str)]
-    on_demand = Tally.of(lambda of: exactly(of)[0], [draw(seed) for seed in range(n)])
+    on_demand = Tally.run_all(lambda of: assign_exactly(of)[0], [draw(seed) for seed in range(n)])
     print(f"{name}, n = {n}")
     print(best.line("exact", best))
     print(on_demand.line("  + building", best))
@@ -322,10 +326,10 @@ def compare(
         given_up = sum(each.endswith("within the bounds of the search") for each in why)
         print(f"    proved impossible {len(why) - given_up}, given up {given_up}")
     for rival, way in rivals.items():
-        print(Tally.of(way, parties).line(rival, best), flush=True)
+        print(Tally.run_all(way, parties).line(rival, best), flush=True)
 
 
-def requests(seeds: int) -> None:
+def time_requests(seeds: int) -> None:
     """Whole requests with ten agents, least cost, warm; seconds from text to proof."""
     seconds, tried, proved, gaps = [], 0, 0, []
     synthesize(f"{REQUESTS[0]} {CROWD}", seed=99, selection="map", refiner="none")
@@ -347,13 +351,13 @@ def requests(seeds: int) -> None:
     )
 
 
-def toulbar2() -> dict[str, Callable[[Party], Any]]:
+def find_toulbar2() -> dict[str, Callable[[Party], Any]]:
     try:
         import pytoulbar2  # noqa: F401
     except ImportError:
         print("toulbar2 is not here, its comparison is left out: pip install 'scenewright[bench]'")
         return {}
-    return {"toulbar2": by_toulbar2}
+    return {"toulbar2": assign_by_toulbar2}
 
 
 def main(*, quick: bool) -> None:
@@ -364,22 +368,22 @@ def main(*, quick: bool) -> None:
         f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, "
         f"commit {done.stdout.strip() or 'unknown'}, CPU seconds"
     )
-    exactly(party(99, size=8, pinned=2.0))  # loads the solver
+    assign_exactly(draw_party(99, size=8, pinned=2.0))  # loads the solver
     many, some, few = (6, 2, 2) if quick else (40, 12, 4)
-    compare("free: 12 x 64", partial(party, size=64), many, {"greedy": greedily})
-    pinned = partial(party, pinned=2.0)
-    compare("pinned: 12 x 32", partial(pinned, size=32), many, {"greedy": greedily})
-    tight = partial(party, size=32, pinned=1.0)
-    compare("tight: 12 x 32, within 1 s", tight, some, {"greedy": greedily})
+    compare("free: 12 x 64", partial(draw_party, size=64), many, {"greedy": assign_greedily})
+    pinned = partial(draw_party, pinned=2.0)
+    compare("pinned: 12 x 32", partial(pinned, size=32), many, {"greedy": assign_greedily})
+    tight = partial(draw_party, size=32, pinned=1.0)
+    compare("tight: 12 x 32, within 1 s", tight, some, {"greedy": assign_greedily})
     coarse = partial(pinned, size=16, grid=5)
-    compare("coarse: 12 x 16, every 0.5 s", coarse, few, toulbar2())
-    tables = {"full tables": with_full_tables}
+    compare("coarse: 12 x 16, every 0.5 s", coarse, few, find_toulbar2())
+    tables = {"full tables": assign_with_full_tables}
     compare("tables: 12 x 8", partial(pinned, size=8), some, tables)
     if not quick:
         compare("tables: 12 x 16", partial(pinned, size=16), few, tables)
-    small = partial(party, size=4, pinned=1.0, grid=10, vehicles=3, pedestrians=1)
-    compare("small: 4 x 4", small, some, {"brute force": by_brute_force})
-    requests(1 if quick else 6)
+    small = partial(draw_party, size=4, pinned=1.0, grid=10, vehicles=3, pedestrians=1)
+    compare("small: 4 x 4", small, some, {"brute force": assign_by_brute_force})
+    time_requests(1 if quick else 6)
 
 
 if __name__ == "__main__":

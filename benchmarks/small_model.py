@@ -42,20 +42,22 @@ WORDS = ("not", "a", "scene", "here", "it", "cannot", "be")
 Rng = np.random.Generator
 
 
-def drawn(schema: dict[str, Any], rng: Rng) -> Any:
+def draw_answer(schema: dict[str, Any], rng: Rng) -> Any:
     """Any value that fits the schema, shorter ones more often."""
     if "anyOf" in schema:
-        return drawn(_one(schema["anyOf"], rng), rng)
+        return draw_answer(_choose_one(schema["anyOf"], rng), rng)
     if "enum" in schema:
-        return _one(schema["enum"], rng)
+        return _choose_one(schema["enum"], rng)
     match schema["type"]:
         case "object":
             needed, keys = schema.get("required", ()), schema["properties"]
-            return {k: drawn(s, rng) for k, s in keys.items() if k in needed or rng.random() < 0.4}
+            return {
+                k: draw_answer(s, rng) for k, s in keys.items() if k in needed or rng.random() < 0.4
+            }
         case "array":
             least = schema.get("minItems", 0)
             size = int(rng.integers(least, min(schema["maxItems"], least + 3) + 1))
-            return [drawn(schema["items"], rng) for _ in range(size)]
+            return [draw_answer(schema["items"], rng) for _ in range(size)]
         case "boolean":
             return bool(rng.random() < 0.5)
         case "integer":
@@ -65,21 +67,21 @@ def drawn(schema: dict[str, Any], rng: Rng) -> Any:
     if schema["pattern"] == TIME:
         return f"{rng.integers(24):02d}:{rng.integers(60):02d}"
     if schema["pattern"] == ID:
-        return f"{_one(('vehicle', 'pedestrian'), rng)}-{rng.integers(1, 7)}"
-    return " ".join(_one(WORDS, rng) for _ in range(4))
+        return f"{_choose_one(('vehicle', 'pedestrian'), rng)}-{rng.integers(1, 7)}"
+    return " ".join(_choose_one(WORDS, rng) for _ in range(4))
 
 
-def spoilt(value: dict[str, Any], rng: Rng) -> dict[str, Any]:
+def spoil_answer(value: dict[str, Any], rng: Rng) -> dict[str, Any]:
     """The answer with one field wrong: another value, none, of another type, left out, or new."""
     copy = deepcopy(value)
-    holder, key = _one(list(_fields(copy)), rng)
+    holder, key = _choose_one(list(_list_fields(copy)), rng)
     match int(rng.integers(5)):
         case 0:
             holder[key] = None
         case 1:
-            holder[key] = _one((-1, 1e9, "", "north", "vehicle-9", "moon", [], {}), rng)
+            holder[key] = _choose_one((-1, 1e9, "", "north", "vehicle-9", "moon", [], {}), rng)
         case 2:
-            holder[key] = _other(holder[key], rng)
+            holder[key] = _draw_other(holder[key], rng)
         case 3 if isinstance(holder, dict):
             del holder[key]
         case _ if isinstance(holder, dict):
@@ -89,15 +91,15 @@ def spoilt(value: dict[str, Any], rng: Rng) -> dict[str, Any]:
     return copy
 
 
-def _fields(value: Any) -> Iterator[tuple[Any, Any]]:
+def _list_fields(value: Any) -> Iterator[tuple[Any, Any]]:
     keys = value if isinstance(value, dict) else range(len(value))
     for key in list(keys):
         yield value, key
         if isinstance(value[key], dict | list):
-            yield from _fields(value[key])
+            yield from _list_fields(value[key])
 
 
-def _other(value: Any, rng: Rng) -> Any:
+def _draw_other(value: Any, rng: Rng) -> Any:
     """Another value of the same kind."""
     match value:
         case bool():
@@ -106,13 +108,13 @@ def _other(value: Any, rng: Rng) -> Any:
             return round(value + float(rng.normal(0.0, 3.0)), 2)
         case str():
             words = ("south", "left", "stop", "vehicle-2", "vehicle-1", "goal", "keep", "contact")
-            return _one(words, rng)
+            return _choose_one(words, rng)
         case list():
             return value[:-1]
     return value
 
 
-def _one(values: Any, rng: Rng) -> Any:
+def _choose_one(values: Any, rng: Rng) -> Any:
     return values[int(rng.integers(len(values)))]
 
 
@@ -129,23 +131,23 @@ class Small:
         return Completion(json.dumps(self._how(question, prompt, self._rng)))
 
 
-def at_random(question: Question, prompt: Prompt, rng: Rng) -> Any:
+def answer_at_random(question: Question, prompt: Prompt, rng: Rng) -> Any:
     del question
-    return drawn(inline_references(prompt.schema), rng)
+    return draw_answer(inline_references(prompt.schema), rng)
 
 
-def always_one_wrong(question: Question, prompt: Prompt, rng: Rng) -> Any:
+def answer_one_wrong(question: Question, prompt: Prompt, rng: Rng) -> Any:
     del prompt
-    return spoilt(_right(question), rng)
+    return spoil_answer(_answer_right(question), rng)
 
 
-def once_one_wrong(question: Question, prompt: Prompt, rng: Rng) -> Any:
-    """Wrong until it is told so."""
-    right = _right(question)
-    return right if question.rejections else always_one_wrong(question, prompt, rng)
+def answer_first_wrong(question: Question, prompt: Prompt, rng: Rng) -> Any:
+    """Answer wrong until the error is reported."""
+    right = _answer_right(question)
+    return right if question.rejections else answer_one_wrong(question, prompt, rng)
 
 
-def _right(question: Question) -> dict[str, Any]:
+def _answer_right(question: Question) -> dict[str, Any]:
     """The rule's answer."""
     return load_backend("builtin").answer(question)
 
@@ -196,8 +198,8 @@ def run(tasks: tuple[Task, ...], how: Any, seed: int, tally: Tally) -> None:
 
 def main() -> int:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-    cases = [("random", at_random), ("one field wrong, always", always_one_wrong)]
-    cases.append(("one field wrong, until told", once_one_wrong))
+    cases = [("random", answer_at_random), ("one field wrong, always", answer_one_wrong)]
+    cases.append(("one field wrong, until told", answer_first_wrong))
     asked: list[tuple[str, tuple[Task, ...]]] = [("plan", ("plan",))]
     start, bad, total = perf_counter(), 0, 0
     print(

@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from model_planning import rows_of, told
+from model_planning import choose_rows, format_share
 from small_model import holds
 
 from scenewright import synthesize
@@ -63,7 +63,7 @@ class Counting:
 
 
 @contextmanager
-def served(environment: Path) -> Iterator[str]:
+def serve_weights(environment: Path) -> Iterator[str]:
     """The address of a server of the environment's weights."""
     weights = sorted(environment.glob("lib/python*/site-packages/**/*.gguf"))
     if not weights:
@@ -109,7 +109,7 @@ class Ends:
     bad: list[str] = field(default_factory=list)
 
 
-def plans(rows: Sequence[dict[str, Any]], model: Counting) -> None:
+def test_plans(rows: Sequence[dict[str, Any]], model: Counting) -> None:
     """Plans as in a run: at most three answers each."""
     intersection_map = load_map(DEFAULT_INTERSECTION)
     made, calls, unusable, empty = [], [], 0, 0
@@ -126,15 +126,15 @@ def plans(rows: Sequence[dict[str, Any]], model: Counting) -> None:
     result, n = score(rows, made), len(rows)
     first = sum(count == 1 for count in calls)
     print(f"plans of {n} instructions, {sum(calls)} answers")
-    print(f"  of use at the first answer: {told(PlanningShare(first, n))}")
-    print(f"  of use within three answers: {told(PlanningShare(n - unusable, n))}")
-    print(f"  without agents where some are told: {told(PlanningShare(empty, n))}")
-    print(f"  every field right: {told(result.all_fields)}")
+    print(f"  of use at the first answer: {format_share(PlanningShare(first, n))}")
+    print(f"  of use within three answers: {format_share(PlanningShare(n - unusable, n))}")
+    print(f"  without agents where some are named: {format_share(PlanningShare(empty, n))}")
+    print(f"  every field right: {format_share(result.all_fields)}")
     for name, share in result.fields.items():
-        print(f"    {name}: {told(share)}")
+        print(f"    {name}: {format_share(share)}")
 
 
-def runs(rows: Sequence[dict[str, Any]], model: Counting, *, asked: Sequence[Task]) -> Ends:
+def test_runs(rows: Sequence[dict[str, Any]], model: Counting, *, asked: Sequence[Task]) -> Ends:
     """Whole runs in which the model is asked these questions, and the rule the others."""
     found, rule = Ends(), load_backend("builtin")
     speakers: dict[Task, Backend] = {task: model if task in asked else rule for task in TASKS}
@@ -165,8 +165,8 @@ def _end(row: dict[str, Any], backend: Backend, found: Ends) -> str:
     if not holds(scene):
         found.bad.append(f"a false label: {row['text'][:80]}")
     made = plan_to_row(row["id"], scene.state["social_graph"])
-    told_so = compare(row["expected"], made)
-    if told_so.get("relations") and told_so.get("agents"):
+    right = compare(row["expected"], made)
+    if right.get("relations") and right.get("agents"):
         return "verified, agents and relations as labelled"
     return "verified, something else" if made["relations"] else "verified, nothing happens"
 
@@ -177,7 +177,7 @@ def report(name: str, found: Ends) -> None:
         f"{name}: {n} runs, answers {sum(found.calls) / n:.1f} on average, {max(found.calls)} most"
     )
     for end, count in found.ends.most_common():
-        print(f"  {end}: {told(PlanningShare(count, n))}")
+        print(f"  {end}: {format_share(PlanningShare(count, n))}")
     for why, count in found.reasons.most_common(6):
         print(f"    {count} x {why}")
     print(f"  false labels, tracebacks, refusals without a word: {len(found.bad)}")
@@ -185,15 +185,15 @@ def report(name: str, found: Ends) -> None:
         print(f"BAD {each}")
 
 
-def measured(url: str, options: argparse.Namespace) -> int:
-    rows = rows_of(options.plans, options.seed, part=options.part)
+def measure_server(url: str, options: argparse.Namespace) -> int:
+    rows = choose_rows(options.plans, options.seed, part=options.part)
     wanted = [row for row in rows if not row["expected"]["refused"]][: options.runs]
     os.environ.setdefault("SCENEWRIGHT_API_KEY", "none")
     model = Counting(
         load_backend(f"openai:{NAME}", base_url=url, timeout=ANSWERS_WITHIN, record=options.record)
     )
-    plans(rows, model)
-    whole = runs(wanted, model, asked=TASKS)
+    test_plans(rows, model)
+    whole = test_runs(wanted, model, asked=TASKS)
     report("every question put to the model", whole)
     return 1 if whole.bad else 0
 
@@ -209,13 +209,13 @@ def main() -> int:
     parser.add_argument("--part", choices=("development", "test"), default="test")
     options = parser.parse_args()
     if options.url is not None:
-        return measured(options.url, options)
+        return measure_server(options.url, options)
     if options.environment is None:
         print(NOTE)
         return 0
     start = time.monotonic()
-    with served(options.environment) as url:
-        code = measured(url, options)
+    with serve_weights(options.environment) as url:
+        code = measure_server(url, options)
     print(f"{(time.monotonic() - start) / 60:.0f} minutes")
     return code
 

@@ -72,7 +72,7 @@ def run_in_threads(
 ) -> tuple[list[str], float, float]:
     """Results in order, wall and processor seconds; a traceback is a result of its own."""
 
-    def caught(job: Any) -> str:
+    def run_caught(job: Any) -> str:
         try:
             return work(job)
         except Exception:
@@ -81,7 +81,7 @@ def run_in_threads(
     planner._KNOWN._known.clear()
     wall, processor = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(caught, jobs))
+        found = list(pool.map(run_caught, jobs))
     return found, time.perf_counter() - wall, time.process_time() - processor
 
 

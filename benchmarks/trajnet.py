@@ -92,12 +92,12 @@ def run(
     model: str, fold: str, recordings: dict[str, BenchmarkRecording], out: Path, recipe: Recipe
 ) -> None:
     predictor: Predictor | None = None
-    for goals in kinds_of_goals(model):
+    for goals in list_goals(model):
         target = out / f"{fold}.{model}.{goals}.json"
         if target.exists():
             continue
         if predictor is None:
-            predictor = made(model, fold, recordings, out, recipe)
+            predictor = make_predictions(model, fold, recordings, out, recipe)
             if predictor is None:
                 return
         began = time.process_time()
@@ -114,12 +114,12 @@ def run(
         )
 
 
-def kinds_of_goals(model: str) -> tuple[Goals, ...]:
-    told = model in ("refiner", "polished", "raw", "no_pooling")
-    return ("none", "destination", "horizon") if told else ("none",)
+def list_goals(model: str) -> tuple[Goals, ...]:
+    uses_goals = model in ("refiner", "polished", "raw", "no_pooling")
+    return ("none", "destination", "horizon") if uses_goals else ("none",)
 
 
-def made(
+def make_predictions(
     model: str, fold: str, recordings: dict[str, BenchmarkRecording], out: Path, recipe: Recipe
 ) -> Predictor | None:
     others = [each for name, each in recordings.items() if name != fold]
@@ -182,14 +182,14 @@ def report(out: Path) -> str:
         ]
         for file in sorted(out.glob("*.*.*.json"))
     }
-    columns = [(m, g) for m in MODELS for g in kinds_of_goals(m)]
+    columns = [(m, g) for m in MODELS for g in list_goals(m)]
     have = {c: [f for f in FOLDS if (f, *c) in scores] for c in columns}
     lines = ["Type III, each fold left out in turn; intervals from drawing people anew.", "",
              "| model | folds | scenes | ADE [m] | FDE [m] | Col-I [%] | Col-II [%] "
              "| ADE / constant velocity |", "|---|---|---|---|---|---|---|---|"]  # fmt: skip
     for column, folds in have.items():
         if folds:
-            lines.append(pooled(column, folds, scores))
+            lines.append(format_pooled(column, folds, scores))
     for name, ade, fde, col in PUBLISHED:
         lines.append(f"| *{name}, published: official test, another split* | | | {ade} | {fde} "
                      f"| {col} | | |")  # fmt: skip
@@ -197,20 +197,20 @@ def report(out: Path) -> str:
               "|---|---|" + "---|" * sum(1 for c in columns if have[c])]  # fmt: skip
     for fold in FOLDS:
         if (fold, "cv", "none") in scores:
-            lines.append(by_fold(fold, [c for c in columns if have[c]], scores))
+            lines.append(format_fold(fold, [c for c in columns if have[c]], scores))
     return "\n".join(lines)
 
 
-def interacting(scores: list[SceneScore]) -> list[SceneScore]:
+def select_interacting(scores: list[SceneScore]) -> list[SceneScore]:
     return [s for s in scores if s.type == 3]
 
 
 Scores = dict[tuple[str, ...], list[SceneScore]]
 
 
-def pooled(column: tuple[str, str], folds: list[str], scores: Scores) -> str:
-    mine = [s for f in folds for s in interacting(scores[f, *column])]
-    straight = [s for f in folds for s in interacting(scores[f, "cv", "none"])]
+def format_pooled(column: tuple[str, str], folds: list[str], scores: Scores) -> str:
+    mine = [s for f in folds for s in select_interacting(scores[f, *column])]
+    straight = [s for f in folds for s in select_interacting(scores[f, "cv", "none"])]
     people = sorted({s.person for s in mine})
     place = {person: k for k, person in enumerate(people)}
     whose = np.array([place[s.person] for s in mine])
@@ -231,18 +231,18 @@ def pooled(column: tuple[str, str], folds: list[str], scores: Scores) -> str:
     ratios = (draws @ sums[0]) / (draws @ sums[1])
     low, high = np.percentile(ratios, (2.5, 97.5))
     cells.append(f"{sums[0].sum() / sums[1].sum():.3f} ({low:.3f} to {high:.3f})")
-    name = column[0] if column[1] == "none" else f"{column[0]}, told the {column[1]}"
+    name = column[0] if column[1] == "none" else f"{column[0]}, {column[1]} given"
     return f"| {name} | {len(folds)} | {len(mine)} | " + " | ".join(cells) + " |"
 
 
-def by_fold(fold: str, columns: list[tuple[str, str]], scores: Scores) -> str:
+def format_fold(fold: str, columns: list[tuple[str, str]], scores: Scores) -> str:
     cells = []
     for column in columns:
-        mine = interacting(scores.get((fold, *column), []))
+        mine = select_interacting(scores.get((fold, *column), []))
         ade, fde = (np.mean([getattr(s, m) for s in mine]) if mine else 0 for m in ("ade", "fde"))
         hit = 100 * np.mean([bool(s.col1) for s in mine]) if mine else 0
         cells.append(f"{ade:.3f} / {fde:.3f} / {hit:.1f}" if mine else "")
-    count = len(interacting(scores[fold, "cv", "none"]))
+    count = len(select_interacting(scores[fold, "cv", "none"]))
     return f"| {fold} | {count} | " + " | ".join(cells) + " |"
 
 

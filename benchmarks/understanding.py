@@ -14,7 +14,7 @@ there already is not made again. The report is printed and lies in DIR/report. C
 are measured apart, as wall time depends on what else the machine does.
 
 A language model is asked by file, as in `model_planning.py`: `ask` writes the open questions about
-100 clips of the first 160 test scenes to DIR/agent/questions.jsonl; whoever answers writes one line
+100 clips of the first 160 test scenes to DIR/agent/questions.jsonl; the answers go, one line
 per question, {"key": ..., "reply": "..."}, to DIR/agent/answers.jsonl; then `ask` again, as an
 answer that does not fit is asked about once more, until no question is open; then `agent`.
 """
@@ -140,8 +140,8 @@ AGENT_SCENES, AGENT_CLIPS, AGENT_WINDOW = 160, 100, 4.0
 Row = tuple[str, str, int]
 
 
-def rows(number: int, seed: int, half: Split) -> list[Row]:
-    """(id, text, seed) of every scene of a half; ids tell nothing of what is in them."""
+def list_rows(number: int, seed: int, half: Split) -> list[Row]:
+    """(id, text, seed) of every scene of a half; ids say nothing of their content."""
     rng, found = random.Random(f"understanding {seed}"), list[Row]()
     kinds = [texts for texts, share in MIX for _ in range(share)]
     for n in count():
@@ -160,10 +160,10 @@ def make(folder: Path, listed: Sequence[Row], *, workers: int) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     missing = [row for row in listed if not (folder / row[0] / "scene.json").is_file()]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        return sum(pool.map(partial(_made, folder), missing, chunksize=8))
+        return sum(pool.map(partial(_make_scene, folder), missing, chunksize=8))
 
 
-def _made(folder: Path, row: Row) -> int:
+def _make_scene(folder: Path, row: Row) -> int:
     name, text, seed = row
     try:
         synthesize(text, seed=seed, refiner="none").save(folder / name)
@@ -172,7 +172,7 @@ def _made(folder: Path, row: Row) -> int:
     return 0
 
 
-def cpu_seconds(cases: list[SceneCase], name: str, *, window: float = 4.0) -> float:
+def measure_cpu_seconds(cases: list[SceneCase], name: str, *, window: float = 4.0) -> float:
     """CPU seconds a scene."""
     method = find_method(name, intersection=cases[0].record.meta.intersection)
     taken = []
@@ -184,7 +184,7 @@ def cpu_seconds(cases: list[SceneCase], name: str, *, window: float = 4.0) -> fl
     return mean(taken[1:])
 
 
-def evaluated(folder: Path, name: str) -> MethodScores:
+def evaluate_method(folder: Path, name: str) -> MethodScores:
     """A method's figures on the test half of a folder."""
     cases = sorted(load_cases(folder, split="test"), key=lambda each: each.code)
     if name == "trajnet":
@@ -194,9 +194,9 @@ def evaluated(folder: Path, name: str) -> MethodScores:
     )
 
 
-def agent_cases(folder: Path) -> list[SceneCase]:
+def list_agent_cases(folder: Path) -> list[SceneCase]:
     """The clips about which a language model is asked."""
-    names = [name for name, _, _ in rows(AGENT_SCENES, SEEDS["test"], "test")]
+    names = [name for name, _, _ in list_rows(AGENT_SCENES, SEEDS["test"], "test")]
     made = [folder / "test" / name for name in names if (folder / "test" / name).is_dir()]
     return cut_clips(map(read_source, made))[:AGENT_CLIPS]
 
@@ -205,7 +205,7 @@ def ask(folder: Path) -> int:
     """Writes the questions that are open; how many they are."""
     place = folder / "agent"
     place.mkdir(exist_ok=True)
-    by_file, cases = ByFile(place), agent_cases(folder)
+    by_file, cases = ByFile(place), list_agent_cases(folder)
     method = find_method(
         "agent", intersection=cases[0].record.meta.intersection, backend=TextBackend(by_file)
     )
@@ -220,7 +220,7 @@ def ask(folder: Path) -> int:
 
 def score_agent(folder: Path) -> None:
     """Scores the agent by its answers, beside the methods that need none, on the same clips."""
-    cases, by_file = agent_cases(folder), TextBackend(ByFile(folder / "agent"))
+    cases, by_file = list_agent_cases(folder), TextBackend(ByFile(folder / "agent"))
     found = [
         evaluate(cases, name, windows=(AGENT_WINDOW,), backend=by_file)
         for name in ("agent", "reasoner", "constant_velocity", "oracle_seen")
@@ -233,7 +233,7 @@ def score_agent(folder: Path) -> None:
 def guess_blindly(cases: Sequence[SceneCase]) -> tuple[float, float, float]:
     """AUC of boosted trees that see lengths and numbers of agents alone, with 95 % bounds.
 
-    They are to tell clips with an event from those without, five folds by scene.
+    They separate clips with an event from those without, five folds by scene.
     """
     from sklearn.ensemble import HistGradientBoostingClassifier
     from sklearn.metrics import roc_auc_score
@@ -264,13 +264,13 @@ def score(folder: Path, *, workers: int) -> None:
     place = cases[0].record.meta.intersection
     names = [*METHODS, *(["trajnet"] if ships_refiner(place) else [])]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(partial(evaluated, folder / "test"), names))
+        found = list(pool.map(partial(evaluate_method, folder / "test"), names))
     text = format_report(found, scenes=len(cases), split="test", where=place)
     if "trajnet" in names:
         text += f"\ntrajnet: the first {min(FEW, len(cases))} of the scenes.\n"
     slow = [name for name in names if name != "trajnet"]
     text += "\nCPU seconds a scene at 4 s: " + ", ".join(
-        f"{name} {cpu_seconds(cases, name):.4f}" for name in slow
+        f"{name} {measure_cpu_seconds(cases, name):.4f}" for name in slow
     )
     auc, low, high = guess_blindly(cases)
     text += f"\nlengths and counts alone: AUC {auc:.2f} [{low:.2f}, {high:.2f}]"
@@ -292,8 +292,8 @@ def tune(folder: Path, *, workers: int) -> None:
 
 
 @contextmanager
-def told(step: str) -> Iterator[None]:
-    """Says how long a step took."""
+def time_step(step: str) -> Iterator[None]:
+    """Print how long a step took."""
     before = time.perf_counter()
     yield
     print(f"{step}: {time.perf_counter() - before:.0f} s", file=sys.stderr, flush=True)
@@ -312,7 +312,7 @@ def main() -> None:
     given = words.parse_args()
     steps = ("dev", "tune", "test", "score") if given.step == "all" else (given.step,)
     for step in steps:
-        with told(step):
+        with time_step(step):
             if step == "tune":
                 tune(given.folder, workers=given.workers)
             elif step == "ask":
@@ -323,7 +323,7 @@ def main() -> None:
                 score(given.folder, workers=given.workers)
             else:
                 half: Split = "dev" if step == "dev" else "test"
-                listed = rows(getattr(given, step), SEEDS[step], half)
+                listed = list_rows(getattr(given, step), SEEDS[step], half)
                 refused = make(given.folder / step, listed, workers=given.workers)
                 print(f"{len(listed)} rows, {refused} refused", file=sys.stderr, flush=True)
 

@@ -1,4 +1,4 @@
-"""What the refiner of an intersection knows of walkers: TrajNet++ recordings, told nothing.
+"""What the refiner of an intersection knows of walkers: TrajNet++ recordings, without goals.
 
     python benchmarks/walkers.py FILE.ndjson... [--weights W.safetensors] [--intersection NAME]
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Proof
 from scenewright.scene.map import Crosswalk, IntersectionMap, Leg, PolygonWithHoles, StopLine
 from scenewright.scene.record import (
     AgentRecord,
@@ -16,11 +17,17 @@ from scenewright.scene.record import (
     SceneRecord,
     SignalRecord,
 )
-from scenewright.scene.track import PEDESTRIAN, Shape, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Shape, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 
-CAR = vehicle_shape("car")
+CAR = get_vehicle_shape("car")
 EAST, NORTH, WEST, SOUTH = (k * np.pi / 2 for k in range(4))
+
+
+def list_rules(proof: Proof) -> set[str]:
+    """List the rules that the findings of a proof break."""
+    groups = (proof.missing, proof.interference, proof.implausible, proof.signal_violations)
+    return {finding.rule for group in groups for finding in group}
 
 
 def distance(v0: float, *phases: tuple[float, float]) -> FloatArray:

@@ -15,11 +15,11 @@ from scenewright.scene.candidates import (
     Path,
 )
 from scenewright.scene.map import Route
-from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Shape, get_vehicle_shape
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 EAST, NORTH, WEST, SOUTH = 0.0, np.pi / 2, np.pi, -np.pi / 2
-CAR = vehicle_shape("car")
+CAR = get_vehicle_shape("car")
 BARE = Landmarks(line=None, crosswalks=(), group=None)
 
 SOUTHBOUND = Route(

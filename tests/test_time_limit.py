@@ -15,7 +15,7 @@ from scenewright.time_limit import (
     check_time,
     find_time_left,
     limit_time,
-    stopped_clock,
+    stop_clock,
 )
 
 TEXT = "A vehicle yields to a pedestrian at 8 am"
@@ -44,7 +44,7 @@ def test_the_earlier_of_two_limits_counts(now: list[float]) -> None:
 
 def test_what_passes_while_the_clock_stands_does_not_count(now: list[float]) -> None:
     with limit_time(5.0), limit_time(3.0):
-        with stopped_clock():
+        with stop_clock():
             now[0] = 150.0
         check_time()
         now[0] = 152.9

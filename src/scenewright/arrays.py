@@ -1,4 +1,4 @@
-"""Plain arrays from .npz files that anybody may have written."""
+"""Plain arrays from untrusted .npz files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scenewright.errors import InputError
 
 MOST_BYTES = 2_000_000_000
-"""More than this no file may unpack to: a few kilobytes can stand for any number of zeros."""
+"""Largest unpacked size of a file: a few kilobytes can encode any number of zeros."""
 
 _FAULTS = (
     OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, NotImplementedError,

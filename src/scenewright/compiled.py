@@ -19,7 +19,7 @@ from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from scenewright.time_limit import stopped_clock
+from scenewright.time_limit import stop_clock
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
@@ -49,7 +49,7 @@ class _CompiledFunction:
 
     def __call__(self, *arguments: Any) -> Any:
         if "_dispatcher" not in vars(self):
-            with stopped_clock():  # the first call compiles
+            with stop_clock():  # the first call compiles
                 return self._dispatcher(*arguments)
         return self._dispatcher(*arguments)
 

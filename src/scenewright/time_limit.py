@@ -29,10 +29,10 @@ class TimeLimitReachedError(Exception):
         self.seconds = seconds
 
 
-class _Clock:
+class _Deadline:
     """When the time is over, by `time.monotonic` [s], and how much was allowed."""
 
-    def __init__(self, seconds: float, outer: _Clock | None) -> None:
+    def __init__(self, seconds: float, outer: _Deadline | None) -> None:
         self.seconds, self._outer = seconds, outer
         self._ends = time.monotonic() + seconds
 
@@ -43,10 +43,10 @@ class _Clock:
         if self._outer is not None:
             self._outer.check()
 
-    def left(self) -> float:
+    def compute_time_left(self) -> float:
         """Seconds until this or an outer clock runs out."""
         own = self._ends - time.monotonic()
-        return own if self._outer is None else min(own, self._outer.left())
+        return own if self._outer is None else min(own, self._outer.compute_time_left())
 
     def extend(self, seconds: float) -> None:
         """Puts the end off, of the outer clocks too."""
@@ -55,7 +55,7 @@ class _Clock:
             self._outer.extend(seconds)
 
 
-_running: ContextVar[_Clock | None] = ContextVar("running", default=None)
+_running: ContextVar[_Deadline | None] = ContextVar("running", default=None)
 
 
 @contextmanager
@@ -64,7 +64,7 @@ def limit_time(seconds: float | None) -> Iterator[None]:
     if seconds is None:
         yield
         return
-    token = _running.set(_Clock(seconds, _running.get()))
+    token = _running.set(_Deadline(seconds, _running.get()))
     try:
         yield
     finally:
@@ -81,12 +81,12 @@ def check_time() -> None:
 def find_time_left() -> float | None:
     """Seconds until the time is over; None where there is no limit."""
     clock = _running.get()
-    return None if clock is None else clock.left()
+    return None if clock is None else clock.compute_time_left()
 
 
 @contextmanager
-def stopped_clock() -> Iterator[None]:
-    """What passes within it does not count."""
+def stop_clock() -> Iterator[None]:
+    """Stop the clock: time within it does not count."""
     clock, since = _running.get(), time.monotonic()
     try:
         yield

@@ -16,11 +16,11 @@ import numpy as np
 
 from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import synthesize
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, read_users
 from scenewright.tools.track_io.external_tracks import read_csv
 
-CAR, TRUCK = vehicle_shape("car"), vehicle_shape("truck")
+CAR, TRUCK = get_vehicle_shape("car"), get_vehicle_shape("truck")
 INSTRUCTIONS = Path(__file__).parents[2] / "examples" / "instructions.txt"
 RECORDINGS = "SCENEWRIGHT_DATA"
 """Environment variable: a folder that holds `vehicle_tracks_*.csv` of the TAF-BW data set."""

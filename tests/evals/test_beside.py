@@ -11,14 +11,14 @@ from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.evals.tables.beside import match_windows, shorten_scene
 from scenewright.evals.tables.diversity import CorpusWindows, compare_speeds
 from scenewright.evals.tables.nearness import ObservedTracks, observe_scenes
-from scenewright.scene.track import Track, vehicle_shape
+from scenewright.scene.track import Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 
 
 def driver(number: int, start: float, until: float, *, speed: float = 5.0) -> RoadUser:
     count = round((until - start) / 0.1) + 1
     xy = np.stack([speed * 0.1 * np.arange(count), np.full(count, 20.0 * number)], axis=1)
-    return RoadUser(number, Track(xy, np.zeros(count), start), vehicle_shape())
+    return RoadUser(number, Track(xy, np.zeros(count), start), get_vehicle_shape())
 
 
 def scene(*starts: float, until: float = 30.0) -> SceneTracks:

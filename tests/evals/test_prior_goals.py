@@ -22,7 +22,7 @@ from scenewright.evals.realism.rollout_tasks import (
     move_goals_to_prior,
     sample_prior_goals,
 )
-from scenewright.scene.track import Track, vehicle_shape
+from scenewright.scene.track import Track, get_vehicle_shape
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.map_import import import_map
 from scenewright.tools.track_io import RecordedAgent, Recording
@@ -44,7 +44,7 @@ def recording(*, beside: float = 0.4, speed: float = 8.0) -> Recording:
     ahead /= np.hypot(*ahead.T)[:, None]
     xy = xy + beside * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     track = Track(xy, np.zeros(len(xy)), 0.0)
-    agent = RecordedAgent(track, vehicle_shape("car"), "car", route=ROUTE)
+    agent = RecordedAgent(track, get_vehicle_shape("car"), "car", route=ROUTE)
     return Recording("here", 0.0, 30.0, (agent,))
 
 

@@ -40,7 +40,7 @@ from scenewright.evals.realism.stops import (
 )
 from scenewright.graph.run import synthesize
 from scenewright.intersections import load_map
-from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, build_trajectory
 from scenewright.tools.track_io import RecordedAgent, Recording, save_recordings
 
@@ -155,7 +155,7 @@ def ride(*, speed=8.0, braking=2.0, wait=3.0, starting=1.0, cruise=3.0):
 def mover(s, *, shape=None, origin=(0.0, 0.0), heading=0.0):
     way = np.array([np.cos(heading), np.sin(heading)])
     track = Track(np.array(origin) + s[:, None] * way, np.full(len(s), heading), 0.0)
-    return build_trajectory(RoadUser(1, track, shape or vehicle_shape()))
+    return build_trajectory(RoadUser(1, track, shape or get_vehicle_shape()))
 
 
 def test_a_stop_is_measured_as_it_was_driven():
@@ -184,7 +184,7 @@ def test_the_gap_to_the_stop_line_is_from_the_front_bumper(intersection_map, leg
     middle = np.array(line.line).mean(axis=0)
     bearing = next(each.bearing for each in intersection_map.legs if each.name == leg)
     inwards = -np.array([np.cos(bearing), np.sin(bearing)])
-    length = vehicle_shape().length
+    length = get_vehicle_shape().length
     for gap in (0.5, 3.0):
         place = middle - inwards * (gap + length / 2)
         here = mover(np.zeros(9), origin=place, heading=bearing + np.pi)
@@ -266,7 +266,7 @@ def test_requests_are_the_same_for_any_refiner_and_mostly_yields():
 
 def agent(xs, y, *, start=0.0, shape=None, subtype="car"):
     xy = np.column_stack([xs, np.full(len(xs), y)])
-    return RecordedAgent(Track(xy, np.zeros(len(xs)), start), shape or vehicle_shape(), subtype)
+    return RecordedAgent(Track(xy, np.zeros(len(xs)), start), shape or get_vehicle_shape(), subtype)
 
 
 def even_traffic(name, *, speed, seconds=61.0):
@@ -307,7 +307,7 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
     free = mover(np.arange(0.0, 80.0, 0.8))
     held = mover(ride())
     users = [
-        RoadUser(k, Track(m.xy, m.heading, 0.0), vehicle_shape())
+        RoadUser(k, Track(m.xy, m.heading, 0.0), get_vehicle_shape())
         for k, m in enumerate((free, held))
     ]
     clusters = list_scene_agents([SceneTracks(tuple(users))])
@@ -351,7 +351,7 @@ def test_motion_is_compared_in_the_shares_of_another_set():
     """Nine cars drive on and one stops; asked for half and half, eight of the nine count less."""
     driving, held = mover(np.arange(0.0, 80.0, 0.8)), mover(ride())
     users = [
-        RoadUser(k, Track(m.xy, m.heading, 0.0), vehicle_shape())
+        RoadUser(k, Track(m.xy, m.heading, 0.0), get_vehicle_shape())
         for k, m in enumerate([*[driving] * 9, held])
     ]
     clusters = list_scene_agents([SceneTracks(tuple(users))])

@@ -21,10 +21,10 @@ from scenewright.evals.realism.street_measures import (
     find_reactions,
 )
 from scenewright.evals.realism.two_sample import compare_windows, compute_auc, split_halves
-from scenewright.scene.track import PEDESTRIAN, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 
-CAR = vehicle_shape("car")
+CAR = get_vehicle_shape("car")
 TIMES = 0.1 * np.arange(120)
 
 

@@ -19,7 +19,7 @@ from scenewright.evals.realism.rollouts import (
     main,
     run_refiner,
 )
-from scenewright.scene.track import Track, vehicle_shape
+from scenewright.scene.track import Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
@@ -34,7 +34,7 @@ def recording(seconds: float = 30.0) -> Recording:
         np.column_stack([10.0 * t - 0.15 * t**2, np.full_like(t, 50.0)]),
     ]
     agents = tuple(
-        RecordedAgent(Track(xy, np.zeros(len(xy)), 0.0), vehicle_shape("car")) for xy in tracks
+        RecordedAgent(Track(xy, np.zeros(len(xy)), 0.0), get_vehicle_shape("car")) for xy in tracks
     )
     return Recording("here", 0.0, seconds, agents, split="test")
 

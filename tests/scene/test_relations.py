@@ -38,7 +38,7 @@ def names(pattern) -> dict[str, str]:
 
 def clauses(pattern):
     first, second = names(pattern).values()
-    lines = [pattern.filled(line, from_=first, to=second) for line in pattern.clauses]
+    lines = [pattern.fill(line, from_=first, to=second) for line in pattern.clauses]
     return parse("\n".join(lines)).clauses
 
 
@@ -91,10 +91,10 @@ def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
     }  # fmt: skip
     for clause in clauses(pattern):
         figure = aims.get(type(clause))
-        if figure in pattern.bounds():
-            assert pattern.bounds()[figure] == (clause.low, clause.high)
+        if figure in pattern.compute_bounds():
+            assert pattern.compute_bounds()[figure] == (clause.low, clause.high)
     usual = {"pet"} if pattern.relation == "near_miss" else set()
-    assert set(pattern.bounds()) == _BOUNDED.get(pattern.id, usual)
+    assert set(pattern.compute_bounds()) == _BOUNDED.get(pattern.id, usual)
     assert pattern.proof.event == EVENT_OF_RELATION[pattern.relation]
     usual = "to" if pattern.relation == "yield_to" else None
     assert pattern.order == ("from" if pattern.manoeuvre == "cuts_in" else usual)

@@ -62,7 +62,7 @@ VEHICLE = 'type = "vehicle"\nmovements = ["straight"]'
         ('{ pet = "gap" }', '{ pet = "way" }', "proof.within.pet: expected a threshold [low,"),
         ('relation = "near_miss"', 'relation = "kiss"', "relation: Input should be 'collide_at'"),
         ('zone = "conflict"', 'zone = "sky"', "zone: Input should be 'crosswalk'"),
-        ('zone = "conflict"', 'zone = "crosswalk"', "zone: 'crosswalk' needs somebody"),
+        ('zone = "conflict"', 'zone = "crosswalk"', "zone: 'crosswalk' needs a role with"),
         ('zone = "conflict"', 'zone = "lane"', "zone: 'lane' needs a geometry of cutting_in"),
         ('violator = "from"', "weight = 0", "weight: Input should be greater than 0, got 0"),
         ('violator = "from"', "weight = -1", "weight: Input should be greater than 0, got -1"),
@@ -175,7 +175,7 @@ def test_a_missing_folder_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_other_files_of_the_folder_are_left_alone(folder: Path) -> None:
     (folder / "README.md").write_text("not a relation", "utf-8")
     (folder / "mine.toml").write_text(EXAMPLE, "utf-8")
-    assert get_pattern("noses_out").bounds() == {"pet": (0.7, 1.1)}
+    assert get_pattern("noses_out").compute_bounds() == {"pet": (0.7, 1.1)}
 
 
 def test_a_file_with_a_shipped_id_replaces_it(folder: Path) -> None:

@@ -31,4 +31,4 @@ def test_a_u_turn_meets_oncoming_traffic_and_has_the_light_of_its_leg() -> None:
     turn = place.uturns[0]
     assert frozenset((turn.id, "south>north:straight")) in place.zone_pairs
     assert frozenset((turn.id, "south:crosswalk")) not in place.zone_pairs
-    assert place.signal_group_of(make_route(turn)) == "avenue"
+    assert place.find_signal_group(make_route(turn)) == "avenue"

@@ -34,7 +34,7 @@ from scenewright.time_limit import (
     DEFAULT_LIMIT,
     TimeLimitReachedError,
     limit_time,
-    stopped_clock,
+    stop_clock,
 )
 from scenewright.tools.gmm_sampler import load_priors
 
@@ -187,7 +187,7 @@ def build_agent(
 
     def think(state: AgentState) -> dict[str, Any]:
         try:
-            with stopped_clock():
+            with stop_clock():
                 said = bound.invoke(state["messages"])
         except (InputError, BackendFault):
             raise

@@ -10,7 +10,7 @@ from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import RelationEdge, SocialGraph
-from scenewright.scene.track import vehicle_shape
+from scenewright.scene.track import get_vehicle_shape
 
 _SHARES = (1.0, 0.7, 0.4)
 """Shares of the background kept where all agents are drawn anew and there is no room for all."""
@@ -145,7 +145,7 @@ def _fit_agent(name: str, agent: SelectedAgent, revision: Revision) -> SelectedA
     candidate = agent.candidate
     node = revision.graph.agent(name)
     if node.subtype is not None and node.subtype != candidate.subtype:
-        candidate = replace(candidate, subtype=node.subtype, shape=vehicle_shape(node.subtype))
+        candidate = replace(candidate, subtype=node.subtype, shape=get_vehicle_shape(node.subtype))
     return replace(without_edits(agent), candidate=candidate)
 
 

@@ -131,7 +131,7 @@ def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarific
 
     Of words that it cannot read as a whole, a part that it can is offered, and said to be a part.
     """
-    from scenewright.backends.offline import plan, build_site
+    from scenewright.backends.offline import build_site, plan
     from scenewright.tools.map_grounding.grounding import can_ground
 
     serves = partial(can_ground, intersection_map=intersection_map)

@@ -194,7 +194,7 @@ def _loosen(pins: FrozenAgents, revision: Revision, refused: Unsatisfiable) -> F
     foreground = {each.id for each in revision.graph.agents}
     blamed = {name for each in refused.rejections for name in each.agents} - foreground
     blamed &= pins.fixed.keys()
-    return pins.without(blamed) if blamed else None
+    return pins.release(blamed) if blamed else None
 
 
 def build_previous_version(scene: Scene) -> PreviousVersion:

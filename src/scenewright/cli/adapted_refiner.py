@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from scenewright.intersections import REFINER_WEIGHTS
-from scenewright.scene.track import PEDESTRIAN, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.recording import Split
 from scenewright.tools.track_io.track_files import FileTracks
@@ -73,7 +73,7 @@ def _split_recordings(name: str, file: FileTracks) -> Iterator[Recording]:
 
 def _build_agent(seen: tuple[str, Track]) -> RecordedAgent:
     kind, track = seen
-    shape = PEDESTRIAN if kind == "pedestrian" else vehicle_shape(kind)
+    shape = PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind)
     return RecordedAgent(track, shape, complete=False)
 
 

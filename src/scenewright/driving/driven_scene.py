@@ -1,4 +1,4 @@
-"""A drive as a scene: what everybody did, with the relation checker's proof on it."""
+"""A drive as a scene: the motion of all agents, with the relation checker's proof of it."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _drive_agent(drive: Drive, k: int) -> AgentRecord | None:
     part = slice(steps[0], steps[-1] + 1)
     return one.record.agents[k].model_copy(update={  # type: ignore[union-attr]
         "spawn_time": round(float(steps[0]) * one.step, 3),
-        "trajectory": _to_points(xy[part]),
+        "trajectory": _convert_to_points(xy[part]),
         "heading": tuple(np.unwrap(heading[part]).round(4).tolist()),
         "waypoints": (),
         "segments": (),
@@ -117,7 +117,7 @@ def _collect_track(drive: Drive, k: int) -> tuple[FloatArray, FloatArray, FloatA
     )
 
 
-def _to_points(xy: FloatArray) -> tuple[Point, ...]:
+def _convert_to_points(xy: FloatArray) -> tuple[Point, ...]:
     x, y = xy.round(3).T.tolist()
     return tuple(zip(x, y, strict=True))
 

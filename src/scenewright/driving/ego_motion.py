@@ -85,7 +85,7 @@ def _move_along_route(
 ) -> EgoState:
     speed = _change_speed(state, acceleration, step)
     progress = min(state.progress + speed * step, route.length)
-    xy, heading = route.at(np.array([progress]))
+    xy, heading = route.get_poses(np.array([progress]))
     return replace(
         state, x=float(xy[0, 0]), y=float(xy[0, 1]), heading=float(heading[0]), speed=speed,
         acceleration=(speed - state.speed) / step, progress=progress, offset=0.0,

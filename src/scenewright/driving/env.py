@@ -73,12 +73,12 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
         super().reset(seed=seed)
         rng = np.random.default_rng(self._seed if seed is None else seed)
         self.world = start_world(self.scenario, make_traffic(self._others), self._mode, rng=rng)
-        return self._observer.observe(self.world), self._info(self.world)
+        return self._observer.observe(self.world), self._build_info(self.world)
 
     def step(
         self, action: FloatArray
     ) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Move everybody by 0.1 s."""
+        """Advance the simulation by 0.1 s."""
         world = self.world
         if world is None:
             raise RuntimeError("call reset before step")
@@ -89,7 +89,7 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
         reward += COLLISION_REWARD if world.hit is not None else 0.0
         terminated = world.end in ("collision", "arrived")
         seen = self._observer.observe(world)
-        return seen, float(reward), terminated, world.end == "over", self._info(world)
+        return seen, float(reward), terminated, world.end == "over", self._build_info(world)
 
     def render(self) -> Any:
         """The bird's-eye picture [96, 96, 3]."""
@@ -99,7 +99,7 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
             return None
         return draw_raster(self._observer.observe(self.world)).transpose(1, 2, 0)
 
-    def _info(self, world: World) -> dict[str, Any]:
+    def _build_info(self, world: World) -> dict[str, Any]:
         hit = None if world.hit is None else self.scenario.names[world.hit]
         return {"time": round(world.step * self.scenario.step, 3), "end": world.end, "hit": hit}
 

@@ -106,7 +106,7 @@ class Observer:
         turn = others.heading[who] - world.ego.heading
         facing = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         rows = seen[: len(who)]
-        rows[:, :2] = np.clip(_to_ego(others.xy[who], world), -FARTHEST, FARTHEST)
+        rows[:, :2] = np.clip(_transform_to_ego(others.xy[who], world), -FARTHEST, FARTHEST)
         rows[:, 2:4] = facing
         rows[:, 4:6] = facing * others.speed[who, None]
         rows[:, 6:8] = one.sizes[who]
@@ -116,17 +116,17 @@ class Observer:
     def _observe_route(self, world: World) -> NDArray[np.generic]:
         route = self.scenario.paths[self.scenario.ego]
         s = world.ego.progress + ROUTE_SPACING * np.arange(ROUTE_POINTS, dtype=np.float64)
-        xy, heading = route.at(s)
+        xy, heading = route.get_poses(s)
         turn = heading - world.ego.heading
         there = s <= route.length + 1e-6
-        seen = np.column_stack([_to_ego(xy, world), np.cos(turn), np.sin(turn), there])
+        seen = np.column_stack([_transform_to_ego(xy, world), np.cos(turn), np.sin(turn), there])
         return np.where(there[:, None], np.clip(seen, -FARTHEST, FARTHEST), 0.0).astype(np.float32)
 
     def _observe_lights(self, world: World) -> NDArray[np.generic]:
         one = self.scenario
         seen = np.zeros(SHAPES["lights"], dtype=np.float32)
         for row, (light, s) in zip(seen, one.paths[one.ego].stops, strict=False):
-            colour = one.colour(light, world.step)
+            colour = one.get_colour(light, world.step)
             if colour == NO_LIGHT:
                 continue
             row[0], row[-1] = s - world.ego.progress, 1.0
@@ -135,12 +135,12 @@ class Observer:
 
     def _observe_map(self, world: World) -> NDArray[np.generic]:
         seen = np.zeros(SHAPES["map"], dtype=np.float32)
-        lines = _to_ego(self._lines, world).reshape(-1, MAP_POINTS, 2)
+        lines = _transform_to_ego(self._lines, world).reshape(-1, MAP_POINTS, 2)
         seen[: len(lines)] = np.clip(lines, -FARTHEST, FARTHEST)
         return seen
 
 
-def _to_ego(xy: FloatArray, world: World) -> FloatArray:
+def _transform_to_ego(xy: FloatArray, world: World) -> FloatArray:
     """Points of the map in the frame of the ego [m]."""
     c, s = np.cos(world.ego.heading), np.sin(world.ego.heading)
     return np.asarray((xy - (world.ego.x, world.ego.y)) @ np.array([[c, -s], [s, c]]))

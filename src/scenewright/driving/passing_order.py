@@ -1,9 +1,9 @@
-"""Who passes whom where: the order of a scene at every place where two ways meet, as tables.
+"""The order of passing of a scene at every place where two paths meet, as tables.
 
 The recorded scene has no contact, so that at every pair of places at which two road users would
-touch, one is there before the other. Whoever keeps that order and never enters such a place
-before the other has left it touches nobody, however late everybody becomes; and as the order is
-one of times, nobody waits in a circle.
+touch, one is there before the other. An agent that keeps that order and never enters such a place
+before the other has left it touches no other, however late all are; and as the order is
+one of times, there is no deadlock.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ PEDESTRIANS_APART = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class PassingOrder:
+class PassingOrderTables:
     """Tables of N agents with up to P points on their ways.
 
     Attributes:
         limits: [N, P, N] distance [m] along the way of the last agent that it may not pass while
             the first, which goes before it, is at that point; inf where nothing is in the way.
-        regardless: the same whoever goes first.
+        regardless: the same in either order.
         standing: [N, P, N] whether the first, at that point, stands somewhere on the way of the
             last.
         cells: by index of an agent [Pe, P] points at which the ego, at a point of its route, and
@@ -43,7 +43,7 @@ class PassingOrder:
 
 
 @lru_cache(maxsize=16)
-def find_passing_order(scenario: Scenario) -> PassingOrder:
+def find_passing_order(scenario: Scenario) -> PassingOrderTables:
     """The order of a scene; the ego has none, as it may do what it likes."""
     n = len(scenario.names)
     points = max(len(path.xy) for path in scenario.paths)
@@ -66,7 +66,7 @@ def find_passing_order(scenario: Scenario) -> PassingOrder:
             for a, b, cell, before in ((i, j, met, first), (j, i, met.T, ~first.T)):
                 _write(regardless, standing, scenario, int(a), int(b), cell)
                 limits[a, : len(cell), b] = _find_limits(scenario, int(b), cell & before)
-    return PassingOrder(limits, regardless, standing, cells)
+    return PassingOrderTables(limits, regardless, standing, cells)
 
 
 def _write(
@@ -87,7 +87,7 @@ def _find_touching(scenario: Scenario, i: int, j: int) -> BoolArray | None:
     """[Pi, Pj] whether i at a point of its way and j at one of its own touch; None if never."""
     one, two = scenario.paths[i], scenario.paths[j]
     reach = scenario.reach[i] + scenario.reach[j] + LONGER
-    if _are_apart(one.xy, two.xy, reach):
+    if _is_pair_apart(one.xy, two.xy, reach):
         return None
     apart = np.hypot(*(one.xy[:, None] - two.xy[None]).transpose(2, 0, 1))
     met = apart < reach
@@ -120,7 +120,7 @@ def _touch(
     )
 
 
-def _are_apart(one: FloatArray, two: FloatArray, reach: float) -> bool:
+def _is_pair_apart(one: FloatArray, two: FloatArray, reach: float) -> bool:
     low = np.maximum(one.min(axis=0), two.min(axis=0))
     high = np.minimum(one.max(axis=0), two.max(axis=0))
     return bool((low - high > reach).any())

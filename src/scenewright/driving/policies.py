@@ -78,7 +78,7 @@ class DriverParameters:
         horizon: how far it looks ahead [s].
         wider: by which it takes its way to be wider on each side [m].
         respects_priority: whether it lets those go first that have the right of way.
-        yields_always: whether it lets go first whoever it would meet.
+        yields_always: whether it gives way to every agent that it would meet.
     """
 
     speed: float = 0.9
@@ -101,8 +101,8 @@ HARDEST = 8.0
 class RuleBasedPolicy:
     """Intelligent driver model (Treiber et al. 2000) that stops for lights and the right of way.
 
-    It predicts everybody straight on at their present velocity. Whoever would be on its way within
-    `margin` of itself is given way to if the parameters say so, by braking as for an obstacle that
+    It predicts all agents straight on at their present velocity. To an agent that would be on its
+    path within `margin` it gives way if the parameters say so, by braking as for an obstacle that
     stands there.
     """
 
@@ -173,7 +173,7 @@ class RuleBasedPolicy:
                 continue
             reach = ego[3] / 2 + _find_extent(agent, there, at[int(np.argmax(on))])
             if on[0] and at[0] > 0:
-                along = max(float(_speed_along(agent, there, at[0])), 0.0)
+                along = max(float(_compute_speed_along(agent, there, at[0])), 0.0)
                 found.append((max(at[0] - reach, 0.1), along))
                 continue
             meets = on & (times >= begin - one.margin) & (times <= end + one.margin) & (at > 0)
@@ -181,11 +181,11 @@ class RuleBasedPolicy:
                 continue
             k = int(np.argmax(meets))
             first = float(times[int(np.argmax(on))])
-            if self._gives_way(agent, first, float(begin[k])):
+            if self._must_give_way(agent, first, float(begin[k])):
                 found.append((max(at[meets].min() - reach - 0.5, 0.1), 0.0))
         return found
 
-    def _gives_way(self, agent: FloatArray, arrives: float, ego_arrives: float) -> bool:
+    def _must_give_way(self, agent: FloatArray, arrives: float, ego_arrives: float) -> bool:
         one = self.parameters
         if one.yields_always or (one.respects_priority and agent[9] > 0):
             return True
@@ -219,7 +219,7 @@ def _find_extent(agent: FloatArray, route: FloatArray, s: float) -> float:
     return float(agent[7] + along * (agent[6] - agent[7])) / 2
 
 
-def _speed_along(agent: FloatArray, route: FloatArray, s: float) -> float:
+def _compute_speed_along(agent: FloatArray, route: FloatArray, s: float) -> float:
     k = min(int(s / ROUTE_SPACING), len(route) - 1)
     return float(agent[4] * route[k, 2] + agent[5] * route[k, 3])
 

@@ -1,8 +1,8 @@
 """Whether physics allows an asked encounter, found without looking at whether it came about.
 
 The ego is driven once more by the same policy in the same scene, with the agent that it is to meet
-taken out and everybody else reacting. If it does not come to the place of the conflict before the
-drive ends, nobody can meet it there. Nor can an agent that is past the place when the drive
+taken out and all others reacting. If it does not come to the place of the conflict before the
+drive ends, no agent can meet it there. Nor can an agent that is past the place when the drive
 begins, or that could not be there in time even if it went as fast as its kind may.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenewright.driving.policies import Policy
-from scenewright.driving.resolve import FASTEST, GAIN, LATERAL, Meeting, list_meetings
+from scenewright.driving.resolve import FASTEST, GAIN, LATERAL, EgoConflict, list_meetings
 from scenewright.driving.run_drive import Drive, run_drive
 from scenewright.driving.scenario import COLOURS, AgentPath, Scenario
 
@@ -36,7 +36,7 @@ def find_obstacles(drive: Drive, policy: Policy) -> dict[str, str | None]:
     }
 
 
-def _find_obstacle(one: Scenario, meeting: Meeting, policy: Policy, seed: int) -> str | None:
+def _find_obstacle(one: Scenario, meeting: EgoConflict, policy: Policy, seed: int) -> str | None:
     name = one.names[meeting.agent]
     ego_time, short = find_arrival_alone(one, meeting, policy, seed)
     if ego_time > (one.steps - 1) * one.step - REST:
@@ -54,7 +54,7 @@ def _find_obstacle(one: Scenario, meeting: Meeting, policy: Policy, seed: int) -
 
 
 def find_arrival_alone(
-    one: Scenario, meeting: Meeting, policy: Policy, seed: int
+    one: Scenario, meeting: EgoConflict, policy: Policy, seed: int
 ) -> tuple[float, float]:
     """When the ego is at the place with the other taken out [s], and how far short it ends [m].
 
@@ -82,7 +82,7 @@ def find_earliest_arrival(one: Scenario, agent: int, at: float) -> float:
     """When an agent can be at a place on its way [m] if it hurries but heeds its lights [s].
 
     From where it is when the ego enters, or where it enters later, it speeds up as its kind can,
-    to what its kind and its curves allow, and stops for nobody.
+    to what its kind and its curves allow, and stops for no other agent.
     """
     path, kind = one.paths[agent], int(one.kinds[agent])
     step = max(one.start, path.first)
@@ -104,6 +104,6 @@ def _find_reach(one: Scenario, path: AgentPath, agent: int, s: float, step: int)
         return curves
     red = [
         at - s for light, at in path.stops
-        if at > s - 0.3 and one.colour(light, step) == COLOURS.index("red")
+        if at > s - 0.3 and one.get_colour(light, step) == COLOURS.index("red")
     ]  # fmt: skip
     return min([curves, *(float(np.sqrt(2 * 3.0 * max(each, 0.0))) for each in red)])

@@ -15,7 +15,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.reaction_behavior import REACTION_TIME
 
 AHEAD = np.array([0.0, 0.4, 0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 8.0])
-"""Times at which everybody's place is looked at in advance [s]."""
+"""Times at which all positions are predicted [s]."""
 COMFORTABLE = np.array([3.0, 2.0, 2.5, 2.5, 3.0])
 HARDEST = np.array([8.0, 3.0, 3.5, 3.5, 8.0])
 SPEEDING_UP = np.array([2.0, 1.0, 1.5, 1.5, 2.0])
@@ -35,7 +35,7 @@ WINDOW = 200
 
 @dataclass(eq=False)
 class _Clocks:
-    """Where everybody is in its own recorded motion.
+    """Progress of all agents along their own recorded motions.
 
     Attributes:
         clock: [N] step of the recording; s: [N] distance along the way [m]; speed: [N] [m/s].
@@ -55,10 +55,10 @@ class _Clocks:
 class Reactive:
     """Each agent goes through its recorded motion, more slowly where another is in the way.
 
-    Each has a clock of its own, which slows down to brake and stops to wait. Everybody keeps the
-    order of the recorded scene (`passing_order`) and its red lights. The ego is given way to: by
-    who follows it at once, by who crosses its route after a reaction time, with a strength of its
-    own; who is there well before it, or cannot stop any more, goes on.
+    Each has a clock of its own, which slows down to brake and stops to wait. All agents keep
+    the order of the recorded scene (`passing_order`) and their red lights. They give way to the
+    ego: followers at once, agents that cross its route after a reaction time, with a strength of
+    their own; an agent that is there well before it, or cannot stop any more, goes on.
 
     Attributes:
         reaction: [N] perception-reaction time [s]; strength: [N] of braking for the ego [m/s^2].
@@ -92,13 +92,13 @@ class Reactive:
         clock = np.maximum(float(k), self._first.astype(np.float64))
         speed = np.where(there, compute_recorded_speeds(scenario)[:, k], 0.0)
         self._state = _Clocks(
-            clock, self._at_clock(clock), speed, np.ones(n), there.copy(),
+            clock, self._interpolate_at_clock(clock), speed, np.ones(n), there.copy(),
             (self._last < k), np.zeros(n),
         )  # fmt: skip
         return self._show(scenario.xy[:, k].copy(), scenario.heading[:, k].copy())
 
     def move(self, now: OtherStates, ego: EgoState, step: int) -> OtherStates:
-        """Everybody one step on."""
+        """Advance all agents by one step."""
         one, state, dt = self._one, self._state, self._one.step
         active = state.entered & ~state.gone & one.moves
         free = self._find_free_speeds(ego, step)
@@ -117,9 +117,11 @@ class Reactive:
         return self._place(now, step)
 
     def _find_free_speeds(self, ego: EgoState, step: int) -> FloatArray:  # noqa: ARG002
-        """[N] of everybody if nobody is in the way [m/s]: as recorded."""
+        """Free speeds [N] of all agents [m/s]: as recorded."""
         state = self._state
-        return np.asarray((self._at_clock(state.clock + 1.0) - state.s) / self._one.step)
+        return np.asarray(
+            (self._interpolate_at_clock(state.clock + 1.0) - state.s) / self._one.step
+        )
 
     def _want(self, free: FloatArray, calm: FloatArray) -> FloatArray:
         """[N] as recorded, or speeding up towards it, where there is room [m/s]."""
@@ -138,7 +140,7 @@ class Reactive:
         one, state = self._one, self._state
         u = AHEAD[None, :]
         clock = np.where(state.entered, state.clock, np.minimum(step - 1.0, self._first))
-        foreseen = self._at_clock(clock[:, None] + state.rate[:, None] * u / one.step)
+        foreseen = self._interpolate_at_clock(clock[:, None] + state.rate[:, None] * u / one.step)
         hardest = HARDEST[one.kinds][:, None]
         braking = state.s[:, None] + _brake(state.speed[:, None], hardest, u + one.step)
         going_on = state.s[:, None] + state.speed[:, None] * u
@@ -169,7 +171,7 @@ class Reactive:
         return np.asarray(limits.min(axis=0).T)
 
     def _find_lights(self, step: int) -> FloatArray:
-        """[N] how far the delayed may go for red and yellow lights [m]; who is on time obeys."""
+        """Distances [N] that delayed agents may go for red and yellow lights [m]; others obey."""
         one, state = self._one, self._state
         found = np.full(len(one.names), np.inf)
         late = (step - state.clock > 1.5) | self._retimed
@@ -179,7 +181,7 @@ class Reactive:
             for light, s in one.paths[j].stops:
                 if state.s[j] > s + 0.3:
                     continue
-                colour = one.colour(light, step)
+                colour = one.get_colour(light, step)
                 stopping = state.speed[j] ** 2 / (2 * COMFORTABLE[one.kinds[j]])
                 if colour == COLOURS.index("red") or (
                     colour == COLOURS.index("yellow") and s - state.s[j] > stopping
@@ -193,7 +195,7 @@ class Reactive:
         return found
 
     def _let_others_pass(self, held: BoolArray) -> None:
-        """Who stands at a red light lets those pass that were to come later, if it can."""
+        """Let later agents pass the one standing at a red light, where possible."""
         one, state, order = self._one, self._state, self._order
         for j in np.flatnonzero(held):
             k = min(int(state.s[j] / self._spacing[j]), self._points[j] - 1)
@@ -203,7 +205,7 @@ class Reactive:
             self._swapped[j, :] &= ~free
 
     def _go_before_late_comers(self, j: int) -> None:
-        """Who is no longer held goes before those that are still to enter, as in the scene."""
+        """Let an agent that is no longer held go before those still to enter, as in the scene."""
         state = self._state
         late = self._swapped[:, j] & ~state.entered & np.isfinite(self._order.limits[j]).any(axis=0)
         self._swapped[late, j] = False
@@ -213,8 +215,8 @@ class Reactive:
     def _find_yielding(
         self, now: OtherStates, ego: EgoState, active: BoolArray
     ) -> tuple[BoolArray, BoolArray, FloatArray]:
-        """[N] who gives way to the ego, who is behind it, and how far an ego off its route lets
-        each go [m]."""
+        """Find agents [N] that yield to the ego, those behind it, and how far an ego off its
+        route lets each go [m]."""
         n = len(self._one.names)
         yields, follows = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         blocked = np.full(n, np.inf)
@@ -258,7 +260,7 @@ class Reactive:
         return bool(needed <= way_in or arrives <= begin), False
 
     def _time_of(self, j: int, distance: float) -> float:
-        """Until an agent has come so far if nobody is in its way [s]."""
+        """Compute the time until an agent has come so far on a free path [s]."""
         speed, top = float(self._state.speed[j]), float(self._cruise[j])
         gain = SPEEDING_UP[self._one.kinds[j]]
         top = max(top, speed)
@@ -268,7 +270,7 @@ class Reactive:
         return float((top - speed) / gain + (distance - needed) / top)
 
     def _meet_off_route(self, ego: EgoState, near: BoolArray, blocked: FloatArray) -> None:
-        """Who comes upon an ego beside its route stops before it, and before where it heads."""
+        """Stop agents before an ego beside its route, and before where it heads."""
         one, state = self._one, self._state
         ahead = np.array([0.0, 0.5, 1.0, 1.5])[:, None]
         course = np.array([np.cos(ego.heading), np.sin(ego.heading)])
@@ -293,7 +295,7 @@ class Reactive:
         rate = np.where(active, rate, 0.0)
         state.clock = np.where(self._retimed, float(step), state.clock + rate)
         going_on = np.minimum(state.s + speed * dt, self._lengths)
-        reached = np.where(self._retimed, going_on, self._at_clock(state.clock))
+        reached = np.where(self._retimed, going_on, self._interpolate_at_clock(state.clock))
         state.speed = np.where(active, (reached - state.s) / dt, state.speed)
         state.s, state.rate = np.where(active, reached, state.s), rate
         over = np.where(
@@ -313,7 +315,7 @@ class Reactive:
                 state.entered[j], state.clock[j], state.s[j] = True, float(k), 0.0
                 state.speed[j], state.rate[j] = speed, 1.0
 
-    def _at_clock(self, clock: FloatArray) -> FloatArray:
+    def _interpolate_at_clock(self, clock: FloatArray) -> FloatArray:
         """Distances along the ways at steps [N] or [N, U] of the recording [m]."""
         last = self._progress.shape[1] - 1
         low = np.clip(clock.astype(int), 0, last - 1)
@@ -323,13 +325,13 @@ class Reactive:
         return np.asarray(before + part * (after - before))
 
     def _place(self, now: OtherStates, step: int) -> OtherStates:
-        """Everybody's place: as recorded for who is on time, else on its way."""
+        """Compute all positions: as recorded for agents on time, else along their paths."""
         one, state = self._one, self._state
         k = min(step, one.steps - 1)
         late = ((step - state.clock > 1e-6) | self._retimed) & one.moves & state.entered
         xy, heading = one.xy[:, k].copy(), one.heading[:, k].copy()
         for j in np.flatnonzero(late):
-            there, facing = one.paths[j].at(state.s[j : j + 1])
+            there, facing = one.paths[j].get_poses(state.s[j : j + 1])
             xy[j], heading[j] = there[0], facing[0]
             if state.rate[j] < 1e-9 and not self._retimed[j]:
                 xy[j], heading[j] = now.xy[j], now.heading[j]

@@ -17,7 +17,7 @@ import numpy as np
 from scenewright.driving.policies import Policy
 from scenewright.driving.reachability import find_arrival_alone, find_obstacles
 from scenewright.driving.report import report_drive
-from scenewright.driving.resolve import Meeting, Plan, Resolve, list_meetings
+from scenewright.driving.resolve import EgoConflict, Plan, Resolve, list_meetings
 from scenewright.driving.run_drive import DEFAULT_STEP_LIMIT, Drive, run_drive
 from scenewright.driving.scenario import Scenario
 
@@ -92,7 +92,7 @@ class _Rehearsal:
             self.best, self._met = drive, _list_met(drive)
         return drive
 
-    def bring_about(self, meeting: Meeting) -> None:
+    def bring_about(self, meeting: EgoConflict) -> None:
         """Try plans for an agent until it meets the ego, and all others do that did before."""
         name = self._scenario.names[meeting.agent]
         if name in self._met:
@@ -107,7 +107,7 @@ class _Rehearsal:
                 return
 
 
-def _list_plans(one: Scenario, meeting: Meeting, time: float) -> Iterator[Plan]:
+def _list_plans(one: Scenario, meeting: EgoConflict, time: float) -> Iterator[Plan]:
     """What to try: other times, then stand-ins that go the same way."""
     for offset, late in TRIES:
         yield Plan(time + offset, late)
@@ -116,7 +116,7 @@ def _list_plans(one: Scenario, meeting: Meeting, time: float) -> Iterator[Plan]:
             yield Plan(time + offset, late, stand_in)
 
 
-def find_stand_ins(one: Scenario, meeting: Meeting, time: float) -> list[tuple[int, float]]:
+def find_stand_ins(one: Scenario, meeting: EgoConflict, time: float) -> list[tuple[int, float]]:
     """Agents of the same kind and way, and where the place is on their ways [m].
 
     Those come first that were recorded there nearest to a time [s]; two at most.
@@ -125,7 +125,7 @@ def find_stand_ins(one: Scenario, meeting: Meeting, time: float) -> list[tuple[i
         return []
     agents, met = one.record.agents, {each.asked for each in list_meetings(one)}
     asked = agents[meeting.asked]
-    place = one.paths[meeting.asked].at(np.array([meeting.agent_at]))[0][0]
+    place = one.paths[meeting.asked].get_poses(np.array([meeting.agent_at]))[0][0]
     found = []
     for k, agent in enumerate(agents):
         same = (agent.type, agent.subtype, agent.route) == (asked.type, asked.subtype, asked.route)

@@ -47,7 +47,7 @@ FAR = 60.0
 
 
 @dataclass(frozen=True)
-class Impact:
+class EgoCollision:
     """A collision of the ego.
 
     Attributes:
@@ -86,7 +86,7 @@ class Report:
 
     drive: Drive
     scene: DrivenScene | None
-    impact: Impact | None
+    impact: EgoCollision | None
     figures: dict[str, Any]
 
     def to_json(self) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def report_drive(
     pet = _find_least_pet(ego, near)
     given = _gather(drive, ego, near, impact, red)
     figures = {
-        "min_ttc": _finite(least),
+        "min_ttc": _replace_infinite(least),
         "min_pet": pet,
         "exposed": bool(least < EXPOSED_TTC) or (pet is not None and pet < EXPOSED_PET),
         "red_lights": red,
@@ -145,7 +145,7 @@ def _score(drive: Drive, scores: dict[str, float]) -> dict[str, float]:
     return scores if drive.fault is None else scores | {"score": 0.0}
 
 
-def _finite(value: float) -> float | None:
+def _replace_infinite(value: float) -> float | None:
     return round(value, 3) if np.isfinite(value) else None
 
 
@@ -153,7 +153,7 @@ def _finite(value: float) -> float | None:
 
 
 def _build_tracks(drive: Drive) -> tuple[Trajectory, ...]:
-    """The ego's track, then everybody's, each the longest stretch that it was there."""
+    """List the ego's track, then all others, each the longest stretch in the scene."""
     one, world = drive.scenario, drive.world
     points = list_ego_points(world.history)
     users = [_make_user(one, one.ego, points[:, :2], points[:, 2], one.start)]
@@ -204,8 +204,8 @@ def _find_least_pet(ego: Trajectory, near: dict[int, Trajectory]) -> float | Non
 
 def _describe_impact(
     drive: Drive, ego: Trajectory, near: dict[int, Trajectory], *, red: int
-) -> Impact | None:
-    """The ego's collision, measured and with who is at fault."""
+) -> EgoCollision | None:
+    """Measure the ego's collision and find the agent at fault."""
     world, one = drive.world, drive.scenario
     if world.hit is None or world.hit not in near:
         return None
@@ -215,9 +215,9 @@ def _describe_impact(
     seen = measure_impact(ego, other, time=time)
     kind = _classify(seen.speeds, seen.sides)
     fault, reason = _find_fault(one, world.hit, kind, red=red)
-    before = ego.speed[ego.indices(np.arange(max(time - APPROACH, ego.start), time, one.step))]
+    before = ego.speed[ego.find_indices(np.arange(max(time - APPROACH, ego.start), time, one.step))]
     approach = float(before.max()) if len(before) else seen.speeds[0]
-    return Impact(
+    return EgoCollision(
         one.names[world.hit], float(time), kind, fault, reason, seen.sides[0], seen.speeds[0],
         seen.speeds[1], approach, max(approach - seen.speeds[0], 0.0),
     )  # fmt: skip
@@ -262,12 +262,16 @@ def _count_red_lights(world: World) -> int:
     for light, s in one.paths[one.ego].stops:
         passed = np.flatnonzero((progress[:-1] <= s + 0.5) & (progress[1:] > s + 0.5))
         steps = [one.start + int(k) + 1 for k in passed]
-        count += any(one.colour(light, step) == COLOURS.index("red") for step in steps)
+        count += any(one.get_colour(light, step) == COLOURS.index("red") for step in steps)
     return count
 
 
 def _gather(
-    drive: Drive, ego: Trajectory, near: dict[int, Trajectory], impact: Impact | None, red: int
+    drive: Drive,
+    ego: Trajectory,
+    near: dict[int, Trajectory],
+    impact: EgoCollision | None,
+    red: int,
 ) -> ScoreInputs:
     one, world = drive.scenario, drive.world
     points = list_ego_points(world.history)
@@ -345,7 +349,7 @@ def _find_ttc_ahead(ego: Trajectory, near: dict[int, Trajectory]) -> float:
         xy, heading = ego.at(times)
         delta = track.at(times)[0] - xy
         ahead = delta[:, 0] * np.cos(heading) + delta[:, 1] * np.sin(heading) > 0
-        chosen = times[ahead & (ego.speed[ego.indices(times)] > STANDING)]
+        chosen = times[ahead & (ego.speed[ego.find_indices(times)] > STANDING)]
         if len(chosen):
             least = min(least, float(compute_ttc_2d(ego, track, times=chosen, horizon=1.0).min()))
     return least

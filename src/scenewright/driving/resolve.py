@@ -30,11 +30,11 @@ LATERAL = 4.0
 LONGEST_LAG = 1.2
 """Between the two at the place of a near miss [s]."""
 YIELD_LAG = 0.3
-"""By which who is to be given way to comes before the other would [s]."""
+"""How long the agent with priority comes before the other would [s]."""
 QUICKEST = 3.0
 """At which an ego is taken to set off at most [m/s^2]."""
 NEAR, SLOW = 14.0, 2.0
-"""An ego whose front is so near to the place [m] and so slow [m/s] gives way to who is coming."""
+"""An ego whose front is so near to the place [m] and so slow [m/s] gives way to a coming agent."""
 FORESIGHT = 40.0
 """So far ahead one takes precedence over others [m]."""
 CLEAR = np.array([14.0, 5.0, 8.0, 8.0])
@@ -62,7 +62,7 @@ class Plan:
 
 
 @dataclass(eq=False)
-class Meeting:
+class EgoConflict:
     """A conflict that is to come about.
 
     Attributes:
@@ -100,7 +100,7 @@ class Meeting:
 
 
 class Resolve(Reactive):
-    """As `Reactive`, but who is bound to the ego by a relation is re-timed every 0.5 s.
+    """As `Reactive`, but agents bound to the ego by a relation are re-timed every 0.5 s.
 
     From how the ego drives now follows when it will be at the place of the conflict; the agent is
     given the speed with which it is there with the lag of the recorded scene, within what its kind
@@ -113,7 +113,7 @@ class Resolve(Reactive):
         meetings: what is to come about, and what became of it.
     """
 
-    meetings: tuple[Meeting, ...]
+    meetings: tuple[EgoConflict, ...]
 
     def __init__(self, plans: Mapping[int, Plan] | None = None) -> None:
         self._plans = plans or {}
@@ -162,7 +162,7 @@ class Resolve(Reactive):
             if room > stops and (stands or self._time_of(int(i), float(room)) > clear):
                 self._swapped[k, i], self._swapped[i, k] = True, False
 
-    def _drive(self, meeting: Meeting) -> float:
+    def _drive(self, meeting: EgoConflict) -> float:
         """The speed of a re-timed agent, its curves minded [m/s]."""
         j = meeting.agent
         speed, kind = float(self._state.speed[j]), int(self._one.kinds[j])
@@ -183,7 +183,7 @@ class Resolve(Reactive):
         found = [each for each in self.meetings if each.agent == j]
         return any(each.status in ("open", "committed") and not each.heeds for each in found)
 
-    def _retime(self, meeting: Meeting, ego: EgoState, step: int) -> None:
+    def _retime(self, meeting: EgoConflict, ego: EgoState, step: int) -> None:
         """Give an agent the speed with which it meets the ego."""
         state, j = self._state, meeting.agent
         way, left = meeting.ego_at - ego.progress, meeting.agent_at - float(state.s[j])
@@ -213,7 +213,7 @@ class Resolve(Reactive):
         if min(time, ego_in) <= COMMITTED[self._one.kinds[j]]:
             meeting.status = "committed"
 
-    def _keep_to_plan(self, meeting: Meeting, plan: Plan, left: float, step: int) -> None:
+    def _keep_to_plan(self, meeting: EgoConflict, plan: Plan, left: float, step: int) -> None:
         """Be at the place at the planned time, with a wait before it if there is much time."""
         j, time = meeting.agent, plan.time - step * self._one.step
         spare = time - self._time_of(j, left)
@@ -222,16 +222,16 @@ class Resolve(Reactive):
         else:
             meeting.target = self._find_target(j, left, max(time, 0.1))
 
-    def _gives_way(self, ego: EgoState, way: float, meeting: Meeting, step: int) -> bool:
+    def _gives_way(self, ego: EgoState, way: float, meeting: EgoConflict, step: int) -> bool:
         """Whether the ego, near the place, has slowed down for an agent that is coming."""
         one, j, at = self._one, meeting.agent, meeting.agent_at
         near = way - float(one.sizes[one.ego, 0]) / 2 < NEAR
         slow = ego.speed < SLOW and ego.acceleration < 0.3
         left = at - float(self._state.s[j])
         coming = float(self._state.speed[j]) > 0.4 or left < HOLD[one.kinds[j]] + 1.5
-        return near and slow and coming and not self._ego_faces_red(ego, way, step)
+        return near and slow and coming and not self._faces_red(ego, way, step)
 
-    def _close(self, meeting: Meeting, way: float, left: float, step: int) -> None:
+    def _close(self, meeting: EgoConflict, way: float, left: float, step: int) -> None:
         """One of the two has passed the place: say how far off the other still is."""
         name = self._one.names[meeting.agent]
         meeting.target, meeting.status = None, "over"
@@ -242,10 +242,10 @@ class Resolve(Reactive):
             else f"{name} passed the place when the ego was {max(way, 0.0):.0f} m short of it"
         )
 
-    def _is_too_late(self, meeting: Meeting, ego: EgoState, way: float, step: int) -> bool:
+    def _is_too_late(self, meeting: EgoConflict, ego: EgoState, way: float, step: int) -> bool:
         """Whether an ego that stands at a red light is kept there until it is too late; say so."""
         one = self._one
-        if ego.speed > 0.5 or not self._ego_faces_red(ego, way, step):
+        if ego.speed > 0.5 or not self._faces_red(ego, way, step):
             return False
         left = (one.steps - 1 - step) * one.step
         needed = float(np.sqrt(2 * way / QUICKEST))
@@ -269,7 +269,7 @@ class Resolve(Reactive):
     def _predict_ego(self, ego: EgoState, way: float, step: int) -> float:
         """Until the ego is there [s]; inf if it stands, or stops before as it brakes now."""
         one = self._one
-        if self._ego_faces_red(ego, way, step):
+        if self._faces_red(ego, way, step):
             return float(np.inf)
         if ego.acceleration < -0.5 and ego.speed**2 < 2 * -ego.acceleration * way * 0.9:
             return float(np.inf) if ego.speed < 1.0 else way / max(ego.speed, 1.0)
@@ -282,14 +282,15 @@ class Resolve(Reactive):
             return float((np.sqrt(ego.speed**2 + 2 * gain * way) - ego.speed) / gain)
         return float((top - ego.speed) / gain + (way - needed) / top)
 
-    def _ego_faces_red(self, ego: EgoState, way: float, step: int) -> bool:
+    def _faces_red(self, ego: EgoState, way: float, step: int) -> bool:
         one = self._one
         return ego.speed < 3.0 and any(
-            0.0 <= s - ego.progress + 1.0 < way and one.colour(light, step) == COLOURS.index("red")
+            0.0 <= s - ego.progress + 1.0 < way
+            and one.get_colour(light, step) == COLOURS.index("red")
             for light, s in one.paths[one.ego].stops
         )
 
-    def _wait_for_ego(self, meeting: Meeting, left: float) -> None:
+    def _wait_for_ego(self, meeting: EgoConflict, left: float) -> None:
         """Where the ego stands the agent waits for it: before the place, or at its stop line."""
         j = meeting.agent
         kind, s = int(self._one.kinds[j]), float(self._state.s[j])
@@ -317,7 +318,7 @@ class Resolve(Reactive):
         return float(np.clip(wanted, 0.0, top))
 
 
-def list_meetings(scenario: Scenario) -> list[Meeting]:
+def list_meetings(scenario: Scenario) -> list[EgoConflict]:
     """The relations between the ego and others, as meetings at a place with a lag."""
     record = scenario.record
     if record is None:
@@ -332,7 +333,7 @@ def list_meetings(scenario: Scenario) -> list[Meeting]:
         place = _find_place(scenario, row, other)
         if place is not None:
             found.append(
-                Meeting(other, other, *place, heeds=row.type == "yielding" and row.to == me)
+                EgoConflict(other, other, *place, heeds=row.type == "yielding" and row.to == me)
             )
     return found
 

@@ -50,7 +50,7 @@ class Drive:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of everybody's states: the same seed and policy give the same."""
+        """SHA-256 of all states: the same seed and policy give the same."""
         found = hashlib.sha256(list_ego_points(self.world.history).tobytes())
         for now in self.world.record:
             found.update(np.column_stack([now.xy, now.heading, now.speed, now.present]).tobytes())

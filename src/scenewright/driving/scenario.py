@@ -32,7 +32,7 @@ COLOURS = ("green", "yellow", "red")
 NO_LIGHT = -1
 SLOWEST = {"vehicle": 6.0, "pedestrian": 1.2, "cyclist": 4.0, "scooter": 4.0}
 GAIN = {"vehicle": 1.5, "pedestrian": 1.0, "cyclist": 1.0, "scooter": 1.0}
-"""Free speed at least [m/s] and acceleration [m/s^2] of who goes on beyond its recorded track."""
+"""Least free speed [m/s] and acceleration [m/s^2] beyond the end of a recorded track."""
 MAP_POINTS = 16
 """Points of every map line."""
 DEFAULT_SPEED_LIMIT = 13.9
@@ -61,7 +61,7 @@ class AgentPath:
     last: int
     stops: tuple[tuple[int, float], ...]
 
-    def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def get_poses(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [n, 2] [m] and headings [n] [rad] at distances [n] along the way [m]."""
         known = self.arc
         x, y = (np.interp(s, known, self.xy[:, k]) for k in (0, 1))
@@ -170,7 +170,7 @@ class Scenario:
         moves[self.ego] = False
         return np.asarray(moves)
 
-    def colour(self, light: int, step: int) -> int:
+    def get_colour(self, light: int, step: int) -> int:
         """The colour that a light shows at a step; the last one holds on."""
         return int(self.colours[light, min(step, self.colours.shape[1] - 1)])
 
@@ -188,7 +188,7 @@ def build_scenario(
     """
     scene = prepare_scene(record, intersection_map, ego=ego)
     ids = [agent.id for agent in scene.agents]
-    lights = tuple(sorted(scene.colours()))
+    lights = tuple(sorted(scene.list_colours()))
     colours = _number_colours(scene, lights)
     records = [*record.agents, *(None for _ in scene.objects)]
     stops = [_find_stops(row, lights, intersection_map) for row in records]
@@ -211,7 +211,7 @@ def build_scenario(
 def build_scenario_from_tracks(
     tracks: ExternalTracks, *, ego: int, span: tuple[float, float], name: str = "tracks"
 ) -> Scenario:
-    """Recorded tracks as a scenario without map and lights, in which everybody else replays.
+    """Recorded tracks as a scenario without map and lights, in which all others replay.
 
     Args:
         ego: id of the user to drive; span: start and end [s] of the stretch to drive, in which
@@ -343,7 +343,7 @@ def _continue(
         if s >= path.length:
             break
         ahead.append(s)
-    xy, heading = path.at(np.array(ahead))
+    xy, heading = path.get_poses(np.array(ahead))
     return replace(
         agent, xy=np.concatenate([agent.xy, xy]),
         heading=np.concatenate([agent.heading, heading]),
@@ -454,7 +454,7 @@ def _intersect(path: AgentPath, a: FloatArray, b: FloatArray) -> list[float]:
 
 
 def _number_colours(scene: ExportedScene, lights: tuple[str, ...]) -> IntArray:
-    shown = scene.colours()
+    shown = scene.list_colours()
     rows = [[NO_LIGHT if c is None else COLOURS.index(c) for c in shown[name]] for name in lights]
     return np.array(rows, dtype=np.int64).reshape(len(lights), scene.steps)
 
@@ -468,9 +468,9 @@ def _find_partners(record: SceneRecord, ids: list[int], ego: int) -> tuple[int, 
 def _find_priority(
     record: SceneRecord, intersection_map: IntersectionMap, ego: int, count: int
 ) -> BoolArray:
-    """[N] who has the right of way over the ego, lights aside.
+    """Find the agents [N] with the right of way over the ego, lights aside.
 
-    Pedestrians and riders on a crosswalk; for one who turns left, those from the opposite leg that
+    Pedestrians and riders on a crosswalk; for a left turn, those from the opposite leg that
     do not turn left too; without lights, those from the right.
     """
     bearings = {leg.name: leg.bearing for leg in intersection_map.legs}

@@ -25,7 +25,7 @@ ARRIVED = 1.0
 
 @dataclass(eq=False)
 class OtherStates:
-    """Everybody but the ego at one moment, N agents and objects; row `ego` is not used.
+    """All others than the ego at one moment, N agents and objects; row `ego` is not used.
 
     Attributes:
         xy: [N, 2] [m]; heading: [N] [rad]; speed: [N] [m/s]; present: [N].
@@ -50,19 +50,19 @@ class TrafficModel(Protocol):
 
 
 class Replay:
-    """Everybody does what the scene says, whatever the ego does."""
+    """All others follow the recorded scene, whatever the ego does."""
 
     def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:  # noqa: ARG002
         """The others at the first step."""
         self._scenario = scenario
         self._speed = compute_recorded_speeds(scenario)
-        return self._at(scenario.start)
+        return self._get_state_at(scenario.start)
 
     def move(self, now: OtherStates, ego: EgoState, step: int) -> OtherStates:  # noqa: ARG002
         """The others at a step."""
-        return self._at(step)
+        return self._get_state_at(step)
 
-    def _at(self, step: int) -> OtherStates:
+    def _get_state_at(self, step: int) -> OtherStates:
         one = self._scenario
         k = min(step, one.steps - 1)
         return OtherStates(one.xy[:, k], one.heading[:, k], self._speed[:, k], one.present[:, k])
@@ -80,7 +80,7 @@ class World:
 
     Attributes:
         step: of the scene; history: the ego at every step from the first.
-        others: everybody else now; record: their states at every step.
+        others: all others now; record: their states at every step.
         hit: index of the agent or object that the ego touches; end: why the drive is over.
     """
 
@@ -96,7 +96,7 @@ class World:
     end: End | None = None
 
     def advance(self, action: FloatArray) -> None:
-        """Move everybody by one step, and look for a contact of the ego."""
+        """Advance all agents by one step, and look for a contact of the ego."""
         one = self.scenario
         before, others = self.ego, self.others
         self.ego = move_ego(

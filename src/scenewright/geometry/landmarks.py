@@ -60,7 +60,7 @@ def find_landmarks(candidate: Candidate, *, map_areas: MapAreas) -> Landmarks:
     """The landmarks on a candidate's path; candidates are known by identity."""
     route, intersection_map = candidate.route, map_areas.intersection_map
     visits = map_areas.find_crosswalk_visits(candidate.path.xy)
-    crossed, group = _list_crosswalks(candidate, visits), intersection_map.signal_group_of(route)
+    crossed, group = _list_crosswalks(candidate, visits), intersection_map.find_signal_group(route)
     if route.type == "vehicle":
         line = _stop_line(candidate, intersection_map)
         return Landmarks(line, crossed, group, left_hand=intersection_map.left_hand_traffic)
@@ -73,7 +73,7 @@ def find_landmarks(candidate: Candidate, *, map_areas: MapAreas) -> Landmarks:
 
 
 def _stop_line(candidate: Candidate, intersection_map: IntersectionMap) -> float | None:
-    movement = intersection_map.movement_of(candidate.route)
+    movement = intersection_map.find_movement(candidate.route)
     stop = next(
         (s for s in intersection_map.stop_lines if movement and s.id == movement.stop_line), None
     )

@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 from scenewright.backends import Backend, Question, get_backend_of_task
 from scenewright.errors import Rejected
 from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
-from scenewright.time_limit import stopped_clock
+from scenewright.time_limit import stop_clock
 
 ReplyT = TypeVar("ReplyT", bound=BaseModel)
 
@@ -41,7 +41,7 @@ def _get_answer(backend: Backend, question: Question) -> Any:
     """The answer; how long a model takes for it does not count against the time limit."""
     if get_backend_of_task(backend, question.task).deterministic:
         return backend.answer(question)
-    with stopped_clock():
+    with stop_clock():
         return backend.answer(question)
 
 

@@ -26,7 +26,7 @@ class Anchor(Model):
 class Stay(Model):
     """A standstill at an anchor that the solver found to work: [from, until] [s].
 
-    One of no length is the moment at which somebody is slowest who gives way without standing.
+    A stop of no length is the slowest moment of an agent that gives way without standing.
     """
 
     anchor: str

@@ -166,7 +166,7 @@ class CandidateSet:
         least: how many of each suffice where the rest finds no room: fewer only where the time of
             day, and no words, set the number.
         yielding_model: how agents yield at this intersection.
-        groups: who walks with a pedestrian of the social graph, by its name.
+        groups: members that walk with a pedestrian of the social graph, by its name.
     """
 
     agents: Mapping[str, AgentCandidates]

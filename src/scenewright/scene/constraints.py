@@ -31,7 +31,7 @@ class _Pair(Model):
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
-        return _two_agents(self, self.first, self.second)
+        return _check_two_agents(self, self.first, self.second)
 
 
 class _Range(Model):
@@ -42,7 +42,7 @@ class _Range(Model):
         high: float
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_order(self) -> Self:
         if self.low > self.high:
             raise ValueError(f"range [{self.low:g}, {self.high:g}] is empty")
         return self
@@ -79,7 +79,7 @@ class PassesThrough(Model):
     leg: Compass | None = None
 
     @model_validator(mode="after")
-    def _leg_named(self) -> Self:
+    def _check_leg(self) -> Self:
         if (self.leg is None) != (self.region == "junction"):
             raise ValueError("crosswalk and leg need a direction, junction takes none")
         return self
@@ -147,7 +147,7 @@ class Contact(_Pair):
     cause: Literal["late_brake", "lead_brakes"] | None = None
 
     @model_validator(mode="after")
-    def _on_vehicles(self) -> Self:
+    def _check_vehicles(self) -> Self:
         for name, point in ((self.first, self.point_first), (self.second, self.point_second)):
             if point is not None and name.startswith("pedestrian"):
                 raise ValueError(f"{name} is a pedestrian, which has no {point}")
@@ -278,7 +278,7 @@ class NoReaction(Model):
 
 
 class NoInteraction(Model):
-    """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with everybody."""
+    """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with all agents."""
 
     clause: Literal["no_interaction"] = "no_interaction"
     first: AgentId
@@ -286,7 +286,7 @@ class NoInteraction(Model):
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
-        return _two_agents(self, self.first, self.second)
+        return _check_two_agents(self, self.first, self.second)
 
 
 UnaryClause = (
@@ -329,7 +329,7 @@ class ConstraintProgram(Model):
     clauses: tuple[Clause, ...] = ()
 
 
-def _two_agents(model: _ModelT, first: str, second: str | None) -> _ModelT:
+def _check_two_agents(model: _ModelT, first: str, second: str | None) -> _ModelT:
     if first == second:
         raise ValueError(f"needs two different agents, got {first} twice")
     return model

@@ -26,13 +26,13 @@ from scenewright.scene.social import (
 
 
 class AgentView(Model):
-    """An agent of the scene as it is, for whoever reads words about it.
+    """An agent of the scene as it is, as context for reading an edit.
 
     Attributes:
         number: its id in scene.json.
-        speed: free speed [m/s]; stops: whether it stands anywhere; who takes part,
-            elsewhere than at a red light.
-        slows_to: who gives way without standing passes that slowly [m/s].
+        speed: free speed [m/s]; stops: whether it stands anywhere; for a foreground
+            agent, elsewhere than at a red light.
+        slows_to: lowest speed of an agent that gives way without standing [m/s].
     """
 
     id: AgentId
@@ -169,7 +169,7 @@ class SetMeasure(Model):
 
 
 class Redraw(Model):
-    """An agent takes another path at another time; None: everybody."""
+    """An agent takes another path at another time; None: all agents."""
 
     edit: Literal["redraw"] = "redraw"
     agent: AgentId | None = None
@@ -190,7 +190,7 @@ class Edits(Model):
 
 
 class Choice(Model):
-    """One answer to a question: what to type, and what it stands for."""
+    """One answer to a question: what to type, and what it means."""
 
     answer: str = Field(max_length=40)
     means: str = Field(max_length=1000)

@@ -93,7 +93,7 @@ class FrozenAgents:
         """The routes that are settled, by name."""
         return {name: agent.candidate.route for name, agent in self.known.items()}
 
-    def numbers(self, names: tuple[str, ...]) -> dict[str, int]:
+    def assign_numbers(self, names: tuple[str, ...]) -> dict[str, int]:
         """Ids for scene.json: earlier agents keep theirs, others get the next ones."""
         taken = {name: each.number for name, each in self.earlier.agents.items()}
         kept = {name: taken[name] for name in names if name in taken}
@@ -101,7 +101,7 @@ class FrozenAgents:
         fresh = (name for name in names if name not in kept)
         return kept | {name: number for number, name in enumerate(fresh, start=following)}
 
-    def without(self, names: Collection[str]) -> FrozenAgents:
+    def release(self, names: Collection[str]) -> FrozenAgents:
         """The same, but these do not stay."""
         fixed = {name: agent for name, agent in self.fixed.items() if name not in names}
         return replace(self, fixed=fixed, same=self.same - set(names))

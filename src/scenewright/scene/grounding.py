@@ -1,4 +1,4 @@
-"""The social graph bound to the map (paper 3.1): who may travel which route, and together how."""
+"""The social graph bound to the map (paper 3.1): the routes of each agent, and how they combine."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from scenewright.scene.map import Route
 
 
 class AssignedPattern(Model):
-    """How one relation is played: its pattern, who has which role, who runs the red light."""
+    """How one relation is realised: its pattern, the roles, the red-light runner."""
 
     edge: int
     pattern: str

@@ -194,7 +194,7 @@ class IntersectionMap(Model):
 
         return derive_uturns(self)
 
-    def signal_group_of(self, route: Route) -> str | None:
+    def find_signal_group(self, route: Route) -> str | None:
         """The signal group that controls a route; None for jaywalkers and unsignalised ways."""
         if self.signals is None or route.movement == "jaywalking":
             return None
@@ -205,6 +205,6 @@ class IntersectionMap(Model):
                 return group.id
         return None
 
-    def movement_of(self, route: Route) -> VehicleMovement | None:
+    def find_movement(self, route: Route) -> VehicleMovement | None:
         """The vehicle movement of a route; None for pedestrians."""
         return next((e for e in (*self.movements, *self.uturns) if e.id == route.movement_id), None)

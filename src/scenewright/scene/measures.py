@@ -76,7 +76,7 @@ class Measure(Model):
     high: float = Field(ge=0, le=100)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_consistency(self) -> Self:
         if self.low > self.high:
             raise ValueError(f"{self.kind}: range [{self.low:g}, {self.high:g}] is empty")
         if UNITS[self.kind].of_two != (self.other is not None):

@@ -86,5 +86,5 @@ def get_size(node: ObjectNode) -> tuple[float, float]:
 
 
 def is_high(node: ObjectNode) -> bool:
-    """Whether an object blocks the line of sight of those who stand or sit behind it."""
+    """Whether an object blocks the line of sight of agents behind it."""
     return node.kind not in _LOW and node.subtype not in _LOW

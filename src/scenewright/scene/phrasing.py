@@ -80,8 +80,8 @@ def _choose_names(graph: SocialGraph) -> dict[str, str]:
 
 def _describe_agent(agent: AgentNode, name: str) -> str:
     subject = name.replace("the e-", "an e-", 1).replace("the ", "a ", 1)
-    told = list(_describe_route(agent))
-    return f"{subject} {' and '.join(told)}" if told else f"there is {subject}"
+    route = list(_describe_route(agent))
+    return f"{subject} {' and '.join(route)}" if route else f"there is {subject}"
 
 
 def _describe_route(agent: AgentNode) -> Iterator[str]:

@@ -6,8 +6,8 @@ Braking of vehicles: highest braking in the 3 s after the path TTC fell below 3 
 above 1 m/s^2 and had not before, at two intersections in Karlsruhe (TAF-BW, Zipfl et al. 2020).
 What is done: 338 conflicts of right-turning vehicles and pedestrians less than 3 s apart in Utah
 (Singleton et al. 2023, CC BY 4.0): of 195 drivers who braked or swerved 191 braked; of 75
-pedestrians who did something 40 stopped or slowed, 24 ran or hurried and 11 turned away.
-Stated, for want of data: riders brake below the 3.5 m/s^2 of SEMANTICS; who walks at 1.4 m/s stops
+pedestrians that reacted 40 stopped or slowed, 24 ran or hurried and 11 turned away.
+Stated, for want of data: riders brake below the 3.5 m/s^2 of SEMANTICS; a walk at 1.4 m/s stops
 within one to two steps, that is 0.5 to 1.2 s.
 """
 
@@ -70,7 +70,7 @@ BRAKING: dict[AgentClass, LogNormal] = {
 """Highest braking of who reacts by slowing down, by class [m/s^2]."""
 
 HURRY = LogNormal(1.5, 0.25, 1.0, 2.6)
-"""Acceleration of a pedestrian who runs out of the way [m/s^2]; stated as for stopping."""
+"""Acceleration of a pedestrian running out of the way [m/s^2]; stated as for stopping."""
 
 _SHARES: dict[AgentClass, dict[ReactionKind, float]] = {
     "vehicle": {"brakes": 0.98, "swerves": 0.02},
@@ -87,7 +87,7 @@ class Reaction:
 
     Attributes:
         after: perception-reaction time [s].
-        strength: highest braking or, of who runs, acceleration [m/s^2].
+        strength: highest braking or, when running, acceleration [m/s^2].
     """
 
     kind: ReactionKind

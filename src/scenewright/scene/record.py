@@ -171,8 +171,8 @@ class SceneRecord(Model):
     """A whole scene.json.
 
     Attributes:
-        objects: what stands; sights: whom it was to hide from whom; encounters: who was to do
-            what about an object in its way.
+        objects: standing objects; sights: which pedestrian they hide from which driver;
+            encounters: what an agent does about an object in its way.
     """
 
     meta: SceneMeta

@@ -23,7 +23,7 @@ class AgentRefinement(Model):
 
 
 class Refinement(Model):
-    """Everybody.
+    """Refinement of all agents.
 
     Attributes:
         refiner: what ran: `none` or `trajnet`; note: the same in words.
@@ -42,5 +42,5 @@ class Refinement(Model):
 
     @property
     def may_retry(self) -> bool:
-        """Whether there is somebody left whose share could be less."""
+        """Return whether the share of an agent could still be reduced."""
         return any(each.share > 0 for each in self.agents.values())

@@ -47,7 +47,7 @@ class Rejection(Model):
         stage: the stage that refused.
         code: for tables, tests and routes.
         agents: the agents concerned, if any.
-        detail: one sentence for whoever must repair it.
+        detail: one sentence for the repair.
         missed: how near the nearest attempt came to a clause that never held, for comparison with
             other attempts: what it failed on, negated, and by how much. Not written to files.
         repairable: whether another answer to the stage's question could mend it; where none can,

@@ -9,11 +9,11 @@ from scenewright.scene.constraints import Clause
 
 
 class Unserved(Model):
-    """Words that nothing stands for.
+    """Words of the instruction that no part of the scene represents.
 
     Attributes:
         entry: index of the words in `SocialGraph.said`.
-        note: why nothing does.
+        note: the reason.
     """
 
     entry: int = Field(ge=0)

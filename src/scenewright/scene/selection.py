@@ -69,7 +69,7 @@ class SelectedAgent:
         stops, slowings: edits of its free time law under which every clause holds.
         contact: scene time [s] of the collision that ends it; None if it is in none.
         violates: it is the one that runs its red light.
-        group: whose group it walks in; None for everybody else, and for who leads one.
+        group: leader of its group of pedestrians; None without a group and for a leader.
         exact: figures of its motion are asked for, so that it is not refined.
     """
 
@@ -87,7 +87,7 @@ class SelectedAgent:
 
     @property
     def stands(self) -> tuple[Stop, ...]:
-        """Its standstills; of who takes part, those elsewhere than at a red light."""
+        """Its standstills; of a foreground agent, those elsewhere than at a red light."""
         takes_part = self.role == "foreground"
         return tuple(
             each for each in self.stops if not (each.rolls or (takes_part and each.at_red))

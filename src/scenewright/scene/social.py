@@ -1,4 +1,4 @@
-"""The social graph: who takes part, what they do to one another, under which conditions."""
+"""The social graph: agents, relations between them, and conditions."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class AgentNode(Model):
     )
 
     @model_validator(mode="after")
-    def _named_by_class(self) -> Self:
+    def _check_name(self) -> Self:
         if not self.id.startswith(self.type):
             raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
         if self.motion in get_args(PedestrianMotion) and self.type != "pedestrian":
@@ -97,7 +97,7 @@ class RelationEdge(Model):
         pattern: id of the one relation file that may play it, where the text uses its phrase.
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
         point_from, point_to: where on either vehicle a collision strikes, where the text says so.
-        first: who leaves the two's conflict zone first; in a collision, who enters it first.
+        first: the agent that leaves the two's conflict zone first; in a collision, enters it first.
     """
 
     type: RelationType
@@ -116,7 +116,7 @@ class RelationEdge(Model):
     first: AgentId | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
-    def _two_agents(self) -> Self:
+    def _check_two_agents(self) -> Self:
         if self.from_ == self.to:
             raise ValueError(f"{self.type} needs two different agents, got {self.to} twice")
         if self.braker not in (None, self.from_, self.to):
@@ -131,7 +131,7 @@ class RelationEdge(Model):
         return self.target_ttc is not None or self.cause == "late_brake"
 
     def get_first(self) -> str | None:
-        """Who passes first, as asked for or as the relation itself has it."""
+        """The agent that passes first, as asked for or as the relation itself has it."""
         ahead = self.to if self.type in ("yield_to", "follow") else None
         return self.first or ahead
 
@@ -149,7 +149,7 @@ class EntryTie(Model):
     side: EntrySide
 
     @model_validator(mode="after")
-    def _two_agents(self) -> Self:
+    def _check_two_agents(self) -> Self:
         if self.agent == self.of:
             raise ValueError(f"an entry is tied to another agent's, got {self.of} twice")
         return self
@@ -232,7 +232,7 @@ class ObjectNode(Model):
     others: tuple[Meeting, ...] = Field(default=(), max_length=3, exclude_if=is_left_out)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_consistency(self) -> Self:
         if self.subtype is not None and self.kind not in STANDING_VEHICLES:
             raise ValueError(f"{self.id}: a {self.kind} has no subtype")
         if (self.hides is None) != (self.hidden_from is None):
@@ -301,14 +301,14 @@ class SocialGraph(Model):
     said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_consistency(self) -> Self:
         ids = [agent.id for agent in self.agents]
         if len(set(ids)) != len(ids):
             raise ValueError("agent ids must be unique")
         for edge in self.relations:
             for name in (edge.from_, edge.to):
                 if name not in ids:
-                    known = ", ".join(ids) or "nobody"
+                    known = ", ".join(ids) or "none"
                     raise ValueError(f"{edge.type}: {name} is not among the agents, {known}")
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
@@ -327,7 +327,7 @@ class SocialGraph(Model):
         hiding = {each.id for each in self.objects if each.hides is not None}
         for each in self.objects:
             if each.beyond is not None and each.beyond not in hiding - {each.id}:
-                raise ValueError(f"{each.id} is beyond {each.beyond}, which hides nobody")
+                raise ValueError(f"{each.id} is beyond {each.beyond}, which hides no agent")
             pair = frozenset((each.hides, each.hidden_from))
             if each.hides is not None and pair not in bound:
                 raise ValueError(

@@ -87,13 +87,13 @@ RIDER_SIZES: dict[AgentClass, tuple[float, float]] = {
 PEDESTRIAN = Shape("pedestrian", 2 * PEDESTRIAN_RADIUS, 2 * PEDESTRIAN_RADIUS)
 
 
-def vehicle_shape(subtype: str = "car") -> Shape:
+def get_vehicle_shape(subtype: str = "car") -> Shape:
     """The default footprint of a vehicle subtype (SEMANTICS section 1)."""
     length, width = VEHICLE_SIZES[subtype]
     return Shape("vehicle", length, width)
 
 
-def rider_shape(kind: AgentClass) -> Shape:
+def get_rider_shape(kind: AgentClass) -> Shape:
     """The footprint of a cyclist or scooter rider (SEMANTICS section 8)."""
     length, width = RIDER_SIZES[kind]
     return Shape(kind, length, width)

@@ -24,8 +24,8 @@ class YieldingBehavior:
         pace: of these, lowest speed over approach speed; place: where it is driven, from the
             centre to where the centre enters the zone [m]; margin: from the other's leaving the
             zone to its own entering [s].
-        gap: of those that stand, from the front to the zone or the stop line ahead, whichever is
-            nearer [m]; stands: for how long [s]; reacts: from the other's leaving the zone to its
+        gap: of those that stand, from the front to the zone or the stop line ahead, the nearer
+            one [m]; stands: for how long [s]; reacts: from the other's leaving the zone to its
             own start [s].
     """
 

@@ -31,7 +31,7 @@ def name_anchor(stop: Stop, candidate: Candidate, *, map_areas: MapAreas) -> str
     """The map entity of a stop, by name."""
     route = candidate.route
     if stop.anchor == "stop_line":
-        movement = map_areas.intersection_map.movement_of(route)
+        movement = map_areas.intersection_map.find_movement(route)
         return movement.stop_line if movement else "stop_line"
     if stop.anchor == "kerb":
         return f"{route.crosswalk}:kerb:{route.entry}"

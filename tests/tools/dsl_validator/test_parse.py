@@ -277,5 +277,5 @@ def test_size_is_limited() -> None:
 def test_the_clauses_of_every_relation_are_programs(pattern: Pattern) -> None:
     names = [role.type.replace("rider", "cyclist") for role in (pattern.from_, pattern.to)]
     first, second = f"{names[0]}-1", f"{names[1]}-2"
-    lines = [pattern.filled(line, from_=first, to=second) for line in pattern.clauses]
+    lines = [pattern.fill(line, from_=first, to=second) for line in pattern.clauses]
     assert len(parse("\n".join(lines)).clauses) == len(lines)

@@ -30,8 +30,8 @@ from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
 from scenewright.tools.track_io.external_tracks import read_external_recordings
 from scenewright.tools.track_io.scenarionet import load_arrays
 from scenewright.tools.track_io.tfrecord import compute_masked_crc, read_records, write_records
-from scenewright.tools.track_io.womd import read_womd, scenario_class
-from scenewright.tools.track_io.womd_example import example_class, read_example
+from scenewright.tools.track_io.womd import load_scenario_class, read_womd
+from scenewright.tools.track_io.womd_example import load_example_class, read_example
 
 
 def test_headings_lie_within_pi_and_velocities_are_of_the_positions() -> None:
@@ -56,7 +56,7 @@ def test_the_intended_route_goes_on_past_a_collision() -> None:
 
 
 def test_lights_have_a_colour_at_every_step() -> None:
-    colours = make_scene().colours()["south:stop"]
+    colours = make_scene().list_colours()["south:stop"]
     assert colours[:60] == ["green"] * 60
     assert colours[60:] == ["red"] * 41
 
@@ -151,7 +151,7 @@ def test_objects_stand_where_they_stand() -> None:
     still = ElementTree.fromstring(text).findall("staticObstacle")
     assert [each.findtext("type") for each in still] == ["parkedVehicle", "unknown"]
     (record,) = read_records(*write_scene(scene, "womd").values(), name="it")
-    tracks = scenario_class().FromString(record).tracks
+    tracks = load_scenario_class().FromString(record).tracks
     assert [track.object_type for track in tracks] == [1, 2, 1, 1, 4]
     assert {(s.center_x, s.velocity_x, s.valid) for s in tracks[4].states} == {(20.0, 0.0, True)}
     (content,) = write_scene(scene, "scenarionet").values()
@@ -281,9 +281,9 @@ def test_a_tf_example_holds_the_window_in_tensors_of_the_datasets_shapes(tmp_pat
 
 
 def example_without(record: bytes, name: str) -> bytes:
-    example = example_class().FromString(record)
+    example = load_example_class().FromString(record)
     kept = [each for each in example.features.feature if each.key != name]
-    return bytes(example_class()(features={"feature": kept}).SerializeToString())
+    return bytes(load_example_class()(features={"feature": kept}).SerializeToString())
 
 
 @pytest.mark.parametrize("name", ["womd", "argoverse2"])
@@ -294,7 +294,7 @@ def test_a_window_is_as_long_as_the_dataset_has_it(name: str, tmp_path: Path) ->
     assert ends == pytest.approx(8.0)  # the late vehicle's end; 9.1 and 11 s are asked for
     if name == "womd":
         (record,) = read_records(file.read_bytes(), name="it")
-        scenario = scenario_class().FromString(record)
+        scenario = load_scenario_class().FromString(record)
         assert [len(track.states) for track in scenario.tracks] == [91] * 3
         assert list(scenario.objects_of_interest) == [1, 2]
 

@@ -293,13 +293,13 @@ def test_meets_is_whether_the_ways_cross(a, b, expected):
 
 def test_signals_and_movements_of_routes():
     left = ROUTES["vehicle:north>east:left"]
-    assert ON.signal_group_of(left) == "avenue"
-    assert ON.movement_of(left).stop_line == "north:stop"
+    assert ON.find_signal_group(left) == "avenue"
+    assert ON.find_movement(left).stop_line == "north:stop"
     walk = ROUTES["pedestrian:east:north>south:along>along"]
-    assert ON.signal_group_of(walk) == "walk_across_street"
-    assert ON.movement_of(walk) is None
+    assert ON.find_signal_group(walk) == "walk_across_street"
+    assert ON.find_movement(walk) is None
     unsignalised = ON.model_copy(update={"signals": None})
-    assert unsignalised.signal_group_of(left) is None
+    assert unsignalised.find_signal_group(left) is None
     assert share_green(left, ROUTES["vehicle:east>west:straight"], intersection_map=unsignalised)
 
 

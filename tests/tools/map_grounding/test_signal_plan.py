@@ -41,7 +41,7 @@ def written_out(phases, time: float) -> str:
 
 @given(PHASES, HALVES, QUARTERS)
 def test_colour_is_the_programme_shifted(phases, offset, time):
-    assert SignalClock(program(phases), offset).colour("g", time) == written_out(
+    assert SignalClock(program(phases), offset).get_colour("g", time) == written_out(
         phases, time + offset
     )
 
@@ -51,7 +51,7 @@ def test_next_green_is_the_first_green_from_then_on(phases, offset, time):
     clock = SignalClock(program(phases), offset)
     later = time + np.arange(0, 120, 0.25)
     green = [t for t in later if written_out(phases, t + offset) == "green"]
-    assert clock.next_green("g", time) == (green[0] if green else float("inf"))
+    assert clock.find_next_green("g", time) == (green[0] if green else float("inf"))
 
 
 DEMANDS = st.lists(
@@ -89,7 +89,7 @@ def test_how_long_it_has_been_red_is_since_the_last_green(phases, half_seconds):
 @given(PHASES, QUARTERS)
 def test_shows_agrees_with_the_clock(phases, time):
     running = program(phases)
-    colour = SignalClock(running, 0.0).colour("g", time)
+    colour = SignalClock(running, 0.0).get_colour("g", time)
     assert is_showing(running, "g", np.array([time]), (colour,)).all()
 
 
@@ -109,4 +109,4 @@ def test_the_plan_covers_the_scene_without_gaps_and_says_what_the_clock_says(off
             assert before.colour != after.colour
         for record in own:
             for time in np.linspace(record.start + 0.01, record.end - 0.01, 9):
-                assert clock.colour(group_of[head], time) == record.colour
+                assert clock.get_colour(group_of[head], time) == record.colour

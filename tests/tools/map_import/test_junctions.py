@@ -12,7 +12,7 @@ import map_files
 from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
-from scenewright.tools.map_import.osm_elements import _messages
+from scenewright.tools.map_import.osm_elements import _read_messages
 
 needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
@@ -96,7 +96,7 @@ def pbf(file):
     lat, lon = (round(degrees * 1e7) for degrees in map_files.ORIGIN)
     spots = [(lat, lon), (lat + 9000, lon), (lat - 9000, lon), (lat, lon + 9000), (lat, lon - 9000)]
     steps = np.diff(np.array([(0, 0), *spots]), axis=0).tolist()
-    block = _messages()["PrimitiveBlock"]()
+    block = _read_messages()["PrimitiveBlock"]()
     block.stringtable.s.extend(
         [b"", b"highway", b"residential", b"name", b"Elm Street", b"Mill Road"]
     )
@@ -111,9 +111,9 @@ def pbf(file):
         way.refs.extend(refs)
     with file.open("wb") as stream:
         for kind, data in (("OSMHeader", b""), ("OSMData", block.SerializeToString())):
-            blob = _messages()["Blob"](zlib_data=zlib.compress(data), raw_size=len(data))
+            blob = _read_messages()["Blob"](zlib_data=zlib.compress(data), raw_size=len(data))
             body = blob.SerializeToString()
-            head = _messages()["BlobHeader"](type=kind, datasize=len(body)).SerializeToString()
+            head = _read_messages()["BlobHeader"](type=kind, datasize=len(body)).SerializeToString()
             stream.write(len(head).to_bytes(4) + head + body)
     return file
 

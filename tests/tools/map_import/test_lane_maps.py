@@ -12,7 +12,7 @@ from scenewright.tools.exporters.lanelet2 import write_lanelet2
 from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile, load_lanelet2
 from scenewright.tools.track_io.tfrecord import write_records
-from scenewright.tools.track_io.womd import scenario_class
+from scenewright.tools.track_io.womd import load_scenario_class
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def argoverse(held, target):
 
 
 def waymo(held, target):
-    scenario = scenario_class()()
+    scenario = load_scenario_class()()
     for name, each in held.lanelets.items():
         feature = scenario.map_features.add(id=int(name))
         feature.lane.type = 2

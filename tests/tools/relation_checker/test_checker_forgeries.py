@@ -19,12 +19,12 @@ from checker_tracks import (
     later,
     light,
     line,
+    list_rules,
     plus_map,
     scene,
     walk,
     yielding_car,
 )
-from scenewright.scene.events import Proof
 from scenewright.scene.map import (
     GoalRegion,
     Route,
@@ -40,11 +40,6 @@ from scenewright.tools.relation_checker import RoadUser, check, find_events
 MAP = plus_map()
 
 
-def rules(proof: Proof) -> set[str]:
-    groups = (proof.missing, proof.interference, proof.implausible, proof.signal_violations)
-    return {f.rule for group in groups for f in group}
-
-
 def cut(user: RoadUser, seconds: float) -> RoadUser:
     """The track up to a time [s]."""
     n = round((seconds - user.track.start) / 0.1) + 1
@@ -57,7 +52,7 @@ class TestTheEndOfTheScene:
         for seconds in (6.4, 7.9):
             users = [cut(yielding_car(), seconds), crossing_walker()]
             proof = check(scene(users, ("yielding", 1, 2)), MAP)
-            assert "relation_not_realised" in rules(proof)
+            assert "relation_not_realised" in list_rules(proof)
             ends = scene([cut(u, seconds) for u in users], ("yielding", 1, 2), duration=seconds)
             assert check(ends, MAP).verified is (seconds > 7.0)  # by then the walker is across
 
@@ -67,7 +62,7 @@ class TestTheEndOfTheScene:
     ) -> None:
         users = [cut(yielding_car(), 7.9), cut(crossing_walker(), 8.0)]
         proof = check(scene(users, background=background, duration=8.0), MAP)
-        assert rules(proof) == {"unasked_yielding"}
+        assert list_rules(proof) == {"unasked_yielding"}
         proof = check(scene(users, background=(1, 2), duration=8.0), MAP)
         assert proof.verified
         assert [e.type for e in proof.incidental] == ["yielding"]
@@ -137,8 +132,8 @@ def test_an_incomplete_plan_hides_no_red_runner(plan: tuple[SignalRecord, ...]) 
     runner = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0)))
     assert check(scene([], signals=(RED, GREEN, *WALK)), ground).verified
     honest = check(scene([runner], signals=(RED, GREEN, *WALK)), ground)
-    assert rules(honest) == {"red_crossing"}
-    assert "signal_plan" in rules(check(scene([runner], signals=plan), ground))
+    assert list_rules(honest) == {"red_crossing"}
+    assert "signal_plan" in list_rules(check(scene([runner], signals=plan), ground))
 
 
 def collision_scene() -> SceneRecord:
@@ -199,12 +194,12 @@ class TestLabels:
             ((row, row), {"label_contradicted"}),
             ((row, normal), {"label_contradicted"}),
         ):
-            assert rules(check(record.model_copy(update={"events": rows}))) == told
+            assert list_rules(check(record.model_copy(update={"events": rows}))) == told
         near = crossing_walker(4)
         two = [yielding_car(3), near, *(line(5, (30.0, 1.0), WEST, np.zeros(1)),)]
         both = scene(two, ("yielding", 3, 4))
         assert check(labelled(both, {})).verified
-        assert rules(check(both.model_copy(update={"events": (normal,)}))) == {
+        assert list_rules(check(both.model_copy(update={"events": (normal,)}))) == {
             "label_contradicted", "label_missing",
         }  # fmt: skip
         empty = scene([yielding_car()]).model_copy(update={"events": (normal,)})
@@ -248,7 +243,7 @@ class TestJourneys:
         car = line(1, (-50.0, -1.75), EAST, distance(10.0, (0.0, 10.0)))
         record = scene([car], duration=10.0, **{**self.ROUTE, **change})
         proof = check(record, routed_map())
-        assert rules(proof) == (set() if verified else {"journey_contradicted"})
+        assert list_rules(proof) == (set() if verified else {"journey_contradicted"})
 
     @pytest.mark.parametrize(("angle", "verified"), [(EAST, True), (WEST, False)])
     def test_who_walks_backwards(self, angle: float, verified: bool) -> None:
@@ -258,13 +253,13 @@ class TestJourneys:
             goal=(-85.0, -6.0),
         )  # fmt: skip
         proof = check(record, routed_map())
-        assert rules(proof) == (set() if verified else {"journey_contradicted"})
+        assert list_rules(proof) == (set() if verified else {"journey_contradicted"})
 
     @pytest.mark.parametrize(("duration", "verified"), [(4.1, True), (4.4, False)])
     def test_nobody_vanishes_in_the_middle(self, duration: float, verified: bool) -> None:
         car = line(1, (-50.0, -1.75), EAST, distance(10.0, (0.0, 4.0)))
         proof = check(scene([car], duration=duration, **self.ROUTE), routed_map())
-        assert rules(proof) == (set() if verified else {"vanishes"})
+        assert list_rules(proof) == (set() if verified else {"vanishes"})
 
     @pytest.mark.parametrize(("y", "told"), [(-8.0, set()), (0.0, {"journey_contradicted"})])
     def test_a_jaywalker_is_bound_for_a_place_beside_the_road(
@@ -276,7 +271,7 @@ class TestJourneys:
         walker = walk(1, (-40.0, -6.0), NORTH, distance(1.4, (0.0, 8.0)))
         record = scene([walker], duration=8.0, route="mid", movement="jaywalking", entry="south",
                        exit="north", crosswalk="west", goal=(-40.0, y))  # fmt: skip
-        assert rules(check(record, ground)) == told
+        assert list_rules(check(record, ground)) == told
 
     @pytest.mark.parametrize(("seconds", "told"), [(5.0, {"vanishes"}), (8.0, set())])
     def test_who_walks_may_end_beside_the_road_but_not_on_it(
@@ -284,13 +279,13 @@ class TestJourneys:
     ) -> None:
         walker = walk(1, (-8.0, -6.0), NORTH, distance(1.4, (0.0, seconds)))
         ground = routed_map().model_copy(update={"routes": ()})
-        assert rules(check(scene([walker]), ground)) == told
+        assert list_rules(check(scene([walker]), ground)) == told
 
     def test_but_who_reaches_a_goal_or_collides_may_end(self) -> None:
         arrives = line(1, (50.0, -1.75), EAST, distance(10.0, (0.0, 4.0)))
         assert check(scene([arrives], **self.ROUTE), routed_map()).verified
         record = collision_scene()
-        assert "vanishes" not in rules(check(record, routed_map()))
+        assert "vanishes" not in list_rules(check(record, routed_map()))
 
 
 @pytest.mark.parametrize(
@@ -310,7 +305,7 @@ def test_the_size_is_that_of_the_subtype(
 ) -> None:
     car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 4.0)))
     proof = check(scene([car], subtype=subtype, length=length, width=width), MAP)
-    assert rules(proof) == (set() if usual else {"size"})
+    assert list_rules(proof) == (set() if usual else {"size"})
 
 
 class TestTimesOffTheGrid:
@@ -349,7 +344,7 @@ def test_the_ends_of_a_track_are_looked_at(
     phases: tuple[tuple[float, float], ...], rule: str | None
 ) -> None:
     car = line(1, (-50.0, -1.75), EAST, distance(10.0, *phases))
-    assert rules(check(scene([car]), MAP)) == ({rule} if rule else set())
+    assert list_rules(check(scene([car]), MAP)) == ({rule} if rule else set())
 
 
 class TestRedLights:
@@ -358,16 +353,16 @@ class TestRedLights:
     @pytest.mark.parametrize("y", [-1.75, 0.7, 2.5])
     def test_the_other_half_of_the_road_is_no_way_round(self, y: float) -> None:
         car = line(1, (-50.0, y), EAST, distance(8.0, (0.0, 8.0)))
-        assert "red_crossing" in rules(check(scene([car], signals=self.RED), MAP))
+        assert "red_crossing" in list_rules(check(scene([car], signals=self.RED), MAP))
 
     def test_who_leaves_the_junction_there_is_free(self) -> None:
         for angle, start in ((WEST, 50.0), (WEST - 0.05, 50.0)):
             car = line(1, (start, 1.75), angle, distance(8.0, (0.0, 7.0)))
-            assert "red_crossing" not in rules(check(scene([car], signals=self.RED), MAP))
+            assert "red_crossing" not in list_rules(check(scene([car], signals=self.RED), MAP))
 
     def test_who_begins_on_the_crosswalk(self) -> None:
         walker = walk(1, (-8.0, -3.3), NORTH, distance(1.4, (0.0, 6.0)))
-        assert rules(check(scene([walker], signals=self.RED), MAP)) == {"red_crossing"}
+        assert list_rules(check(scene([walker], signals=self.RED), MAP)) == {"red_crossing"}
         plan = (light("green", 0.0, 1.0, crosswalk=True), light("red", 1.0, 30.0, crosswalk=True))
         assert check(scene([walker], signals=plan), MAP).verified
 

@@ -17,13 +17,14 @@ from checker_tracks import (
     distance,
     light,
     line,
+    list_rules,
     plus_map,
     scene,
     walk,
     yielding_car,
 )
 from scenewright.scene.base import FloatArray
-from scenewright.scene.events import Event, Proof
+from scenewright.scene.events import Event
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import (
     RoadUser,
@@ -42,11 +43,6 @@ CLEARED = 3.0 + 5.475 / 1.4
 """When the walker that starts at 3 s has left it [s]."""
 ROUND = 0.125
 """By how much the PET is longer than the time between leaving and entering the zone [s]."""
-
-
-def rules(proof: Proof) -> set[str]:
-    groups = (proof.missing, proof.interference, proof.implausible, proof.signal_violations)
-    return {f.rule for group in groups for f in group}
 
 
 def events(*users: RoadUser, on_map: bool = False) -> list[Event]:
@@ -298,8 +294,8 @@ def test_plausible_motion(
     within: RoadUser, beyond: RoadUser, rule: str, subtype: str | None
 ) -> None:
     ground = None if rule == "lateral_acceleration" else MAP
-    assert rules(check(scene([within], subtype=subtype), ground)) == set()
-    assert rules(check(scene([beyond], subtype=subtype), ground)) == {rule}
+    assert list_rules(check(scene([within], subtype=subtype), ground)) == set()
+    assert list_rules(check(scene([beyond], subtype=subtype), ground)) == {rule}
 
 
 @pytest.mark.parametrize(
@@ -313,13 +309,13 @@ def test_emergency_braking(braking: float, seconds: float, rest: float, broken: 
     record = scene([car(s, x=-50.0), there], ("collision", 1, 2), movement="jaywalking")
     proof = check(record, MAP)
     assert [e.type for e in proof.events] == ["collision"]
-    assert ("braking" in rules(proof)) is broken
+    assert ("braking" in list_rules(proof)) is broken
 
 
 @pytest.mark.parametrize(("duration", "broken"), [(30.0, set()), (30.2, {"duration"})])
 def test_thirty_seconds(duration: float, broken: set[str]) -> None:
     record = scene([car(distance(8.0, (0.0, 5.0)))], duration=duration)
-    assert rules(check(record, MAP)) == broken
+    assert list_rules(check(record, MAP)) == broken
 
 
 class TestTargets:
@@ -373,4 +369,4 @@ def test_a_tenth_of_a_second_of_red(since: float, broken: set[str]) -> None:
     turns = (38.0 - 2.3) / 8.0 - since
     plan = (light("yellow", 0.0, turns), light("red", turns, 30.0))
     record = scene([car(distance(8.0, (0.0, 8.0)), x=-50.0)], signals=plan)
-    assert rules(check(record, MAP)) == broken
+    assert list_rules(check(record, MAP)) == broken

@@ -7,10 +7,10 @@ import pytest
 
 from checker_tracks import EAST, NORTH, along, bend, distance, light, line, plus_map, scene, walk
 from scenewright.scene.events import Event
-from scenewright.scene.track import rider_shape
+from scenewright.scene.track import get_rider_shape
 from scenewright.tools.relation_checker import RoadUser, check, find_events
 
-BICYCLE, SCOOTER = rider_shape("cyclist"), rider_shape("scooter")
+BICYCLE, SCOOTER = get_rider_shape("cyclist"), get_rider_shape("scooter")
 
 
 def broken(user: RoadUser) -> set[str]:

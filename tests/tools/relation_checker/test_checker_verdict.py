@@ -16,6 +16,7 @@ from checker_tracks import (
     distance,
     light,
     line,
+    list_rules,
     plus_map,
     scene,
     walk,
@@ -23,7 +24,6 @@ from checker_tracks import (
 )
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.events import Proof
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram, VehicleMovement
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.scene.track import Track
@@ -31,11 +31,6 @@ from scenewright.tools.relation_checker import RoadUser, build_trajectory, check
 from scenewright.tools.relation_checker.legs import find_entry_leg
 
 MAP = plus_map()
-
-
-def rules(proof: Proof) -> set[str]:
-    groups = (proof.missing, proof.interference, proof.implausible, proof.signal_violations)
-    return {f.rule for group in groups for f in group}
 
 
 def shaken(
@@ -54,7 +49,7 @@ def yield_scene(*relations: tuple[object, ...]) -> SceneRecord:
 
 def test_a_yield_asked_for_and_observed_is_verified() -> None:
     proof = check(yield_scene(("yielding", 1, 2)), MAP)
-    assert rules(proof) == set()
+    assert list_rules(proof) == set()
     assert proof.verified
     assert [e.type for e in proof.events] == ["yielding"]
 
@@ -62,11 +57,11 @@ def test_a_yield_asked_for_and_observed_is_verified() -> None:
 def test_roles_matter_for_yielding() -> None:
     proof = check(yield_scene(("yielding", 2, 1)), MAP)
     assert not proof.verified
-    assert rules(proof) == {"relation_not_realised", "unasked_yielding"}
+    assert list_rules(proof) == {"relation_not_realised", "unasked_yielding"}
 
 
 def test_a_yield_nobody_asked_for_breaks_a_normal_scene() -> None:
-    assert rules(check(yield_scene(), MAP)) == {"unasked_yielding"}
+    assert list_rules(check(yield_scene(), MAP)) == {"unasked_yielding"}
 
 
 def test_background_agents_may_yield_to_one_another() -> None:
@@ -106,19 +101,19 @@ def collided(impact_speed: float | None = None, kind: str = "pedestrian_strike")
 
 def test_a_collision_of_any_kind_is_verified_in_either_order_a_strike_only_in_its_own() -> None:
     proof = check(collided(8.4), MAP)
-    assert rules(proof) == set()
+    assert list_rules(proof) == set()
     assert proof.events[0].time == pytest.approx(39.4 / 8, abs=0.03)
     turned = {"from_": 2, "to": 1}
     for kind, told in ((None, set()), ("pedestrian_strike", {"relation_not_realised"})):
         record = collided(8.4)
         relation = record.relations[0].model_copy(update={**turned, "kind": kind})
-        found = rules(check(record.model_copy(update={"relations": (relation,)}), MAP))
+        found = list_rules(check(record.model_copy(update={"relations": (relation,)}), MAP))
         assert found - {"unasked_collision"} == told
 
 
 def test_kind_and_impact_speed_must_be_as_asked_for() -> None:
-    assert "relation_not_realised" in rules(check(collided(9.2), MAP))
-    assert "relation_not_realised" in rules(check(collided(kind="angle"), MAP))
+    assert "relation_not_realised" in list_rules(check(collided(9.2), MAP))
+    assert "relation_not_realised" in list_rules(check(collided(kind="angle"), MAP))
 
 
 @pytest.mark.parametrize(
@@ -139,7 +134,7 @@ def test_a_collision_must_be_where_it_was_asked_for(
         proof = check(scene([car, walker], ("collision", 1, 2, {"point_from": asked})), MAP)
         assert proof.events[0].evidence["point_from"] == point
         assert "point_to" not in proof.events[0].evidence
-        assert ("relation_not_realised" in rules(proof)) == (asked not in asked_and_true)
+        assert ("relation_not_realised" in list_rules(proof)) == (asked not in asked_and_true)
 
 
 @pytest.mark.parametrize(("target", "verified"), [(1.0, True), (1.3, False)])
@@ -176,20 +171,20 @@ class TestCertificate:
             behind = line(2, (-40.0 - 8.0 - metres, -1.75), EAST,
                           distance(8.0, (0.0, 3.0), (-2.0, 4.0), (0.0, 4.0)))  # fmt: skip
             assert len(late) == len(s)
-            found = rules(check(scene([ahead, behind]), MAP))
+            found = list_rules(check(scene([ahead, behind]), MAP))
             assert found - {"headway"} == broken
 
     def test_driving_too_close_behind(self) -> None:
         s = distance(10.0, (0.0, 5.0))
         users = [line(1, (-40.0, -1.75), EAST, s), line(2, (-52.0, -1.75), EAST, s)]
-        assert rules(check(scene(users), MAP)) == {"headway"}
+        assert list_rules(check(scene(users), MAP)) == {"headway"}
 
     def test_overlap_at_spawn(self) -> None:
         s = distance(8.0, (0.0, 5.0))
         users = [line(1, (0.0, 0.0), EAST, s), line(2, (2.0, 0.5), EAST, s)]
         for relation in ((), (("collision", 1, 2),)):
             proof = check(scene(users, *relation), MAP)
-            assert "contact" in rules(proof)
+            assert "contact" in list_rules(proof)
 
     def test_a_follow_nobody_asked_for_is_reported_only(self) -> None:
         s = distance(8.0, (0.0, 8.0))
@@ -207,14 +202,14 @@ class TestWreck:
         car = line(1, (-50.0, -1.75), EAST, s)
         walker = walk(2, (-8.0, -1.75 - 1.4 * 5.0), NORTH, distance(1.4, (0.0, 5.0)))
         proof = check(scene([car, walker], ("collision", 1, 2)), MAP)
-        assert rules(proof) == {"wreck_drives_on"}
+        assert list_rules(proof) == {"wreck_drives_on"}
 
     def test_everyone_else_keeps_clear_of_it(self) -> None:
         late = line(3, (60.0, -1.0), WEST, distance(8.0, (0.0, 14.0)), at=6.0)
         record = collided()
         users = (*record.agents, agent(late, background=True))
         proof = check(record.model_copy(update={"agents": users}), MAP)
-        assert "wreck_clearance" in rules(proof)
+        assert "wreck_clearance" in list_rules(proof)
 
 
 class TestPlausibility:
@@ -231,7 +226,7 @@ class TestPlausibility:
         self, phases: tuple[tuple[float, float], ...], rule: str | None
     ) -> None:
         car = line(1, (-50.0, -1.75), EAST, distance(10.0, *phases))
-        assert rules(check(scene([car]), MAP)) == ({rule} if rule else set())
+        assert list_rules(check(scene([car]), MAP)) == ({rule} if rule else set())
 
     def test_emergency_braking_before_a_collision(self) -> None:
         # 9 m/s^2 for the last 0.8 s
@@ -239,25 +234,25 @@ class TestPlausibility:
         front = -50.0 + 30.0 + 12.0 * 0.9 - 4.5 * 0.81 + 2.3
         walker = walk(2, (front + 0.3, -1.75 - 1.4 * 3.4), NORTH, distance(1.4, (0.0, 3.5)))
         record = scene([car, walker], ("collision", 1, 2), movement="jaywalking")
-        assert "braking" not in rules(check(record, MAP))
+        assert "braking" not in list_rules(check(record, MAP))
 
     def test_teleport(self) -> None:
         car = line(1, (-50.0, -1.75), EAST, distance(5.0, (0.0, 6.0)))
         xy = car.track.xy + np.where(np.arange(61) < 30, 0.0, 1.2)[:, None] * np.array((1.0, 0.0))
-        assert "step_length" in rules(check(scene([shaken(car, xy=xy)]), MAP))
+        assert "step_length" in list_rules(check(scene([shaken(car, xy=xy)]), MAP))
 
     def test_heading_flip(self) -> None:
         car = line(1, (-50.0, -1.75), EAST, distance(5.0, (0.0, 6.0)))
         flipped = np.where(np.arange(61) < 30, 0.0, np.pi)
-        assert "heading" in rules(check(scene([shaken(car, heading=flipped)]), MAP))
+        assert "heading" in list_rules(check(scene([shaken(car, heading=flipped)]), MAP))
         parked = line(1, (-50.0, -1.75), EAST, np.zeros(61))
-        assert "heading_held" in rules(check(scene([shaken(parked, heading=flipped)]), MAP))
+        assert "heading_held" in list_rules(check(scene([shaken(parked, heading=flipped)]), MAP))
 
     def test_off_the_road_and_off_the_pavement(self) -> None:
         astray = line(1, (-50.0, 9.0), EAST, distance(8.0, (0.0, 4.0)))
-        assert rules(check(scene([astray]), MAP)) == {"off_road"}
+        assert list_rules(check(scene([astray]), MAP)) == {"off_road"}
         jaywalker = walk(1, (-40.0, -6.0), NORTH, distance(1.4, (0.0, 8.0)))
-        assert rules(check(scene([jaywalker]), MAP)) == {"off_walkable"}
+        assert list_rules(check(scene([jaywalker]), MAP)) == {"off_walkable"}
         assert check(scene([jaywalker], movement="jaywalking"), MAP).verified
 
 
@@ -268,7 +263,7 @@ class TestSignals:
         car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0)))
         walker = walk(1, (-8.0, -6.0), NORTH, distance(1.4, (0.0, 8.0)))
         for user in (car, walker):
-            assert rules(check(scene([user], signals=self.RED), MAP)) == {"red_crossing"}
+            assert list_rules(check(scene([user], signals=self.RED), MAP)) == {"red_crossing"}
             assert check(scene([user], signals=self.RED, violates_signal=True), MAP).verified
 
     def test_leaving_the_junction_crosses_no_stop_line(self) -> None:
@@ -294,24 +289,24 @@ def test_the_plan_must_be_the_programme_of_the_map() -> None:
     ground = MAP.model_copy(update={"signals": program, "movements": (movement,)})
     honest = (light("red", 0.0, 12.0), light("green", 12.0, 30.0))
     forged = (light("green", 0.0, 12.0), light("red", 12.0, 14.0), light("green", 14.0, 30.0))
-    assert rules(check(scene([], signals=honest), ground)) == set()
-    assert rules(check(scene([], signals=forged), ground)) == {"signal_plan"}
-    assert rules(check(scene([]), ground)) == {"no_signal_plan"}
+    assert list_rules(check(scene([], signals=honest), ground)) == set()
+    assert list_rules(check(scene([], signals=forged), ground)) == {"signal_plan"}
+    assert list_rules(check(scene([]), ground)) == {"no_signal_plan"}
 
 
 def test_labels_give_no_licence_to_the_background() -> None:
     walker = walk(1, (-40.0, -6.0), NORTH, distance(1.4, (0.0, 8.0)))
     record = scene([walker], background=(1,), movement="jaywalking")
-    assert rules(check(record, MAP)) == {"off_walkable"}
+    assert list_rules(check(record, MAP)) == {"off_walkable"}
     car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0)))
     record = scene([car], background=(1,), signals=TestSignals.RED, violates_signal=True)
-    assert rules(check(record, MAP)) == {"red_crossing"}
+    assert list_rules(check(record, MAP)) == {"red_crossing"}
 
 
 def test_a_shrunken_footprint_is_found_out() -> None:
     record = yield_scene(("yielding", 1, 2))
     agents = (record.agents[0], record.agents[1].model_copy(update={"width": 0.2}))
-    assert rules(check(record.model_copy(update={"agents": agents}), MAP)) >= {"size"}
+    assert list_rules(check(record.model_copy(update={"agents": agents}), MAP)) >= {"size"}
 
 
 def test_a_yield_that_the_end_of_the_scene_cuts_short() -> None:
@@ -373,7 +368,7 @@ class TestTies:
     def test_entries_lie_as_they_were_tied(self, side: str) -> None:
         proof = check(self.tied(side), MAP)
         assert proof.verified is (side in ("other", "opposite"))
-        assert rules(proof) == (set() if proof.verified else {"entry_elsewhere"})
+        assert list_rules(proof) == (set() if proof.verified else {"entry_elsewhere"})
 
     def test_without_a_map_nobody_has_an_entry(self) -> None:
         assert check(self.tied("left")).verified
@@ -392,7 +387,7 @@ def test_who_was_to_run_red_and_does_not_is_told() -> None:
     car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0)))
     green = (light("green", 0.0, 30.0), light("green", 0.0, 30.0, crosswalk=True))
     obeys = check(scene([car], signals=green, violates_signal=True), MAP)
-    assert rules(obeys) == {"red_light_not_run"}
+    assert list_rules(obeys) == {"red_light_not_run"}
     assert obeys.figures["red_light_runs"] == []
     runs = check(scene([car], signals=TestSignals.RED, violates_signal=True), MAP)
     (run,) = runs.figures["red_light_runs"]

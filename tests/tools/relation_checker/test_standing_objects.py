@@ -13,7 +13,7 @@ from scenewright.errors import InputError
 from scenewright.scene.events import Proof
 from scenewright.scene.objects import ObjectRecord, SightRecord
 from scenewright.scene.record import SceneRecord
-from scenewright.scene.track import vehicle_shape
+from scenewright.scene.track import get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, build_trajectory, check
 from scenewright.tools.relation_checker.line_of_sight import (
     find_first_visible,
@@ -138,7 +138,7 @@ def test_mirrored_and_resampled_tracks_are_seen_at_the_same_time() -> None:
 def test_another_vehicle_blocks_the_view_while_it_is_there() -> None:
     car, walker = (build_trajectory(each) for each in struck_pair())
     van = build_trajectory(
-        line(3, (-26.75, -4.8), EAST, np.zeros(46), at=0.0, shape=vehicle_shape("truck"))
+        line(3, (-26.75, -4.8), EAST, np.zeros(46), at=0.0, shape=get_vehicle_shape("truck"))
     )
     seen = find_first_visible(car, walker, vehicles=(van,), until=5.7)
     unseen = find_first_visible(car, walker, until=5.7)

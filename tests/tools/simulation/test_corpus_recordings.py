@@ -9,7 +9,7 @@ import pytest
 from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, load_map
-from scenewright.scene.track import STEP, Track, vehicle_shape
+from scenewright.scene.track import STEP, Track, get_vehicle_shape
 from scenewright.tools.map_import.four_leg_map import PLANS
 from scenewright.tools.simulation.corpus import (
     Trip,
@@ -74,7 +74,7 @@ def standing(seconds, *, start=100.0):
     still = round(seconds / STEP)
     s = np.concatenate([np.linspace(0, 40, 50), np.full(still, 40.0), np.linspace(40, 80, 50)])
     xy = np.column_stack([s, np.zeros_like(s)])
-    return RecordedAgent(Track(xy, np.zeros(len(s)), start), vehicle_shape())
+    return RecordedAgent(Track(xy, np.zeros(len(s)), start), get_vehicle_shape())
 
 
 def test_traffic_flows_until_somebody_is_stuck():

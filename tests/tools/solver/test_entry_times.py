@@ -72,7 +72,7 @@ def test_who_would_have_gone_on_green_long_ago_is_not_there():
 def test_a_scene_that_begins_late_in_a_red_light_has_more_to_show():
     """Green 0 to 10 s, red to 30 s: near its end people have come for 20 s who still stand."""
     ahead = next(r for r in ON.routes if r.type == "vehicle")
-    rules = ON.signal_group_of(ahead)
+    rules = ON.find_signal_group(ahead)
     lights = SignalProgram(
         groups=(SignalGroup(id=rules),),
         phases=tuple(
@@ -99,7 +99,7 @@ def test_queues_set_off_or_form_as_the_lights_turn_while_the_scene_lasts():
         phases=tuple(
             SignalPhase(
                 duration=phase.duration,
-                colours={str(ON.signal_group_of(ahead)): phase.colours["g"]},
+                colours={str(ON.find_signal_group(ahead)): phase.colours["g"]},
             )
             for phase in GREEN_10_RED_20.phases
         ),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.constraints import BrakesFor, Contact, GivesWay, Headway, TimeGap
-from scenewright.scene.track import STEP, vehicle_shape
+from scenewright.scene.track import STEP, get_vehicle_shape
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands
 from scenewright.tools.solver.impact import (
@@ -124,7 +124,9 @@ def test_a_slow_car_strikes_a_fast_motorcycle_if_it_is_named_as_the_one_who_stri
     """Of 2 s in which they touch there are 0.2 s in which its front is what touches."""
     slow = candidate(straight((-60.0, 0.0), EAST, 120.0), time_law=law(4.0))
     path = straight((0.0, -60.0), NORTH, 120.0)
-    short = candidate(path, route=WESTBOUND, shape=vehicle_shape("motorcycle"), time_law=law(12.0))
+    short = candidate(
+        path, route=WESTBOUND, shape=get_vehicle_shape("motorcycle"), time_law=law(12.0)
+    )
     clause = Contact(first=CAR_1, second=CAR_2, kind="angle")
     for schedule in stagings([clause], {CAR_1: slow, CAR_2: short}, seed=seed):
         along, _ = local(schedule.actors[CAR_1], schedule)
@@ -219,7 +221,7 @@ def test_nearer_is_who_failed_later_or_by_less():
     assert kept.find_culprit([clause]) is None
 
 
-BUS = vehicle_shape("bus")
+BUS = get_vehicle_shape("bus")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenewright.geometry.driving_profile import StopCommand, compute_motion
-from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Shape, get_vehicle_shape
 from scenewright.tools.solver.path_conflict import (
     FOREVER,
     compute_clearance,
@@ -36,7 +36,9 @@ from solver_agents import (
 
 CROSSING = (straight((-50.0, 0.0), EAST, 100.0), straight((0.0, -50.0), NORTH, 100.0))
 FINE = (0.25, 0.25)
-SHAPES = st.sampled_from([PEDESTRIAN, CAR, vehicle_shape("bus"), vehicle_shape("motorcycle")])
+SHAPES = st.sampled_from(
+    [PEDESTRIAN, CAR, get_vehicle_shape("bus"), get_vehicle_shape("motorcycle")]
+)
 POSES = st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-7, 7))
 
 

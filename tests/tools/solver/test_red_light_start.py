@@ -143,8 +143,10 @@ def test_its_light_is_red_until_shortly_before_it_starts(seed, shift):
             clock = SignalClock(CYCLE, offset)
             turns = [
                 t for t in np.arange(light.until - 3.0, light.until, 0.05)
-                if clock.colour("avenue", t) == "green"
+                if clock.get_colour("avenue", t) == "green"
             ]  # fmt: skip
             assert 0.7 <= light.until - turns[0] <= 1.55
-            assert clock.colour("avenue", crosses) == "green"
-            assert clock.colour("avenue", max(light.start, min(0.0, light.until - 1.6))) == "red"
+            assert clock.get_colour("avenue", crosses) == "green"
+            assert (
+                clock.get_colour("avenue", max(light.start, min(0.0, light.until - 1.6))) == "red"
+            )

@@ -125,7 +125,7 @@ def test_lights_are_obeyed_by_all_but_who_is_to_run_them(seed):
     for name, colour in (("vehicle-1", "red"), ("vehicle-2", "green")):
         actor = placed(selection, name)
         crosses = actor.enters + actor.motion.find_time_at(actor.landmarks.line)
-        assert clock.colour(actor.landmarks.group, crosses) == colour
+        assert clock.get_colour(actor.landmarks.group, crosses) == colour
         assert selection.agents[name].violates == (colour == "red")
 
 

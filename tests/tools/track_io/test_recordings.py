@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenewright.errors import InputError
 from scenewright.geometry.kinematics import compute_kinematics
-from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, build_trajectory
 from scenewright.tools.track_io import (
     RecordedAgent,
@@ -40,7 +40,7 @@ def straight(start, count, *, speed=5.0, y=0.0):
 
 
 def agent(track, *, shape=None, **labels):
-    return RecordedAgent(track, shape or vehicle_shape(), **labels)
+    return RecordedAgent(track, shape or get_vehicle_shape(), **labels)
 
 
 @pytest.fixture
@@ -168,7 +168,7 @@ def test_constant_jerk_is_found():
 def test_derivatives_are_those_of_the_checker(seed, count):
     xy = np.cumsum(np.random.default_rng(seed).normal(0.3, 0.2, (count, 2)), axis=0)
     done = compute_kinematics(xy)
-    mover = build_trajectory(RoadUser(1, Track(xy, np.zeros(count), 0.0), vehicle_shape()))
+    mover = build_trajectory(RoadUser(1, Track(xy, np.zeros(count), 0.0), get_vehicle_shape()))
     here = slice(done.first, done.first + len(done))
     assert len(done) == max(count - 10, 0)
     assert done.speed == pytest.approx(mover.speed[here])

@@ -12,7 +12,7 @@ import torch
 
 from scenewright.errors import InputError
 from scenewright.intersections import REFINER_WEIGHTS, check_bundle, find_bundle_folder
-from scenewright.scene.track import PEDESTRIAN, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.trajnet_refiner.bundle_training import CARD, find_out_folder, train_bundle
 from scenewright.tools.trajnet_refiner.model import RefinerConfig
@@ -39,7 +39,7 @@ def hour(split: str, seed: int) -> Recording:
         t = 0.1 * np.arange(400)
         speed, y = rng.uniform(1, 8), 4.0 * k
         xy = np.column_stack([speed * t + np.sin(t / 3), np.full_like(t, y)])
-        shape = PEDESTRIAN if k % 2 else vehicle_shape("car")
+        shape = PEDESTRIAN if k % 2 else get_vehicle_shape("car")
         agents.append(RecordedAgent(Track(xy, np.zeros(len(t)), 0.0), shape))
     return Recording(f"{NAME} day 0 hour {seed:02d}", 0.0, 40.0, tuple(agents), split=split)  # type: ignore[arg-type]
 

@@ -8,6 +8,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from refiner_networks import build_random_network, build_zero_network
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
@@ -19,7 +20,7 @@ from scenewright.tools.trajnet_refiner.kinematic_layer import (
     limit_deviation,
     smooth_proposal,
 )
-from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+from scenewright.tools.trajnet_refiner.model import RefinerConfig
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
 torch.set_num_threads(1)
@@ -200,7 +201,9 @@ def test_only_whom_a_relation_is_about_is_told_where_to_be_just_before_it_stands
     off = {}
     for bound in (True, False):
         one = Guide("vehicle", straight(), s, 0.0, kept, bound=bound)
-        off[bound] = compute_deviations(silent(), {"a": one}, duration=20.0)["a"][80]
+        off[bound] = compute_deviations(build_zero_network(SMALL), {"a": one}, duration=20.0)["a"][
+            80
+        ]
     assert abs(off[True]) < 1.0
     assert off[False] < -2.0
 
@@ -212,34 +215,29 @@ def guide(path: Path, speed: float, *, enters: float = 0.0, kind: str = "vehicle
     return Guide(kind, path, s, enters, kept)  # type: ignore[arg-type]
 
 
-def awake(seed: int = 0) -> Refiner:
-    torch.manual_seed(seed)
-    net = Refiner(SMALL)
-    torch.nn.init.normal_(net.output.weight, std=0.3)
-    return net.eval()
-
-
-def silent() -> Refiner:
-    net = Refiner(SMALL).eval()
-    torch.nn.init.zeros_(net.output.weight)
-    return net
-
-
 @pytest.mark.parametrize("path", [straight(), corner()], ids=["straight", "corner"])
 def test_who_has_learned_nothing_follows_an_even_prior(path):
-    found = compute_deviations(silent(), {"a": guide(path, 5.0, enters=1.3)}, duration=20.0)
+    found = compute_deviations(
+        build_zero_network(SMALL), {"a": guide(path, 5.0, enters=1.3)}, duration=20.0
+    )
     bound = 0.01 if path.curvature.max() == 0 else 3.0  # without a map a curve is cut
     assert np.abs(found["a"]).max() < bound
 
 
 def test_the_same_draws_give_the_same_motion_on_any_number_of_threads():
     scene = {"a": guide(straight(), 6.0), "b": guide(straight(y=3.5), 8.0, enters=2.0)}
-    first = compute_deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(1))
+    first = compute_deviations(
+        build_random_network(SMALL), scene, duration=15.0, rng=np.random.default_rng(1)
+    )
     torch.set_num_threads(2)
-    second = compute_deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(1))
+    second = compute_deviations(
+        build_random_network(SMALL), scene, duration=15.0, rng=np.random.default_rng(1)
+    )
     assert torch.get_num_threads() == 2
     torch.set_num_threads(1)
-    other = compute_deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(2))
+    other = compute_deviations(
+        build_random_network(SMALL), scene, duration=15.0, rng=np.random.default_rng(2)
+    )
     for name in scene:
         assert np.array_equal(first[name], second[name])
         assert not np.array_equal(first[name], other[name])
@@ -248,7 +246,9 @@ def test_the_same_draws_give_the_same_motion_on_any_number_of_threads():
 def test_who_is_fixed_stays_so():
     scene = {"a": guide(straight(), 6.0), "b": guide(straight(y=3.5), 8.0)}
     given = 0.2 * np.sin(np.linspace(0, 6, len(scene["a"].s)))
-    found = compute_deviations(awake(), scene, duration=15.0, fixed={"a": given})
+    found = compute_deviations(
+        build_random_network(SMALL), scene, duration=15.0, fixed={"a": given}
+    )
     inside = STEP * np.arange(len(given)) <= 15.0
     assert found["a"][inside] == pytest.approx(given[inside], abs=0.01)
 

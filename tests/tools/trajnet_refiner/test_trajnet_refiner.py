@@ -10,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from refiner_networks import build_random_network, build_zero_network
 from scenewright.errors import InputError
 from scenewright.tools.trajnet_refiner.model import (
     GOAL_FEATURES,
@@ -39,21 +40,6 @@ from scenewright.tools.trajnet_refiner.windows import Variation, Window, build_b
 
 torch.set_num_threads(1)  # networks this small only wait for each other
 SMALL = RefinerConfig(hidden=16, embedding=8, pooled=8, neighbours=4, apart=None)
-
-
-def awake(config: RefinerConfig = SMALL, seed: int = 0) -> Refiner:
-    """An untrained network whose last layer does something, unlike that of a new one."""
-    torch.manual_seed(seed)
-    net = Refiner(config)
-    torch.nn.init.normal_(net.output.weight, std=0.3)
-    return net.eval()
-
-
-def silent() -> Refiner:
-    """A network that has learned nothing."""
-    net = Refiner(SMALL).eval()
-    torch.nn.init.zeros_(net.output.weight)
-    return net
 
 
 def crowd(agents: int = 5, scenes: int = 2, seed: int = 0) -> Scenes:
@@ -92,7 +78,7 @@ def test_without_anything_learned_everybody_keeps_going() -> None:
     scenes = crowd()._replace(goal=None)
     last = scenes.xy[:, :, -1:]
     straight = last + (last - scenes.xy[:, :, -2:-1]) * torch.arange(1, 13)[:, None]
-    assert close(silent()(scenes).xy, straight)
+    assert close(build_zero_network(SMALL)(scenes).xy, straight)
 
 
 def test_without_anything_learned_goals_are_met_in_time() -> None:
@@ -100,17 +86,17 @@ def test_without_anything_learned_goals_are_met_in_time() -> None:
     scenes = crowd(agents=4, scenes=1)
     goal = scenes.xy[:, :, -1] + torch.tensor([[[3.0, 4.0], [-2.0, 1.0], [5.0, 0.0], [1.0, 1.0]]])
     due = torch.tensor([[12.0, 7.0, 2.0, torch.nan]])
-    path = silent()(scenes._replace(goal=goal, due=due)).xy
+    path = build_zero_network(SMALL)(scenes._replace(goal=goal, due=due)).xy
     for agent, steps in ((0, 12), (1, 7), (2, 2)):
         assert close(path[0, agent, steps - 1], goal[0, agent], 1e-3)
     whole = torch.cat((scenes.xy[:, :, -2:], path), dim=2)
     added = whole[0, 0].diff(dim=0).diff(dim=0)
     assert close(added, added[:1].expand_as(added), 1e-3)
-    assert close(path[0, 3], silent()(scenes._replace(goal=None)).xy[0, 3])
+    assert close(path[0, 3], build_zero_network(SMALL)(scenes._replace(goal=None)).xy[0, 3])
 
 
 def test_turning_and_shifting_the_scene_turns_and_shifts_the_prediction() -> None:
-    net, scenes = awake(), crowd()
+    net, scenes = build_random_network(SMALL), crowd()
     plain = net(scenes)
     angle, shift = 2.1, (30.0, -12.0)
     other = net(moved(scenes, angle, shift))
@@ -119,7 +105,7 @@ def test_turning_and_shifting_the_scene_turns_and_shifts_the_prediction() -> Non
 
 
 def test_left_and_right_are_alike_where_mirrored() -> None:
-    net, scenes = awake(), crowd()
+    net, scenes = build_random_network(SMALL), crowd()
     assert scenes.goal is not None
     swap = torch.tensor([1.0, -1.0])
     other = scenes._replace(xy=scenes.xy * swap, goal=scenes.goal * swap)
@@ -128,7 +114,7 @@ def test_left_and_right_are_alike_where_mirrored() -> None:
 
 
 def test_more_steps_begin_like_fewer() -> None:
-    net, scenes = awake(), crowd()
+    net, scenes = build_random_network(SMALL), crowd()
     many = net(scenes, 16)
     assert many.xy.shape[2] == many.spread.shape[2] == 16
     assert close(many.xy[:, :, :12], net(scenes).xy)
@@ -136,14 +122,14 @@ def test_more_steps_begin_like_fewer() -> None:
 
 
 def test_the_order_of_agents_is_of_no_account() -> None:
-    net, scenes = awake(), crowd()
+    net, scenes = build_random_network(SMALL), crowd()
     order = torch.tensor([3, 0, 4, 1, 2])
     mixed = Scenes(*(None if each is None else each[:, order] for each in scenes))
     assert close(net(mixed).xy, net(scenes).xy[:, order])
 
 
 def test_scenes_of_a_batch_and_padding_do_not_touch_each_other() -> None:
-    net, scenes = awake(), crowd()
+    net, scenes = build_random_network(SMALL), crowd()
     alone = Scenes(*(None if each is None else each[:1] for each in scenes))
     assert close(net(alone).xy, net(scenes).xy[:1])
     padded = Scenes(
@@ -163,7 +149,7 @@ def test_neighbours_matter_only_if_they_are_pooled_and_near() -> None:
     beside, far = scenes.xy.clone(), scenes.xy.clone()
     beside[:, 1], far[:, 1] = beside[:, 0] + 0.5, far[:, 0] + 50.0
     for pooling in (True, False):
-        net = awake(SMALL.model_copy(update={"pooling": pooling}))
+        net = build_random_network(SMALL.model_copy(update={"pooling": pooling}))
         one, other = (net(scenes._replace(xy=xy)).xy[:, 0] for xy in (beside, far))
         assert close(one, other) is not pooling
 
@@ -171,13 +157,13 @@ def test_neighbours_matter_only_if_they_are_pooled_and_near() -> None:
 def test_goals_matter_only_to_a_network_that_has_them() -> None:
     scenes = crowd()
     for goals in (True, False):
-        net = awake(SMALL.model_copy(update={"goals": goals}))
+        net = build_random_network(SMALL.model_copy(update={"goals": goals}))
         assert close(net(scenes).xy, net(scenes._replace(goal=None)).xy) is not goals
 
 
 def test_missing_values_stay_where_they_are() -> None:
     """Whoever is not there now is not predicted, and what was missed is told from standing."""
-    net, scenes = awake(), crowd()
+    net, scenes = build_random_network(SMALL), crowd()
     xy = scenes.xy.clone()
     xy[0, 0, -1] = torch.nan
     xy[0, 1, 3:6] = torch.nan
@@ -190,7 +176,7 @@ def test_missing_values_stay_where_they_are() -> None:
 
 
 def test_a_short_past_is_a_past_with_its_beginning_unseen() -> None:
-    net, scenes = awake(), crowd()
+    net, scenes = build_random_network(SMALL), crowd()
     short = scenes._replace(xy=scenes.xy[:, :, -4:])
     blank = scenes.xy.clone()
     blank[:, :, :5] = torch.nan
@@ -329,7 +315,7 @@ def test_vehicles_are_not_moved_by_a_prediction() -> None:
     scenes = crowd(agents=6)
     tight = scenes._replace(xy=scenes.xy * 0.1, goal=None)
     config = SMALL.model_copy(update={"apart": 0.5})
-    net, raw = awake(config), awake(SMALL)
+    net, raw = build_random_network(config), build_random_network(SMALL)
     assert not torch.equal(predict(net, tight).xy, predict(raw, tight).xy)
     cars = tight._replace(classes=torch.ones_like(tight.classes))
     assert torch.equal(predict(net, cars).xy, predict(raw, cars).xy)
@@ -463,7 +449,7 @@ def test_batches_hold_every_window_once_and_goals_that_are_true() -> None:
 
 
 def test_a_network_comes_back_as_it_was_stored(tmp_path: Path) -> None:
-    net, file = awake(), tmp_path / "w.safetensors"
+    net, file = build_random_network(SMALL), tmp_path / "w.safetensors"
     save_refiner(net, file, about={"note": "for a test"})
     again = load_refiner(file)
     assert again.config == net.config
@@ -483,7 +469,7 @@ def test_what_are_no_weights_is_refused(tmp_path: Path) -> None:
     save_file({"a": torch.zeros(2)}, str(file))
     with pytest.raises(InputError, match="not weights of the refiner"):
         load_refiner(file)
-    save_refiner(awake(), file)
+    save_refiner(build_random_network(SMALL), file)
     data = file.read_bytes().replace(b'"version":"1"', b'"version":"9"')
     file.write_bytes(data)
     with pytest.raises(InputError, match="version 9"):
@@ -493,7 +479,7 @@ def test_what_are_no_weights_is_refused(tmp_path: Path) -> None:
 
 
 def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
-    net, file = awake(), tmp_path / "w.safetensors"
+    net, file = build_random_network(SMALL), tmp_path / "w.safetensors"
     net.config = SMALL.model_copy(update={"hidden": 32})
     save_refiner(net, file)
     with pytest.raises(InputError, match="do not fit"):
@@ -502,7 +488,7 @@ def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
 
 def test_everybody_rolls_straight_on_and_known_positions_stay() -> None:
     """Agent 0 walks 0.5 m a step; agent 1 comes in at column 20 and leaves at 30."""
-    net = silent()
+    net = build_zero_network(SMALL)
     known = torch.full((1, 3, 40, 2), torch.nan)
     known[0, 0, :9, 0] = 0.5 * torch.arange(9)
     known[0, 0, :9, 1] = 0.0

@@ -68,7 +68,7 @@ _SPOKEN: RecentCache[None, tuple[Phrase, ...]] = RecentCache(most=1)
 
 
 def _list_phrases(pattern: Pattern) -> Iterator[Phrase]:
-    for words, turned in pattern.spoken():
+    for words, turned in pattern.list_phrase_words():
         yield _build_phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
 
 
@@ -135,7 +135,7 @@ def _list_roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDr
 
 
 def _describe_pattern(pattern: Pattern) -> str:
-    return pattern.spoken()[0][0]
+    return pattern.list_phrase_words()[0][0]
 
 
 def _describe_pair(pattern: Pattern) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from scenewright.backends.builtin.reader.encoder import Floats, dequantize, load_encoder
 from scenewright.backends.builtin.reader.single_thread import SINGLE_THREAD
 from scenewright.backends.builtin.reader.tokens import MOST_TOKENS, load_tokenizer
-from scenewright.time_limit import stopped_clock
+from scenewright.time_limit import stop_clock
 
 WEIGHTS = "turns.safetensors"
 
@@ -64,7 +64,7 @@ def load_turn_model() -> TurnModel:
     """The weights of the package."""
     from safetensors.numpy import load
 
-    with stopped_clock():  # once a process, whatever the request
+    with stop_clock():  # once a process, whatever the request
         data = files("scenewright.backends.builtin.reader").joinpath(WEIGHTS).read_bytes()
         held = load(data)
     names = bytes(held["names"]).decode().split()

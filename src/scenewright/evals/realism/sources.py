@@ -16,7 +16,14 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import EventRecord, SceneRecord
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, rider_shape, vehicle_shape
+from scenewright.scene.track import (
+    PEDESTRIAN,
+    STEP,
+    Shape,
+    Track,
+    get_rider_shape,
+    get_vehicle_shape,
+)
 from scenewright.tools.relation_checker import RoadUser, read_users
 from scenewright.tools.track_io import Recording, load_recordings
 from scenewright.tools.track_io.track_files import FileTracks, read_track_files
@@ -141,7 +148,7 @@ def _read_file_users(file: FileTracks) -> tuple[str, list[RoadUser]]:
 def _find_shape(subtype: str) -> Shape:
     if subtype == "pedestrian":
         return PEDESTRIAN
-    return rider_shape("cyclist") if subtype == "bicycle" else vehicle_shape(subtype)
+    return get_rider_shape("cyclist") if subtype == "bicycle" else get_vehicle_shape(subtype)
 
 
 def _cut(recording: tuple[str, Iterable[RoadUser]], place: str | None) -> Iterator[Stretch]:

@@ -18,7 +18,7 @@ from scenewright.geometry.spline import build_even_path, compute_spline_matrix
 from scenewright.scene.base import RIDERS, AgentClass, FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.scene.track import PEDESTRIAN, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, get_vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
 from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior
 from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
@@ -195,7 +195,7 @@ def _limit_speed(
 def _find_stop(route: Route, curve: FloatArray, ground: MapAreas) -> tuple[float, str | None]:
     """Arc length of stop line or kerb [m] for a vehicle of length 0, and its signal group."""
     path = build_even_path(curve)
-    shape = PEDESTRIAN if route.type == "pedestrian" else vehicle_shape()
+    shape = PEDESTRIAN if route.type == "pedestrian" else get_vehicle_shape()
     law = DrivingProfile(1.0, 1.0, 1.0, 1.0)
     probe = Candidate(route, path.xy[:K], path, 0.0, law, 0.0, shape, None)
     marks = find_landmarks(probe, map_areas=ground)

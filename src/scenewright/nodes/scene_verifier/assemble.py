@@ -57,7 +57,7 @@ def assemble(
     """
     names = tuple(tracks)
     numbers = {name: number for number, name in enumerate(names, start=1)}
-    numbers = numbers if pins is None else pins.numbers(names)
+    numbers = numbers if pins is None else pins.assign_numbers(names)
     motions = {agent.id: agent.motion for agent in graph.agents}
     reactions = {agent.id: agent.reaction for agent in graph.agents}
     agents = tuple(
@@ -264,7 +264,7 @@ def _list_demands(
         "manoeuvre": pattern.manoeuvre,
         "zone": pattern.zone,
         "first": by_file if edge.first is None else numbers[edge.first],
-        "within": {} if severe else pattern.bounds(),
+        "within": {} if severe else pattern.compute_bounds(),
     }
 
 

@@ -170,7 +170,7 @@ def _refine_motions(
         )
         track = _sample_scene_track(name, replace(motions[name], s=s), state)
         tracks[name] = edited[name] if track is None or most == 0.0 else track
-        free = ~guide.kept & guide.within(state["selection"].duration)
+        free = ~guide.kept & guide.is_within(state["selection"].duration)
         agents[name] = _build_refinements(share[free], most, refusals[name], state.get("refused"))
         if state["selection"].agents[name].candidate.shape.type in RIDERS:
             agents[name] = agents[name].model_copy(update={"reason": NOT_TRAINED})

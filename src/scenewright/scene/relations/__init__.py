@@ -19,10 +19,10 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from scenewright.errors import InputError
-from scenewright.scene.relations.pattern import Geometry, Pattern, Proof, Role, RoleName
+from scenewright.scene.relations.pattern import Geometry, Pattern, ProofCondition, Role, RoleName
 
 __all__ = [
-    "Geometry", "Pattern", "Proof", "Role", "RoleName",
+    "Geometry", "Pattern", "ProofCondition", "Role", "RoleName",
     "get_pattern", "get_pattern_file", "load_patterns",
 ]  # fmt: skip
 
@@ -33,7 +33,7 @@ _FIELDS: dict[str, frozenset[str]] = {
     "": frozenset(field.alias or name for name, field in Pattern.model_fields.items()),
     "from": frozenset(Role.model_fields),
     "to": frozenset(Role.model_fields),
-    "proof": frozenset(Proof.model_fields),
+    "proof": frozenset(ProofCondition.model_fields),
 }
 
 
@@ -106,7 +106,7 @@ def _refuse_shared_phrases(found: dict[str, tuple[str, Pattern]]) -> None:
     """Check that a phrase names one pattern. Shipped files come first, so a user's is refused."""
     owners: dict[str, str] = {}
     for name, pattern in found.values():
-        for words, _ in pattern.spoken():
+        for words, _ in pattern.list_phrase_words():
             other = owners.setdefault(words, pattern.id)
             if other != pattern.id:
                 raise _build_refusal(name, f"phrases: {words!r} asks for {other} already")

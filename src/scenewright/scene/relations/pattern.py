@@ -52,7 +52,7 @@ _ONE_LANE = frozenset({"same_lane", "same_way", "overtaking", "cutting_in", "lan
 
 
 class Role(Model):
-    """Who can play a part.
+    """The agents that fit a role.
 
     Attributes:
         segments: what the agent's behaviour program must hold for the relation to come about.
@@ -67,7 +67,7 @@ class Role(Model):
         return kind == self.type or (self.type == "rider" and kind in RIDERS)
 
     @model_validator(mode="after")
-    def _of_its_class(self) -> Self:
+    def _check_class(self) -> Self:
         known = _MOVEMENTS[self.type]
         for movement in self.movements:
             if movement not in known:
@@ -80,7 +80,7 @@ class Role(Model):
         return self
 
 
-class Proof(Model):
+class ProofCondition(Model):
     """What the checker must observe for the relation to be proven.
 
     Attributes:
@@ -95,7 +95,7 @@ class Proof(Model):
     within: dict[_Name, _Name] = Field(default_factory=dict, max_length=4)
 
     @model_validator(mode="after")
-    def _measured(self) -> Self:
+    def _check_measures(self) -> Self:
         if self.kind is not None and self.event != "collision":
             raise ValueError(f"kind: only a collision has one, not a {self.event}")
         if self.cause is not None and self.event == "follow":
@@ -117,7 +117,7 @@ class Pattern(Model):
         geometry: how the two routes must meet on the map.
         entries: how the two entries must lie to one another.
         zone: where the event must lie (docs/relations.md).
-        order: who passes first; None: either.
+        order: the role that passes first; None: either.
         violator: the role that runs the red light where the two never have green together.
         manoeuvre: how it comes about; such a pattern is drawn only where the request says that.
         weight: how often it is drawn where the text leaves the pattern open.
@@ -145,7 +145,7 @@ class Pattern(Model):
     thresholds: dict[_Name, _Number | tuple[_Number, _Number]] = Field(
         default_factory=dict, max_length=20
     )
-    proof: Proof
+    proof: ProofCondition
     from_: Role = Field(alias="from")
     to: Role
 
@@ -161,7 +161,7 @@ class Pattern(Model):
 
     @field_validator("phrases")
     @classmethod
-    def _spoken(cls, phrases: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_phrases(cls, phrases: tuple[str, ...]) -> tuple[str, ...]:
         for phrase in phrases:
             found = _PHRASE.fullmatch(phrase)
             if found is None or found[1] == found[3]:
@@ -173,7 +173,7 @@ class Pattern(Model):
 
     @model_validator(mode="after")
     def _agrees(self) -> Self:
-        for check in (_classes_fit, _place_fits, _proof_fits, _names_known):
+        for check in (_check_classes, _check_place, _check_proof, _names_known):
             check(self)
         return self
 
@@ -196,13 +196,13 @@ class Pattern(Model):
         first, second = ("from", "to") if self.order == "from" else ("to", "from")
         return (*self.constraints, f"before({{{first}}}, {{{second}}})")
 
-    def filled(self, clause: str, *, from_: str, to: str) -> str:
+    def fill(self, clause: str, *, from_: str, to: str) -> str:
         """A clause with the names of two agents and with the thresholds."""
         values = {"from": from_, "to": to}
-        values |= {name: _spell(value) for name, value in self.thresholds.items()}
+        values |= {name: _write_clause(value) for name, value in self.thresholds.items()}
         return _PLACEHOLDER.sub(lambda found: values[found[1]], clause)
 
-    def bounds(self) -> dict[str, tuple[float, float]]:
+    def compute_bounds(self) -> dict[str, tuple[float, float]]:
         """Figure of the event's evidence -> lowest and highest value that prove the relation."""
         found = {}
         for figure, name in self.proof.within.items():
@@ -210,13 +210,13 @@ class Pattern(Model):
             found[figure] = limits if isinstance(limits, tuple) else (limits, limits)
         return found
 
-    def spoken(self) -> tuple[tuple[str, bool], ...]:
+    def list_phrase_words(self) -> tuple[tuple[str, bool], ...]:
         """The phrases' words in lower case, and whether `to` stands before them."""
         found = (_PHRASE.fullmatch(phrase) for phrase in self.phrases)
         return tuple((each[2].lower(), each[1] == "to") for each in found if each)
 
 
-def _spell(value: float | tuple[float, float]) -> str:
+def _write_clause(value: float | tuple[float, float]) -> str:
     if isinstance(value, tuple):
         return f"[{value[0]:g}, {value[1]:g}]"
     return f"{value:g}"
@@ -226,7 +226,7 @@ def _format_alternatives(words: frozenset[str]) -> str:
     return ", ".join(sorted(words))
 
 
-def _classes_fit(pattern: Pattern) -> None:
+def _check_classes(pattern: Pattern) -> None:
     walkers = [pattern.from_.type, pattern.to.type].count("pedestrian")
     if walkers == 2:
         raise ValueError("to.type: one of the two must be a vehicle")
@@ -243,19 +243,19 @@ def _classes_fit(pattern: Pattern) -> None:
         raise ValueError(f"proof.kind: {pattern.kind} cannot happen between these two classes")
 
 
-def _place_fits(pattern: Pattern) -> None:
+def _check_place(pattern: Pattern) -> None:
     movements = {*pattern.from_.movements, *pattern.to.movements}
     if pattern.zone == "crosswalk" and not movements >= {"crossing"}:
-        raise ValueError("zone: 'crosswalk' needs somebody with the movement 'crossing'")
+        raise ValueError("zone: 'crosswalk' needs a role with the movement 'crossing'")
     if pattern.zone == "lane" and pattern.geometry not in _ONE_LANE:
         raise ValueError(f"zone: 'lane' needs a geometry of {_format_alternatives(_ONE_LANE)}")
     if pattern.order is not None and pattern.relation not in ("near_miss", "yield_to"):
-        raise ValueError(f"order: nobody passes first where they {pattern.relation}")
+        raise ValueError(f"order: there is no order of passing in {pattern.relation}")
     if pattern.order == "from" and pattern.relation == "yield_to":
-        raise ValueError("order: who has priority passes first, so it must be 'to'")
+        raise ValueError("order: the agent with priority passes first, so it must be 'to'")
 
 
-def _proof_fits(pattern: Pattern) -> None:
+def _check_proof(pattern: Pattern) -> None:
     wanted = EVENT_OF_RELATION[pattern.relation]
     if pattern.proof.event != wanted:
         raise ValueError(f"proof.event: {pattern.relation} is proven by {wanted!r}")

@@ -229,7 +229,7 @@ def _format_arguments(clause: Clause) -> list[str]:
 
 
 def _bound(clause: Clause) -> str:
-    """What stands behind the parentheses."""
+    """Write the part of a clause after its parentheses."""
     match clause:
         case MinLength() | SameLane():
             return f" >= {_number(clause.metres)} m"
@@ -237,8 +237,8 @@ def _bound(clause: Clause) -> str:
             return f" <= {_number(clause.metres)} m"
         case Contact():
             where = (("with", clause.point_first), ("on", clause.point_second))
-            told = "".join(f" {word} {point}" for word, point in where if point is not None)
-            return told if clause.cause is None else f"{told} {clause.cause}"
+            points = "".join(f" {word} {point}" for word, point in where if point is not None)
+            return points if clause.cause is None else f"{points} {clause.cause}"
         case SpeedBetween():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m/s"
         case PassesBeside():

@@ -54,7 +54,7 @@ _CLOSE_CALL = (0.7, 1.35)
 """Path TTC of a vehicle that brakes hard, where the text names none [s]."""
 
 _BETWEEN_EQUALS = ("rear_end", "sideswipe", "head_on")
-"""Contacts that keep the pattern's roles, whichever of the two strikes the other."""
+"""Contacts that keep the pattern's roles, with either agent as the striking one."""
 
 
 def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
@@ -192,7 +192,7 @@ def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[C
 def _fill_pattern(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
     """The file's clauses about these agents; a contact names the striker first."""
     names = {"from_": relation["from"], "to": relation["to"]}
-    lines = "\n".join(pattern.filled(line, **names) for line in pattern.clauses)
+    lines = "\n".join(pattern.fill(line, **names) for line in pattern.clauses)
     parts = {relation["from"]: relation["striker"], relation["to"]: relation["struck"]}
     return [
         _change(each, first=parts[each.first], second=parts[each.second])
@@ -231,7 +231,7 @@ def _adapt_near_miss(
 def _build_brakes_for(
     relation: dict[str, Any], ttc: float | None, *, first: str | None
 ) -> BrakesFor:
-    """The named braker, else who passes second, else the first vehicle; a TTC may be free."""
+    """The named braker, else the second to pass, else the first vehicle; a TTC may be free."""
     names = [relation["striker"], relation["struck"]]
     names.sort(key=lambda name: name == first)
     names.sort(key=lambda name: not name.startswith("vehicle"))

@@ -14,7 +14,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import Crosswalk, Lanelet
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.xml_writing import add, format_value, to_bytes
+from scenewright.tools.exporters.xml_writing import add, format_value, write_bytes
 
 LANELETS, LIGHTS, JUNCTION, PROBLEM = 10_001, 20_001, 30_001, 40_001
 """First number of each kind; obstacles have the agents' ids."""
@@ -58,7 +58,7 @@ def write_commonroad(scene: ExportedScene) -> dict[str, bytes]:
             _add_obstacle(root, agent)
     if scene.ego_named:
         _add_problem(root, scene)
-    return {f"{scene.name}.cr.xml": to_bytes(root)}
+    return {f"{scene.name}.cr.xml": write_bytes(root)}
 
 
 def _add_map(root: _Element, scene: ExportedScene) -> None:
@@ -68,12 +68,12 @@ def _add_map(root: _Element, scene: ExportedScene) -> None:
     crossings = {
         each.id: LANELETS + len(lanelets) + k for k, each in enumerate(intersection.crosswalks)
     }
-    lights = {name: LIGHTS + k for k, name in enumerate(scene.colours())}
+    lights = {name: LIGHTS + k for k, name in enumerate(scene.list_colours())}
     for lanelet in intersection.lanelets:
         _add_lanelet(root, lanelet, lanelets, lights, scene)
     for crosswalk in intersection.crosswalks:
         _add_crossing(root, crosswalk, crossings[crosswalk.id], lights)
-    for name, colours in scene.colours().items():
+    for name, colours in scene.list_colours().items():
         _add_light(root, lights[name], [colour or "inactive" for colour in colours])
     _add_junction(root, scene, lanelets, crossings)
 

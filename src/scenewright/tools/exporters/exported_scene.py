@@ -54,7 +54,7 @@ class ExportedAgent:
     velocity: FloatArray
 
     @classmethod
-    def from_record(cls, record: AgentRecord, step: float) -> ExportedAgent:
+    def build_from_record(cls, record: AgentRecord, step: float) -> ExportedAgent:
         """The agent of a scene.json whose samples are `step` seconds apart."""
         xy = np.array(record.trajectory, dtype=np.float64).reshape(-1, 2)
         heading = wrap_angles(np.array(record.heading, dtype=np.float64))
@@ -66,7 +66,7 @@ class ExportedAgent:
         )  # fmt: skip
 
     @classmethod
-    def from_object(
+    def build_from_object(
         cls, record: ObjectRecord, number: int, steps: int, step: float
     ) -> ExportedAgent:
         """An object that stands where it is throughout."""
@@ -134,7 +134,7 @@ class ExportedAgent:
         )  # fmt: skip
 
     def hold(self, steps: int) -> ExportedAgent:
-        """An object that stands for so many steps."""
+        """Repeat a standing object for a number of steps."""
         return replace(
             self, xy=np.repeat(self.xy[:1], steps, axis=0),
             heading=np.repeat(self.heading[:1], steps), velocity=np.zeros((steps, 2)),
@@ -198,7 +198,7 @@ class ExportedScene:
         rows = [each for each in self.record.events if each.type == "collision"]
         return frozenset(n for row in rows for n in (row.from_, row.to) if n is not None)
 
-    def colours(self) -> Mapping[str, list[Colour | None]]:
+    def list_colours(self) -> Mapping[str, list[Colour | None]]:
         """By stop line or crosswalk the colour at every step; None where none is stated."""
         lights: dict[str, list[Colour | None]] = {}
         for row in self.record.signals:
@@ -210,14 +210,14 @@ class ExportedScene:
         return lights
 
     def begin_at_ego(self) -> ExportedScene:
-        """The scene from the moment at which the ego enters; who has left by then is gone."""
+        """Cut the scene to begin when the ego enters; agents that have left by then are dropped."""
         return self.cut(self.ego.first, self.steps - self.ego.first)
 
     def cut(self, start: int, steps: int) -> ExportedScene:
-        """The scene from a step on (0 if below), so many steps long; who is not in it is gone.
+        """Cut the scene from a step on (0 if below), so many steps long; absent agents are dropped.
 
         Raises:
-            InputError: nobody is there, or a named ego is not.
+            InputError: no agent is there, or a named ego is not.
         """
         start = max(start, 0)
         agents = tuple(
@@ -262,14 +262,14 @@ def prepare_scene(
         InputError: no agents, no such ego, or a kind of road user that no format knows.
     """
     step = record.meta.step
-    agents = tuple(ExportedAgent.from_record(each, step) for each in record.agents)
+    agents = tuple(ExportedAgent.build_from_record(each, step) for each in record.agents)
     if not agents:
         raise InputError(f"scene {record.meta.scene_id[:40]} has no agents to export")
     steps = max(round(record.meta.duration / step), *(each.last for each in agents)) + 1
     file_name = _clean_name(name or record.meta.scene_id)
     first = max(agent.id for agent in agents) + 1
     objects = tuple(
-        ExportedAgent.from_object(each, number, steps, step)
+        ExportedAgent.build_from_object(each, number, steps, step)
         for number, each in enumerate(record.objects, start=first)
     )
     return ExportedScene(

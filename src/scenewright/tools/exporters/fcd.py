@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.xml_writing import add, to_bytes
+from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 
 def write_fcd(scene: ExportedScene) -> dict[str, bytes]:
@@ -23,7 +23,7 @@ def write_fcd(scene: ExportedScene) -> dict[str, bytes]:
         for agent in scene.agents:
             if agent.first <= k <= agent.last:
                 _add_agent(step, agent, k - agent.first)
-    return {f"{scene.name}.fcd.xml": to_bytes(root)}
+    return {f"{scene.name}.fcd.xml": write_bytes(root)}
 
 
 def _add_agent(step: ElementTree.Element, agent: ExportedAgent, k: int) -> None:

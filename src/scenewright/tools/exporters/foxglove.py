@@ -57,23 +57,23 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, A
             nanos = round((event.time - scene.offset * scene.step) * 1e9)
             told = f"{event.type}: {names.get(event.from_ or 0)}, {names.get(event.to or 0)}"
             yield "/events", nanos, {
-                "timestamp": _stamp(nanos), "level": _INFO, "message": told, "name": "scenewright",
-                "file": "", "line": 0,
+                "timestamp": _build_stamp(nanos), "level": _INFO, "message": told,
+                "name": "scenewright", "file": "", "line": 0,
             }  # fmt: skip
 
 
-def _stamp(nanos: int) -> dict[str, int]:
+def _build_stamp(nanos: int) -> dict[str, int]:
     return {"sec": nanos // 10**9, "nsec": nanos % 10**9}
 
 
-def _colour(rgb: tuple[float, float, float]) -> dict[str, float]:
+def _choose_colour(rgb: tuple[float, float, float]) -> dict[str, float]:
     return dict(zip("rgba", (*rgb, 1.0), strict=True))
 
 
 def _describe_entity(name: str, nanos: int, **primitives: Any) -> dict[str, Any]:
     kinds = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
     return {
-        "timestamp": _stamp(nanos), "frame_id": FRAME, "id": name, "lifetime": _NO_TIME,
+        "timestamp": _build_stamp(nanos), "frame_id": FRAME, "id": name, "lifetime": _NO_TIME,
         "frame_locked": True, "metadata": [], **{kind: [] for kind in kinds}, **primitives,
     }  # fmt: skip
 
@@ -88,11 +88,11 @@ def _describe_box(agent: ExportedAgent, k: int, nanos: int) -> dict[str, Any]:
             "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
         },
         "size": {"x": agent.length, "y": agent.width, "z": agent.height},
-        "color": _colour(_FOREGROUND if foreground else usual),
+        "color": _choose_colour(_FOREGROUND if foreground else usual),
     }
     entity = _describe_entity(agent.name, nanos, cubes=[box])
     # It disappears with its last sample instead of staying for good.
-    return entity | {"lifetime": _stamp(round(agent.step * 1e9))}
+    return entity | {"lifetime": _build_stamp(round(agent.step * 1e9))}
 
 
 def _describe_line(name: str, kind: str, points: Sequence[Sequence[float]]) -> dict[str, Any]:
@@ -102,7 +102,7 @@ def _describe_line(name: str, kind: str, points: Sequence[Sequence[float]]) -> d
             "position": {"x": 0.0, "y": 0.0, "z": 0.0},
             "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
         },
-        "thickness": 0.1, "scale_invariant": False, "color": _colour(_LINES[kind]),
+        "thickness": 0.1, "scale_invariant": False, "color": _choose_colour(_LINES[kind]),
         "points": [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points],
         "colors": [], "indices": [],
     }  # fmt: skip

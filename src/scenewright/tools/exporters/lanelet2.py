@@ -10,7 +10,7 @@ import numpy as np
 from scenewright.geometry.geographic import LatLon, unproject_mercator
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.exporters.xml_writing import add, to_bytes
+from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 NOWHERE: LatLon = (0.0, 0.0)
 """Where a map lies whose place is not known."""
@@ -39,7 +39,7 @@ def write_lanelet2(intersection_map: IntersectionMap, origin: LatLon | None) -> 
         left, right = ([_move(p, by) for p in crosswalk.centreline] for by in (aside, -aside))
         tags = {"type": "lanelet", "subtype": "crosswalk", "participant:pedestrian": "yes"}
         writer.add_lanelet(left, right, tags)
-    return to_bytes(writer.finish())
+    return write_bytes(writer.finish())
 
 
 def _measure_aside(line: tuple[Point, Point], width: float) -> FloatArray:

@@ -20,7 +20,7 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, SignalGroup, StopLine
-from scenewright.tools.exporters.xml_writing import add, to_bytes
+from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 JUNCTION = 1000
 """Number of the junction."""
@@ -79,10 +79,10 @@ def write_opendrive(intersection_map: IntersectionMap) -> bytes:
         for number, group in enumerate(intersection_map.signals.groups, start=2000):
             _add_controller(root, number, group, intersection_map)
     _add_junction(root, roads, left_hand)
-    return to_bytes(root)
+    return write_bytes(root)
 
 
-def signal_ids(intersection_map: IntersectionMap) -> dict[str, int]:
+def number_signals(intersection_map: IntersectionMap) -> dict[str, int]:
     """Number of the signal of every stop line and crosswalk, by its id in the map."""
     if intersection_map.signals is None:
         return {}
@@ -147,12 +147,12 @@ def _add_plan(element: ElementTree.Element, road: Road) -> None:
         turn = np.array([[tangent[0], tangent[1]], [-tangent[1], tangent[0]]])
         chord = turn @ (road.line[k + 1] - road.line[k])
         end = turn @ road.tangents[k + 1] * length
-        u, v = (_cubic(chord[axis], (length, 0.0)[axis], end[axis]) for axis in (0, 1))
+        u, v = (_fit_cubic(chord[axis], (length, 0.0)[axis], end[axis]) for axis in (0, 1))
         add(piece, "paramPoly3", aU=0.0, bU=u[0], cU=u[1], dU=u[2],
             aV=0.0, bV=v[0], cV=v[1], dV=v[2], pRange="normalized")  # fmt: skip
 
 
-def _cubic(end: float, slope: float, end_slope: float) -> tuple[float, float, float]:
+def _fit_cubic(end: float, slope: float, end_slope: float) -> tuple[float, float, float]:
     """Coefficients b, c, d of the cubic from 0 to `end` over [0, 1] with these slopes."""
     return float(slope), float(3 * end - 2 * slope - end_slope), float(slope + end_slope - 2 * end)
 
@@ -193,7 +193,7 @@ def _add_objects(
     objects = add(element, "objects")
     for number, crosswalk in enumerate(crosswalks, start=1):
         _add_crosswalk(objects, road, crosswalk, 100 * road.number + number)
-    signals, ids = add(element, "signals"), signal_ids(intersection_map)
+    signals, ids = add(element, "signals"), number_signals(intersection_map)
     lines = [s for s in intersection_map.stop_lines if s.lanelets[0] == road.lanelet.id]
     marks: list[StopLine | Crosswalk] = [*lines, *crosswalks]
     for mark in marks if ids else ():
@@ -240,7 +240,7 @@ def _add_controller(
     root: ElementTree.Element, number: int, group: SignalGroup, intersection_map: IntersectionMap
 ) -> None:
     """A signal group: the lights that always show the same."""
-    ids = signal_ids(intersection_map)
+    ids = number_signals(intersection_map)
     lines = {each.stop_line for each in intersection_map.movements if each.id in group.movements}
     controller = add(root, "controller", id=number, name=group.id, sequence=0)
     for name in sorted(lines) + sorted(group.crosswalks):

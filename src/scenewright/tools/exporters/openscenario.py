@@ -19,8 +19,8 @@ import numpy as np
 from scenewright.geometry.polyline import drop_doubled_points, resample_by_spacing
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.opendrive import Road, make_roads, signal_ids, write_opendrive
-from scenewright.tools.exporters.xml_writing import add, to_bytes
+from scenewright.tools.exporters.opendrive import Road, make_roads, number_signals, write_opendrive
+from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 LINE_SPACING, SPEED_SPACING = 2.0, 1.0
 """Between the points of a line without times [m], and between entries of a speed profile [s]."""
@@ -65,7 +65,7 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
         _add_entity(entities, agent)
     _add_storyboard(root, scene, form, clock)
     return {
-        f"{scene.name}.xosc": to_bytes(root),
+        f"{scene.name}.xosc": write_bytes(root),
         f"{scene.name}.xodr": write_opendrive(scene.intersection_map),
     }
 
@@ -85,8 +85,8 @@ def _add_road_network(root: _Element, scene: ExportedScene) -> None:
     """The map's file, and what every light shows from time to time."""
     network = add(root, "RoadNetwork")
     add(network, "LogicFile", filepath=f"{scene.name}.xodr")
-    ids = signal_ids(scene.intersection_map)
-    lights = {name: row for name, row in scene.colours().items() if name in ids}
+    ids = number_signals(scene.intersection_map)
+    lights = {name: row for name, row in scene.list_colours().items() if name in ids}
     if not lights:
         return
     signals = add(network, "TrafficSignals")

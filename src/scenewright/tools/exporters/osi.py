@@ -11,8 +11,8 @@ import numpy as np
 from scenewright.scene.map import Crosswalk, StopLine
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
 from scenewright.tools.exporters.mcap_writing import Topic, write_mcap
-from scenewright.tools.exporters.opendrive import signal_ids, write_opendrive
-from scenewright.tools.track_io.osi import PACKAGE, SCHEMA, osi_classes
+from scenewright.tools.exporters.opendrive import number_signals, write_opendrive
+from scenewright.tools.track_io.osi import PACKAGE, SCHEMA, load_osi_classes
 from scenewright.tools.track_io.protobuf_schema import describe_file
 
 VERSION = {"version_major": 3, "version_minor": 7, "version_patch": 0}
@@ -46,15 +46,15 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[Topic, int, bytes]]:
             ("ground_truth_map", "MapAsamOpenDrive"), ("ground_truth", "GroundTruth")
         )
     )  # fmt: skip
-    roads = osi_classes()["MapAsamOpenDrive"](
+    roads = load_osi_classes()["MapAsamOpenDrive"](
         map_reference=scene.intersection_map.name,
         open_drive_xml_content=write_opendrive(scene.intersection_map).decode(),
     )
     yield chart, 0, roads.SerializeToString(deterministic=True)
-    colours = scene.colours()
+    colours = scene.list_colours()
     for k, time in enumerate(scene.times.tolist()):
         nanos = round(time * 1e9)
-        message = osi_classes()["GroundTruth"](
+        message = load_osi_classes()["GroundTruth"](
             version=VERSION,
             timestamp={"seconds": nanos // 10**9, "nanos": nanos % 10**9},
             moving_object=[
@@ -74,10 +74,10 @@ def _describe_agent(agent: ExportedAgent, k: int) -> dict[str, Any]:
         "dimension": {
             "length": agent.length, "width": agent.width, "height": agent.height,
         },
-        "position": _point(agent.xy[k], agent.height / 2),
+        "position": _build_point(agent.xy[k], agent.height / 2),
         "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[k])},
-        "velocity": _point(agent.velocity[k], 0.0),
-        "acceleration": _point(agent.acceleration[k], 0.0),
+        "velocity": _build_point(agent.velocity[k], 0.0),
+        "acceleration": _build_point(agent.acceleration[k], 0.0),
     }  # fmt: skip
     thing = {"id": {"value": agent.id}, "base": base, "type": kind}
     if agent.names.is_vehicle:
@@ -91,7 +91,7 @@ def _describe_object(agent: ExportedAgent) -> dict[str, Any]:
         "dimension": {
             "length": agent.length, "width": agent.width, "height": agent.height,
         },
-        "position": _point(agent.xy[0], agent.height / 2),
+        "position": _build_point(agent.xy[0], agent.height / 2),
         "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[0])},
     }  # fmt: skip
     return {"id": {"value": agent.id}, "base": base, "classification": {"type": 1}}
@@ -101,7 +101,7 @@ def _describe_lights(
     scene: ExportedScene, colours: Mapping[str, Any], k: int
 ) -> list[dict[str, Any]]:
     """Every light at a step, at the middle of its stop line or crosswalk, 3 m up."""
-    ids = signal_ids(scene.intersection_map)
+    ids = number_signals(scene.intersection_map)
     marks: list[StopLine | Crosswalk] = [
         *scene.intersection_map.stop_lines, *scene.intersection_map.crosswalks,
     ]  # fmt: skip
@@ -114,7 +114,7 @@ def _describe_lights(
                 "id": {"value": FIRST_LIGHT + ids[mark.id]},
                 "base": {
                     "dimension": {"length": 0.3, "width": 0.3, "height": 0.9},
-                    "position": _point(np.mean(ends, axis=0), 3.0),
+                    "position": _build_point(np.mean(ends, axis=0), 3.0),
                     "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": 0.0},
                 },
                 "classification": {
@@ -125,5 +125,5 @@ def _describe_lights(
     return lights
 
 
-def _point(xy: Any, z: float) -> dict[str, float]:
+def _build_point(xy: Any, z: float) -> dict[str, float]:
     return {"x": float(xy[0]), "y": float(xy[1]), "z": z}

@@ -24,12 +24,12 @@ PROTOCOL = 4
 
 def write_scenarionet(scene: ExportedScene) -> dict[str, bytes]:
     """The scene as one pickle of dictionaries, arrays and plain values."""
-    return {_file_name(scene): pickle.dumps(_describe(scene), protocol=PROTOCOL)}
+    return {_build_file_name(scene): pickle.dumps(_describe(scene), protocol=PROTOCOL)}
 
 
 def write_summaries(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
     """What makes a folder of pickles a ScenarioNet database: summary and mapping by file."""
-    summary = {_file_name(scene): _describe(scene)["metadata"] for scene in scenes}
+    summary = {_build_file_name(scene): _describe(scene)["metadata"] for scene in scenes}
     mapping = dict.fromkeys(summary, "")
     return {
         "dataset_summary.pkl": pickle.dumps(summary, protocol=PROTOCOL),
@@ -37,7 +37,7 @@ def write_summaries(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
     }
 
 
-def _file_name(scene: ExportedScene) -> str:
+def _build_file_name(scene: ExportedScene) -> str:
     return f"sd_{DATASET}_{VERSION}_{scene.name}.pkl"
 
 
@@ -74,7 +74,7 @@ def _describe(scene: ExportedScene) -> dict[str, Any]:
 
 
 def _extend(agent: ExportedAgent, scene: ExportedScene) -> ExportedAgent:
-    """The ego after a collision goes on along its route; everybody else as in the scene."""
+    """The ego continues along its route after a collision; all others as in the scene."""
     if agent.id != scene.ego.id or agent.id not in scene.collided:
         return agent
     return agent.continue_until(scene.steps - 1)
@@ -119,22 +119,22 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
         if lanelet.kind != "parking":
             features[lanelet.id] = {
                 "type": "LANE_SURFACE_STREET",
-                "polyline": _flat(lanelet.centreline),
-                "polygon": _flat((*lanelet.left, *lanelet.right[::-1])),
+                "polyline": _flatten(lanelet.centreline),
+                "polygon": _flatten((*lanelet.left, *lanelet.right[::-1])),
                 "entry_lanes": before[lanelet.id],
                 "exit_lanes": list(lanelet.successors),
                 "speed_limit_kmh": round(3.6 * lanelet.speed_limit, 2),
             }
     for crosswalk in intersection.crosswalks:
-        features[crosswalk.id] = {"type": "CROSSWALK", "polygon": _flat(crosswalk.polygon)}
+        features[crosswalk.id] = {"type": "CROSSWALK", "polygon": _flatten(crosswalk.polygon)}
     rings = [ring for area in intersection.road for ring in (area.exterior, *area.holes)]
     for k, ring in enumerate(rings):
-        line = _flat((*ring, ring[0]))
+        line = _flatten((*ring, ring[0]))
         features[f"road edge {k}"] = {"type": "ROAD_EDGE_BOUNDARY", "polyline": line}
     return features
 
 
-def _flat(points: Sequence[Sequence[float]]) -> np.ndarray[Any, np.dtype[np.float32]]:
+def _flatten(points: Sequence[Sequence[float]]) -> np.ndarray[Any, np.dtype[np.float32]]:
     """[P, 2] points, as MetaDrive takes the polygons of lanes."""
     return np.array(points, np.float32)
 
@@ -144,7 +144,7 @@ def _describe_lights(scene: ExportedScene) -> dict[str, Any]:
     lanelets = {each.id: each for each in scene.intersection_map.lanelets}
     states = {}
     for line in scene.intersection_map.stop_lines:
-        colours = scene.colours().get(line.id)
+        colours = scene.list_colours().get(line.id)
         for name in line.lanelets if colours else ():
             end: FloatArray = np.array(lanelets[name].centreline[-1])
             states[name] = {

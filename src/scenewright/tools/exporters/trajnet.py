@@ -24,23 +24,23 @@ LENGTH = 21
 def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
     """Frames are steps of 0.1 s from the start of the scene, so that every fourth has samples."""
     stride = round(SAMPLE / scene.step)
-    rows = [*_scene_rows(scene, stride), *_track_rows(scene, stride)]
+    rows = [*_list_scene_rows(scene, stride), *_list_track_rows(scene, stride)]
     text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
     return {f"{scene.name}.ndjson": text.encode()}
 
 
-def _scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
+def _list_scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
     """The last 8 s of every agent that is there so long, the foreground first."""
     number = 0
     for agent in sorted(scene.agents, key=lambda a: a.role != "foreground"):
-        frames = _frames(agent, stride)
+        frames = _list_frames(agent, stride)
         if len(frames) >= LENGTH:
             ends = {"s": int(frames[-LENGTH]), "e": int(frames[-1])}
             yield {"scene": {"id": number, "p": agent.id, **ends, "fps": FPS}}
             number += 1
 
 
-def _track_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
+def _list_track_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
     for frame in range(0, scene.steps, stride):
         for agent in scene.agents:
             if agent.first <= frame <= agent.last:
@@ -50,6 +50,6 @@ def _track_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
                 yield {"track": {**place, "class": agent.names.tracks, "heading": heading}}
 
 
-def _frames(agent: ExportedAgent, stride: int) -> np.ndarray:
+def _list_frames(agent: ExportedAgent, stride: int) -> np.ndarray:
     """The frames at which the agent has a sample."""
     return np.arange(-(-agent.first // stride) * stride, agent.last + 1, stride)

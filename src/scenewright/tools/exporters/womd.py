@@ -11,7 +11,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
 from scenewright.tools.exporters.womd_example import write_example
 from scenewright.tools.track_io.tfrecord import write_records
-from scenewright.tools.track_io.womd import scenario_class
+from scenewright.tools.track_io.womd import load_scenario_class
 
 WINDOW, CURRENT, EVENT = 91, 10, 60
 """Steps of a scenario of the dataset, which of them is now, and where a window has its event."""
@@ -32,7 +32,7 @@ def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]
         features, lights = _describe_map(scene.intersection_map), _describe_lights(scene)
         record = write_example(scene, features, lights)
         return {f"{scene.name}.tfexample.tfrecord": write_records([record])}
-    scenario = scenario_class()(
+    scenario = load_scenario_class()(
         scenario_id=scene.name,
         timestamps_seconds=scene.times.tolist(),
         current_time_index=min(CURRENT, scene.steps - 1),
@@ -109,7 +109,7 @@ def number_lanes(intersection: IntersectionMap) -> dict[str, int]:
 
 def _describe_lights(scene: ExportedScene) -> list[dict[str, Any]]:
     """At every step the light of each lane that ends at a stop line."""
-    numbers, colours = number_lanes(scene.intersection_map), scene.colours()
+    numbers, colours = number_lanes(scene.intersection_map), scene.list_colours()
     ends = {each.id: each.centreline[-1] for each in scene.intersection_map.lanelets}
     lanes = [
         (lane, line.id)

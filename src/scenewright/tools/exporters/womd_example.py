@@ -14,7 +14,7 @@ import numpy as np
 from scenewright.geometry.polyline import resample_by_spacing
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.track_io.womd_example import PARTS, STATES, example_class
+from scenewright.tools.track_io.womd_example import PARTS, STATES, load_example_class
 
 OBJECTS, LIGHTS, POINTS = 128, 16, 30_000
 SPACING = 0.5
@@ -41,7 +41,7 @@ def write_example(
         values = tensors[name].ravel()
         kind = "float_list" if values.dtype.kind == "f" else "int64_list"
         entries.append({"key": name, "value": {kind: {"value": values.tolist()}}})
-    record: bytes = example_class()(features={"feature": entries}).SerializeToString(
+    record: bytes = load_example_class()(features={"feature": entries}).SerializeToString(
         deterministic=True
     )
     return record
@@ -85,15 +85,15 @@ def _fill(values: list[Any], rest: int) -> np.ndarray[Any, Any]:
 
 
 def _choose_objects(scene: ExportedScene) -> list[ExportedAgent]:
-    """Everybody; where there are more than fit, those who come nearest to the ego, in order."""
-    everybody = [*scene.agents, *scene.objects]
+    """List all agents; where there are too many, those that come nearest to the ego, in order."""
+    users = [*scene.agents, *scene.objects]
     way = scene.ego.xy
 
     def come_near(agent: ExportedAgent) -> float:
         return float(np.hypot(*(agent.xy[:, None] - way[None, ::5]).transpose(2, 0, 1)).min())
 
-    kept = sorted(everybody, key=come_near)[:OBJECTS]
-    return [agent for agent in everybody if any(agent is each for each in kept)]
+    kept = sorted(users, key=come_near)[:OBJECTS]
+    return [agent for agent in users if any(agent is each for each in kept)]
 
 
 def _list_states(agent: ExportedAgent, scene: ExportedScene) -> Mapping[str, FloatArray | float]:

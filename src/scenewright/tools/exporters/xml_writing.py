@@ -26,7 +26,7 @@ def format_value(value: object) -> str:
     return _NOT_XML.sub("\ufffd", str(value))
 
 
-def to_bytes(root: ElementTree.Element) -> bytes:
+def write_bytes(root: ElementTree.Element) -> bytes:
     """The document with its declaration, indented; the same tree, the same bytes."""
     ElementTree.indent(root)
     body = ElementTree.tostring(root, encoding="unicode")

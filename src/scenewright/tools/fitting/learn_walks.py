@@ -1,7 +1,7 @@
 """Where people walk: crosswalks and sidewalks that a map only derives, from tracks of walkers.
 
-A walker who passes from one side of a leg's road to the other says where it is crossed. Where
-several do so at one place, there the crosswalk lies. Ground beside the road and the derived
+A pedestrian that passes from one side of a leg's road to the other crosses it. Where several
+do so at one place, there is a crosswalk. Ground beside the road and the derived
 sidewalks over which several people walk is sidewalk, too.
 """
 
@@ -24,7 +24,7 @@ _LEAST_WALKERS = 5
 _LEAST_SHARE = 0.5
 """Of those who cross a leg, that cross it at one place."""
 _TOGETHER = 3.0
-"""From the middle of the place at which people cross to one who crosses there [m]."""
+"""Largest distance of a crossing pedestrian from the middle of the crossing place [m]."""
 _REACH = (12.0, 25.0)
 """So far inwards and outwards of the derived crosswalk a crossing is the leg's [m]."""
 _LEAST_ACROSS = np.cos(np.radians(45.0))

@@ -154,10 +154,10 @@ def _choose_light(own: Sequence[str], lights: RecordedLights) -> str:
     """Of a leg's lights that with the most green, which is that of its straightest way."""
     times = np.arange(0.0, lights.end, 1.0)
 
-    def green(light: str) -> int:
+    def is_green(light: str) -> int:
         return sample_colours(lights.changes[light], times).count("green")
 
-    return max(sorted(own), key=green)
+    return max(sorted(own), key=is_green)
 
 
 def _find_cycle(

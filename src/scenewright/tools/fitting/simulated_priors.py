@@ -48,7 +48,7 @@ from scenewright.tools.simulation.sumo_pedestrians import draw_walks, read_sidew
 from scenewright.tools.simulation.sumo_run import (
     WARM_UP,
     Departure,
-    RawTrack,
+    SumoTrack,
     draw_arrivals,
     format_vehicle,
     run_sumo,
@@ -127,7 +127,7 @@ def list_demand_hours(pieces: int) -> list[int]:
 
 def _simulate_piece(
     intersection_map: IntersectionMap, route_lines: RouteLines, hour: int, rng: np.random.Generator
-) -> list[RawTrack]:
+) -> list[SumoTrack]:
     """The raw tracks of one piece."""
     rates = {name: float(each[hour]) for name, each in assume_frequency(intersection_map).items()}
     with tempfile.TemporaryDirectory() as name:
@@ -146,7 +146,7 @@ def _simulate_piece(
 def _extract_trips(
     intersection_map: IntersectionMap,
     route_lines: RouteLines,
-    raw: Sequence[RawTrack],
+    raw: Sequence[SumoTrack],
     rng: np.random.Generator,
 ) -> list[Trip]:
     """Whole paths: of vehicles from edge to edge, of pedestrians from end to end of their route."""
@@ -166,7 +166,7 @@ def _measure_distance(path: FloatArray, line: FloatArray) -> float:
     return float(np.hypot(*(path[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1).mean())
 
 
-def _count_present(intersection_map: IntersectionMap, raw: Sequence[RawTrack]) -> float:
+def _count_present(intersection_map: IntersectionMap, raw: Sequence[SumoTrack]) -> float:
     """Vehicles on the map on average."""
     inside = [
         (np.abs(each.xy).max(axis=1) <= intersection_map.extent)
@@ -182,7 +182,7 @@ def _build_recording(
     intersection_map: IntersectionMap,
     number: int,
     hour: int,
-    raw: Sequence[RawTrack],
+    raw: Sequence[SumoTrack],
     rng: np.random.Generator,
     *,
     testing: bool,

@@ -21,7 +21,7 @@ _NARROW = 1.0
 """A range up to this wide is drawn from evenly [m/s, m/s^2]."""
 
 _BRISK, _FIRM = 12.0, (3.0, 3.5)
-"""Who is to be faster than this [m/s] takes the bends of its lane at so much [m/s^2]."""
+"""Lateral acceleration in curves [m/s^2] of an agent asked to be faster than this [m/s]."""
 
 _FASTEST = 20.0
 """Of vehicles [m/s]."""
@@ -49,7 +49,7 @@ def count_slow_routes(graph: SocialGraph, assignment: RoleAssignment) -> int:
 
 
 def _list_strike_speeds(graph: SocialGraph) -> list[tuple[str, float]]:
-    """Who is to strike, and at least how fast [m/s]."""
+    """The striking agent, and its least speed [m/s]."""
     found = [(e.from_, e.impact_speed) for e in graph.relations if e.impact_speed is not None]
     asked = [each for each in graph.measures if each.kind == "contact_speed"]
     return found + [(each.agent, each.low + 0.5) for each in asked if each.low > 0.0]

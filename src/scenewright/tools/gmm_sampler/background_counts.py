@@ -35,14 +35,14 @@ def draw_background_counts(
     """How many background agents of each class a scene of 30 s has at an hour of the day [h].
 
     Numbers in the text are taken as they are. Low and medium density are ranges; high density is
-    the busiest third of p_tod. Without a word everybody seen in the scene follows p_tod.
+    the busiest third of p_tod. By default the number of agents in the scene follows p_tod.
 
     Args:
         max_agents: of the whole scene; what is drawn is thinned to it, vehicles and pedestrians
             alike.
 
     Raises:
-        InputError: who is named in the text and numbers in the text exceed `max_agents`.
+        InputError: agents and numbers named in the text exceed `max_agents`.
     """
     drawn, asked = _draw(graph, priors, int(hour) % HOURS, rng), _get_asked(graph)
     free = {kind: count for kind, count in drawn.items() if kind not in asked}

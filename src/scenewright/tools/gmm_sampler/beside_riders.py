@@ -17,7 +17,7 @@ from scenewright.scene.candidates import AgentCandidates, Candidate, K
 from scenewright.tools.gmm_sampler.priors import WaypointPrior
 
 _SAME_PACE = (0.96, 1.0)
-"""Free speed of who drives behind another, as a share of that one's."""
+"""Free speed of a follower, as a share of its leader's."""
 
 
 def make_room(
@@ -35,7 +35,7 @@ def make_room(
         gaps: least and greatest distance of the two footprints where they are abreast [m].
         until: share of the vehicle's way from which on it is back on its own line, and at last.
     """
-    share = 1.0 - _ramp(np.linspace(0.0, 1.0, K), *until)
+    share = 1.0 - _build_ramp(np.linspace(0.0, 1.0, K), *until)
     drawn, beside = vehicle.drawn, _find_mean_line(rider)
     half = (vehicle.shape.width + rider.shape.width) / 2
     found = []
@@ -48,7 +48,7 @@ def make_room(
     return np.stack(found)
 
 
-def _ramp(way: FloatArray, begin: float, end: float) -> FloatArray:
+def _build_ramp(way: FloatArray, begin: float, end: float) -> FloatArray:
     x = np.clip((way - begin) / (end - begin), 0.0, 1.0)
     return np.asarray(x * x * (3.0 - 2.0 * x))
 

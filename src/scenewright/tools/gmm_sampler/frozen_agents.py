@@ -142,7 +142,7 @@ def _prefer_earlier(candidates: AgentCandidates, pins: FrozenAgents) -> AgentCan
 def _offer_only(agent: SelectedAgent, *, fresh: AgentCandidates | None) -> AgentCandidates:
     """Nothing but the candidate that the agent has."""
     candidate = agent.candidate
-    drawn = _to_drawn(candidate)
+    drawn = _convert_to_drawn(candidate)
     return AgentCandidates(
         name=agent.name,
         role="background" if fresh is None else fresh.role,
@@ -157,7 +157,7 @@ def _offer_only(agent: SelectedAgent, *, fresh: AgentCandidates | None) -> Agent
 
 def _offer_first(agent: SelectedAgent, fresh: AgentCandidates) -> AgentCandidates:
     """The candidate that the agent has, then fresh ones."""
-    candidate, own = agent.candidate, _to_drawn(agent.candidate)
+    candidate, own = agent.candidate, _convert_to_drawn(agent.candidate)
 
     @cache
     def draw() -> DrawnWaypoints:
@@ -201,7 +201,7 @@ def scale_speed(profile: DrivingProfile, factor: float) -> DrivingProfile:
     return replace(profile, speed=profile.speed * factor)
 
 
-def _to_drawn(candidate: Candidate) -> DrawnWaypoints:
+def _convert_to_drawn(candidate: Candidate) -> DrawnWaypoints:
     return DrawnWaypoints(
         candidate.waypoints[None],
         np.array([candidate.nll]),

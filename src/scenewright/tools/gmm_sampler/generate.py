@@ -18,7 +18,7 @@ from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignme
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
-from scenewright.scene.track import PEDESTRIAN, Shape, rider_shape, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Shape, get_rider_shape, get_vehicle_shape
 from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
 from scenewright.tools.gmm_sampler.background_counts import (
     draw_background_counts,
@@ -100,7 +100,7 @@ def assign_foreground(
     """Routes and patterns of the foreground; no red light is run where that can be avoided.
 
     Args:
-        lawful: look longer for routes on which nobody runs a red light unasked.
+        lawful: look longer for routes on which no agent runs a red light unasked.
     """
     from scenewright.tools.map_grounding.grounding import count_signal_conflicts, find_assignments
 
@@ -137,7 +137,7 @@ def assign_foreground(
 
 
 def list_unasked_runners(graph: SocialGraph, assignment: RoleAssignment) -> list[str]:
-    """Who is to run a red light although the request speaks of none."""
+    """List red-light runners that the request does not mention."""
     caused = {edge.cause for edge in graph.relations}
     if "red_light_run" in caused or any(agent.runs_red for agent in graph.agents):
         return []
@@ -305,7 +305,7 @@ def _draw_lane_departures(
 
 
 def _let_run(agent: AgentCandidates, priors: Priors, rng: np.random.Generator) -> AgentCandidates:
-    """The pedestrian with driving profiles of somebody who runs."""
+    """Give the pedestrian the speed profiles of a running one."""
     drawn, rate = agent.drawn, _RUN_ACCELERATION
     speeds = rng.uniform(*_RUN_SPEED, len(drawn.time_laws)).tolist()
     running = tuple(
@@ -377,14 +377,14 @@ def _draw_shape(
     rng: np.random.Generator,
 ) -> tuple[str | None, Shape]:
     if kind in RIDERS:
-        return None, rider_shape(kind)
+        return None, get_rider_shape(kind)
     if kind == "pedestrian":
         return None, PEDESTRIAN
     if subtype is None:
         shares = priors.subtypes.get(route.id) or {"car": 1.0}
         total = list(itertools.accumulate(map(float, shares.values())))
         subtype = list(shares)[bisect_right([each / total[-1] for each in total], rng.random())]
-    return subtype, vehicle_shape(subtype)
+    return subtype, get_vehicle_shape(subtype)
 
 
 def _draw_background(

@@ -1,4 +1,4 @@
-"""Groups of pedestrians: everybody in one walks beside or behind its first member."""
+"""Groups of pedestrians: all members walk beside or behind the first."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _draw_places() -> Iterator[tuple[float, float]]:
 
 
 def walk_beside(leader: AgentCandidates, name: str, rng: np.random.Generator) -> AgentCandidates:
-    """A pedestrian who walks with another in the background, on either side of it."""
+    """A background pedestrian that walks with another, on either side of it."""
     aside = float(rng.uniform(*_COMPANION)) * float(rng.choice((-1.0, 1.0)))
     behind = float(rng.uniform(0.0, _HALF_A_STEP))
     build = _Shifted(leader, aside, behind)

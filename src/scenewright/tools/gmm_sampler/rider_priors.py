@@ -33,7 +33,7 @@ _SPREAD = np.array([0.20, 0.15, 0.20, 0.12])
 _LOW, _HIGH = np.array([2.4, 0.5, 0.9, 1.2]), np.array([7.5, 1.5, 2.5, 3.0])
 _SCOOTER_SPEED = 6.0
 _ON_CROSSWALK = 5.0
-"""Highest free speeds [m/s] of a scooter, and of anybody who rides over a crosswalk."""
+"""Highest free speeds [m/s] of a scooter, and of any rider on a crosswalk."""
 
 _MEDIAN: dict[tuple[AgentClass, bool], tuple[float, float, float, float]] = {
     ("cyclist", False): (5.0, 0.9, 1.6, 2.0),
@@ -67,7 +67,7 @@ def _build_profile_prior(kind: AgentClass, *, crosswalk: bool) -> DrivingProfile
 
 def _find_lane_offset(kind: AgentClass, route: Route, intersection_map: IntersectionMap) -> float:
     """How far to the left of its lane's middle a rider keeps [m]; below 0 means to the right."""
-    movement = intersection_map.movement_of(route)
+    movement = intersection_map.find_movement(route)
     lanes = () if movement is None else movement.lanelets
     widths = [lane.width for lane in intersection_map.lanelets if lane.id in lanes]
     aside = max(min(widths, default=3.0) / 2 - RIDER_SIZES[kind][1] / 2 - _FROM_EDGE, 0.0)

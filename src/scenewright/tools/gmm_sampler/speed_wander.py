@@ -1,7 +1,7 @@
-"""How speeds wander about an agent's free speed: nobody walks or drives as evenly as a mean.
+"""Random variation of an agent's speed about its free speed.
 
 The logarithm of the speed is a smooth Gaussian process over arc length. How much it wanders differs
-between people. Fitted on walkers who never stand in five of the TrajNet++ training recordings
+between people. Fitted on pedestrians that never stand in five of the TrajNet++ training recordings
 (biwi_hotel, crowds_students001 and 003, crowds_zara01 and 03: 550 tracks at 2.5 frames/s; research
 data without a licence of its own, of which only these numbers are kept): spread 0.08 to 0.21, mean
 0.15 about the mean of a track; autocorrelation in zara 0.88, 0.71, 0.52, 0.34 after 0.4, 0.8, 1.2,

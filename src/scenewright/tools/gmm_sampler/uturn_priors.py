@@ -23,7 +23,7 @@ def build_uturn_priors(
     Raises:
         KeyError: the map has no such U-turn, or no left turn from that leg or any other.
     """
-    movement = intersection_map.movement_of(route)
+    movement = intersection_map.find_movement(route)
     if movement is None:
         raise KeyError(route.id)
     left = _find_left_turn(route, intersection_map)

@@ -154,7 +154,7 @@ def have_conflict(a: Route, b: Route, *, intersection_map: IntersectionMap) -> b
 
 def share_green(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether both may ever go at the same time; True where one of them has no signal."""
-    groups = [intersection_map.signal_group_of(route) for route in (a, b)]
+    groups = [intersection_map.find_signal_group(route) for route in (a, b)]
     if intersection_map.signals is None or None in groups:
         return True
     return any(
@@ -211,7 +211,7 @@ def _is_kerb_near(walker: Route, other: Route, *, intersection_map: Intersection
 
 def _is_red_at_green(runner: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the light of the first is red at any time when that of the other is not."""
-    groups = [intersection_map.signal_group_of(route) for route in (runner, other)]
+    groups = [intersection_map.find_signal_group(route) for route in (runner, other)]
     if intersection_map.signals is None or None in groups:
         return True
     return any(
@@ -476,7 +476,7 @@ def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, s
     # Rear-end and side impacts name the striker, and a rider's pattern fixes its roles.
     ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
     if pattern.relation in _SYMMETRIC and not told and not ridden:
-        orders.append((edge.to, edge.from_))  # no phrase says who does it to whom
+        orders.append((edge.to, edge.from_))  # no phrase says which agent does it to which
     return [each for each in orders if keeps_order(edge, pattern, each)]
 
 
@@ -565,7 +565,7 @@ def _is_geometry_fitting(
 
 def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether one lane before the stop line leads both ways."""
-    lanes = [intersection_map.movement_of(route) for route in (a, b)]
+    lanes = [intersection_map.find_movement(route) for route in (a, b)]
     if None in lanes:
         return True
     approaches = {lane.id for lane in intersection_map.lanelets if lane.kind == "approach"}
@@ -579,7 +579,7 @@ _MEDIAN = 14.0
 
 def _is_divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether a median parts the way that one drives out by from the other's way in."""
-    out, into = intersection_map.movement_of(a), intersection_map.movement_of(b)
+    out, into = intersection_map.find_movement(a), intersection_map.find_movement(b)
     if out is None or into is None:
         return False
     (x, y), (u, v) = out.centreline[-1], into.centreline[0]
@@ -651,8 +651,8 @@ def _refuse_group_hit(graph: SocialGraph) -> None:
         for name in (edge.from_, edge.to):
             if edge.type == "collide_at" and graph.agent(name).members is not None:
                 detail = (
-                    f"{name} is a group, and who of it is hit cannot be said; ask for a near miss "
-                    "or a yield, or have one pedestrian hit"
+                    f"{name} is a group, and the member that is hit cannot be chosen; ask for "
+                    "a near miss or a yield, or have one pedestrian hit"
                 )
                 raise Rejected(_report_relation_failure(edge, detail))
 
@@ -662,8 +662,8 @@ def _refuse_late_braking(graph: SocialGraph) -> None:
     for edge in graph.relations:
         if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
             detail = (
-                "late_brake goes with collide_at or near_miss alone, as who gives way or follows "
-                "brakes in time; ask for a near miss, or leave the braking out"
+                "late_brake goes with collide_at or near_miss alone, as a yielding or following "
+                "agent brakes in time; ask for a near miss, or leave the braking out"
             )
             raise Rejected(_report_relation_failure(edge, detail))
 
@@ -686,7 +686,7 @@ def _refuse_waiting_for_wreck(graph: SocialGraph) -> None:
         if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
             detail = (
                 f"{wait.to} is to hit {struck.id} on the {walker.crosswalk} crosswalk and stays "
-                f"there, so it never passes {walker.id}, who waits for it at that crosswalk; "
+                f"there, so it never passes {walker.id}, which waits for it at that crosswalk; "
                 "give the two pedestrians different crosswalks"
             )
             raise Rejected(_report_relation_failure(wait, detail))
@@ -756,10 +756,10 @@ _SIDE_WORDS: dict[EntrySide, str] = {
 
 
 def _report_tied_apart(edge: RelationEdge, ties: Sequence[EntryTie]) -> Rejection:
-    told = " and ".join(
+    ties_text = " and ".join(
         f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in ties
     )
-    return _report_relation_failure(edge, f"'{_format_edge(edge)}' cannot happen where {told}")
+    return _report_relation_failure(edge, f"'{_format_edge(edge)}' cannot happen where {ties_text}")
 
 
 def _report_not_together(edge: RelationEdge) -> Rejection:

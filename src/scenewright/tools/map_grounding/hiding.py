@@ -69,7 +69,7 @@ def refuse_unhidden(
     for node in graph.objects:
         if node.hides is not None and not is_high(node):
             words = node.subtype or node.kind
-            raise Rejected(_refuse(node, f"a {words} is seen over and hides nobody; ask for "
+            raise Rejected(_refuse(node, f"a {words} is too low to hide a pedestrian; ask for "
                                          "something taller, such as a parked truck"))  # fmt: skip
         if not _has_room(node, intersection_map):
             where = f" on the {node.leg} leg" if node.leg else ""

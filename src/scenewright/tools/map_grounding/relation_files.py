@@ -71,7 +71,7 @@ def _choose_names(pattern: Pattern) -> tuple[str, str]:
 def _read(pattern: Pattern, number: int, names: tuple[str, str]) -> ConstraintProgram:
     clause = pattern.clauses[number]
     try:
-        return parse(pattern.filled(clause, from_=names[0], to=names[1]))
+        return parse(pattern.fill(clause, from_=names[0], to=names[1]))
     except Rejected as error:
         detail = _map_to_file(error.rejection.detail, clause, pattern, names)
         raise _build_refusal(pattern, f"constraints.{number}: {detail}") from None
@@ -92,7 +92,7 @@ def _map_column(column: int, clause: str, pattern: Pattern, names: tuple[str, st
     """The column of a clause that a column of the filled clause comes from, both from 1."""
     shift = 0
     for hole in _HOLE.finditer(clause):
-        filled = len(pattern.filled(hole[0], from_=names[0], to=names[1]))
+        filled = len(pattern.fill(hole[0], from_=names[0], to=names[1]))
         begins = hole.start() + shift
         if column - 1 < begins:
             break

@@ -34,7 +34,7 @@ class SignalClock:
     program: SignalProgram
     offset: float
 
-    def colour(self, group: str, time: float) -> Colour:
+    def get_colour(self, group: str, time: float) -> Colour:
         """What `group` shows at scene time [s]."""
         left = (time + self.offset) % self.program.cycle
         for phase in self.program.phases:
@@ -43,9 +43,9 @@ class SignalClock:
             left -= phase.duration
         return self.program.phases[-1].colours[group]
 
-    def next_green(self, group: str, time: float) -> float:
+    def find_next_green(self, group: str, time: float) -> float:
         """First scene time [s] >= `time` at which `group` turns (or is) green; inf if never."""
-        if self.colour(group, time) == "green":
+        if self.get_colour(group, time) == "green":
             return time
         start = -((time + self.offset) % self.program.cycle)
         for phase in (*self.program.phases, *self.program.phases):

@@ -560,7 +560,7 @@ class _Assembly:
             left, right = corners.get(k), corners.get((k - 1) % len(self.legs))
             if left is None or right is None:
                 self._add_note(
-                    f"the {self.names[k]} leg has no sidewalk on one side: nobody crosses it"
+                    f"the {self.names[k]} leg has no sidewalk on one side: it has no crosswalk"
                 )
                 continue
             key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
@@ -573,7 +573,7 @@ class _Assembly:
             if not all(self._is_walkable(line, placed) for line in lines.values()):
                 self._add_note(
                     f"the crosswalk on the {self.names[k]} leg ends on no sidewalk, as where it "
-                    "spans one carriageway of several: nobody crosses it"
+                    "spans one carriageway of several: it is left out"
                 )
                 continue
             for (before, after), line in lines.items():

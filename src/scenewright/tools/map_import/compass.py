@@ -23,7 +23,7 @@ def find_sides(leg: Compass) -> tuple[Compass, Compass]:
 
 
 def compute_bearing(leg: Compass) -> float:
-    """The outward direction that a compass name stands for [rad, counter-clockwise from east]."""
+    """The outward direction of a compass name [rad, counter-clockwise from east]."""
     return math.pi / 2 - COMPASS_RING.index(leg) * math.pi / 4
 
 

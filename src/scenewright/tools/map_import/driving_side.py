@@ -66,7 +66,7 @@ def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
 
 
 def find_lanelet2_side(lines: Sequence[FloatArray]) -> DrivingSide:
-    """By the lanes: who drives on the right has oncoming lanes on the left.
+    """By the lanes: in right-hand traffic oncoming lanes are on the left.
 
     Args:
         lines: [P, 2] middles of lanes in driving direction [m]; of more than 600, every nth counts.

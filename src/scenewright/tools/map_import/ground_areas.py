@@ -282,7 +282,7 @@ def _find_exit_angle(leg: SurveyLeg, extent: float) -> float:
 def build_crossing_line(
     placement: CrosswalkPlacement, left: FloatArray, right: FloatArray, *, before: str, after: str
 ) -> FloatArray:
-    """[P, 2] the path of a pedestrian who crosses from the left side of a leg to its right side.
+    """[P, 2] the path of a pedestrian crossing from the left side of a leg to its right side.
 
     Args:
         left: corner line from this leg to the next; right: from the leg before to this one.

@@ -25,7 +25,7 @@ _LONGEST_SLIP = 70.0
 _OPPOSITE = math.radians(40.0)
 _SAME_LEG = math.radians(35.0)
 _AHEAD = 25.0
-"""Legs are told apart by their direction so far out [m]."""
+"""Distance [m] at which the direction of a leg is measured."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,7 +94,7 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
 def _measure_place_angle(leg: SurveyLeg) -> float:
     """The direction in which a leg lies, seen from the middle of the junction [rad].
 
-    Of two streets that run side by side it tells which is the next, as their bearings do not.
+    It orders two streets that run side by side, whose bearings do not.
     """
     x, y = leg.throat + _FAR_OUT * np.array([math.cos(leg.bearing), math.sin(leg.bearing)])
     return math.atan2(y, x)
@@ -104,7 +104,7 @@ def _part_streets(
     lanes: Sequence[tuple[SurveyLane, bool]],
 ) -> Iterator[list[tuple[SurveyLane, bool]]]:
     """Lanes of one direction, those apart that lie too far aside to be of the same street."""
-    ahead = np.array([_direct(_measure_bearing(orient_outwards(*lane))) for lane in lanes])
+    ahead = np.array([_find_direction(_measure_bearing(orient_outwards(*lane))) for lane in lanes])
     left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
     aside = [float(find_point(orient_outwards(*lane), _NEAR_OUT) @ left) for lane in lanes]
     order = sorted(range(len(lanes)), key=lambda i: aside[i])
@@ -118,7 +118,7 @@ def _part_streets(
     yield own
 
 
-def _direct(angle: float) -> tuple[float, float]:
+def _find_direction(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 

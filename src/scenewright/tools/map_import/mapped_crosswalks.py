@@ -230,8 +230,8 @@ def _count_votes(
 ) -> LegCrossing | str:
     """The leg that most of the ways over a crossing come from or lead to; the nearest of equals.
 
-    Who crosses the eastern leg is met by all who come from the east or go there, and by nobody
-    else, however far inside the junction they walk.
+    A pedestrian crossing the eastern leg meets all vehicles from or to the east, and no other,
+    however far inside the junction it walks.
     """
     flat = [meeting for own in met for meeting in own]
     votes = {leg: sum(any(leg == x for x, _, _ in own) for own in met) for leg, _, _ in flat}

@@ -98,7 +98,7 @@ def iterate_elements(file: Path) -> Iterator[OsmElement]:
 
 
 @cache
-def _messages() -> dict[str, Any]:
+def _read_messages() -> dict[str, Any]:
     return build_messages("osmpbf", _SCHEMA)
 
 
@@ -109,16 +109,16 @@ def _iterate_pbf(file: Path) -> Iterator[OsmElement]:
     with file.open("rb") as stream:
         while head := stream.read(4):
             try:
-                header = _messages()["BlobHeader"].FromString(
+                header = _read_messages()["BlobHeader"].FromString(
                     _take(stream, int.from_bytes(head), file)
                 )
-                blob = _messages()["Blob"].FromString(_take(stream, header.datasize, file))
+                blob = _read_messages()["Blob"].FromString(_take(stream, header.datasize, file))
                 data = _unpack(blob, file)
                 total += len(data)
                 if total > MOST_BYTES:
-                    raise _too_large(file)
+                    raise _refuse_large(file)
                 if header.type == "OSMData":
-                    yield from _read_block(_messages()["PrimitiveBlock"].FromString(data))
+                    yield from _read_block(_read_messages()["PrimitiveBlock"].FromString(data))
             except (DecodeError, IndexError, UnicodeDecodeError) as fault:
                 raise InputError(f"{file} is no OpenStreetMap .pbf: {str(fault)[:80]}") from None
 
@@ -244,7 +244,7 @@ def _iterate_xml(file: Path) -> Iterator[OsmElement]:
             while block := stream.read(_BLOCK):
                 total += len(block)
                 if total > MOST_BYTES:
-                    raise _too_large(file)
+                    raise _refuse_large(file)
                 parser.Parse(block, False)
                 yield from elements.ready
                 elements.ready.clear()
@@ -259,7 +259,7 @@ def _iterate_xml(file: Path) -> Iterator[OsmElement]:
     yield from elements.ready
 
 
-def _too_large(file: Path) -> InputError:
+def _refuse_large(file: Path) -> InputError:
     return InputError(
         f"{file} is larger than a city; cut out the surroundings of the junction first"
     )

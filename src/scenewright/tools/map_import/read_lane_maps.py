@@ -111,14 +111,14 @@ def _read_womd(file: Path) -> _Found:
     from google.protobuf.message import DecodeError
 
     from scenewright.tools.track_io.tfrecord import read_records
-    from scenewright.tools.track_io.womd import scenario_class
+    from scenewright.tools.track_io.womd import load_scenario_class
     from scenewright.tools.track_io.womd_example import read_example
 
     record = next(iter(read_records(file.read_bytes(), name=str(file))), b"")
     if read_example(record) is not None:
         raise InputError(f"{file} holds tf.Example, whose maps are points; give Scenario records")
     try:
-        scenario = scenario_class().FromString(record)
+        scenario = load_scenario_class().FromString(record)
     except DecodeError:
         raise InputError(f"{file} is no file of Waymo's Scenario records") from None
     lanes = [

@@ -394,8 +394,8 @@ _LONGEST_ID = 24
 def _describe_parts(group: JunctionGroup) -> Iterator[str]:
     if group.is_roundabout:
         yield (
-            f"a roundabout of {len(group.nodes)} nodes is one intersection: who drives in it keeps "
-            "to its ring, and who enters gives way"
+            f"a roundabout of {len(group.nodes)} nodes is one intersection: its vehicles keep "
+            "to the ring, and entering vehicles give way"
         )
     elif len(group.nodes) > 1:
         yield f"{len(group.nodes)} nodes that lie close together are one intersection"

@@ -13,7 +13,7 @@ from scenewright.geometry.geographic import LatLon
 from scenewright.scene.base import Colour, FloatArray
 
 LEARNED = "where"
-"""With this begins the source of a crossing that is no file's but known by who walks there."""
+"""Prefix of the source of a crossing that is known from pedestrian tracks, not from a file."""
 
 
 @dataclass(frozen=True, eq=False)

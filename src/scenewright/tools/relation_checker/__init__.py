@@ -10,8 +10,8 @@ from scenewright.tools.relation_checker.conflict_zones import (
     ZoneOccupancy,
     find_conflict_zones,
     find_zone_occupancy,
+    get_path,
     get_swept_path,
-    path_of,
 )
 from scenewright.tools.relation_checker.contact import (
     FirstContact,
@@ -75,10 +75,10 @@ __all__ = [
     "find_followings",
     "find_least_clearance",
     "find_zone_occupancy",
+    "get_path",
     "get_swept_path",
     "measure_impact",
     "measure_lane_gaps",
     "observe",
-    "path_of",
     "read_users",
 ]

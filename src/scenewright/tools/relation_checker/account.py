@@ -36,7 +36,7 @@ _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie"
 _DAY = 24 * 60
 
 GROUP = "group of "
-"""How the value of an entry begins that stands for several who walk together."""
+"""Prefix of an entry's value that means several pedestrians walking together."""
 _CLOCK = re.compile(r"[0-9]{2}:[0-9]{2}(:[0-9]{2})?")
 
 
@@ -224,7 +224,7 @@ class _EvidenceFinder:
         return agent.crosswalk is not None or find_exit_leg(track, self._map) is not None
 
     def _find_observed_leg(self, agent: AgentRecord, field: str) -> str | None:
-        """The leg that the track itself shows, where it can be told."""
+        """The leg that the track itself shows, where it can be determined."""
         if self._map is None or agent.type == "pedestrian" or agent.crosswalk is not None:
             return None
         track = self._tracks[agent.id]

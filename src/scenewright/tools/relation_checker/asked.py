@@ -153,11 +153,11 @@ class AskedFor:
         return None
 
     def _count_standstills(self, value: str, words: str) -> list[str | None]:
-        """ "Stops twice": every agent that stands for these words stands so often in all."""
-        told = _TIMES.search(words)
-        if told is None:
+        """ "Stops twice": every agent of these words stands so often in all."""
+        times = _TIMES.search(words)
+        if times is None:
             return []
-        wanted = SPELT[told[1].lower()]
+        wanted = SPELT[times[1].lower()]
         found: list[str | None] = []
         for name in dict.fromkeys(match[1] for match in _STANDS.finditer(value)):
             count = len(find_standstills(self._get_track(name))) if name in self._numbers else 0

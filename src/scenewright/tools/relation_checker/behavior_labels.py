@@ -31,9 +31,9 @@ GOAL = 2.0
 LATE = 1.5
 """By how much segments and track may begin apart [s]; how they end, refining decides."""
 LONGEST_STAND = 1.5
-"""Longer than this nobody stands while it keeps on or proceeds [s]."""
+"""Longest standstill of an agent that keeps on or proceeds [s]."""
 ROLLING, STROLLING = 1.5, 0.7
-"""Who never becomes slower than this in a stop does not stop; the second on foot [m/s]."""
+"""Highest speed that counts as a stop [m/s]; the second for pedestrians."""
 
 
 def find_false_behavior(

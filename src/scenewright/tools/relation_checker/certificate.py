@@ -26,7 +26,7 @@ Pair = frozenset[int]
 
 @dataclass(frozen=True)
 class AgentRoles:
-    """Who is in the foreground, and which pairs a relation binds, by ids."""
+    """The foreground agents, and the pairs that a relation binds, by ids."""
 
     foreground: frozenset[int]
     bound: frozenset[Pair]
@@ -181,7 +181,7 @@ def _report_driving_on(track: Trajectory, event: Event) -> Finding:
 def check_wreck_clearance(
     wreck: Trajectory, grid: PairGrid, involved: set[int], until: float
 ) -> Iterator[Finding]:
-    """Who comes within 0.5 m of a wreck after its track has ended."""
+    """Agents that come within 0.5 m of a wreck after its track has ended."""
     after = (grid.times > wreck.end + 1e-6) & (grid.times <= until + 1e-6)
     away = grid.xy[:, after] - wreck.xy[-1]
     near = np.hypot(away[..., 0], away[..., 1]) < (

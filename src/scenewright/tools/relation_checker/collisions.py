@@ -19,7 +19,7 @@ IMPACT_SPEED = 1.0
 """Least relative speed of a collision [m/s]."""
 STRIKE_SPEED = 2.0
 STANDING_SPEED = 0.3
-"""Who is slower than this [m/s] strikes nobody that moves."""
+"""An agent slower than this [m/s] strikes no moving agent."""
 BUMPER = 0.3
 """Depth of front and rear in which a contact belongs to them [m]."""
 CORNER = 0.5
@@ -135,7 +135,7 @@ def classify_collision(
 
     Same direction first, then head-on against left turn: where the fronts meet, an agent that has
     turned left by 25 degrees makes it a left turn; elsewhere 15 degrees do. In left-hand traffic
-    it is the turn to the right that leads across the others' way, and that the kind stands for.
+    the turn to the right leads across the others' path, and that is what the kind means.
     """
     if not (first.is_vehicle and second.is_vehicle):
         return _classify_pedestrian_strike(first, second, hit)
@@ -168,7 +168,7 @@ def measure_turn_across(track: Trajectory, *, time: float, left_hand: bool = Fal
 
 
 def find_striker(first: Trajectory, second: Trajectory, hit: Impact) -> int:
-    """0 or 1: who strikes. The vehicle; who moves; whose front is hit; else the faster."""
+    """Index of the striking agent: the vehicle; the moving one; hit at its front; the faster."""
     if first.is_vehicle != second.is_vehicle:
         return 0 if first.is_vehicle else 1
     still = [speed <= STANDING_SPEED for speed in hit.speeds]
@@ -183,7 +183,7 @@ def find_striker(first: Trajectory, second: Trajectory, hit: Impact) -> int:
 def find_cause(
     first: Trajectory, second: Trajectory, *, time: float, lights: SignalPlan
 ) -> tuple[str, int] | None:
-    """What led to a collision or near miss, and the id of the agent who did it.
+    """What led to a collision or near miss, and the id of the agent that did it.
 
     `red_light_run`: it crossed its stop line, or stepped into the crosswalk, on red before the
     event. `late_brake`: a vehicle brakes harder than 3.4 m/s^2 in the last 3 s, and half a second

@@ -23,7 +23,7 @@ ON_CROSSWALK = 0.5
 """How far beside a crosswalk [m] still counts as on it."""
 
 _BEYOND = {"vehicle": 25.0, "pedestrian": 5.0, "cyclist": 25.0, "scooter": 25.0}
-"""How far [m] the path of somebody who still waits is followed on."""
+"""How far [m] the path of a waiting agent is extended."""
 
 TOLERANCES = {
     "pet": 0.15, "path_ttc": 0.3, "clearance": 0.2, "relative_speed": 1.0,
@@ -58,7 +58,7 @@ def _check_bounds(relation: RelationRecord, event: Event) -> str | None:
 
 
 def _check_order(relation: RelationRecord, event: Event, observed: SceneObservation) -> str | None:
-    """Who comes first through the stretch where the two come closest in time, or collide."""
+    """The first agent through the stretch where the two come closest in time, or collide."""
     if relation.first is None:
         return None
     order = find_passing_order(observed, event)

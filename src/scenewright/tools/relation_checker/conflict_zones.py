@@ -21,7 +21,7 @@ MERGE_LENGTH = 5.0
 """So much of a merge or a shared lane is a conflict zone [m]."""
 
 
-def path_of(track: Trajectory) -> TrackPath:
+def get_path(track: Trajectory) -> TrackPath:
     """The mover's path; a single point where it never moves 0.05 m."""
     return track.path
 
@@ -38,7 +38,7 @@ _swept: WeakKeyDictionary[Trajectory, Area] = WeakKeyDictionary()
 
 
 def _sweep(track: Trajectory) -> Area:
-    path = path_of(track)
+    path = get_path(track)
     if len(path.s) < 2:
         return build_footprint_polygons(track, np.array([track.start]))[0]
     return (
@@ -77,7 +77,7 @@ def _find_conflict_zones(a: Trajectory, b: Trajectory) -> tuple[PathConflictZone
     parts = [p for p in geos.get_parts(overlap) if p.area > 1e-6]
     if a.is_vehicle != b.is_vehicle:
         return tuple(PathConflictZone(p, False) for p in parts)
-    paths = path_of(a), path_of(b)
+    paths = get_path(a), get_path(b)
     zones = (_drop_shared_lane(p, a, paths) for p in parts)
     return tuple(z for z in zones if z is not None)
 
@@ -157,7 +157,7 @@ def _touches(
     near = (x > west - reach) & (x < east + reach) & (y > south - reach) & (y < north + reach)
     result = np.zeros(len(times), dtype=np.bool_)
     poses = np.column_stack((xy[near], heading[near]))
-    # Whoever stands is looked at once.
+    # A standing agent is checked once.
     new = np.ones(len(poses), dtype=np.bool_)
     new[1:] = (poses[1:] != poses[:-1]).any(axis=1)
     xy, heading = poses[new, :2], poses[new, 2]

@@ -91,7 +91,7 @@ class SceneObservation:
 
     Attributes:
         grid: all tracks on one clock; near: their gaps and contacts; encounters: with their PET;
-            lanes: who is behind whom; lights: who meets which light.
+            lanes: leader of each follower; lights: the light of each agent.
         events: in order of time.
     """
 
@@ -156,7 +156,7 @@ def observe(
         detailed: ids whose events carry TTC and DRAC as evidence; None means all.
         until: end of the scene [s], which may cut a wait short; None means the last sample.
         near_only: measure no gaps of pairs that are never near one another.
-        timely: giving way to somebody who is not there yet, or has gone, is none (SEMANTICS 8);
+        timely: giving way to an agent that is not there yet, or has gone, is none (SEMANTICS 8);
             scenes made before there was that rule are held to the earlier one.
     """
     grid = build_pair_grid(build_trajectories(list(users)), near_only=near_only)
@@ -352,13 +352,13 @@ class _EventSearch:
             )
 
         return YieldContext(
-            red=partial(self._red, real),
+            red=partial(self._holds_red, real),
             leader=has_leader,
             excused=lambda t: self._waits_for_another(real, other, t),
             on_crosswalk=is_on_crosswalk,
         )
 
-    def _red(self, giver: Trajectory, since: float, until: float) -> bool:
+    def _holds_red(self, giver: Trajectory, since: float, until: float) -> bool:
         """Whether a light that is not green holds the giver at some time of a span [s]."""
         return self.lights.is_held(giver, since=since, until=until)
 
@@ -404,7 +404,7 @@ class _EventSearch:
             further = extend_straight(
                 giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0
             )
-            if is_held_throughout(further, giver.end, partial(self._red, giver)):
+            if is_held_throughout(further, giver.end, partial(self._holds_red, giver)):
                 continue
             for zone in find_conflict_zones(further, other):
                 yielded = self._find_yield_at(zone, further, other, real_end=giver.end)
@@ -489,7 +489,7 @@ class _EventSearch:
         self, row: int, first: Trajectory, second: Trajectory
     ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         times = find_common_times(first, second)
-        i, j = first.indices(times), second.indices(times)
+        i, j = first.find_indices(times), second.find_indices(times)
         hard = np.minimum(first.acceleration[i], second.acceleration[j]) < -NEAR_MISS_BRAKING
         k = np.round((times - self.grid.times[0]) / 0.1).astype(np.intp)
         reach = (first.speed[i] + second.speed[j]) * NEAR_MISS_TTC + 1.0
@@ -506,8 +506,8 @@ def _slows(giver: Trajectory, *, until: float) -> bool:
 def _find_crossers_ahead(grid: PairGrid, givers: Sequence[int]) -> BoolArray:
     """[N, N] whether the second crosses the way straight ahead of a giver's last place.
 
-    Cheap and necessary for a yield. And late enough: who stands at its end has not done so for more
-    than 4 s since.
+    Cheap and necessary for a yield. And late enough: an agent standing at the end has not
+    done so for more than 4 s since.
     """
     ahead = np.zeros((len(grid.tracks),) * 2, dtype=np.bool_)
     if not givers:

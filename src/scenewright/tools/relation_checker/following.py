@@ -1,4 +1,4 @@
-"""Following: who is behind whom in one lane, at what gap and headway (SEMANTICS section 4)."""
+"""Following: leader and follower in one lane, at what gap and headway (SEMANTICS section 4)."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Following:
 
 
 def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
-    """Leaders and gaps of all movers that have someone ahead at some time."""
+    """Leaders and gaps of all movers that have another ahead at some time."""
     followers, others = np.nonzero(_may_lead(grid))
     if len(followers) == 0:
         return ()
@@ -99,7 +99,7 @@ def _may_lead(grid: PairGrid) -> BoolArray:
 
 
 def _measure_gaps(grid: PairGrid, followers: IntArray, others: IntArray) -> FloatArray:
-    """[M, T] gap of each follower to the other on the grid of the crowd, inf where it is not ahead.
+    """[M, T] gap of each follower to the other on the common time grid, inf where it is not ahead.
 
     Looked at every 0.2 s from each follower's start.
     """

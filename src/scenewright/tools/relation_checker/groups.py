@@ -1,4 +1,4 @@
-"""Groups of pedestrians, who are one party of a relation (SEMANTICS section 8)."""
+"""Groups of pedestrians, each one party of a relation (SEMANTICS section 8)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TOGETHER = 1.5
 
 
 def list_groups(agents: Iterable[AgentRecord]) -> dict[int, tuple[int, ...]]:
-    """Everybody in a group, its leader first, by the leader's id."""
+    """All members of each group, its leader first, by the leader's id."""
     groups: dict[int, tuple[int, ...]] = {}
     for agent in agents:
         if agent.group is not None:
@@ -50,7 +50,7 @@ def find_group_events(
 
 
 def check_groups(agents: Sequence[AgentRecord], observed: SceneObservation) -> tuple[Finding, ...]:
-    """A finding for everybody who is not on foot with its group, on one route, all the time."""
+    """A finding for each member that does not walk with its group, on one route, all the time."""
     records = {agent.id: agent for agent in agents}
     found: list[Finding] = []
     for leader, members in list_groups(agents).items():
@@ -72,7 +72,7 @@ def _find_farthest(number: int, members: Sequence[int], observed: SceneObservati
     for other in others:
         times = find_common_times(own, other)
         away = np.hypot(*(own.at(times)[0] - other.at(times)[0]).T)
-        k = own.indices(times)
+        k = own.find_indices(times)
         nearest[k] = np.minimum(nearest[k], away)
     shared = np.isfinite(nearest)
     return float(nearest[shared].max()) if shared.mean() >= 0.5 else float("inf")

@@ -1,6 +1,6 @@
 """Which leg a track comes from, and how the entries of two tracks lie to one another.
 
-The lane that a track begins or ends on tells its leg, however the legs lie and bend. Beside the
+The lane that a track begins or ends on determines its leg, however the legs bend. Beside the
 lanes (a wrong-way driver, a map without lanes) it is the leg whose direction it has.
 """
 
@@ -54,7 +54,7 @@ class LanePoints:
 
 
 def find_entry_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
-    """The leg along which a track comes in; None if it begins where that cannot be told."""
+    """The leg along which a track comes in; None if it begins where that is unclear."""
     lane = _get_lane_points(intersection_map, "approach").find_leg(
         track.xy[0], float(track.heading[0])
     )
@@ -73,7 +73,7 @@ def _find_entry_by_direction(track: Trajectory, intersection_map: IntersectionMa
 
 
 def find_exit_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
-    """The leg along which a track goes out; None if it ends before that can be told."""
+    """The leg along which a track goes out; None if it ends before that is clear."""
     lane = _get_lane_points(intersection_map, "exit").find_leg(
         track.xy[-1], float(track.heading[-1])
     )

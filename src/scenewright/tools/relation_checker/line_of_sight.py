@@ -1,4 +1,4 @@
-"""Who can see whom, and from when on (SEMANTICS 8): lines of sight past high footprints."""
+"""Visibility between agents (SEMANTICS 8): lines of sight past high footprints."""
 
 from __future__ import annotations
 

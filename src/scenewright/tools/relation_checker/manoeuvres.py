@@ -15,7 +15,7 @@ from scenewright.tools.relation_checker.trajectory import Trajectory
 HARD = 4.5
 """Braking that is hard [m/s^2]."""
 MOVING = 4.0
-"""Who is to brake hard has been driving this fast [m/s]."""
+"""Least speed before a hard braking [m/s]."""
 SOON = {"collision": 5.0, "near_miss": 8.0}
 """How long before an event its leader may have braked [s]."""
 CLOSE_UP = 1.05
@@ -142,7 +142,7 @@ def _find_hard_braking(track: Trajectory, since: float, until: float) -> float |
 def _is_next_behind(
     follower: Trajectory, leader: Trajectory, time: float, observed: SceneObservation
 ) -> bool:
-    """Whether nobody else drives between the two in one lane at a time [s]."""
+    """Whether no other vehicle drives between the two in one lane at a time [s]."""
     ids = [track.id for track in observed.tracks]
     for lane in observed.lanes:
         if ids[lane.follower] == follower.id:

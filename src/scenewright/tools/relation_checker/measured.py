@@ -125,11 +125,11 @@ class MeasuredFigures:
         match measure.kind:
             case "contact_speed":
                 key = "speed_from" if event.from_ == measure.agent else "speed_to"
-                return _listed(evidence.get(key))
+                return _list_values(evidence.get(key))
             case "pet":
-                return _listed(self._observed.pet((measure.agent, measure.other)))
+                return _list_values(self._observed.pet((measure.agent, measure.other)))
             case "ttc":
-                return _listed(evidence.get("path_ttc"))
+                return _list_values(evidence.get("path_ttc"))
             case "time":
                 return (event.time,)
             case "headway" | "gap":
@@ -245,5 +245,5 @@ def _list_agents(measure: MeasureRecord) -> tuple[int, ...]:
     return (measure.agent,) if measure.other is None else (measure.agent, measure.other)
 
 
-def _listed(value: object) -> tuple[float, ...]:
+def _list_values(value: object) -> tuple[float, ...]:
     return (float(value),) if isinstance(value, int | float) else ()

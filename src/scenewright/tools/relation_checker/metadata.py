@@ -62,7 +62,7 @@ def _check_words(scene: SceneRecord) -> Iterator[str]:
 
 
 def _list_bound_agents(scene: SceneRecord) -> frozenset[int]:
-    """Who is named by the instruction or by what was asked for."""
+    """The agents named by the instruction or by the request."""
     named = {number for entry in scene.said for number in entry.agents}
     return frozenset(named.union(*({each.from_, each.to} for each in scene.relations)))
 

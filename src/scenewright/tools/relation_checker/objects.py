@@ -1,4 +1,4 @@
-"""Standing objects on the final tracks: nobody touches one, and they hide whom they were to."""
+"""Standing objects on the final tracks: no agent touches one; they hide as asked."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CONTACT = 1e-3
 FINE = 0.02
 """Steps [s] at which a track near an object is looked at, so that it cuts no corner unseen."""
 HIDDEN = 0.5
-"""How long somebody is out of sight at least [s]; else nothing hides it."""
+"""Least time that a hidden agent is out of sight [s]."""
 LEAD_SLACK = 0.02
 """How far beside its bounds the time of free sight before an event may be measured [s]."""
 
@@ -87,7 +87,7 @@ def check_contacts(
 def find_contact(each: ObjectRecord, track: Trajectory) -> float | None:
     """When a track first touches an object [s]."""
     reach = math.hypot(each.length, each.width) / 2 + track.reach
-    # Between two samples nobody comes nearer than half a step.
+    # Between two samples no agent comes nearer than half a step.
     steps = float(track.steps.max()) if len(track.steps) else 0.0
     away = np.hypot(track.xy[:, 0] - each.x, track.xy[:, 1] - each.y)
     near = np.flatnonzero(away <= reach + steps)
@@ -241,7 +241,7 @@ def _find_fault(sight: SightRecord, event: Event, measured: Measured | None) -> 
 
 
 WIDEST = 6.0
-"""Two objects farther apart than this [m] have nobody come out between them."""
+"""Largest distance of two objects between which an agent can step out [m]."""
 
 
 def _find_wrong_gap(

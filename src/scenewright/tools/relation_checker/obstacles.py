@@ -21,21 +21,21 @@ from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
 
 IN_LINE = 0.1
-"""How far who drives straight at what stands may be turned from it [rad]; who is swerving is."""
+"""Largest angle of a heading straight at an object [rad]; with more the agent is swerving."""
 HEADS_FOR = 5
 """Samples for which it does at least, one after the other (0.5 s)."""
 AHEAD = 40.0
-"""How far ahead an object is in the way of who drives straight at it [m]."""
+"""How far ahead an object is in the way of a vehicle heading straight at it [m]."""
 MOVES = 2.0
-"""Least speed of who drives at an object [m/s]."""
+"""Least speed of a vehicle heading for an object [m/s]."""
 WAITS = 2.0
-"""How long who waits behind an object stands at least [s]."""
+"""Least standstill of a vehicle waiting behind an object [s]."""
 WAITING_GAP = (0.3, 6.0)
 """How far behind it [m]."""
 STRIKES = 1.0
-"""Least speed of a collision with what stands [m/s]."""
+"""Least speed of a collision with an object [m/s]."""
 MOVED_OVER = 0.3
-"""How far sideways who goes round has moved at least [m]."""
+"""Least lateral distance when passing an object [m]."""
 
 SHORT = (0.0, 2.0)
 """How far from an object who stops short of it stands [m]."""

@@ -12,7 +12,7 @@ CLOSE = 1.5
 """Least clearance with which a vehicle may overtake a rider [m]."""
 SAME_WAY = np.deg2rad(30.0)
 MOVING = 1.0
-"""Who is slower than this [m/s] is driven past, not overtaken."""
+"""A vehicle slower than this [m/s] is passed, not overtaken."""
 BESIDE = 4.0
 """Farthest to the side [m] that the vehicle's centre is still in the rider's company."""
 AROUND = 2.0
@@ -35,7 +35,7 @@ def find_close_overtaking(
     times = find_common_times(vehicle, rider)
     if len(times) < 2:
         return None
-    i, j = vehicle.indices(times), rider.indices(times)
+    i, j = vehicle.find_indices(times), rider.find_indices(times)
     away = vehicle.xy[i] - rider.xy[j]
     cos, sin = np.cos(rider.heading[j]), np.sin(rider.heading[j])
     along = away[:, 0] * cos + away[:, 1] * sin

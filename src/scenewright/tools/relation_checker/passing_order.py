@@ -1,4 +1,4 @@
-"""Who passes first (SEMANTICS 8): leaves the conflict zone first, or enters that of a collision."""
+"""Order of passing (SEMANTICS 8): leaving a conflict zone first, entering that of a collision."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PassingOrder:
 
 
 def find_passing_order(observed: SceneObservation, event: Event) -> PassingOrder | None:
-    """The order of an event's two agents; None where it cannot be told.
+    """The order of an event's two agents; None where there is none.
 
     None for two who share a lane, and where one of them still waits when the scene ends.
     """
@@ -59,7 +59,7 @@ def find_crossing_order(observed: SceneObservation, pair: Set[int]) -> PassingOr
 
 
 def _find_entering_order(observed: SceneObservation, event: Event) -> PassingOrder | None:
-    """Who of two that collide is in their conflict zone first; None where both come at once."""
+    """The colliding agent that is in the conflict zone first; None where both come at once."""
     tracks = {track.id: track for track in observed.tracks}
     pair = [_carry_on(tracks[each], event.time) for each in (event.from_, event.to)]
     zone = _find_zone_at(event, pair)

@@ -22,10 +22,10 @@ RUN = 2.4
 AT_ONCE = 1.0
 """Who darts out has not stood still for so long before the road [s]."""
 FROM_KERBS = 1.0
-"""Who stops midway stands this far from either end of its way over the road [m]."""
+"""Least distance of a stop midway from either end of the crossing [m]."""
 
 FAR_OUT = 2.0
-"""Who turns back has come this far over the road [m]."""
+"""Least distance over the road before turning back [m]."""
 RETURNS = 0.6
 """Share of that way by which it has come nearer to its kerb again, as far as it is seen."""
 HIT_AFTER = 0.5
@@ -90,7 +90,7 @@ def describe_pedestrian_motion(
     if motion not in RUNNING:
         return None
     kept = _find_kept_speed(track.speed[first : last + 1])
-    if kept < RUN or (motion == "darts_out" and _stood(track, first)):
+    if kept < RUN or (motion == "darts_out" and _find_standstill(track, first)):
         return None
     return f"agent {track.id} runs at {kept:.1f} m/s"
 
@@ -101,7 +101,7 @@ def _find_kept_speed(speed: np.ndarray[tuple[int], np.dtype[np.float64]]) -> flo
     return float(np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1).max())
 
 
-def _stood(track: Trajectory, first: int) -> bool:
+def _find_standstill(track: Trajectory, first: int) -> bool:
     before = track.speed[max(first - round(AT_ONCE / 0.1), 0) : first]
     return bool((before <= STANDING).any())
 

@@ -29,15 +29,15 @@ NEAR = 3.0
 LASTS = 0.3
 """How long it must stay perceptible to count [s]."""
 LATEST = 1.8
-"""Within this time [s] 95 % of people react; who has less may be too late."""
+"""Within this time [s] 95 % of people react; with less a reaction may be too late."""
 LOOK_BACK = 6.0
 """How long before an event a threat is looked for [s]."""
 SOONEST = 0.25
-"""Nobody reacts sooner to what it perceives [s]."""
+"""Shortest reaction time [s]."""
 BEHIND = np.deg2rad(110.0)
-"""Who comes from further round than this is not seen from a seat or saddle [rad]."""
+"""An agent from further round than this is not seen from a seat or saddle [rad]."""
 STANDING = 0.3
-"""Who is this slow already has nothing to brake [m/s]."""
+"""Below this speed there is nothing to brake [m/s]."""
 HARSH = 3.4
 """A yield with more braking is one of necessity [m/s^2]."""
 
@@ -92,7 +92,7 @@ def find_reactions(
 
 
 def _list_threatened(event: Event) -> list[tuple[int, int]]:
-    """Pairs of who is threatened and by whom; in a yield it is who gives way."""
+    """Pairs of the threatened agent and the other; in a yield the yielding agent is threatened."""
     both = [(event.from_, event.to), (event.to, event.from_)]
     if event.type in ("collision", "near_miss"):
         return both
@@ -151,7 +151,7 @@ def _measure(agent: Trajectory, other: Trajectory, event: Event, sight: _Sight) 
 
 
 def _describe_giving_way(event: Event) -> dict[str, Any]:
-    """Who gives way reacts by that, and may have begun before it was urgent."""
+    """A yielding agent reacts by that, and may have begun before it was urgent."""
     return {
         "reacted_at": event.evidence["begins_to_slow"],
         "how": "gives_way",
@@ -168,7 +168,7 @@ def _say_why_not(agent: Trajectory, begin: float, lasts: float, event: Event) ->
 
 
 def _is_behind(agent: Trajectory, other: Trajectory, times: FloatArray) -> BoolArray:
-    """[T] whether the other is out of view from the seat; who walks hears and turns round."""
+    """[T] whether the other is out of view from the seat; pedestrians look all around."""
     if not agent.is_vehicle:
         return np.zeros(len(times), dtype=np.bool_)
     (xy, heading), (place, _) = agent.at(times), other.at(times)
@@ -205,7 +205,7 @@ def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, A
     found = _find_slowing(agent, change, window.start, _expect(agent, first, window), limit)
     if agent.type == "pedestrian":
         hurry = _find_hurry(agent, change, window.start, max(usual, 0.0), limit)
-        # Who has run slows down again, and who has stopped walks on: what came first counts.
+        # After running it slows down again, after stopping it walks on: what came first counts.
         known = [each for each in (found, hurry) if each is not None]
         found = min(known, key=lambda each: float(each["reacted_at"]), default=None)
     return found or _find_swerve(agent, first, window)
@@ -233,7 +233,7 @@ def _find_slowing(
     if float(agent.speed[onset - 2 : onset + 1].max() - after.min()) < limit.speed:
         return None
     how = "stops" if agent.type == "pedestrian" else "brakes"
-    return _row(agent, onset, how, float(-change[below[0] :].min()))
+    return _build_row(agent, onset, how, float(-change[below[0] :].min()))
 
 
 def _find_hurry(
@@ -246,11 +246,11 @@ def _find_hurry(
     after = agent.speed[onset : start + len(change)]
     if float(after.max() - agent.speed[onset - 2 : onset + 1].min()) < limit.speed:
         return None
-    return _row(agent, onset, "runs", float(change[above[0] :].max()))
+    return _build_row(agent, onset, "runs", float(change[above[0] :].max()))
 
 
 def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any] | None:
-    """To a side of a straight way and back along it, as nothing can be told in a curve."""
+    """To a side of a straight way and back along it, as a curve shows nothing."""
     ahead = np.array((np.cos(agent.heading[first]), np.sin(agent.heading[first])))
     aside = np.abs((agent.xy[window] - agent.xy[first]) @ np.array((-ahead[1], ahead[0])))
     turned = np.abs(agent.heading[window] - agent.heading[first])
@@ -261,10 +261,10 @@ def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any]
     if aside.max(initial=0.0) < ASIDE or agent.lateral_acceleration[first] > ASIDE_ACCELERATION:
         return None
     onset = window.start + int(np.argmax(pushed))
-    return _row(agent, onset, "swerves", float(agent.lateral_acceleration[window].max()))
+    return _build_row(agent, onset, "swerves", float(agent.lateral_acceleration[window].max()))
 
 
-def _row(agent: Trajectory, onset: int, how: str, strength: float) -> dict[str, Any]:
+def _build_row(agent: Trajectory, onset: int, how: str, strength: float) -> dict[str, Any]:
     return {
         "reacted_at": round(float(agent.times[onset]), 3),
         "how": how,

@@ -25,11 +25,11 @@ from scenewright.tools.relation_checker.trajectory import (
 )
 
 CROSSING = 2.0
-"""Who walks less than this across the street in a crosswalk [m] only rounds its corner."""
+"""A pedestrian that walks less than this across the street [m] only rounds the corner."""
 RED_TOLERANCE = 0.1
 """A crossing this shortly after the light turned red [s] is one sample's doubt, no violation."""
 WRONG_WAY = np.cos(np.deg2rad(40.0))
-"""Who passes the line's other half must head for the junction within 40 degrees."""
+"""A vehicle passing the line's other half must head for the junction within 40 degrees."""
 SEAM = 2e-3
 """Stretches of a plan may part or overlap by this [s]: times are kept to 1 ms."""
 
@@ -261,7 +261,7 @@ def _find_uncovered(
 ) -> str | None:
     """A light whose records leave a gap between 0 and the end of the scene, or overlap.
 
-    Of a light of several groups, each of which may show its own colour, only gaps are told.
+    Of a light of several groups, each of which may show its own colour, only gaps are reported.
     """
     spans: dict[str, list[tuple[float, float]]] = {name: [] for name in owners}
     for record in records:

@@ -57,7 +57,7 @@ def compute_drac(
         ttc: [n] 2-D TTC at the times [s], where it is known already.
     """
     ttc = compute_ttc_2d(first, second, times=times) if ttc is None else ttc
-    k, j = (m.indices(times) for m in (first, second))
+    k, j = (m.find_indices(times) for m in (first, second))
     relative = first.velocity[k] - second.velocity[j]
     return np.asarray(np.hypot(relative[:, 0], relative[:, 1]) / (2 * np.maximum(ttc, 1e-3)))
 
@@ -70,12 +70,12 @@ Sample = tuple[float, float, float]
 
 def _extrapolate_straight(track: Trajectory, times: FloatArray, ahead: FloatArray) -> State:
     xy, heading = track.at(times)
-    moved = xy[:, None] + ahead[:, None] * track.velocity[track.indices(times)][:, None]
+    moved = xy[:, None] + ahead[:, None] * track.velocity[track.find_indices(times)][:, None]
     return moved, np.repeat(heading[:, None], len(ahead), axis=1)
 
 
 def _extrapolate_along_path(track: Trajectory, times: FloatArray, ahead: FloatArray) -> State:
-    k = track.indices(times)
+    k = track.find_indices(times)
     s = track.s[k][:, None] + track.speed[k][:, None] * ahead
     xy, heading = sample_path(track.path, s)
     still = track.speed[k] < 0.1

@@ -265,7 +265,7 @@ def _project_each(
         if max(beside, beyond) >= within[n] + FOOT:
             found[1, n] = np.inf
             continue
-        # Who stands keeps the projection of its first sample there.
+        # A standing agent keeps the projection of its first sample there.
         k = n - 1
         stays = n > 0 and px == points[k, 0] and py == points[k, 1]
         if stays and lane == which[k] and within[n] == within[k]:

@@ -180,7 +180,7 @@ class Trajectory:
         """The sample nearest to a time, within the track."""
         return min(max(round((time - self.start) / STEP), 0), len(self.xy) - 1)
 
-    def indices(self, times: FloatArray) -> IntArray:
+    def find_indices(self, times: FloatArray) -> IntArray:
         """The samples nearest to times, within the track."""
         k = np.rint((times - self.start) / STEP).astype(np.intp)
         return np.asarray(np.minimum(np.maximum(k, 0), len(self.xy) - 1))

@@ -26,7 +26,7 @@ BRAKES = 3.0
 STANDS = 2.0
 """How long who blocks the junction stands there at red at least [s]."""
 BEFORE_LINE = 3.0
-"""How far before its line who stops for its light stands at most [m]."""
+"""Largest distance before its line of a vehicle that stops for its light [m]."""
 
 
 WRONG_WAY = 12.0

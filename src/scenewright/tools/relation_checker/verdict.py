@@ -69,7 +69,7 @@ PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
 IMPACT_TOLERANCE = 0.5
 LATEST = 3600.0
-"""Longer than this [s] no scene is, and nobody waits for one to begin."""
+"""Longest scene, and longest wait for one to begin [s]."""
 
 
 def check(
@@ -86,7 +86,7 @@ def check(
 
     Returns:
         The proof; `verified` if every relation asked for is observed with its roles and its cause,
-        tied entries lie as they should, who is named as running red does and nobody else, nothing
+        tied entries lie as they should, the named red-light runners run red and no others, nothing
         else happens and no motion is implausible.
 
     Raises:
@@ -282,7 +282,7 @@ def _check_asked_figures(
 
 
 def _drop_light_causes(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
-    """Without lights nobody is seen to run red, so that such a cause is not looked for."""
+    """Without lights no agent runs red, so that such a cause is not looked for."""
     nobody = {"cause": None, "cause_agent": None}
     return tuple(
         r.model_copy(update=nobody) if r.cause == "red_light_run" else r for r in relations
@@ -433,7 +433,7 @@ def _check_time_span(track: Trajectory, duration: float) -> list[Finding]:
 
 
 def _jaywalks(agent: AgentRecord, roles: AgentRoles) -> bool:
-    """Only what was asked for is allowed, and nobody asks for anything of the background."""
+    """Only what was asked for is allowed, and nothing is asked of the background."""
     return agent.movement == "jaywalking" and agent.id in roles.foreground
 
 
@@ -498,7 +498,7 @@ def _list_red_runs(observed: SceneObservation) -> list[dict[str, Any]]:
 
 
 def _list_unasked_red_runs(scene: SceneRecord, observed: SceneObservation) -> list[dict[str, Any]]:
-    """Red lights run by who is licensed to, although no word of the request asks for it."""
+    """Red lights run by agents allowed to, although no word of the request asks for it."""
     asked = any(each.became == "runs_red" for each in scene.said)
     asked |= any(relation.cause == "red_light_run" for relation in scene.relations)
     return [] if asked or scene.meta.rules is None else _list_red_runs(observed)

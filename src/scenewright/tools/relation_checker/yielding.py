@@ -1,4 +1,4 @@
-"""Yielding: who let whom pass, and whether that was the reason (SEMANTICS section 4)."""
+"""Yielding: the agent that gave way, and whether the other was the cause (SEMANTICS section 4)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STANDING = 0.3
 STANDING_TIME = 0.5
 MARGIN = 2.0
 LATE = 0.5
-"""How long after the other has left the zone who gives way may be slowest [s]."""
+"""How long after the other has left the zone the yielding agent may be slowest [s]."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +162,8 @@ class ZonePassage:
         stay, other: when the giver and the other are in the zone.
         around: what else could hold the giver.
         real_end: end of the giver's own track [s], if what follows is a guess.
-        other_start: when the other's track begins [s]: nobody slows for who is not there; None
-            where that, and who brakes for somebody who has gone, is not looked at.
+        other_start: when the other's track begins [s]: no agent slows for an absent one; None
+            where that, and braking for one that has gone, is not checked.
     """
 
     giver: Trajectory
@@ -205,7 +205,7 @@ def find_yield(passage: ZonePassage) -> YieldEvent | None:
 def is_held_throughout(
     giver: Trajectory, until: float, red: Callable[[float, float], bool]
 ) -> bool:
-    """Whether a light explains all of a giver's slowing up to a time, so that it yields to nobody.
+    """Whether a light explains all of a giver's slowing up to a time, so that it does not yield.
 
     Needs no zone, and therefore little time; see `find_yield` and `_is_held_otherwise`.
     """

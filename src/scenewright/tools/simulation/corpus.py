@@ -25,7 +25,7 @@ from scenewright.tools.map_import.four_leg_map import FourLegPlan
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.simulation.demand import HOURS, Demand
 from scenewright.tools.simulation.sumo_network import write_network
-from scenewright.tools.simulation.sumo_run import HOUR, RawTrack, read_collided, simulate_hour
+from scenewright.tools.simulation.sumo_run import HOUR, SumoTrack, read_collided, simulate_hour
 from scenewright.tools.track_io.recording import Split
 
 SPLITS: tuple[Split, ...] = ("fit", "validation", "test")
@@ -170,7 +170,7 @@ def simulate_raw_hour(
     intersection_map: IntersectionMap,
     demand: Demand,
     rng: np.random.Generator,
-) -> tuple[list[RawTrack], int]:
+) -> tuple[list[SumoTrack], int]:
     """The tracks that SUMO records in one hour of the day, and how many agents collided."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -197,7 +197,7 @@ def build_footways(intersection_map: IntersectionMap) -> dict[str, Any]:
 
 
 def clean_trip(
-    track: RawTrack, half: float, footways: dict[str, Any], rng: np.random.Generator
+    track: SumoTrack, half: float, footways: dict[str, Any], rng: np.random.Generator
 ) -> Iterator[Trip]:
     """The cleaned trip, or nothing where the track is incomplete or slid sideways."""
     kind = track.route.split(":")[0]
@@ -221,7 +221,7 @@ def clean_trip(
         yield Trip(track.route, track.subtype, path[first : last + 1], along, start)
 
 
-def clean_walk(track: RawTrack, footway: Any, rng: np.random.Generator) -> Iterator[Trip]:
+def clean_walk(track: SumoTrack, footway: Any, rng: np.random.Generator) -> Iterator[Trip]:
     """The whole of a simulated walk, on sidewalk and crosswalk; nothing if it is too short."""
     xy = smooth_gaussian(compute_centres(track), TIME_BLUR["pedestrian"])
     moved = _measure_progress(xy, _STANDING["pedestrian"])
@@ -233,7 +233,7 @@ def clean_walk(track: RawTrack, footway: Any, rng: np.random.Generator) -> Itera
     yield Trip(track.route, None, path, along, float(track.time[0]))
 
 
-def compute_centres(track: RawTrack) -> FloatArray:
+def compute_centres(track: SumoTrack) -> FloatArray:
     """SUMO gives the front bumper; the centre lies half a length behind it."""
     if track.subtype is None:
         return track.xy

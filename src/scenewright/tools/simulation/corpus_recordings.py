@@ -19,7 +19,7 @@ from scenewright.geometry.polyline import interpolate_points, smooth_gaussian
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, get_vehicle_shape
 from scenewright.tools.map_import.four_leg_map import PLANS, FourLegPlan
 from scenewright.tools.simulation.corpus import (
     DAYS,
@@ -36,7 +36,7 @@ from scenewright.tools.simulation.corpus import (
     spawn_hour_seeds,
 )
 from scenewright.tools.simulation.demand import HOURS, Demand, read_demand
-from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP, RawTrack
+from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP, SumoTrack
 from scenewright.tools.track_io import RecordedAgent, Recording, Split, save_recordings
 
 _MIN_HOURS, _MAX_HOURS = len(SPLITS), HOURS * DAYS
@@ -144,7 +144,7 @@ def record_hour(
 
 def build_agents(
     intersection_map: IntersectionMap,
-    raw: Sequence[RawTrack],
+    raw: Sequence[SumoTrack],
     *,
     half: Mapping[str, float],
     rng: np.random.Generator,
@@ -172,7 +172,7 @@ def build_agents(
 def find_jam_time(agents: Sequence[RecordedAgent]) -> float:
     """When the first vehicle comes to a standstill that does not end [s].
 
-    Two vehicles that block one another in the simulation stand for good, and so does all traffic
+    Two vehicles that block one another in the simulation never move again, nor does the traffic
     behind them: of such an hour only the time before counts.
     """
     stuck = [start for agent in agents if (start := _find_standstill(agent)) is not None]
@@ -196,7 +196,7 @@ def build_track(trip: Trip) -> Track:
     return Track(interpolate_points(trip.progress, at, trip.path), heading, round(trip.start, 1))
 
 
-def _cut_tracks(track: RawTrack, half: float) -> Iterator[Track]:
+def _cut_tracks(track: SumoTrack, half: float) -> Iterator[Track]:
     """The stretches of an uncleaned track inside the map and the hour, two samples or longer."""
     kind = track.route.split(":")[0]
     xy: FloatArray = smooth_gaussian(compute_centres(track), TIME_BLUR[kind])
@@ -211,7 +211,7 @@ def _cut_tracks(track: RawTrack, half: float) -> Iterator[Track]:
 def _build_agent(
     track: Track, subtype: str | None, route: Route, *, complete: bool
 ) -> RecordedAgent:
-    shape: Shape = PEDESTRIAN if subtype is None else vehicle_shape(subtype)
+    shape: Shape = PEDESTRIAN if subtype is None else get_vehicle_shape(subtype)
     return RecordedAgent(
         track, shape, subtype, route.entry, route.exit, route.crosswalk, route.id, complete
     )

@@ -38,7 +38,7 @@ _RECORD = 58.0
 
 
 @dataclass(frozen=True, eq=False)
-class RawTrack:
+class SumoTrack:
     """What SUMO recorded of one agent.
 
     Attributes:
@@ -74,7 +74,7 @@ def simulate_hour(
     demand: Demand,
     hour: int,
     rng: np.random.Generator,
-) -> list[RawTrack]:
+) -> list[SumoTrack]:
     """Simulate one hour of the day and read back every agent's positions near the middle."""
     departures = [
         *_draw_vehicle_departures(plan, intersection_map, demand, hour, rng),
@@ -285,7 +285,7 @@ def run_sumo(
     seed: int,
     half: float = _RECORD,
     seconds: float = HOUR,
-) -> list[RawTrack]:
+) -> list[SumoTrack]:
     """Simulate departures; every agent's recorded positions, without agents that collided.
 
     Args:
@@ -334,12 +334,12 @@ def read_collided(folder: Path) -> set[str]:
     return found
 
 
-def _read_tracks(folder: Path, departures: Mapping[str, Departure]) -> Iterator[RawTrack]:
+def _read_tracks(folder: Path, departures: Mapping[str, Departure]) -> Iterator[SumoTrack]:
     """The recorded tracks of departures by agent."""
     for name in ("vehicles.parquet", "people.parquet"):
         for agent, columns in _read_by_agent(folder / name):
             if departure := departures.get(agent):
-                yield RawTrack(
+                yield SumoTrack(
                     route=departure.route,
                     subtype=departure.subtype,
                     xy=columns[:, 1:3],

@@ -162,7 +162,7 @@ def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming)
     crosses = np.inf if line is None else enters + driven.motion.find_time_at(line)
     if group is None or clock is None or math.isinf(crosses):
         return True
-    return all(clock.colour(group, crosses + near) == "green" for near in (-0.15, 0.0, 0.15))
+    return all(clock.get_colour(group, crosses + near) == "green" for near in (-0.15, 0.0, 0.15))
 
 
 BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)

@@ -41,9 +41,7 @@ def schedule_contacts(
 ) -> Iterator[PartialSchedule]:
     """List every schedule (lazily) in which the clause's two agents collide as asked."""
     a, b = context.get_pair(clause, schedule)
-    if a.contact is not None or b.contact is not None:
-        words = f"one of {clause.first} and {clause.second} has been in a collision before"
-        context.note_miss(clause, FailureStage.PATHS, words)
+    if context.refuse_after_collision(clause, a, b):
         return
     if clause.kind != "rear_end":
         meetings = context.find_meeting_intervals(clause, a, b)

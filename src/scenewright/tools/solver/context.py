@@ -134,6 +134,17 @@ class SolverContext:
         """Note a miss of the clause."""
         self.misses.note(NearestMiss(clause, reached, words, off))
 
+    def refuse_after_collision(
+        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
+    ) -> bool:
+        """Return whether a collision has ended one of the two, and note that as a miss."""
+        if a.contact is None and b.contact is None:
+            return False
+        first, second = get_pair(clause)
+        words = f"one of {first} and {second} has been in a collision before"
+        self.note_miss(clause, FailureStage.PATHS, words)
+        return True
+
 
 def find_contact_nodes(a: Candidate, b: Candidate) -> PathConflict:
     """Find where two paths come within 0.1 m, with the resolution of a PET."""

@@ -83,7 +83,7 @@ _PLACES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Meeting:
+class ObjectEncounter:
     """A candidate that meets an object, and the place of the object.
 
     Attributes:
@@ -114,7 +114,7 @@ class Meeting:
 
 def find_meeting(
     node: ObjectNode, candidate: Candidate, ground: MapAreas, rng: np.random.Generator
-) -> Meeting | None:
+) -> ObjectEncounter | None:
     """Draw a place of the object at which the candidate meets it; None if there is none."""
     places = [
         each
@@ -142,7 +142,7 @@ def meet_at(
     candidate: Candidate,
     ground: MapAreas,
     rng: np.random.Generator,
-) -> Meeting | None:
+) -> ObjectEncounter | None:
     """The candidate, meeting the object where it stands; None if it does not fit there."""
     own = candidate
     if node.encounter == "hits" and node.kind in ("parked", "bus_stop"):
@@ -153,7 +153,7 @@ def meet_at(
     touch = _find_touch(own, place)
     if touch is None or touch < _COMES:
         return None
-    meeting = Meeting(node, place, own, touch)
+    meeting = ObjectEncounter(node, place, own, touch)
     match node.encounter:
         case "goes_round":
             keeps = meeting.choose(_ASIDE, rng)
@@ -175,7 +175,9 @@ def _find_touch(candidate: Candidate, place: ObjectRecord) -> float | None:
     return float(s[touching[0]]) if len(touching) and touching[0] > 0 else None
 
 
-def _lead_round(meeting: Meeting, ground: MapAreas, keeps: float, run: float) -> Candidate | None:
+def _lead_round(
+    meeting: ObjectEncounter, ground: MapAreas, keeps: float, run: float
+) -> Candidate | None:
     """The candidate on a path past the object, on the side that takes it less far.
 
     Args:
@@ -264,7 +266,7 @@ class Earlier:
 
 
 def place_encounter(
-    meeting: Meeting,
+    meeting: ObjectEncounter,
     landmarks: Landmarks,
     rng: np.random.Generator,
     *,
@@ -282,7 +284,10 @@ def place_encounter(
 
 
 def _act(
-    actor: ScheduledAgent, meeting: Meeting, rng: np.random.Generator, earlier: Earlier | None
+    actor: ScheduledAgent,
+    meeting: ObjectEncounter,
+    rng: np.random.Generator,
+    earlier: Earlier | None,
 ) -> tuple[ScheduledAgent, float] | None:
     """What it does about the object, and when it gets there [s]; None if it cannot."""
     match meeting.how:
@@ -319,7 +324,7 @@ def _wait(
 
 
 def _wait_first(
-    actor: ScheduledAgent, meeting: Meeting, rng: np.random.Generator
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float] | None:
     """It stands for a while before it moves over, as long as asked for at walking pace or less."""
     s = meeting.waits_at or 0.0
@@ -335,7 +340,7 @@ def _wait_first(
 
 
 def _brake_too_late(
-    actor: ScheduledAgent, meeting: Meeting, rng: np.random.Generator
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float] | None:
     """It brakes too late, and ends where it touches the object."""
     speed = meeting.choose(_STRIKES, rng)

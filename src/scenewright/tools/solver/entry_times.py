@@ -98,7 +98,7 @@ class RedLightWait:
             return False
         if self.enters > self.moment.duration - 4.0:
             return False
-        colours = [clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
+        colours = [clock.get_colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
         return "green" not in colours and self.release > STARTED
 
     @cached_property
@@ -106,7 +106,7 @@ class RedLightWait:
         """Scene time [s] at which it starts again."""
         if self.moment.clock is None or self.stays:
             return self.moment.duration + 10.0
-        green = self.moment.clock.next_green(str(self.free.landmarks.group), self.reaches)
+        green = self.moment.clock.find_next_green(str(self.free.landmarks.group), self.reaches)
         return green + self.lag
 
     def actor(self) -> ScheduledAgent:
@@ -134,7 +134,7 @@ def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.i
     crosses = STEP * steps + actor.motion.find_time_at(line) + clock.offset
     green = is_showing(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
     allowed = green.all(axis=0)
-    if actor.candidate.route.type == "pedestrian" and clock.colour(group, 0.0) == "red":
+    if actor.candidate.route.type == "pedestrian" and clock.get_colour(group, 0.0) == "red":
         allowed &= ~_is_on_crosswalk(actor, np.asarray(-STEP * steps, dtype=np.float64))
     return steps[allowed]
 
@@ -150,7 +150,7 @@ def _is_on_crosswalk(actor: ScheduledAgent, times: FloatArray) -> NDArray[np.boo
 def starts_on_red(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> bool:
     """Return whether a pedestrian starts the scene on its crosswalk while its light is red."""
     group, clock = actor.landmarks.group, moment.clock
-    if clock is None or group is None or clock.colour(group, 0.0) != "red":
+    if clock is None or group is None or clock.get_colour(group, 0.0) != "red":
         return False
     return bool(_is_on_crosswalk(actor, np.array([-enters]))[0])
 
@@ -254,7 +254,7 @@ def _compute_total_red(
     intersection_map: IntersectionMap,
 ) -> FloatArray:
     """Compute the summed time [N] since the lights of several agents were last green [s]."""
-    groups = Counter(intersection_map.signal_group_of(route) for route in crowd)
+    groups = Counter(intersection_map.find_signal_group(route) for route in crowd)
     red = np.zeros(len(offsets))
     for group, count in groups.items():
         if group is not None:
@@ -272,7 +272,7 @@ def passes_on_green(actor: ScheduledAgent, moment: SceneTiming, enters: float) -
     if clock is None or line is None or group is None:
         return True
     crosses = enters + actor.motion.find_time_at(line)
-    return bool(np.isinf(crosses)) or clock.colour(group, crosses) == "green"
+    return bool(np.isinf(crosses)) or clock.get_colour(group, crosses) == "green"
 
 
 def compute_red_span(free: ScheduledAgent, moment: SceneTiming, enters: float) -> Span:
@@ -281,7 +281,7 @@ def compute_red_span(free: ScheduledAgent, moment: SceneTiming, enters: float) -
     reaches = enters + free.motion.find_time_at(line or 0.0)
     if clock is None or group is None or line is None:
         return reaches, reaches
-    return reaches, clock.next_green(group, reaches)
+    return reaches, clock.find_next_green(group, reaches)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import AgentCandidates, Candidate
 from scenewright.scene.selection import Selection
-from scenewright.scene.track import STEP, vehicle_shape
+from scenewright.scene.track import STEP, get_vehicle_shape
 from scenewright.tools.solver.assignment import assign_cheapest, assign_min_cost
 from scenewright.tools.solver.background_assignment import (
     ConflictTable,
@@ -248,7 +248,7 @@ class MinCostSearch(Search):
 
     def _move_to_second_place(self, red: RedLightWait) -> RedLightWait:
         """Move it one place back, with room for a car ahead."""
-        room = vehicle_shape().length + float(self._rng.uniform(*QUEUE_GAP))
+        room = get_vehicle_shape().length + float(self._rng.uniform(*QUEUE_GAP))
         return replace(red, gap=red.gap + room, lag=red.lag + _FOLLOWS_AFTER)
 
 

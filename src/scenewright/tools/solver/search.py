@@ -73,7 +73,7 @@ from scenewright.tools.solver.car_following import find_entrance, follow_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.encounters import (
     Earlier,
-    Meeting,
+    ObjectEncounter,
     find_meeting,
     list_meetings,
     meet_at,
@@ -212,7 +212,10 @@ class Search:
         objects: Sequence[ObjectNode] = (),
     ) -> None:
         self._lenient = lenient
-        self._to_meet, self._meetings = list_meetings(objects), dict[tuple[str, int], Meeting]()
+        self._to_meet, self._meetings = (
+            list_meetings(objects),
+            dict[tuple[str, int], ObjectEncounter](),
+        )
         # What several meet stands where the first could meet it.
         self._stands: dict[str, ObjectRecord] = {}
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
@@ -426,14 +429,14 @@ class Search:
             self._built[(name, m)] = None if refused else (candidate, landmarks)
         return self._built[(name, m)]
 
-    def _find_meeting(self, name: str, candidate: Candidate) -> Meeting | None:
+    def _find_meeting(self, name: str, candidate: Candidate) -> ObjectEncounter | None:
         """Find how it meets its object; a fixed agent meets it where it did."""
         node = self._to_meet[name]
         kept = (
             self._placer.get_kept(node.id) if name in self._build_first_schedule().actors else None
         )
         if kept is not None:
-            return Meeting(node, kept, candidate, 0.0)
+            return ObjectEncounter(node, kept, candidate, 0.0)
         if node.id in self._stands:
             return meet_at(node, self._stands[node.id], candidate, self._ground, self._rng)
         met = find_meeting(node, candidate, self._ground, self._rng)

@@ -90,9 +90,7 @@ def schedule_yields(
 ) -> Iterator[PartialSchedule]:
     """List every schedule (lazily) in which the first gives way to the second."""
     a, b = context.get_pair(clause, schedule)
-    if a.contact is not None or b.contact is not None:
-        words = f"one of {clause.first} and {clause.second} has been in a collision before"
-        context.note_miss(clause, FailureStage.PATHS, words)
+    if context.refuse_after_collision(clause, a, b):
         return
     zone = find_conflict_zone(clause, a, b, context)
     if not len(zone.i):

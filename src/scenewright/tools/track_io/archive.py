@@ -68,7 +68,7 @@ _OPTIONAL = ("subtype", "entry", "exit", "crosswalk", "route")
 
 
 def _pack_text(words: Sequence[str | None]) -> NDArray[np.str_]:
-    """Words as an array; the empty word stands for None in the file alone."""
+    """Words as an array; in the file, the empty word means None."""
     return np.array([word or "" for word in words], dtype=np.str_)
 
 

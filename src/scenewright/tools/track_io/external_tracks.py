@@ -23,7 +23,14 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, rider_shape, vehicle_shape
+from scenewright.scene.track import (
+    PEDESTRIAN,
+    STEP,
+    Shape,
+    Track,
+    get_rider_shape,
+    get_vehicle_shape,
+)
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.sampled_recording import SampledRecording
@@ -49,13 +56,13 @@ COURSE = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.5, "scooter": 0.5}
 """Way over which the course is measured, and within 1 s the least that counts as motion [m]."""
 TRAJNET_FPS = 2.5
 
-_CAR = vehicle_shape("car")
+_CAR = get_vehicle_shape("car")
 _SHAPES = {
     "car": _CAR,
-    "truck": vehicle_shape("truck"),
-    "bus": vehicle_shape("bus"),
-    "motorcycle": vehicle_shape("motorcycle"),
-    "bicycle": rider_shape("cyclist"),
+    "truck": get_vehicle_shape("truck"),
+    "bus": get_vehicle_shape("bus"),
+    "motorcycle": get_vehicle_shape("motorcycle"),
+    "bicycle": get_rider_shape("cyclist"),
     "pedestrian": PEDESTRIAN,
 }
 """Footprints by subtype (SEMANTICS sections 1 and 8)."""
@@ -64,7 +71,7 @@ _OPTIONAL = ("heading", "length", "width")
 
 
 @dataclass(eq=False)
-class _Rows:
+class _AgentRows:
     """One agent's rows as they stand in the file; what an optional cell lacks is NaN."""
 
     subtype: str
@@ -76,7 +83,7 @@ class _Rows:
     length: array[float] = field(default_factory=lambda: array("d"))
     width: array[float] = field(default_factory=lambda: array("d"))
 
-    def column(self, name: str) -> FloatArray:
+    def get_column(self, name: str) -> FloatArray:
         return np.array(getattr(self, name), dtype=np.float64)
 
 
@@ -92,7 +99,7 @@ class _Table:
     name: str
     clock: str = "t"
     unit: str = "line"
-    agents: dict[str, _Rows] = field(default_factory=dict)
+    agents: dict[str, _AgentRows] = field(default_factory=dict)
 
     def refuse(self, line: int, reason: str) -> NoReturn:
         raise InputError(f"{self.name}, {self.unit} {line}: {reason}")
@@ -103,19 +110,19 @@ class _Table:
         Raises:
             InputError: the agent is of another class, the time is not later than the last one.
         """
-        rows = self.agents.setdefault(who, _Rows(subtype))
+        rows = self.agents.setdefault(who, _AgentRows(subtype))
         if rows.subtype != subtype:
             self.refuse(line, f"id {_crop(who)} is a {subtype} here and a {rows.subtype} in line "
                         f"{rows.lines[0]}; give each agent an id of its own")  # fmt: skip
         if rows.t and values["t"] <= rows.t[-1]:
-            self._not_later(line, who, values["t"], rows)
+            self._check_order(line, who, values["t"], rows)
         rows.lines.append(line)
         for name in ("t", "x", "y"):
             getattr(rows, name).append(values[name])
         for name in _OPTIONAL:
             getattr(rows, name).append(values.get(name, math.nan))
 
-    def _not_later(self, line: int, who: str, time: float, rows: _Rows) -> NoReturn:
+    def _check_order(self, line: int, who: str, time: float, rows: _AgentRows) -> NoReturn:
         at = f"{self.clock} = {time:.13g}"
         if time == rows.t[-1]:
             self.refuse(line, f"a second row of id {_crop(who)} at {at}, the first is line "
@@ -366,13 +373,13 @@ def _check_json_number(value: Any, key: str, line: int, table: _Table) -> float:
 
 def _find_stride(table: _Table) -> float:
     """The commonest step from one row of an agent to the next [frames]; 1 if there is none."""
-    steps = [np.diff(rows.column("t")) for rows in table.agents.values()]
+    steps = [np.diff(rows.get_column("t")) for rows in table.agents.values()]
     values, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
     return float(values[np.argmax(counts)]) if len(values) else 1.0
 
 
 @dataclass(frozen=True)
-class _Clock:
+class _TimeUnit:
     """How the file's times become seconds: unit and step between samples [s], and where 0 is."""
 
     unit: float
@@ -388,7 +395,7 @@ def _build_tracks(table: _Table, *, unit: float) -> ExternalTracks:
     """
     if not table.agents:
         raise InputError(f"{table.name} holds no tracks")
-    clock = _Clock(unit, _find_step(table, unit), _find_origin(table, unit))
+    clock = _TimeUnit(unit, _find_step(table, unit), _find_origin(table, unit))
     stretches = [
         (who, part)
         for who, rows in table.agents.items()
@@ -417,7 +424,9 @@ def _find_step(table: _Table, unit: float) -> float:
     Raises:
         InputError: the times cannot be seconds.
     """
-    steps = [np.diff(rows.column("t")) * unit for rows in table.agents.values() if len(rows.t) > 1]
+    steps = [
+        np.diff(rows.get_column("t")) * unit for rows in table.agents.values() if len(rows.t) > 1
+    ]
     if not steps:
         return STEP
     usual = float(np.median(np.concatenate(steps)))
@@ -433,13 +442,13 @@ def _find_step(table: _Table, unit: float) -> float:
     return even if abs(step - even) < 1e-6 else step
 
 
-def _split_at_gaps(who: str, rows: _Rows, table: _Table, clock: _Clock) -> list[slice]:
+def _split_at_gaps(who: str, rows: _AgentRows, table: _Table, clock: _TimeUnit) -> list[slice]:
     """The parts of a track between its gaps.
 
     Raises:
         InputError: a time between two samples, or a jump.
     """
-    steps = np.diff(rows.column("t")) * clock.unit
+    steps = np.diff(rows.get_column("t")) * clock.unit
     count = np.rint(steps / clock.step)
     off = np.flatnonzero((np.abs(steps - count * clock.step) > JITTER * clock.step) | (count < 1))
     if len(off):
@@ -453,7 +462,7 @@ def _split_at_gaps(who: str, rows: _Rows, table: _Table, clock: _Clock) -> list[
 
 
 def _refuse_step(
-    who: str, rows: _Rows, k: int, seconds: float, table: _Table, clock: _Clock
+    who: str, rows: _AgentRows, k: int, seconds: float, table: _Table, clock: _TimeUnit
 ) -> NoReturn:
     table.refuse(
         rows.lines[k + 1],
@@ -462,8 +471,8 @@ def _refuse_step(
     )
 
 
-def _check_drift(who: str, rows: _Rows, part: slice, table: _Table, clock: _Clock) -> None:
-    t = rows.column("t")[part] * clock.unit
+def _check_drift(who: str, rows: _AgentRows, part: slice, table: _Table, clock: _TimeUnit) -> None:
+    t = rows.get_column("t")[part] * clock.unit
     drift = np.abs(t - t[0] - clock.step * np.arange(len(t)))
     late = np.flatnonzero(drift > JITTER * clock.step + 1e-6)
     if len(late):
@@ -474,8 +483,8 @@ def _check_drift(who: str, rows: _Rows, part: slice, table: _Table, clock: _Cloc
         )
 
 
-def _check_jumps(who: str, rows: _Rows, part: slice, table: _Table, clock: _Clock) -> None:
-    way = np.hypot(np.diff(rows.column("x")[part]), np.diff(rows.column("y")[part]))
+def _check_jumps(who: str, rows: _AgentRows, part: slice, table: _Table, clock: _TimeUnit) -> None:
+    way = np.hypot(np.diff(rows.get_column("x")[part]), np.diff(rows.get_column("y")[part]))
     fast = np.flatnonzero(way > FASTEST * clock.step)
     if len(fast):
         table.refuse(
@@ -506,20 +515,20 @@ def _is_number(name: str) -> bool:
     return len(name) < 19 and name.isascii() and name.isdigit() and str(int(name)) == name
 
 
-def _build_user(number: int, rows: _Rows, part: slice, clock: _Clock) -> RoadUser:
+def _build_user(number: int, rows: _AgentRows, part: slice, clock: _TimeUnit) -> RoadUser:
     shape = _find_shape(rows)
-    xy = np.stack((rows.column("x")[part], rows.column("y")[part]), axis=1)
+    xy = np.stack((rows.get_column("x")[part], rows.get_column("y")[part]), axis=1)
     course = compute_headings(xy, step=clock.step, least=COURSE[shape.type])
-    given = rows.column("heading")[part]
+    given = rows.get_column("heading")[part]
     heading = np.where(np.isnan(given), course, given)
     start = rows.t[part.start] * clock.unit - clock.origin
     return RoadUser(number, Track(xy, heading, start, clock.step), shape)
 
 
-def _find_shape(rows: _Rows) -> Shape:
+def _find_shape(rows: _AgentRows) -> Shape:
     """Size by the rows (their median), else by class; a pedestrian is a disc of its longer side."""
     usual = _SHAPES[rows.subtype]
-    known = {name: rows.column(name) for name in ("length", "width")}
+    known = {name: rows.get_column(name) for name in ("length", "width")}
     given = {
         name: float(np.nanmedian(column))
         for name, column in known.items()
@@ -564,17 +573,19 @@ def _collect_notes(
     blind = [names[user.id] for user in users if _is_blind(user, table.agents[names[user.id]])]
     if blind:
         notes.append(f"{_list_ids(blind)} without heading or motion: taken to face east")
-    own = {who for who, rows in table.agents.items() if not np.isnan(rows.column("heading")).all()}
+    own = {
+        who for who, rows in table.agents.items() if not np.isnan(rows.get_column("heading")).all()
+    }
     headed = {number for number, who in names.items() if who in own}
     return (*notes, *find_unit_doubts(users, headed=headed))
 
 
-def _is_blind(user: RoadUser, rows: _Rows) -> bool:
+def _is_blind(user: RoadUser, rows: _AgentRows) -> bool:
     """Whether nothing says where a vehicle faces."""
     if user.shape.type == "pedestrian" or user.track.heading.any():
         return False
     extent = float(np.ptp(user.track.xy, axis=0).max())
-    return extent < COURSE["vehicle"] and bool(np.isnan(rows.column("heading")).all())
+    return extent < COURSE["vehicle"] and bool(np.isnan(rows.get_column("heading")).all())
 
 
 def _list_ids(names: list[str], *, most: int = 5) -> str:

@@ -22,7 +22,7 @@ _LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle":
 
 
 @dataclass(eq=False)
-class _Rows:
+class _FcdRows:
     """One agent's rows as they come: time, x and y of the centre, heading (NaN if not stated)."""
 
     subtype: str
@@ -36,7 +36,7 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
     Raises:
         InputError: not well-formed, with a document type, or a row without usable numbers.
     """
-    agents: dict[str, _Rows] = {}
+    agents: dict[str, _FcdRows] = {}
     now = 0.0
 
     def refuse(*_: object) -> None:
@@ -60,10 +60,10 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
         parser.Parse(data, True)
     except expat.ExpatError as fault:
         raise InputError(f"{name} is not well-formed XML (line {fault.lineno})") from None
-    return [sort_out("", [("", _to_samples(key, agent)) for key, agent in agents.items()])]
+    return [sort_out("", [("", _convert_to_samples(key, agent)) for key, agent in agents.items()])]
 
 
-def _add_row(agents: dict[str, _Rows], tag: str, row: dict[str, str], now: float) -> None:
+def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: float) -> None:
     x, y = float(row["x"]), float(row["y"])
     word = "pedestrian" if tag == "person" else _find_class(row.get("type", ""))
     length, width = (float(row[key]) if key in row else None for key in ("length", "width"))
@@ -72,7 +72,7 @@ def _add_row(agents: dict[str, _Rows], tag: str, row: dict[str, str], now: float
         turn = math.radians(90.0 - float(row["angle"]))
         back = (length or _LENGTHS.get(word, 4.6)) / 2 if tag == "vehicle" else 0.0
         x, y = x - back * math.cos(turn), y - back * math.sin(turn)
-    agent = agents.setdefault(f"{tag} {row['id']}", _Rows(word, (length, width)))
+    agent = agents.setdefault(f"{tag} {row['id']}", _FcdRows(word, (length, width)))
     agent.rows.append((now, x, y, turn))
 
 
@@ -82,7 +82,7 @@ def _find_class(word: str) -> str:
     return find_road_user(word) or SUBTYPE_OF_WORD[next(words, "car")]
 
 
-def _to_samples(name: str, agent: _Rows) -> AgentSamples:
+def _convert_to_samples(name: str, agent: _FcdRows) -> AgentSamples:
     rows = np.array(agent.rows)
     heading = None if np.isnan(rows[:, 3]).any() else rows[:, 3]
     return AgentSamples(name, agent.subtype, rows[:, 0], rows[:, 1:3], heading, *agent.size)

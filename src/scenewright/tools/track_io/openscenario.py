@@ -110,7 +110,7 @@ def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatA
         h = np.nan if turn is None else parse_number(turn, name=name, what="h")
         places.append((x, y, h))
     times = [parse_number(vertex.get("time"), name=name, what="time") for vertex in vertices]
-    t = _to_scenario_time(np.array(times), event, follow, name)
+    t = _convert_to_scenario_time(np.array(times), event, follow, name)
     if (np.diff(t) <= 0).any():
         raise InputError(f"{name}: the times of the vertices do not rise")
     return _drop_hold(t, np.array(places))
@@ -125,7 +125,9 @@ def _drop_hold(t: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArra
     return t, places
 
 
-def _to_scenario_time(t: FloatArray, event: _Element, follow: _Element, name: str) -> FloatArray:
+def _convert_to_scenario_time(
+    t: FloatArray, event: _Element, follow: _Element, name: str
+) -> FloatArray:
     """Times of vertices on the scenario's clock [s]."""
     timing = follow.find("TimeReference/Timing")
     if timing is None:

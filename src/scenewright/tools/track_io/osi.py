@@ -43,7 +43,7 @@ _VEHICLES |= dict.fromkeys((11, 17), "bicycle")
 
 
 @cache
-def osi_classes() -> dict[str, Any]:
+def load_osi_classes() -> dict[str, Any]:
     """The message classes of OSI, by name."""
     return build_messages(PACKAGE, SCHEMA)
 
@@ -68,7 +68,7 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
                 (round(time, 6), base.position.x, base.position.y, base.orientation.yaw,
                  base.dimension.length, base.dimension.width)
             )  # fmt: skip
-    agents = [_to_samples(str(n), subtype, rows) for (n, subtype), rows in samples.items()]
+    agents = [_convert_to_samples(str(n), subtype, rows) for (n, subtype), rows in samples.items()]
     return [SampledRecording("", tuple(agents), left_out)]
 
 
@@ -79,7 +79,7 @@ def _read_messages(data: bytes, name: str) -> list[Any]:
         raise InputError(
             f"{name} needs the package mcap: pip install 'scenewright[export]'"
         ) from error
-    truth = osi_classes()["GroundTruth"]
+    truth = load_osi_classes()["GroundTruth"]
     try:
         reader = library.make_reader(io.BytesIO(data), validate_crcs=True)
         contents = [
@@ -103,7 +103,7 @@ def _find_subtype(thing: Any) -> str | None:
     )
 
 
-def _to_samples(name: str, subtype: str, rows: list[tuple[float, ...]]) -> AgentSamples:
+def _convert_to_samples(name: str, subtype: str, rows: list[tuple[float, ...]]) -> AgentSamples:
     table = np.array(sorted(rows))
     length, width = (size or None for size in np.median(table[:, 4:], axis=0).tolist())
     return AgentSamples(name, subtype, table[:, 0], table[:, 1:3], table[:, 3], length, width)

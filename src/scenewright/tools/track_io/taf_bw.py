@@ -17,7 +17,7 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, STEP, Shape, get_vehicle_shape
 from scenewright.tools.track_io.cleaning import (
     CleaningReport,
     RawTrack,
@@ -35,8 +35,8 @@ At 0.02 m and 0.3 s the noise of the acceleration is 0.06 m/s^2 and that of the 
 it is white, and a tracker's noise is not.
 """
 _CLASSES: dict[str, tuple[AgentClass, str | None, Shape]] = {
-    "Car": ("vehicle", "car", vehicle_shape("car")),
-    "Truck": ("vehicle", "truck", vehicle_shape("truck")),
+    "Car": ("vehicle", "car", get_vehicle_shape("car")),
+    "Truck": ("vehicle", "truck", get_vehicle_shape("truck")),
     "Bike": ("vehicle", "bicycle", Shape("vehicle", 1.8, 0.6)),
     "Pedestrian": ("pedestrian", None, PEDESTRIAN),
 }
@@ -45,7 +45,7 @@ SETTLING: dict[str, dict[AgentClass, float]] = {
     "k729": {"vehicle": 3.0, "pedestrian": 1.5},
     "k733": {"vehicle": 1.0, "pedestrian": 1.0},
 }
-"""How long speeds rise from 0 after a first sample whoever it is [s], by site: measured as the
+"""How long speeds rise from 0 after a first sample [s], by site: measured as the
 median speed by time since the first sample."""
 
 

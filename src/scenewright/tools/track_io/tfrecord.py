@@ -44,7 +44,7 @@ def read_records(data: bytes, *, name: str) -> Iterator[bytes]:
 
 def compute_masked_crc(data: bytes) -> int:
     """CRC32C of the bytes (Castagnoli), rotated and shifted as TFRecord has it."""
-    crc = int(_crc32c(_table(), np.frombuffer(data, np.uint8)))
+    crc = int(_compute_crc32c(_build_table(), np.frombuffer(data, np.uint8)))
     return ((crc >> 15 | crc << 17) + _MASK) & 0xFFFFFFFF
 
 
@@ -55,7 +55,7 @@ def _frame(record: bytes) -> bytes:
 
 
 @cache
-def _table() -> NDArray[np.uint32]:
+def _build_table() -> NDArray[np.uint32]:
     """[256] remainders by byte."""
     table = np.arange(256, dtype=np.uint32)
     for _ in range(8):
@@ -64,7 +64,7 @@ def _table() -> NDArray[np.uint32]:
 
 
 @compiled
-def _crc32c(table: NDArray[np.uint32], data: NDArray[np.uint8]) -> int:
+def _compute_crc32c(table: NDArray[np.uint32], data: NDArray[np.uint8]) -> int:
     crc = 0xFFFFFFFF
     for byte in data:
         crc = table[(crc ^ byte) & 0xFF] ^ (crc >> 8)

@@ -93,7 +93,7 @@ def read_track_files(
         InputError: nothing there, or a file that cannot be read; the line is named.
     """
     dataset = None if named is None else get_format(named)
-    files = [file for path in paths for file in _files(Path(path), dataset)]
+    files = [file for path in paths for file in _list_files(Path(path), dataset)]
     # Pedestrians whose file lies beside that of the vehicles belong to the same recording.
     beside = {find_partner(file) for file in files}
     files = [file for file in files if file not in beside]
@@ -102,7 +102,7 @@ def read_track_files(
     return [tracks for file in files for tracks in _read(file, columns, scale, dataset)]
 
 
-def _files(path: Path, dataset: DatasetFormat | None) -> list[Path]:
+def _list_files(path: Path, dataset: DatasetFormat | None) -> list[Path]:
     if not path.exists():
         raise InputError(f"cannot read {path}: there is no such file or folder")
     if path.is_file():
@@ -136,17 +136,17 @@ def _read(
             return
         told = find_columns(file, dataset) if columns is None else columns
         if told is not None:
-            agents = _mapped_csv(file, told)
+            agents = _read_mapped_csv(file, told)
         elif file.name.startswith("vehicle_tracks_"):
-            agents = _mapped_csv(file, _TAF)
-            site, begin, origin = _taf_meta(file)
+            agents = _read_mapped_csv(file, _TAF)
+            site, begin, origin = _read_taf_meta(file)
             settling = SETTLING.get(site, SETTLING["k733"])
         elif file.name.endswith("_tracks.csv"):
-            agents, begin, origin = _ind(file)
+            agents, begin, origin = _read_ind(file)
         elif file.suffix in _READERS:
             agents = _READERS[file.suffix](file)
         elif file.suffix == ".csv":
-            agents = _mapped_csv(file, {name: name for name in ("t", "id", "class", "x", "y")})
+            agents = _read_mapped_csv(file, {name: name for name in ("t", "id", "class", "x", "y")})
         else:
             raise InputError(
                 f"{file} is of no kind that is known; name its --columns if it is a CSV"
@@ -157,12 +157,12 @@ def _read(
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
     agents = agents if columns is not None else _add_partner(agents, file, dataset)
     if scale is not None:
-        _to_metres(agents, scale)
+        _convert_to_metres(agents, scale)
     elif columns is None and file.suffix == ".txt":
         raise InputError(
             f"positions of {file} are pixels; say metres per pixel with --scale, or --pool-scale"
         )
-    yield _cleaned(file, agents, settling, begin, origin)
+    yield _clean(file, agents, settling, begin, origin)
 
 
 def _add_partner(
@@ -172,7 +172,7 @@ def _add_partner(
     partner = find_partner(file)
     if partner is None:
         return agents
-    beside = _mapped_csv(partner, find_columns(partner, dataset) or _TAF)
+    beside = _read_mapped_csv(partner, find_columns(partner, dataset) or _TAF)
     return agents | {f"{partner.name}:{name}": agent for name, agent in beside.items()}
 
 
@@ -183,11 +183,11 @@ def _read_scenarios(file: Path) -> Iterator[FileTracks]:
             agent.name: _Agent(agent.subtype, agent.t.tolist(), *agent.xy.T.tolist())
             for agent in recording.agents
         }
-        tracks = _cleaned(file, agents, {"vehicle": 0.0, "pedestrian": 0.0}, None, None)
+        tracks = _clean(file, agents, {"vehicle": 0.0, "pedestrian": 0.0}, None, None)
         yield replace(tracks, name=f"{tracks.name}:{recording.name}".rstrip(":"))
 
 
-def _to_metres(agents: Mapping[str, _Agent], scale: float) -> None:
+def _convert_to_metres(agents: Mapping[str, _Agent], scale: float) -> None:
     if not 1e-4 < scale < 10.0:
         raise InputError(f"a scale is metres per pixel, such as 0.06, got {scale:g}")
     for agent in agents.values():
@@ -199,7 +199,7 @@ _VTP_RATE = 30.0
 """Frames a second of VTP-TL; assumed, as its authors do not state it."""
 
 
-def _vtp(file: Path) -> dict[str, _Agent]:
+def _read_vtp(file: Path) -> dict[str, _Agent]:
     """VTP-TL: rows of frame, agent, x and y in pixels, and more that says nothing of motion."""
     agents: dict[str, _Agent] = {}
     with file.open(encoding="utf-8") as stream:
@@ -224,7 +224,7 @@ def _vtp(file: Path) -> dict[str, _Agent]:
 _TAF = {"t": "timestamp_ms/1000", "id": "track_id", "class": "agent_type", "x": "x", "y": "y"}
 
 
-def _cleaned(
+def _clean(
     file: Path,
     agents: Mapping[str, _Agent],
     settling: Mapping[AgentClass, float],
@@ -235,7 +235,7 @@ def _cleaned(
     found: list[tuple[str, Track]] = []
     for agent in agents.values():
         kind: AgentClass = "pedestrian" if agent.subtype == "pedestrian" else "vehicle"
-        for time, xy in _at_ten_hertz(agent):
+        for time, xy in _resample(agent):
             seen = RawTrack(kind, time, xy, settling[kind])
             found += [
                 (agent.subtype, t) for t in clean_track(seen, smoothing=SMOOTHING, removed=removed)
@@ -246,7 +246,7 @@ def _cleaned(
     return FileTracks(f"{file.parent.name}/{file.name}", tuple(found), removed, first, origin, span)
 
 
-def _at_ten_hertz(agent: _Agent) -> Iterator[tuple[FloatArray, FloatArray]]:
+def _resample(agent: _Agent) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Stretches without a gap, at multiples of 0.1 s; a second sample at one time is dropped."""
     t = np.array(agent.t)
     order = np.argsort(t, kind="stable")
@@ -265,7 +265,7 @@ def _at_ten_hertz(agent: _Agent) -> Iterator[tuple[FloatArray, FloatArray]]:
             yield grid, np.stack(even, axis=1)
 
 
-def _mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent]:
+def _read_mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent]:
     """Rows of a CSV whose columns are named; `name/25` divides, `=word` is a constant."""
     missing = {"t", "id", "x", "y"} - columns.keys()
     if missing:
@@ -278,7 +278,7 @@ def _mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent]:
         stream.seek(0)
         comma = max(",;\t", key=head.split("\n")[0].count)
         rows = csv.DictReader(stream, delimiter=comma)
-        wanted = {key: _column(text) for key, text in columns.items()}
+        wanted = {key: _get_column(text) for key, text in columns.items()}
         have = set(rows.fieldnames or ())
         lacking = sorted(
             name for name, _ in wanted.values() if name[:1] != "=" and name not in have
@@ -294,7 +294,7 @@ def _mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent]:
     return agents
 
 
-def _column(text: str) -> tuple[str, float]:
+def _get_column(text: str) -> tuple[str, float]:
     if text.startswith("="):
         return text, 1.0
     name, _, divisor = text.rpartition("/")
@@ -315,19 +315,19 @@ def _add(
     wanted: Mapping[str, tuple[str, float]],
     where: str,
 ) -> None:
-    def cell(key: str) -> str:
+    def get_cell(key: str) -> str:
         name = wanted[key][0]
         return name[1:] if name.startswith("=") else str(row[name] or "")
 
     try:
-        t, x, y = (float(cell(key)) / wanted[key][1] for key in ("t", "x", "y"))
+        t, x, y = (float(get_cell(key)) / wanted[key][1] for key in ("t", "x", "y"))
     except ValueError:
-        raise InputError(f"{where}: t, x and y are numbers, got {cell('t')[:20]!r}, "
-                         f"{cell('x')[:20]!r}, {cell('y')[:20]!r}") from None  # fmt: skip
+        raise InputError(f"{where}: t, x and y are numbers, got {get_cell('t')[:20]!r}, "
+                         f"{get_cell('x')[:20]!r}, {get_cell('y')[:20]!r}") from None  # fmt: skip
     if not (math.isfinite(t) and math.isfinite(x) and math.isfinite(y)):
         raise InputError(f"{where}: t, x and y are finite numbers")
-    word = cell("class") if "class" in wanted else "car"
-    _append(agents, cell("id"), word, t, x, y, where)
+    word = get_cell("class") if "class" in wanted else "car"
+    _append(agents, get_cell("id"), word, t, x, y, where)
 
 
 def _append(
@@ -342,7 +342,7 @@ def _append(
     agent.y.append(y)
 
 
-def _taf_meta(file: Path) -> tuple[str, float | None, tuple[float, float] | None]:
+def _read_taf_meta(file: Path) -> tuple[str, float | None, tuple[float, float] | None]:
     """Site, time of day [h] and origin of one TAF-BW file, from the meta data beside it."""
     meta = file.parent / "meta_data.csv"
     if not meta.is_file():
@@ -352,11 +352,11 @@ def _taf_meta(file: Path) -> tuple[str, float | None, tuple[float, float] | None
             if row.get("id") == file.stem.rsplit("_", 1)[-1]:
                 origin = (float(row["originLat"]), float(row["originLon"]))
                 site = (row.get("locationId") or "").lower()
-                return site, _clock(row.get("startTime", "")), origin
+                return site, _parse_clock(row.get("startTime", "")), origin
     return "", None, None
 
 
-def _clock(text: str) -> float | None:
+def _parse_clock(text: str) -> float | None:
     parts = text.split(":")
     try:
         return int(parts[0]) + int(parts[1]) / 60
@@ -364,7 +364,7 @@ def _clock(text: str) -> float | None:
         return None
 
 
-def _ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
+def _read_ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
     """inD-style: `NN_tracks.csv` with `NN_tracksMeta.csv` and `NN_recordingMeta.csv` beside it."""
     stem = file.name.removesuffix("_tracks.csv")
     meta, about = (
@@ -396,7 +396,7 @@ def _ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
     return agents, None if hour in (None, "") else float(hour), None
 
 
-def _trajnet(file: Path) -> dict[str, _Agent]:
+def _read_trajnet(file: Path) -> dict[str, _Agent]:
     """TrajNet++ ndjson: pedestrians in frames; 2.5 a second unless a scene says otherwise."""
     rows: list[tuple[int, str, float, float]] = []
     fps, steps = 2.5, set()
@@ -426,6 +426,6 @@ def _trajnet(file: Path) -> dict[str, _Agent]:
 
 
 _READERS: Mapping[str, Callable[[Path], dict[str, _Agent]]] = {
-    ".ndjson": _trajnet,
-    ".txt": _vtp,
+    ".ndjson": _read_trajnet,
+    ".txt": _read_vtp,
 }

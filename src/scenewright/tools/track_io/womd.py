@@ -35,7 +35,7 @@ _TYPES = {1: "car", 2: "pedestrian", 3: "bicycle"}
 
 
 @cache
-def scenario_class() -> Any:
+def load_scenario_class() -> Any:
     """The message class of a scenario."""
     return build_messages(PACKAGE, SCHEMA)["Scenario"]
 
@@ -63,7 +63,7 @@ def _read_scenario(record: bytes, name: str) -> SampledRecording:
     from google.protobuf.message import DecodeError
 
     try:
-        scenario = scenario_class().FromString(record)
+        scenario = load_scenario_class().FromString(record)
     except DecodeError as error:
         raise InputError(f"{name} is no Scenario and no tf.Example of a scene") from error
     if not scenario.tracks:

@@ -33,7 +33,7 @@ _Tensors = dict[str, np.ndarray[Any, Any]]
 
 
 @cache
-def example_class() -> Any:
+def load_example_class() -> Any:
     """The message class of tf.Example; a map of features has the bytes of repeated entries."""
     return build_messages(PACKAGE, SCHEMA)["Example"]
 
@@ -43,7 +43,7 @@ def read_example(record: bytes) -> _Tensors | None:
     from google.protobuf.message import DecodeError
 
     try:
-        entries = example_class().FromString(record).features.feature
+        entries = load_example_class().FromString(record).features.feature
     except DecodeError:
         return None
     found: _Tensors = {}

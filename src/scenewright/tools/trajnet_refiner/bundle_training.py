@@ -219,7 +219,7 @@ def format_card(net: Refiner, about: Mapping[str, Any]) -> str:
   Losses: {", ".join(map(str, about["losses"]))}.
 - **Licence.** {licence}, as the bundle.
 - **Use.** Inside the pipeline, behind the kinematic layer and before the verifier. It knows neither
-  the map nor the lights: edited priors tell it where to be and when. What it learnt is how the
+  the map nor the lights: edited priors define where to be and when. What it learnt is how the
   simulator's drivers and walkers speed up, slow down and waver, not a real street's.
 
 Errors in metres 4.8 s ahead (mean / at the end) where all positions before are known, and nats per

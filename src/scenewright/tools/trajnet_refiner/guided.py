@@ -25,7 +25,7 @@ from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner
 from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
 WARM_UP = 4.8
-"""How long before the scene those are rolled out who are mid-route at its beginning [s]."""
+"""How long before the scene agents are rolled out that are mid-route at its beginning [s]."""
 GIVEN = 3
 """Network steps at the beginning of a track that are the prior's: they say how it moves."""
 SPACING = {"vehicle": 10, "pedestrian": 12}
@@ -76,17 +76,17 @@ class Guide:
         """Scene time of the last sample [s]."""
         return self.enters + STEP * (len(self.s) - 1)
 
-    def within(self, duration: float) -> NDArray[np.bool_]:
+    def is_within(self, duration: float) -> NDArray[np.bool_]:
         """[T] which samples lie in a scene of this length."""
         times = self.enters + STEP * np.arange(len(self.s))
         return np.asarray((times >= 0.0) & (times <= duration))
 
-    def at(self, times: FloatArray) -> FloatArray:
+    def interpolate_prior(self, times: FloatArray) -> FloatArray:
         """Arc length [m] of the prior at scene times; NaN while it is not there."""
         local = STEP * np.arange(len(self.s))
         return np.interp(times - self.enters, local, self.s, left=np.nan, right=np.nan)
 
-    def kept_at(self, times: FloatArray) -> NDArray[np.bool_]:
+    def is_kept_at(self, times: FloatArray) -> NDArray[np.bool_]:
         """Whether the prior is kept at scene times."""
         k = np.clip(np.rint((times - self.enters) / STEP).astype(int), 0, len(self.s) - 1)
         return np.asarray(self.kept[k])
@@ -115,7 +115,7 @@ def compute_deviations(
     columns = int(np.ceil((duration + WARM_UP) / step)) + 1
     times = step * np.arange(columns, dtype=np.float64) - WARM_UP
     rows = list(guides.values())
-    prior = np.stack([guide.at(times) for guide in rows])
+    prior = np.stack([guide.interpolate_prior(times) for guide in rows])
     known = np.stack([_compute_known(guide, times, prior[n]) for n, guide in enumerate(rows)])
     for name, deviation in (fixed or {}).items():
         n = list(guides).index(name)
@@ -145,7 +145,7 @@ def compute_deviation(guide: Guide, track: Track) -> FloatArray:
 def _compute_known(guide: Guide, times: FloatArray, prior: FloatArray) -> FloatArray:
     """[T] arc length where it is given: at the beginning, and where the prior is kept."""
     there = np.flatnonzero(np.isfinite(prior))
-    given = np.isfinite(prior) & guide.kept_at(times)
+    given = np.isfinite(prior) & guide.is_kept_at(times)
     given[there[:GIVEN]] = True
     return np.where(given, prior, np.nan)
 
@@ -174,7 +174,7 @@ def _run_rollout(
     when = np.full((len(rows), most), np.nan)
     for n, columns in enumerate(due):
         goals[n, : len(columns)] = _compute_places(
-            rows[n].path, rows[n].at(_compute_times(columns, times))
+            rows[n].path, rows[n].interpolate_prior(_compute_times(columns, times))
         )
         when[n, : len(columns)] = columns
     classes = torch.tensor([[CLASSES.index(guide.kind) for guide in rows]])

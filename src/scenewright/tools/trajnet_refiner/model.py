@@ -10,7 +10,7 @@ All of it is expressed in the frame of the agent itself, turned so that it came 
 or shifting a scene therefore turns and shifts its prediction, and the order of agents is of no
 account. Errors are Gaussian. Missing positions are NaN, at this door only: inside there are masks.
 
-Beside the network, `separation.py` moves predicted pedestrians apart who would run into each
+Beside the network, `separation.py` separates predicted pedestrians that would run into each
 other. It is part of the model: `predict` applies it unless the configuration says otherwise.
 """
 

@@ -81,7 +81,7 @@ def run_rollout(
 
 
 def _sample_offsets(predicted: Prediction, noise: Tensor) -> Tensor:
-    """[B, N, P, 2] ways off the predicted means [m] that standard normal [B, N, 2] stand for."""
+    """[B, N, P, 2] deviations from the predicted means [m] for normal samples [B, N, 2]."""
     log_x, log_y, rho = predicted.spread.unbind(-1)
     one, two = noise[:, :, None].unbind(-1)
     along = log_x.exp() * one

@@ -1,4 +1,4 @@
-"""Moves predicted agents apart who would otherwise run into each other.
+"""Separation of predicted agents that would otherwise run into each other.
 
 A network trained on distances alone lets some of its agents pass through each other. Here every
 pair that comes too close is pushed apart where it is closest, both by the same amount, along the

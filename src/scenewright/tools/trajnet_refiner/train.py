@@ -56,7 +56,7 @@ class Recipe(Model):
     goals: float = Field(default=0.4, ge=0, le=1)
     seed: int = Field(default=0, ge=0)
 
-    def variation(self) -> Variation:
+    def build_variation(self) -> Variation:
         """How windows are varied."""
         return Variation(self.stretch, self.noise, self.unseen, self.goals)
 
@@ -113,13 +113,13 @@ def train(
     while run.epochs < recipe.epochs:
         began = time.perf_counter()
         with torch.random.fork_rng():
-            loss = run.epoch(windows, log, make)
+            loss = run.run_epoch(windows, log, make)
         if checkpoint is not None:
             run.store(checkpoint)
         if after_epoch is not None:
-            ade = validate(run.averaged(), held_out, make=make) if held_out else None
+            ade = validate(run.build_averaged(), held_out, make=make) if held_out else None
             after_epoch(Epoch(run.epochs, loss, time.perf_counter() - began, ade))
-    return run.averaged()
+    return run.build_averaged()
 
 
 def validate(
@@ -206,7 +206,7 @@ class _Run:
         )
         self.epochs = self.batches = 0
 
-    def epoch(
+    def run_epoch(
         self, windows: Sequence[Window], log: ProgressCallback | None, make: Batches = build_batches
     ) -> float:
         """One pass over the windows; the mean loss of its batches."""
@@ -221,7 +221,7 @@ class _Run:
             drawn,
             observed=self.net.config.observed,
             agents=recipe.agents,
-            variation=recipe.variation(),
+            variation=recipe.build_variation(),
             rng=rng,
         ):
             losses.append(self._step(scenes, future, weight))
@@ -251,7 +251,7 @@ class _Run:
                 self.mean[name].lerp_(parameter, 1.0 - keep)
         return float(loss.detach())
 
-    def averaged(self) -> Refiner:
+    def build_averaged(self) -> Refiner:
         """A network with the averaged weights, ready to predict."""
         net = Refiner(self.net.config).to(self.device)
         net.load_state_dict(self.mean)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
-from scenewright.time_limit import stopped_clock
+from scenewright.time_limit import stop_clock
 
 OWN_WEIGHTS = "SCENEWRIGHT_PLANNER"
 Floats = NDArray[np.float32]
@@ -139,7 +139,7 @@ def _log_softmax(x: Floats) -> Floats:
 @lru_cache(maxsize=1)
 def load_encoder() -> Encoder:
     """The encoder with the weights of the package, or those that SCENEWRIGHT_PLANNER names."""
-    with stopped_clock():  # once a process, whatever the request
+    with stop_clock():  # once a process, whatever the request
         return Encoder(load_encoder_weights())
 
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
-from scenewright.time_limit import stopped_clock
+from scenewright.time_limit import stop_clock
 
 MOST_TOKENS = 500
 """The encoder has 512 positions."""
@@ -20,7 +20,7 @@ def load_tokenizer() -> Any:
     text = (
         files("scenewright.backends.builtin.reader").joinpath("tokenizer.json").read_text("utf-8")
     )
-    with stopped_clock():  # once a process, whatever the request
+    with stop_clock():  # once a process, whatever the request
         tokenizer = Tokenizer.from_str(text)
     tokenizer.no_padding()
     tokenizer.no_truncation()
