@@ -181,6 +181,14 @@ def test_openscenario_in_routes_waits_for_the_ego_where_it_must() -> None:
     assert (started.get("x"), started.get("y")) == ("4.95", "-39.0")
 
 
+def test_openscenario_in_routes_has_no_tracks_to_check(tmp_path: Path) -> None:
+    (file, _) = sorted(
+        scenewright.export(make_record(), "openscenario", tmp_path, form="reactive"), reverse=True
+    )
+    with pytest.raises(InputError, match="has no times"):
+        load_tracks(file)
+
+
 def test_openscenario_in_routes_names_lanes_that_lead_into_one_another() -> None:
     files = write_scene(make_scene(), "openscenario", form="reactive")
     root = ElementTree.fromstring(files["hand_made_1.xosc"])

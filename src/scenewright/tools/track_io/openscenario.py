@@ -100,6 +100,8 @@ def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatA
     vertices = list(follow.iter("Vertex"))
     if not vertices:
         raise InputError(f"{name}: only trajectories as polylines can be checked")
+    if any(vertex.get("time") is None for vertex in vertices):
+        raise InputError(f"{name}: the trajectory has no times, so where it is when is open")
     places = []
     for vertex in vertices:
         place = vertex.find("Position/WorldPosition")
