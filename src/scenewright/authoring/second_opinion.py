@@ -86,7 +86,8 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     if scene and _asks_at_last(words) and not changes:
         return TurnKind(kind="question", words=words, topic=_find_topic(words))
     greets = not scene and guess.intent in ("help", "talk")
-    if guess.chance < (LIKELY if greets or is_question(guess.intent) else SURE - 0.1):
+    asks = is_question(guess.intent) and guess.intent != "q_story"  # an order, as changes are
+    if guess.chance < (LIKELY if greets or asks else SURE - 0.1):
         return turn
     if is_question(guess.intent) and (scene or guess.chance >= SURE):
         return TurnKind(kind="question", words=words, topic=guess.intent)
