@@ -137,7 +137,10 @@ def read_sumo(
         group = next(each for each in groups if each.nodes == chosen.nodes)
         if listed_one is not None:
             _check_is_there(net, group, listed_one, origin, file)
-    survey = _survey_junction(net, group, origin, side)
+    try:
+        survey = _survey_junction(net, group, origin, side)
+    except (KeyError, IndexError) as fault:  # sumolib follows names that lead nowhere
+        raise InputError(f"{file} names a part that it lacks: {str(fault)[:80]}") from None
     middle = np.array(survey.offset)
     if drive is not None:
         own = list_opendrive_crossings(drive, middle)
