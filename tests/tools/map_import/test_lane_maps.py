@@ -112,3 +112,15 @@ def test_broken_files_end_in_one_line(tmp_path, name):
     (tmp_path / name).write_text("{}" if name.endswith("json") else "<commonRoad/>")
     with pytest.raises(InputError):
         import_map(tmp_path / name, name="x")
+
+
+@pytest.mark.parametrize("place", ["1e308", "9e9", "inf"])
+def test_a_lane_as_long_as_a_continent_is_refused(tmp_path, place):
+    bounds = "".join(
+        f"<{side}><point><x>0</x><y>{y}</y></point><point><x>{place}</x><y>{y}</y></point></{side}>"
+        for side, y in (("leftBound", 3), ("rightBound", 0))
+    )
+    file = tmp_path / "far.xml"
+    file.write_text(f'<commonRoad><lanelet id="7">{bounds}</lanelet></commonRoad>')
+    with pytest.raises(InputError, match=r"lanelet 7 is .* m long|cannot be read"):
+        import_map(file, name="x")

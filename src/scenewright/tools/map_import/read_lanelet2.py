@@ -54,6 +54,8 @@ _OVERLAP = 2.5
 """Lanelets that share more ground cross or merge [m^2]."""
 _DEFAULT_SPEED = 50.0
 _MOST_LANELETS = 12
+_LONGEST_LANELET = 20_000.0
+"""A longer one has a place that is wrong [m]."""
 _SHORTEST_LANE = 2.0
 """A path that is outside the junction for less [m] at either end is cut off."""
 _SHORTEST_LEG = 6.0
@@ -86,6 +88,8 @@ class FileLanelet:
 
     def __post_init__(self) -> None:
         longest = max(measure_length(self.left), measure_length(self.right))
+        if not longest < _LONGEST_LANELET:
+            raise InputError(f"lanelet {self.id[:40]} is {longest:.3g} m long; this cannot be")
         sides = self._resample_sides(max(round(longest / 0.5), 4))
         object.__setattr__(self, "middle", (sides[0] + sides[1]) / 2)
 

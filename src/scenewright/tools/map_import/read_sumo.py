@@ -137,7 +137,10 @@ def read_sumo(
         group = next(each for each in groups if each.nodes == chosen.nodes)
         if listed_one is not None:
             _check_is_there(net, group, listed_one, origin, file)
-    survey = _survey_junction(net, group, origin, side)
+    try:
+        survey = _survey_junction(net, group, origin, side)
+    except (KeyError, IndexError) as fault:  # sumolib follows names that lead nowhere
+        raise InputError(f"{file} names a part that it lacks: {str(fault)[:80]}") from None
     middle = np.array(survey.offset)
     if drive is not None:
         own = list_opendrive_crossings(drive, middle)
@@ -352,6 +355,7 @@ def _survey_junction(
     names = sorted({*map(_read_street, (*roads_in, *roads_out))} - {""})
     crossings = tuple(each for node in nodes for each in _read_crossings(net, node, middle))
     lights = {each.light for each in connections} | {each.light for each in crossings}
+    phases = _read_phases(net, {light for light in lights if light is not None})
     return Survey(
         title=_choose_title(names, group),
         approaches={name: lane for name, lane in approaches.items() if name in used[0]},
@@ -359,7 +363,7 @@ def _survey_junction(
         connections=tuple(connections),
         crossings=crossings,
         areas=tuple(outline - middle for outline in outlines),
-        phases=_read_phases(net, {light for light in lights if light is not None}),
+        phases=phases,
         side=side,
         is_signalised=any(str(node.getType()).startswith("traffic_light") for node in nodes),
         origin=None if origin is None else unproject_ellipsoid(origin, middle),
@@ -372,6 +376,11 @@ def _survey_junction(
                 f"lane {name} leads nowhere and was dropped"
                 for name in approaches
                 if name not in used[0]
+            ),
+            *(
+                f"a phase of the lights that lasts {_LONGEST_PHASE:.0f} s or more was cut to that"
+                for duration, _ in phases
+                if duration >= _LONGEST_PHASE
             ),
         ],
     )
@@ -542,7 +551,12 @@ def _list_links_to(edge: Any) -> Iterator[Any]:
         yield from links
 
 
+_LONGEST_PHASE = 120.0
+"""Networks write hours for a phase that lasts until traffic ends it [s]."""
+
+
 def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, Colour]], ...]:
+    """Durations and colours of a programme's phases; a phase lasts two minutes at most."""
     names = {light.rsplit("#", 1)[0] for light in lights}
     programs = net.getTLS(names.pop()).getPrograms() if len(names) == 1 else {}
     if not programs:
@@ -550,7 +564,7 @@ def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, 
     index = {light: int(light.rsplit("#", 1)[1]) for light in lights}
     return tuple(
         (
-            float(phase.duration),
+            min(float(phase.duration), _LONGEST_PHASE),
             {light: _COLOURS.get(phase.state[i].lower(), "red") for light, i in index.items()},
         )
         for phase in next(iter(programs.values())).getPhases()
