@@ -78,3 +78,8 @@ def test_a_chain_is_refused_with_what_would_work() -> None:
     refused = decide_plan("A truck rear-ends a car and pushes it into the car ahead")
     assert isinstance(refused, Refusal)
     assert "one collision" in refused.reason
+
+
+def test_words_of_what_happens_are_never_lost() -> None:
+    text = "A right hook that does not happen. The lorry driver sees the cyclist and waits."
+    assert isinstance(decide_plan(text), Refusal)

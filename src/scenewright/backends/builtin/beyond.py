@@ -51,5 +51,27 @@ def refuse_beyond(refusal: Refusal, text: str) -> Refusal:
     return refusal.model_copy(update={"reason": _NO_CHAIN}) if _CHAIN.search(text) else refusal
 
 
+_NEVER_LOST = re.compile(
+    r"\b(?:sprint(?:s|ing|ed)?|dart(?:s|ed|ing)?(?:[- ]out)?|(?:does|did)(?: not|n't) happen)\b",
+    re.IGNORECASE,
+)
+_SELDOM_LOST = re.compile(
+    r"\b(?:nearly|almost|yellow|brak(?:es?|ed|ing)|yield(?:s|ed|ing)?|steps? (?:off|back)|"
+    r"near[- ]miss(?:es)?)\b",
+    re.IGNORECASE,
+)
+"""Words of what happens; those of a relation file's phrase are in no account."""
+
+
+def find_lost_words(graph: SocialGraph, text: str) -> str | None:
+    """Words of what happens of which the plan knows nothing; None if there are none."""
+    by_phrase = any(edge.pattern for edge in graph.relations)
+    for pattern in (_NEVER_LOST,) if by_phrase else (_NEVER_LOST, _SELDOM_LOST):
+        for match in pattern.finditer(text):
+            if not any(e.start < match.end() and match.start() < e.end for e in graph.said):
+                return match[0]
+    return None
+
+
 def _overlap(one: SaidSpan, other: SaidSpan) -> bool:
     return one.start < other.end and other.start < one.end

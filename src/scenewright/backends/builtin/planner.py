@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 
-from scenewright.backends.builtin.beyond import note_beyond, refuse_beyond
+from scenewright.backends.builtin.beyond import find_lost_words, note_beyond, refuse_beyond
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
@@ -164,7 +164,11 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
             return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found
         found = add_wrong_way(found, wrong, text) if wrong else found
-        return note_beyond(add_objects(found, standing, text) if standing else found, rest)
+        found = note_beyond(add_objects(found, standing, text) if standing else found, rest)
+        lost = None if previous else find_lost_words(found, text)
+        if lost is not None:
+            raise Refused("out_of_scope", f"It is not clear what '{lost}' says; say who does it.")
+        return found
     except Refused as verdict:
         refused = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
         return refuse_beyond(refused, text)
