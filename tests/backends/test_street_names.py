@@ -4,7 +4,7 @@ import pytest
 
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import plan
-from scenewright.backends.builtin.references import answered
+from scenewright.backends.builtin.references import read_choice
 from scenewright.backends.builtin.revising import read
 from scenewright.cli.scene_summary import list_unshown
 from scenewright.scene.edits import AgentView, Situation
@@ -78,7 +78,7 @@ def test_a_change_asks_which_leg_of_a_street_with_two():
     words = "make the car come from Borough High Street"
     asked = read(words, situation, site=SITE)
     assert asked.question == "Which leg of Borough High Street: north or south?"
-    choice = answered("the south leg", asked)
+    choice = read_choice("the south leg", asked)
     chosen = {choice.means.partition("=")[0]: choice.answer}
     (edit,) = read(words, situation, chosen=chosen, site=SITE).edits
     assert edit.node.entry == "south"

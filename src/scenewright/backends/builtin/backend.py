@@ -38,7 +38,7 @@ class BuiltinBackend:
 
 def _plan(question: Question) -> dict[str, Any]:
     facts = question.facts
-    site = replace(_site(facts), can_serve=question.can_serve)
+    site = replace(_build_site(facts), can_serve=question.can_serve)
     previous = facts.get("previous")
     understood = plan(facts["instruction"], previous=previous, site=site, seed=question.seed)
     return understood.model_dump(mode="json", by_alias=True)

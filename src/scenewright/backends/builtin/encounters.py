@@ -50,7 +50,7 @@ _OVER = allow(
                  "slowly", "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
 )  # fmt: skip
 VERBS: dict[Encounter, str] = {
-    "stops_short": any_of(
+    "stops_short": join_any(
         "(?:brakes? hard(?:er)? (?:for .{2,30} )?and )?(?:stop(?:s|ping|ped)?|halt(?:s|ing|ed)?) "
         "(?:just|only just|right|barely) (?:short of|before|behind)",
         "(?:almost|nearly|narrowly|barely|just|very nearly) (?:avoids? (?:hitting|running into)|"
@@ -61,7 +61,7 @@ VERBS: dict[Encounter, str] = {
         "(?:narrowly|just|barely) miss(?:es|ing|ed)?", "has a near[- ]miss with",
         "(?:brakes?|braking|braked) (?:hard|sharply|late) (?:for|behind)",
     ),
-    "goes_round": any_of(
+    "goes_round": join_any(
         f"{_MOVES}{_OVER} (?:a?round|past|by|clear of)",
         f"{_MOVES}{_OVER} (?:and|to) "
         "(?:avoids?|pass(?:es)?|clears?|overtakes?|(?:gets?|goes?) (?:a?round|past))",
@@ -150,12 +150,12 @@ _ACTIVE = {
     )
     for how, verb in VERBS.items()
 }
-_FOR_A_WHILE = maybe(
+_FOR_A_WHILE = allow(
     " (?:for )?(?:about )?"
-    + any_of(r"(?P<seconds>\d+(?:\.\d+)?) ?(?:s|secs?|seconds?)\b", "a (?:bit|while|moment)")
+    + join_any(r"(?P<seconds>\d+(?:\.\d+)?) ?(?:s|secs?|seconds?)\b", "a (?:bit|while|moment)")
 )
 _THEN_PASSES = rf"(?:,? and|,)? (?:then |after that )(?:{VERBS['goes_round']}) {_IT}"
-_WAITING = any_of("waits?", "waiting", "stops?(?: and waits)?", "stands", "pauses", "queues")
+_WAITING = join_any("waits?", "waiting", "stops?(?: and waits)?", "stands", "pauses", "queues")
 _ACTIVE["waits_then_passes"] = re.compile(
     rf"{_HAS_TO}(?P<verb>{_WAITING}){_FOR_A_WHILE} behind (?P<object>{_THING}){_TAIL}"
     rf"{_THEN_PASSES}",
@@ -389,7 +389,7 @@ def _make_node(phrase: EncounterPhrase, name: str, agent: str) -> ObjectNode:
         {
             "id": name,
             "kind": find_kind(phrase.object, phrase.how),
-            "subtype": subtype_in(phrase.object),
+            "subtype": find_subtype(phrase.object),
             "leg": leg[1].lower() if leg else None,
             "side": "exit" if _EXIT.search(phrase.object) else None,
             "met_by": agent,

@@ -114,7 +114,7 @@ def read(
         if any(each != edits[0] for each in edits):
             return ask_which_leg(words, worded[0].left_open[0])
         found = edits or made
-        return found[0] if found else _edits(words, situation, chosen or {}, site)
+        return found[0] if found else _build_edits(words, situation, chosen or {}, site)
     except Unclear as unclear:
         return unclear.ask
     except Refused as refused:

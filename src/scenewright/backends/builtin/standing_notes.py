@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from scenewright.backends.builtin.encounters import SPEED_TOLERANCE, TO_METRES, VERBS, find_kind
-from scenewright.backends.builtin.reader.words import subtype_in
-from scenewright.backends.builtin.standing import STATE, VEHICLE, any_of, maybe
+from scenewright.backends.builtin.reader.words import find_subtype
+from scenewright.backends.builtin.standing import STATE, VEHICLE, allow, join_any
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import AgentClass, Compass, Movement
 from scenewright.scene.social import (
@@ -26,34 +26,36 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
-_MAKES = any_of(
+_MAKES = join_any(
     "hatchbacks?", "sedans?", "saloons?", "estates?", "station wagons?", "volvos?", "toyotas?",
     "fords?", "bmws?", "golfs?", "hondas?", "audis?", "sports? cars?", "company cars?",
 )  # fmt: skip
 _VEHICLE = f"(?:school |delivery |city |old |rental |family )?(?:{VEHICLE}|{_MAKES})"
-_DRIVER = any_of("guy", "man", "woman", "lady", "dude", "driver", "mum", "mom", "dad", "one")
-_THE = maybe(any_of("an?", "the", "one", "1", "some", "this", "that", "my", "his", "her", then=" "))
-_STANDS = any_of(STATE, "stationary", "standing", "stopped", "halted", "immobile", "breakdown",
+_DRIVER = join_any("guy", "man", "woman", "lady", "dude", "driver", "mum", "mom", "dad", "one")
+_THE = allow(
+    join_any("an?", "the", "one", "1", "some", "this", "that", "my", "his", "her", then=" ")
+)
+_STANDS = join_any(STATE, "stationary", "standing", "stopped", "halted", "immobile", "breakdown",
                  "broken down", "dead", "motionless", "unattended")  # fmt: skip
-_BROKE = any_of(
+_BROKE = join_any(
     "broken[- ]down", "stalled(?: dead)?", "dead", "died", "stopped working", "conked out",
     "given up", "packed up", "(?:a )?flat ty?i?re", "run out of (?:fuel|petrol|gas)", "stopped",
     "parked", "double[- ]parked", "stationary", "stranded", "disabled", "unloading", "standing",
     "stuck", "abandoned", "not moving",
 )  # fmt: skip
-_HAS = any_of("(?:'s| is| was| has| had)(?: just| been| completely)*", "(?: just)?")
-_REASON = any_of(
+_HAS = join_any("(?:'s| is| was| has| had)(?: just| been| completely)*", "(?: just)?")
+_REASON = join_any(
     ",? ?(?:and )?(?:it |he |she )?(?:has|with|having) (?:a flat ty?i?re|no fuel|engine trouble|"
     "its hazards? (?:lights )?on|hazards? (?:lights )?(?:on|flashing))",
     "(?:is )?not waiting (?:for|at) (?:a|the) (?:red )?light",
     "to (?:let|drop) (?:me|him|her|us|them|someone|somebody|a passenger) (?:out|off)",
     "waiting f(?:o)?r (?:someone|somebody|a passenger|a fare):?", "unlit",
 )  # fmt: skip
-_SIDE = any_of("north", "south", "east", "west", then="(?:ern)?") + r"\b"
+_SIDE = join_any("north", "south", "east", "west", then="(?:ern)?") + r"\b"
 _SHORT_SIDE = r"[nsew](?= (?:lane|approach|leg|exit|arm|side)\b)"
 _LANE = r"(?P<lane>right|left|near(?:side)?|kerb|curb|inner|outer)?(?:[- ]?side)? ?lane(?: of)?"
-_LEG = any_of("approach", "leg", "arm", "side", "street", "road", "entry", "lane", "exit")
-_FROM = any_of("all from", "(?:coming |driving |arriving )?(?:out )?(?:from|of)", "both from")
+_LEG = join_any("approach", "leg", "arm", "side", "street", "road", "entry", "lane", "exit")
+_FROM = join_any("all from", "(?:coming |driving |arriving )?(?:out )?(?:from|of)", "both from")
 _VERB_AFTER = r"(?: (?:it|him|her|us|them|that|the (?:obstacle|obstruction|wreck)))?\b"
 
 _SECONDS = r"(?P<seconds>\d+(?:[.,]\d+)?) ?(?:s|secs?|seconds)\b"
@@ -66,7 +68,7 @@ _HOW: dict[Encounter, str] = {
         f"(?: (?:for )?(?:about )?{_SECONDS}|(?: for)? a (?:bit|moment|while)| briefly)?"
         f"(?:,| and)?(?: and)? then (?:{VERBS['goes_round']}|overtakes){_VERB_AFTER}"
     ),
-    "stops_short": any_of(
+    "stops_short": join_any(
         "(?:brakes? hard(?:er)? and )?(?:stops?|stopping|halts?) (?:just |only just |right )"
         f"(?:short of|before|behind){_VERB_AFTER}",
         f"(?:almost|nearly|narrowly misses|just misses|barely misses) ?(?:{VERBS['hits']})?"
@@ -74,15 +76,15 @@ _HOW: dict[Encounter, str] = {
         f"(?:brakes?|braking) hard(?: (?:for|behind))?{_VERB_AFTER}",
     ),
     "queues": f"(?:queues?|lines? up|queue up)(?: (?:up )?behind)?{_VERB_AFTER}",
-    "waits_behind": any_of(
+    "waits_behind": join_any(
         f"(?:{VERBS['waits_behind']}){_VERB_AFTER}", "stays? put", "waits?", "holds? back",
         f"(?:stays|remains) (?:behind|stopped)(?: behind)?{_VERB_AFTER}",
     ),
-    "goes_round": any_of(
+    "goes_round": join_any(
         "moves over(?: at the last moment)?(?:, revealing)?", "had to steer past" + _VERB_AFTER,
         f"(?:{VERBS['goes_round']}){_VERB_AFTER}", "goes a?round", "pulls round",
     ),
-    "hits": any_of(
+    "hits": join_any(
         f"(?:{VERBS['hits']}){_VERB_AFTER}", "can'?t avoid(?: it)?", "cannot avoid(?: it)?",
         "(?:does not|doesn'?t) (?:stop|brake)(?: in time)?(?: for it)?",
     ),
@@ -91,13 +93,13 @@ _HOW: dict[Encounter, str] = {
 _KINDS: dict[str, str] = {
     "taken_back": r"^.{3,80}?(?:no,? (?:wait,? )?)?(?:scrap|scratch|strike|forget|ignore) that\.?",
     "clock": r"(?:at )?(?:about |around |approx\.? )?(?P<clock>(?:[01]?\d|2[0-3]):[0-5]\d)",
-    "denied": any_of(
+    "denied": join_any(
         "no (?:trouble|contact|collision|crash|accident|problem)", "nobody (?:crashes|is hurt)",
         "neither (?:of them )?passes", "(?:no ?one|nobody) (?:passes|crashes|gets hurt|hits .*)",
         "nothing (?:else )?happens", "without (?:contact|touching(?: it)?|incident)",
     ),
     **{f"do {how}": words for how, words in _HOW.items()},
-    "object": any_of(
+    "object": join_any(
         f"{_THE}(?:[a-z]+ )?{_STANDS} {_VEHICLE}",
         f"{_THE}{_VEHICLE}{_HAS} {_BROKE}", f"{_THE}{_DRIVER}{_HAS} {_BROKE}",
         f"{_DRIVER} (?:stopped|parked) (?:the|her|his) {_VEHICLE}",
@@ -114,7 +116,7 @@ _KINDS: dict[str, str] = {
         f"(?P<leg>{_SIDE}|{_SHORT_SIDE}) {_LEG}"
     ),
     "lane": f"(?:in |on )?(?:the |its )?{_LANE}",
-    "spot": any_of(
+    "spot": join_any(
         "(?:just |right |directly )?(?:short of|before|by|at|near) the (?:line|stop line|junction|"
         "intersection|lights)", "in front of (?:me|us|it|them)", "ahead(?: of (?:me|it|us))?",
         "(?:standing |blocking )?(?:in )?(?:the|its|one|my) (?:lane|way)",
@@ -124,7 +126,7 @@ _KINDS: dict[str, str] = {
         f"{_SPEED}\\)?"
     ),
     "gap": f"{_METRES} (?:short|behind(?: it)?|away)",
-    "agent": any_of(
+    "agent": join_any(
         r"(?P<many>two|2|both|three|3) (?P<noun>cars|vehicles|vans|trucks|taxis)(?: behind)?",
         "(?P<rider>(?:an? |the )?(?:e-?scooter(?: rider)?|cyclist|bicycle|bike|biker))",
         "(?:the |a |1 |my |our |another )?(?:first |second |next |following |other )?"
@@ -132,12 +134,12 @@ _KINDS: dict[str, str] = {
         "(?: (?:coming |comes |arriving )?(?:from )?behind(?: it)?)?",
         r"(?P<me>i|we|(?:the )?ego|insured|(?:the )?lead(?: (?:car|vehicle))?|1 that)",
     ),
-    "manner": any_of(
+    "manner": join_any(
         "checks(?: and)?", "slowly", "carefully", "safely", "that'?s it", "please", "just",
         "i need", "in time", "calmly", "patiently", "cautiously", "to notice late", "comes up",
         "comes along",
     ),
-    "filler": any_of(
+    "filler": join_any(
         "and", "but", "then", "so", "the", "a", "there(?:'s| is)", "is", "it", "one", "who", "that",
         "which", "while", "behind", "from behind", "comes", "coming", "with", "standing",
     ),
@@ -274,7 +276,7 @@ def _add_actors(actors: list[_Actor], word: _Word) -> None:
     many = {"two": 2, "2": 2, "both": 2, "three": 3, "3": 3}.get(
         (word.match.groupdict().get("many") or "").lower(), 1
     )
-    subtype = None if rides else subtype_in(said)
+    subtype = None if rides else find_subtype(said)
     actors += [_Actor([word], type_, subtype) for _ in range(many)]
 
 
@@ -357,7 +359,7 @@ def _build(words: Sequence[_Word], standing: _Word, actors: Sequence[_Actor]) ->
     thing = ObjectNode.model_validate(
         {
             "id": "object-1", "kind": find_kind(standing.match[0], meetings[0].encounter),
-            "subtype": subtype_in(standing.match[0]), "leg": leg, "lane": _find_lane(words),
+            "subtype": find_subtype(standing.match[0]), "leg": leg, "lane": _find_lane(words),
             "side": None if leg is None else side, "met_by": meetings[0].agent,
             "encounter": meetings[0].encounter, "figure": meetings[0].figure,
             "others": tuple(meetings[1:]),

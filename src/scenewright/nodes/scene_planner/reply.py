@@ -273,10 +273,10 @@ def build_object_schema(words: str, side: Schema) -> Schema:
     """What stands, as a key of the reply, where the words may speak of it."""
     if not _STANDING.search(words):
         return {}
-    who = build_reference("id")
+    agent = build_reference("id")
     figure = {"type": "array", "items": build_number(0, 30), "minItems": 2, "maxItems": 2}
     how = build_enum(get_args(Encounter))
-    other = {"agent": who, "encounter": how, "figure": figure}
+    other = {"agent": agent, "encounter": how, "figure": figure}
     node = {
         "id": build_text(r"object-[1-9]"),
         "kind": build_enum(get_args(ObjectKind)),
@@ -286,7 +286,7 @@ def build_object_schema(words: str, side: Schema) -> Schema:
         "hidden_from": agent,
         "lead": {"type": "array", "items": build_number(0, 10), "minItems": 2, "maxItems": 2},
         "lane": build_enum(("left", "right")),
-        "met_by": who,
+        "met_by": agent,
         "encounter": how,
         "figure": figure,
         "others": build_array(build_object(other, required=("agent", "encounter")), most=3),
