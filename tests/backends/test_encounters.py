@@ -100,7 +100,7 @@ def test_who_waits_in_traffic_is_no_object() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("A pedestrian goes around a stalled car", "not clear who"),
+        ("A pedestrian goes around a stalled car", "not clear which"),
         ("A car waits behind a stalled van and hits a pedestrian", "no relation can bind it"),
     ],
 )
