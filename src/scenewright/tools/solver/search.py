@@ -652,11 +652,11 @@ class Search:
         offsets = find_feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
-        crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
+        arrivals = [each.route for each in self._pool.agents.values() if each.chance is not None]
         often = count_visible_agents(
             program,
             offsets,
-            crowd,
+            arrivals,
             duration=duration,
             intersection_map=self._ground.intersection_map,
         )
@@ -664,7 +664,7 @@ class Search:
             left = compute_queue_growth(
                 program,
                 offsets,
-                crowd,
+                arrivals,
                 duration=duration,
                 intersection_map=self._ground.intersection_map,
             )
