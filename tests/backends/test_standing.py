@@ -60,7 +60,6 @@ def test_objects_are_read(text: str, objects: list[dict[str, Any]]) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "A car nearly hits a parked van",
         "A car comes out from behind a parked bus and hits a pedestrian",
         "A car comes out from behind a parked bus and hits a truck",
     ],

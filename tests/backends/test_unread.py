@@ -67,13 +67,7 @@ def test_between_intersections_is_off_the_crosswalks() -> None:
     assert graph.agents[0].movement == "jaywalking"
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("A wrong-way driver collides head-on with a van", "wrong-way driver"),
-        ("A van hits a taxi and shunts it into a bus", "shunts it into"),
-    ],
-)
-def test_what_no_scene_shows_stands_in_the_account(text: str, words: str) -> None:
+def test_what_no_scene_shows_stands_in_the_account() -> None:
+    text = "A van hits a taxi and shunts it into a bus"
     graph = note_beyond(SocialGraph(agents=()), text)
-    assert [(each.words, each.became) for each in graph.said] == [(words, "nothing")]
+    assert [(each.words, each.became) for each in graph.said] == [("shunts it into", "nothing")]

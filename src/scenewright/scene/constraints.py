@@ -249,6 +249,13 @@ class BlocksJunction(Model):
     agent: VehicleId
 
 
+class DrivesWrongWay(Model):
+    """The vehicle comes to the junction in a lane that leads out of it."""
+
+    clause: Literal["drives_wrong_way"] = "drives_wrong_way"
+    agent: VehicleId
+
+
 class Pauses(Model):
     """The pedestrian stands still for a while on its way over the road."""
 
@@ -295,6 +302,7 @@ UnaryClause = (
     | TurnsBack
     | StopsAtYellow
     | BlocksJunction
+    | DrivesWrongWay
     | NoReaction
 )
 PairClause = (

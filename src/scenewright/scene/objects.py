@@ -28,6 +28,7 @@ class ObjectRecord(Model):
         height: `high` blocks the line of sight, `low` is seen over.
         length, width: of its footprint [m], a rectangle centred on (x, y) [m].
         heading: direction of its length [rad], counter-clockwise from east.
+        lane: the outermost lane that it was to stand in.
     """
 
     id: str
@@ -39,6 +40,7 @@ class ObjectRecord(Model):
     x: float
     y: float
     heading: float
+    lane: Literal["left", "right"] | None = Field(default=None, exclude_if=is_left_out)
 
 
 class SightRecord(Model):
@@ -58,11 +60,16 @@ class SightRecord(Model):
 
 
 class EncounterRecord(Model):
-    """What an agent was to do about an object in its way: go round it, wait behind it, hit it."""
+    """What an agent was to do about an object in its way: go round it, wait behind it, hit it.
+
+    Attributes:
+        figure: range of the figure asked for (`scene.social.FIGURES`).
+    """
 
     agent: int
     object: str
     how: Encounter
+    figure: tuple[float, float] | None = Field(default=None, exclude_if=is_left_out)
 
 
 def get_subtype(node: ObjectNode) -> str | None:

@@ -40,6 +40,7 @@ _MOTIONS = {
     "stops_midway": "stops in the middle of the crosswalk",
     "turns_back": "turns back halfway across", "passes_yellow": "runs a yellow light",
     "stops_at_yellow": "brakes hard for a yellow light", "blocks_junction": "blocks the box",
+    "drives_wrong_way": "drives the wrong way",
 }  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 

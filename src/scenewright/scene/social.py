@@ -34,9 +34,11 @@ round there and returns."""
 
 AskedReaction = Literal["none"]
 """How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""
-VehicleMotion = Literal["passes_yellow", "stops_at_yellow", "blocks_junction"]
-"""How a vehicle drives: over its stop line while the light is yellow; it brakes hard for that; or
-it stands in the junction while its light is red."""
+VehicleMotion = Literal[
+    "passes_yellow", "stops_at_yellow", "blocks_junction", "drives_wrong_way"
+]  # fmt: skip
+"""How a vehicle drives: over its stop line while the light is yellow; it brakes hard for that;
+it stands in the junction while its light is red; or comes to the junction in an exit lane."""
 
 Density = Literal["low", "medium", "high"]
 Subtype = Literal[
@@ -159,11 +161,44 @@ ObjectKind = Literal[
 """What stands: vehicles at the kerb, beside those parked there, in a lane, a bus at its stop; a
 cabinet or kiosk, a litter bin, a shipping container."""
 
-Encounter = Literal["goes_round", "waits_behind", "hits"]
-"""What a vehicle or rider does about an object in its way."""
+Encounter = Literal[
+    "goes_round", "waits_behind", "hits", "stops_short", "waits_then_passes", "queues"
+]  # fmt: skip
+"""What a vehicle or rider does about an object in its way: it also brakes hard and stops just short
+of it, goes round it after a wait, or stands behind who waits there."""
+
+FIGURES: dict[Encounter, tuple[str, str, float, float]] = {
+    "goes_round": ("clearance", "m", 0.15, 2.5),
+    "waits_behind": ("gap", "m", 0.5, 6.0),
+    "hits": ("speed", "m/s", 1.0, 18.0),
+    "stops_short": ("gap", "m", 0.3, 2.0),
+    "waits_then_passes": ("waits", "s", 1.0, 12.0),
+    "queues": ("gap", "m", 0.5, 6.0),
+}
+"""What may be asked of each: the figure that the checker measures, its unit, least and most."""
 
 ObjectId = Annotated[str, Field(pattern=r"^object-[1-9][0-9]*$", max_length=32)]
 STANDING_VEHICLES = ("parked", "double_parked", "stalled", "bus_stop")
+
+
+def _check_figure(name: str, how: Encounter, figure: tuple[float, float] | None) -> None:
+    what, unit, least, most = FIGURES[how]
+    if figure is not None and not least <= figure[1] <= most + 1.0:
+        raise ValueError(f"{name}: {what} of who {how} must be {least:g} to {most:g} {unit}")
+    if figure is not None and figure[0] >= figure[1]:
+        raise ValueError(f"{name}: {what} must be two rising numbers, in {unit}")
+
+
+class Meeting(Model):
+    """One more agent that meets an object, after those before it.
+
+    Attributes:
+        figure: range of the figure of `FIGURES`, where one is asked for.
+    """
+
+    agent: _VehicleId
+    encounter: Encounter
+    figure: tuple[float, float] | None = Field(default=None, exclude_if=is_left_out)
 
 
 class ObjectNode(Model):
@@ -171,12 +206,14 @@ class ObjectNode(Model):
 
     Attributes:
         subtype: of a vehicle; a car where the text leaves it open, a bus at a bus stop.
-        leg: the arm it stands on; side: that of the approach (`entry`) or of the exit.
+        leg: the arm it stands on; side: that of the approach (`entry`) or of the exit; lane: the
+            outermost one on that side, as the traffic there sees it.
         hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
             what the two do.
         lead: least and most seconds between the first free line of sight and the event.
         beyond: the object that hides a pedestrian stepping out between it and this one.
-        met_by: whose way it is in, and `encounter` what that one does about it.
+        met_by: whose way it is in, and `encounter` what that one does about it, with a `figure`
+            in that range (`FIGURES`); others: others that meet it, one after the other.
     """
 
     id: ObjectId
@@ -184,12 +221,15 @@ class ObjectNode(Model):
     subtype: Subtype | None = None
     leg: Compass | None = None
     side: Literal["entry", "exit"] | None = None
+    lane: Literal["left", "right"] | None = Field(default=None, exclude_if=is_left_out)
     hides: AgentId | None = None
     hidden_from: AgentId | None = None
     lead: tuple[float, float] | None = None
     beyond: ObjectId | None = Field(default=None, exclude_if=is_left_out)
     met_by: _VehicleId | None = Field(default=None, exclude_if=is_left_out)
     encounter: Encounter | None = Field(default=None, exclude_if=is_left_out)
+    figure: tuple[float, float] | None = Field(default=None, exclude_if=is_left_out)
+    others: tuple[Meeting, ...] = Field(default=(), max_length=3, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
@@ -203,7 +243,22 @@ class ObjectNode(Model):
             raise ValueError(f"{self.id}: met_by and encounter go together")
         if self.encounter is not None and self.kind not in STANDING_VEHICLES:
             raise ValueError(f"{self.id}: a {self.kind} is in no agent's way")
+        if self.encounter is None and (self.figure is not None or self.others):
+            raise ValueError(f"{self.id}: figure and others need met_by")
+        if self.encounter == "queues":
+            raise ValueError(f"{self.id}: the first behind it waits_behind, the others queue")
+        if self.lane is not None and self.kind not in ("stalled", "double_parked"):
+            raise ValueError(f"{self.id}: a {self.kind} stands in no lane")
+        for each in self.list_meetings():
+            _check_figure(self.id, each.encounter, each.figure)
         return self
+
+    def list_meetings(self) -> tuple[Meeting, ...]:
+        """List the agents that meet it, one after the other."""
+        if self.met_by is None or self.encounter is None:
+            return ()
+        first = Meeting(agent=self.met_by, encounter=self.encounter, figure=self.figure)
+        return first, *self.others
 
 
 DEFAULT_LEAD = (1.0, 2.0)
@@ -286,16 +341,16 @@ class SocialGraph(Model):
     def _check_encounters(self) -> None:
         """Check that agents meeting an object exist, meet one only, and pass it only on the way
         to another relation."""
-        met = [each for each in self.objects if each.met_by is not None]
+        met = [(own, each) for own in self.objects for each in own.list_meetings()]
         busy = {name for edge in self.relations for name in (edge.from_, edge.to)}
         ids = {agent.id for agent in self.agents}
-        for each in met:
-            if each.met_by not in ids:
-                raise ValueError(f"{each.id} is met by {each.met_by}, which is not in the scene")
-            if sum(other.met_by == each.met_by for other in met) > 1:
-                raise ValueError(f"{each.met_by} can meet one object only")
-            if each.encounter != "goes_round" and each.met_by in busy:
-                raise ValueError(f"{each.met_by} ends at {each.id}, so no relation can bind it")
+        for own, each in met:
+            if each.agent not in ids:
+                raise ValueError(f"{own.id} is met by {each.agent}, which is not in the scene")
+            if sum(other.agent == each.agent for _, other in met) > 1:
+                raise ValueError(f"{each.agent} can meet one object only")
+            if each.encounter != "goes_round" and each.agent in busy:
+                raise ValueError(f"{each.agent} stops at {own.id}, so no relation can bind it")
 
     def agent(self, agent_id: str) -> AgentNode:
         """The vertex with this id; KeyError if there is none."""

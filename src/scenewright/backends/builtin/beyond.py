@@ -9,11 +9,6 @@ from scenewright.scene.social import SocialGraph
 
 _BEYOND = (
     (
-        r"\b(?:the )?wrong[- ](?:way|direction)(?: driver)?\b|"
-        r"\bagainst (?:the )?(?:flow of )?traffic\b",
-        "nobody drives against the direction of a lane; ask for a head-on collision",
-    ),
-    (
         r"\b(?:push(?:es|ed|ing)?|shov(?:es|ed|ing)|shunt(?:s|ed|ing)?) (?:it |her |him )?into\b|"
         r"\bpile-?up\b|\bchain reaction\b",
         "who is in a collision stays there; ask for one collision of each",

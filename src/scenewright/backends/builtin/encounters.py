@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.words import subtype_in
@@ -49,7 +49,18 @@ _OVER = maybe(
     " " + any_of("out", "over", "aside", "left", "right", "wide", "slightly", "carefully", "slowly",
                  "to the left", "to the right", "to (?:one|the|its) (?:other )?side")
 )  # fmt: skip
-_VERBS: dict[Encounter, str] = {
+VERBS: dict[Encounter, str] = {
+    "stops_short": any_of(
+        "(?:brakes? hard(?:er)? (?:for .{2,30} )?and )?(?:stop(?:s|ping|ped)?|halt(?:s|ing|ed)?) "
+        "(?:just|only just|right|barely) (?:short of|before|behind)",
+        "(?:almost|nearly|narrowly|barely|just|very nearly) (?:avoids? (?:hitting|running into)|"
+        "(?:hit(?:s|ting)?|str(?:ikes?|iking|uck)|rear[- ]?end(?:s|ing|ed)?|rams?|"
+        "(?:crash(?:es|ing|ed)?|runs?|running|ran|driv(?:es?|ing)|drove|slam(?:s|med)?|"
+        "smash(?:es|ed)?|plough(?:s|ed)?|bump(?:s|ed)?) (?:straight |right )?into"
+        "(?: the (?:back|rear) of)?|collid(?:es?|ing|ed) with))",
+        "(?:narrowly|just|barely) miss(?:es|ing|ed)?", "has a near[- ]miss with",
+        "(?:brakes?|braking|braked) (?:hard|sharply|late) (?:for|behind)",
+    ),
     "goes_round": any_of(
         f"{_MOVES}{_OVER} (?:a?round|past|by|clear of)",
         f"{_MOVES}{_OVER} (?:and|to) "
@@ -82,6 +93,7 @@ _PASSIVE: dict[Encounter, str] = {
     "waits_behind": "(?:waited for)",
     "hits": "(?:hit|struck|rear[- ]?ended|rammed|side-?swiped|scraped|clipped|crashed into|"
     "run into|driven into)",
+    "stops_short": "(?:almost|nearly|narrowly) (?:hit|struck|rear[- ]?ended|missed|run into)",
 }
 _HAS_TO = maybe(any_of("(?:has|had|have) to", "must", "manages to", "needs to", "is", "was",
                        "safely", "then", "slowly", "carefully", then=" "))  # fmt: skip
@@ -136,16 +148,32 @@ _ACTIVE = {
         + (_STOPS if how == "waits_behind" else ""),
         re.IGNORECASE,
     )
-    for how, verb in _VERBS.items()
+    for how, verb in VERBS.items()
 }
+_FOR_A_WHILE = maybe(
+    " (?:for )?(?:about )?"
+    + any_of(r"(?P<seconds>\d+(?:\.\d+)?) ?(?:s|secs?|seconds?)\b", "a (?:bit|while|moment)")
+)
+_THEN_PASSES = rf"(?:,? and|,)? (?:then |after that )(?:{VERBS['goes_round']}) {_IT}"
+_WAITING = any_of("waits?", "waiting", "stops?(?: and waits)?", "stands", "pauses", "queues")
+_ACTIVE["waits_then_passes"] = re.compile(
+    rf"{_HAS_TO}(?P<verb>{_WAITING}){_FOR_A_WHILE} behind (?P<object>{_THING}){_TAIL}"
+    rf"{_THEN_PASSES}",
+    re.IGNORECASE,
+)
 _MET_FIRST = {
     how: re.compile(
         rf"(?P<verb>{_MEETS}) (?P<object>{_THING}){_TAIL}{_AND}{_HAS_TO}"
         + (any_of(f"{verb} {_IT}{_STOPS}", _HALTS) if how == "waits_behind" else f"{verb} {_IT}"),
         re.IGNORECASE,
     )
-    for how, verb in _VERBS.items()
+    for how, verb in VERBS.items()
 }
+_MET_FIRST["waits_then_passes"] = re.compile(
+    rf"(?P<verb>{_MEETS}) (?P<object>{_THING}){_TAIL}{_AND}{_WAITING}(?: behind {_IT})?"
+    rf"{_FOR_A_WHILE}{_THEN_PASSES}",
+    re.IGNORECASE,
+)
 _BY = {
     how: re.compile(
         rf"(?P<object>{_THING}){_TAIL} (?:is|gets|was|being) (?P<passive>{verb}) by(?= )",
@@ -163,19 +191,29 @@ _THEN = {
         rf"{_HAS_TO}(?P<verb>{verb}) {_IT}" + (_STOPS if how == "waits_behind" else ""),
         re.IGNORECASE,
     )
-    for how, verb in _VERBS.items()
+    for how, verb in VERBS.items()
 }
 _EXIT = re.compile(
     r"\bexit\b|\b(?:after|past|beyond) the (?:junction|intersection)\b", re.IGNORECASE
 )
 _LEG = re.compile(r"\b(north|south|east|west)(?!bound)", re.IGNORECASE)
 _SPEED = re.compile(
-    r"\s*(?:at|doing|with) (?:about |around |some )?[\d.]+ ?(?:k?m/h|km ?/ ?h|kph|mph|m/s|kmh)",
+    r"\s*(?:at|doing|with) (?:about |around |some |approximately |roughly )?"
+    r"(?P<speed>\d+(?:\.\d+)?) ?(?P<unit>km ?/ ?h|kph|mph|m/s|kmh)\b",
     re.IGNORECASE,
 )
+TO_METRES = {"km/h": 1 / 3.6, "kph": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704, "m/s": 1.0}
+"""Of units of speed [m/s]."""
+SPEED_TOLERANCE, WAITING_TOLERANCE = 0.5, 0.15
+"""Of plain numbers [m/s, s] (SEMANTICS 8)."""
+_WAITED = re.compile(r"(\d+(?:\.\d+)?) ?s", re.IGNORECASE)
 
 
 _RIDER = re.compile(r"(?:cyclist|bicycl\w+|bike|biker|scooter|e-scooter|rider)\b", re.IGNORECASE)
+
+
+_IN_TURN: tuple[Encounter, ...] = ("waits_then_passes", *VERBS)
+"""Encounters, those first whose words hold those of others."""
 
 
 @dataclass(frozen=True)
@@ -186,6 +224,7 @@ class EncounterPhrase:
         start, end: characters of the text; words: those; object: the words that name it.
         agent_follows: whether who meets it is named after the words, not before.
         named: characters of the words that name the object elsewhere in the text.
+        figure: bounds of the speed, where one is said [m/s].
     """
 
     start: int
@@ -195,6 +234,7 @@ class EncounterPhrase:
     how: Encounter
     agent_follows: bool = False
     named: tuple[int, int] | None = None
+    figure: tuple[float, float] | None = None
 
 
 def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
@@ -204,14 +244,14 @@ def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
         Refused: the words ask for more than can be had.
     """
     found: list[EncounterPhrase] = []
-    for how in _VERBS:
+    for how in _IN_TURN:
         for pattern in (_MET_FIRST[how], _ACTIVE[how]):
             for match in pattern.finditer(text):
                 if not _NOT.search(text[: match.start("verb")]):
-                    _refuse_speed(how, text[match.end() :])
-                    found.append(_read(match, how))
+                    found.append(_read_figure(_read(match, how), text))
                     text = _put(text, match, _choose_verb(match))
-        for match in _BY[how].finditer(text):
+                    text = _blank(text, match.end(), found[-1].end)
+        for match in _BY[how].finditer(text) if how in _BY else ():
             if not _NOT.search(text[: match.start("passive")]):
                 found.append(_read(match, how, agent_follows=True))
                 text = _put(text, match, "there is".rjust(len(match[0])))
@@ -223,19 +263,17 @@ def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
 def _take_later(text: str, found: list[EncounterPhrase]) -> str:
     """ "A stalled van blocks the lane and a car goes around it": the object is named before."""
     first = _THERE_FIRST.search(text)
-    for how in _VERBS:
+    for how in VERBS:
         match = _THEN[how].search(text, first.end()) if first else None
         if first is None or match is None or _NOT.search(text[: match.start("verb")]):
             continue
-        _refuse_speed(how, text[match.end() :])
         named = first[0].removesuffix(" and").removesuffix(" so").strip(" ,;.:")
         start = first.start() + first[0].index(named)
-        found.append(
-            EncounterPhrase(
-                match.start(), match.end(), match[0], named, how,
-                named=(start, start + len(named)),
-            )
+        phrase = EncounterPhrase(
+            match.start(), match.end(), match[0], named, how, named=(start, start + len(named)),
         )  # fmt: skip
+        found.append(_read_figure(phrase, text))
+        text = _blank(text, match.end(), found[-1].end)
         text = _put(_put(text, match, _choose_verb(match)), first, "")
         break
     return text
@@ -261,12 +299,25 @@ def _choose_verb(match: re.Match[str]) -> str:
     return "rides" if rides else "drives"
 
 
-def _refuse_speed(how: Encounter, rest: str) -> None:
-    if how == "hits" and _SPEED.match(rest):
-        raise Refused(
-            "out_of_scope",
-            "How fast a standing vehicle is hit cannot be asked for; leave the speed out.",
-        )
+def _read_figure(phrase: EncounterPhrase, text: str) -> EncounterPhrase:
+    """The phrase with the speed of a hit or the seconds of a wait, where the words say them."""
+    waits = _WAITED.search(phrase.words) if phrase.how == "waits_then_passes" else None
+    if waits is not None:
+        return replace(phrase, figure=_widen(float(waits[1]), WAITING_TOLERANCE))
+    match = _SPEED.match(text, phrase.end) if phrase.how == "hits" else None
+    if match is None:
+        return phrase
+    value = float(match["speed"]) * TO_METRES[match["unit"].lower().replace(" ", "")]
+    words = text[phrase.start : match.end()]
+    return replace(phrase, end=match.end(), words=words, figure=_widen(value, SPEED_TOLERANCE))
+
+
+def _widen(value: float, tolerance: float) -> tuple[float, float]:
+    return round(max(value - tolerance, 0.0), 3), round(value + tolerance, 3)
+
+
+def _blank(text: str, start: int, end: int) -> str:
+    return text[:start] + " " * max(end - start, 0) + text[max(start, end) :]
 
 
 def add_encounters(
@@ -336,17 +387,18 @@ def _make_node(phrase: EncounterPhrase, name: str, agent: str) -> ObjectNode:
     return ObjectNode.model_validate(
         {
             "id": name,
-            "kind": _find_kind(phrase.object, phrase.how),
+            "kind": find_kind(phrase.object, phrase.how),
             "subtype": subtype_in(phrase.object),
             "leg": leg[1].lower() if leg else None,
             "side": "exit" if _EXIT.search(phrase.object) else None,
             "met_by": agent,
             "encounter": phrase.how,
+            "figure": phrase.figure,
         }
     )
 
 
-def _find_kind(words: str, how: Encounter) -> ObjectKind:
+def find_kind(words: str, how: Encounter) -> ObjectKind:
     """What stands in the way is in a lane; what is hit may also stand at the kerb."""
     low = words.lower()
     in_lane = re.search(r"\b(?:lane|way|path|road)\b", low) is not None

@@ -29,7 +29,9 @@ from scenewright.backends.builtin.reader.learned_plan import (
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.standing import add_objects, take_out
+from scenewright.backends.builtin.standing_notes import read_notes
 from scenewright.backends.builtin.street_names import CompassText, list_compass_texts
+from scenewright.backends.builtin.wrong_way import add_wrong_way, take_out_wrong_way
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
 from scenewright.scene.measures import MeasureKind
@@ -146,17 +148,22 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
-        plain, met = take_out_encounters(text)
+        notes = None if previous else read_notes(text)
+        if notes is not None:
+            return notes
+        lawful, wrong = take_out_wrong_way(text)
+        plain, met = take_out_encounters(lawful)
         rest, standing = take_out(plain)
         earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]
         again = () if earlier else _read_after_openers(rest, site)
         found = decide(read_twice(rest, earlier, site), site, again)
-        if isinstance(found, Refusal) and met:
+        if isinstance(found, Refusal) and (met or wrong):
             # "A car drives" is no scene by itself, but with what it meets it is one.
             found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
         if isinstance(found, Refusal):
             return found
         found = add_encounters(found, met, text) if met else found
+        found = add_wrong_way(found, wrong, text) if wrong else found
         return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})

@@ -30,6 +30,7 @@ from scenewright.scene.social import (
     Cause,
     CollisionKind,
     Density,
+    Encounter,
     EntrySide,
     ImpactPoint,
     Manoeuvre,
@@ -273,6 +274,9 @@ def build_object_schema(words: str, side: Schema) -> Schema:
     if not _STANDING.search(words):
         return {}
     who = build_reference("id")
+    figure = {"type": "array", "items": build_number(0, 30), "minItems": 2, "maxItems": 2}
+    how = build_enum(get_args(Encounter))
+    other = {"agent": who, "encounter": how, "figure": figure}
     node = {
         "id": build_text(r"object-[1-9]"),
         "kind": build_enum(get_args(ObjectKind)),
@@ -281,6 +285,11 @@ def build_object_schema(words: str, side: Schema) -> Schema:
         "hides": who,
         "hidden_from": who,
         "lead": {"type": "array", "items": build_number(0, 10), "minItems": 2, "maxItems": 2},
+        "lane": build_enum(("left", "right")),
+        "met_by": who,
+        "encounter": how,
+        "figure": figure,
+        "others": build_array(build_object(other, required=("agent", "encounter")), most=3),
     }
     return {"objects": build_array(build_object(node, required=("id", "kind")), most=MOST_OBJECTS)}
 
@@ -298,13 +307,15 @@ def build_order_schema(words: str, who: Schema) -> Schema:
     return {"first": who} if _IN_ORDER.search(words) else {}
 
 
-_YELLOW = re.compile(r"yellow|amber|dilemma", re.IGNORECASE)
+_DRIVING = re.compile(
+    r"yellow|amber|dilemma|wrong|against|ghost driver|oncoming lane", re.IGNORECASE
+)
 
 
 def build_motion_schema(words: str) -> Schema:
     """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
     known = get_args(PedestrianMotion) if _ON_FOOT.search(words) else ()
-    known += get_args(VehicleMotion) if _YELLOW.search(words) else ()
+    known += get_args(VehicleMotion) if _DRIVING.search(words) else ()
     motion = {"motion": build_enum(known)} if known else {}
     motion |= {"reaction": build_enum(get_args(AskedReaction))} if _UNREACTING.search(words) else {}
     return motion | ({"members": build_integer(2, 8)} if _IN_GROUPS.search(words) else {})

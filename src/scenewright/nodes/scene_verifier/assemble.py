@@ -89,9 +89,11 @@ def assemble(
         objects=selection.objects,
         sights=_list_sights(graph, numbers),
         encounters=tuple(
-            EncounterRecord(agent=numbers[each.met_by], object=each.id, how=each.encounter)
+            EncounterRecord(
+                agent=numbers[met.agent], object=each.id, how=met.encounter, figure=met.figure
+            )
             for each in graph.objects
-            if each.met_by is not None and each.encounter is not None
+            for met in each.list_meetings()
         ),
     )
 

@@ -10,6 +10,7 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
     AgentFigure,
     BlocksJunction,
+    DrivesWrongWay,
     MinLength,
     NoReaction,
     OnRoad,
@@ -80,6 +81,8 @@ def _find_problem(
             return None  # of the motion in the scene, which the solver measures
         case RunsRed() | RunsYellow() | StopsAtYellow() | BlocksJunction():
             return None if landmarks.group else "there is no red light on its way to run"
+        case DrivesWrongWay():
+            return None  # its path was made so
         case NoReaction():
             return None  # of the motion in the scene, which the checker looks at
         case Pauses() | TurnsBack():

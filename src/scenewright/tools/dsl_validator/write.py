@@ -15,6 +15,7 @@ from scenewright.scene.constraints import (
     Clause,
     ConstraintProgram,
     Contact,
+    DrivesWrongWay,
     Headway,
     NoReaction,
     OnRoad,
@@ -102,6 +103,8 @@ def _build_motion(agent: str, motion: str) -> Clause:
             return StopsAtYellow(agent=agent)
         case "blocks_junction":
             return BlocksJunction(agent=agent)
+        case "drives_wrong_way":
+            return DrivesWrongWay(agent=agent)
         case "turns_back":
             return TurnsBack(agent=agent)
         case "passes_yellow":

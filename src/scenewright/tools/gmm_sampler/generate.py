@@ -14,7 +14,7 @@ import numpy as np
 
 from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet, DrawnWaypoints
-from scenewright.scene.grounding import Grounding, RoleAssignment
+from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
@@ -178,7 +178,10 @@ def amplify(
         if node.motion in _RUNNING:
             agents[node.id] = _let_run(agents[node.id], priors, rng)
     groups = _form_groups(graph, agents)
-    _draw_lane_departures(agents, assignment, priors, rng=rng)
+    # Who drives the wrong way need not drift over the centre line to meet others there.
+    wrong = {each.id for each in graph.agents if each.motion == "drives_wrong_way"}
+    drifting = tuple(p for p in assignment.patterns if not {p.from_, p.to} & wrong)
+    _draw_lane_departures(agents, drifting, priors, rng=rng)
     _fit_to_riders(agents, assignment, priors, rng=rng)
     apply_measures(agents, graph, rng)
     counts = draw_background_counts(
@@ -279,13 +282,13 @@ def _make_builder(
 
 def _draw_lane_departures(
     agents: dict[str, AgentCandidates],
-    assignment: RoleAssignment,
+    patterns: Sequence[AssignedPattern],
     priors: Priors,
     *,
     rng: np.random.Generator,
 ) -> None:
     """Lane changes and drifts over the centre line: waypoints that lead onto another's path."""
-    for played in assignment.patterns:
+    for played in patterns:
         geometry = get_pattern(played.pattern).geometry
         if geometry not in ("lane_change", "opposing"):
             continue

@@ -64,7 +64,10 @@ def find_places(
         return ()
     length, width = get_size(node)
     found: list[ObjectRecord] = []
-    for offset in _list_offsets(node, roadside, width):
+    inner = node.lane == ("right" if intersection_map.left_hand_traffic else "left")
+    if inner and node.kind == "double_parked" and len(roadside.lanes) > 1:
+        return ()
+    for offset in _list_offsets(node, roadside, width, inner=inner):
         middle = roadside.edge + offset * roadside.outward
         boxes = _make_boxes(middle, roadside.ahead, length, width)
         fits = _check_ground(boxes, node, intersection_map, in_lane=offset < 0)
@@ -74,11 +77,19 @@ def find_places(
     return tuple(found)
 
 
-def _list_offsets(node: ObjectNode, roadside: _Roadside, width: float) -> Iterator[float]:
-    """Distances of the middle of an object from the outer edge of the driving lanes [m]."""
+def _list_offsets(
+    node: ObjectNode, roadside: _Roadside, width: float, *, inner: bool
+) -> Iterator[float]:
+    """Distances of the middle of an object from the outer edge of the driving lanes [m].
+
+    Args:
+        inner: of the lanes, it is to stand in that which is farthest from the kerb.
+    """
     match node.kind:
         case "double_parked":
             yield -_GAP - width / 2
+        case "stalled" if node.lane is not None:
+            yield min(roadside.lanes) if inner else max(roadside.lanes)
         case "stalled":
             yield from roadside.lanes
         case "box" | "bin":
@@ -97,6 +108,7 @@ def _make_record(node: ObjectNode, middle: FloatArray, heading: float) -> Object
         id=node.id, kind=node.kind, subtype=get_subtype(node),
         height="high" if is_high(node) else "low", length=length, width=width,
         x=round(float(x), 3), y=round(float(y), 3), heading=round(float(heading), 4),
+        lane=node.lane,
     )  # fmt: skip
 
 

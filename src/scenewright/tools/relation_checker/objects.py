@@ -127,7 +127,28 @@ def check_places(
             found.append(_report_place(each, "stands on a crosswalk"))
         elif outline.intersection(ground).area < 0.95 * outline.area:
             found.append(_report_place(each, "stands off the road and the sidewalks"))
+        elif each.lane is not None and not _is_outermost(each, intersection_map):
+            found.append(_report_place(each, f"does not stand in the {each.lane} lane"))
     return tuple(found)
+
+
+def _is_outermost(each: ObjectRecord, intersection_map: IntersectionMap) -> bool:
+    """Whether no lane of the same leg and direction lies on that side of where it stands."""
+    lanes = [lane for lane in intersection_map.lanelets if lane.kind in ("approach", "exit")]
+    here = geos.Point(each.x, each.y)
+    outlines = [(lane, geos.Polygon([*lane.left, *lane.right[::-1]])) for lane in lanes]
+    own = next((lane for lane, outline in outlines if outline.contains(here)), None)
+    if own is None:
+        return False
+    turn = math.pi / 2 if each.lane == "left" else -math.pi / 2
+    reach = 4.0 * math.cos(each.heading + turn), 4.0 * math.sin(each.heading + turn)
+    beside = geos.Point(each.x + reach[0], each.y + reach[1])
+    return not any(
+        lane is not own
+        and (lane.kind, lane.leg) == (own.kind, own.leg)
+        and outline.contains(beside)
+        for lane, outline in outlines
+    )
 
 
 def _make_outline(each: ObjectRecord) -> Any:

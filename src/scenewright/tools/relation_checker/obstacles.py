@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.objects import EncounterRecord, ObjectRecord
 from scenewright.scene.record import SceneRecord
+from scenewright.scene.social import FIGURES, Encounter
 from scenewright.tools.relation_checker.certificate import WRECK_ENDS_WITHIN, check_wreck_clearance
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import Extent, compute_gaps, get_extent
@@ -36,6 +37,15 @@ STRIKES = 1.0
 MOVED_OVER = 0.3
 """Least lateral distance when passing an object [m]."""
 
+SHORT = (0.0, 2.0)
+"""How far from an object who stops short of it stands [m]."""
+BRAKES_HARD, NEAR_TTC = 3.4, 1.5
+"""Braking [m/s^2] and time to contact [s] of a near miss with what stands (SEMANTICS 4)."""
+PULLS_OUT_GAP = (0.3, 12.0)
+"""How far behind an object who waits and then goes round it stands [m]."""
+STANDS_BEHIND: tuple[Encounter, ...] = ("waits_behind", "queues", "stops_short")
+"""Encounters after which an agent stands, so that others can queue behind it."""
+
 Measured = dict[str, Any]
 
 
@@ -48,8 +58,14 @@ def check_encounters(
     figures: list[Measured] = []
     findings: list[Finding] = []
     for each in scene.encounters:
-        track, thing = tracks[each.agent], objects[each.object]
-        found = _ENCOUNTERS[each.how](track, thing, scene.meta.duration)
+        track, until = tracks[each.agent], scene.meta.duration
+        things = [objects[each.object]]
+        if each.how == "queues":
+            others = [o for o in scene.encounters if o.object == each.object and o != each]
+            standing = [tracks[o.agent] for o in others if o.how in STANDS_BEHIND]
+            things = [_make_last_outline(other) for other in standing]
+        found = _pick(_ENCOUNTERS[each.how](track, thing, until) for thing in things)
+        found = found if isinstance(found, str) else _find_figure_fault(each, found) or found
         if isinstance(found, str):
             findings.append(_report(each, found))
             continue
@@ -57,6 +73,36 @@ def check_encounters(
         if each.how == "hits":
             findings += check_wreck_clearance(track, observed.grid, {track.id}, scene.meta.duration)
     return figures, tuple(findings)
+
+
+def _pick(found: Iterable[Measured | str]) -> Measured | str:
+    """The first that was measured, else the last fault."""
+    fault = "nobody else stands behind it"
+    for each in found:
+        if not isinstance(each, str):
+            return each
+        fault = each
+    return fault
+
+
+def _find_figure_fault(each: EncounterRecord, found: Measured) -> str | None:
+    """Why the figure asked for is not met, in words; None if it is, or none is asked for."""
+    if each.figure is None:
+        return None
+    what, unit, _, _ = FIGURES[each.how]
+    low, high = each.figure
+    if low - 1e-6 <= found[what] <= high + 1e-6:
+        return None
+    return f"{what} {found[what]:.2f} {unit}; asked for {low:g} to {high:g} {unit}"
+
+
+def _make_last_outline(track: Trajectory) -> ObjectRecord:
+    """Where a track ends, as something that stands."""
+    x, y = track.xy[-1].tolist()
+    return ObjectRecord(
+        id=f"agent {track.id}", kind="stalled", height="high", length=track.length,
+        width=track.width, x=x, y=y, heading=float(track.heading[-1]),
+    )  # fmt: skip
 
 
 def list_asked_hits(scene: SceneRecord) -> frozenset[tuple[int, str]]:
@@ -73,17 +119,25 @@ def _report(each: EncounterRecord, fault: str) -> Finding:
 
 _WORDS = {
     "goes_round": "should go round", "waits_behind": "should wait behind", "hits": "should hit",
+    "stops_short": "should stop just short of", "queues": "should queue behind who waits at",
+    "waits_then_passes": "should wait behind, then go round",
 }  # fmt: skip
 
 
-def _measure_passing(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
-    """It drives straight at the object, then moves over and passes beside it untouched."""
+def _measure_passing(
+    track: Trajectory, thing: ObjectRecord, _: float, *, least: float = MOVES
+) -> Measured | str:
+    """It drives straight at the object, then moves over and passes beside it untouched.
+
+    Args:
+        least: least speed at which it drives at it [m/s].
+    """
     along, aside = _locate(track, thing)
     half = (track.length + thing.length) / 2
     beside = np.flatnonzero((np.abs(along) < half) & (np.abs(aside) < 6.0))
     if not len(beside) or along[0] > -half or along[-1] < half:
         return "it does not come from behind it and drive on ahead of it"
-    heads = _find_last_run(_heads_for(track, thing)[: beside[0]])
+    heads = _find_last_run(_heads_for(track, thing, moving=least > 0.0)[: beside[0]])
     if heads is None:
         return "it never drives straight at it, so it is not in its way"
     gaps = _measure_gaps(track, thing)
@@ -97,6 +151,38 @@ def _measure_passing(track: Trajectory, thing: ObjectRecord, _: float) -> Measur
         "time": round(float(track.times[k]), 3), "clearance": round(float(gaps[k]), 3),
         "moved_over": round(moved, 3),
     }  # fmt: skip
+
+
+def _measure_late_passing(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
+    """It stands behind the object, heading for it, and then passes beside it untouched."""
+    passing = _measure_passing(track, thing, 0.0, least=0.0)
+    if isinstance(passing, str):
+        return passing
+    gaps, ahead = _measure_gaps(track, thing), _heads_for(track, thing, moving=False)
+    low, high = PULLS_OUT_GAP
+    stands = (track.speed <= STANDING) & ahead & (gaps >= low) & (gaps <= high)
+    stands &= track.times < passing["time"]
+    waits = 0.1 * int(stands.sum())
+    if waits < 1.0:
+        return f"it stands behind it for {waits:.1f} s; at least 1 s"
+    if float(track.speed[: int(stands.argmax()) + 1].max()) < MOVES:
+        return "it has not been driving"
+    return {**passing, "waits": round(waits, 3)}
+
+
+def _measure_short_stop(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
+    """It comes at the object, brakes hard when a contact is near, and stands just short of it."""
+    waiting = _measure_waiting(track, thing, until)
+    if isinstance(waiting, str):
+        return waiting
+    if not SHORT[0] < waiting["gap"] <= SHORT[1]:
+        return f"it stands {waiting['gap']:.1f} m from it; less than {SHORT[1]:g} m is just short"
+    hard = (track.acceleration <= -BRAKES_HARD) & _heads_for(track, thing)
+    close = _measure_gaps(track, thing)[hard] / track.speed[hard]
+    if not len(close) or close.min() > NEAR_TTC:
+        return "it does not brake hard for it at the last moment"
+    return {**waiting, "path_ttc": round(float(close.min()), 3),
+            "braking": round(float(-track.acceleration.min()), 3)}  # fmt: skip
 
 
 def _find_last_run(flags: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> int | None:
@@ -142,8 +228,10 @@ def _measure_hit(track: Trajectory, thing: ObjectRecord, _: float) -> Measured |
     return {"time": round(time, 3), "speed": round(speed, 3)}
 
 
-_ENCOUNTERS = {
+_ENCOUNTERS: dict[Encounter, Callable[[Trajectory, ObjectRecord, float], Measured | str]] = {
     "goes_round": _measure_passing, "waits_behind": _measure_waiting, "hits": _measure_hit,
+    "stops_short": _measure_short_stop, "waits_then_passes": _measure_late_passing,
+    "queues": _measure_waiting,
 }  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def describe_motion(
         hits = (e for e in observed.events if e.type == "collision")
         struck = any(track.id in (e.from_, e.to) for e in hits)
         return describe_pedestrian_motion(motion, track, intersection_map, struck=struck)
-    return describe_vehicle_motion(motion, track, observed.lights)
+    return describe_vehicle_motion(motion, track, observed.lights, intersection_map)
 
 
 def describe_pedestrian_motion(

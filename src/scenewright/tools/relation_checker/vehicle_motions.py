@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from importlib import import_module
+from typing import Any
+
 import numpy as np
 
+from scenewright.scene.map import IntersectionMap
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
+
+geos: Any = import_module("shapely")
 
 SINCE = 0.3
 """A light that has been yellow for less [s] turns as the vehicle passes: no choice was left."""
@@ -22,8 +29,14 @@ BEFORE_LINE = 3.0
 """Largest distance before its line of a vehicle that stops for its light [m]."""
 
 
+WRONG_WAY = 12.0
+"""Least way in lanes that lead the other way of who drives the wrong way [m]."""
+AGAINST = math.radians(135.0)
+"""Heading and direction of the lane are at least so far apart [rad]."""
+
+
 def describe_vehicle_motion(
-    motion: str | None, track: Trajectory, lights: SignalPlan
+    motion: str | None, track: Trajectory, lights: SignalPlan, intersection_map: IntersectionMap
 ) -> str | None:
     """What a track shows of a vehicle's motion; None if it does not."""
     if track.type == "pedestrian":
@@ -35,6 +48,8 @@ def describe_vehicle_motion(
             return _describe_stop(track, lights)
         case "blocks_junction":
             return _describe_blocking(track, lights)
+        case "drives_wrong_way":
+            return _describe_wrong_way(track, intersection_map)
     return None
 
 
@@ -44,6 +59,34 @@ def _describe_passing(track: Trajectory, lights: SignalPlan) -> str | None:
         if met.colour == before == "yellow":
             return f"agent {track.id} passes on yellow at {met.time:.1f} s"
     return None
+
+
+def _describe_wrong_way(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+    """Its centre is in lanes that lead the other way, and in none that leads its own."""
+    against, along = np.zeros(len(track), bool), np.zeros(len(track), bool)
+    legs: list[str] = []
+    for lane in intersection_map.lanelets:
+        if lane.kind not in ("approach", "exit"):
+            continue
+        inside = geos.contains_xy(geos.Polygon([*lane.left, *lane.right[::-1]]), *track.xy.T)
+        middle = np.array(lane.centreline)
+        ways = np.arctan2(*np.diff(middle, axis=0).T[::-1])
+        away = track.xy[:, None] - (middle[:-1] + middle[1:]) / 2
+        nearest = np.hypot(away[..., 0], away[..., 1]).argmin(axis=1)
+        turn = np.abs(np.angle(np.exp(1j * (track.heading - ways[nearest]))))
+        contrary = inside & (turn >= AGAINST) & (track.speed > STANDING)
+        against |= contrary
+        along |= inside & (turn < AGAINST)
+        legs += [str(lane.leg)] if contrary.any() else []
+    wrong = against & ~along
+    way = float(track.steps[wrong[1:]].sum())
+    if way < WRONG_WAY:
+        return None
+    time = float(track.times[int(wrong.argmax())])
+    return (
+        f"agent {track.id} drives against the lanes of the {legs[0]} leg for {way:.0f} m, from "
+        f"{time:.1f} s on"
+    )
 
 
 def _describe_stop(track: Trajectory, lights: SignalPlan) -> str | None:

@@ -1,7 +1,8 @@
 """Standing objects in an agent's path: it passes one, waits behind it, or drives into it.
 
-The object is placed on the agent's own path. To pass it, the agent gets a path that leads round
-it; to wait, it stops behind it for good; to hit it, it brakes too late and ends there.
+The object is placed on the agent's own path. Who goes round gets a path that leads past it, and may
+wait first; who waits stops behind it for good, gently or at the last moment, and others queue
+behind; who hits it brakes too late and ends there.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.selection import Slowing, Stop
-from scenewright.scene.social import ObjectNode
+from scenewright.scene.social import Encounter, ObjectNode
+from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.object_places import Side, find_places
 from scenewright.tools.solver.objects import is_in_way, make_sweep
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -41,10 +43,25 @@ _HEADS_FOR = 5.0
 """Least distance straight towards an object before the agent moves aside [m]."""
 
 _GAP = (1.2, 3.0)
-"""Gap behind an object when waiting [m]."""
+"""How far behind an object, or behind one another, who waits stands [m]."""
+
+_SHORT, _HARD = (0.4, 1.1), (5.5, 7.0)
+"""How far from an object who stops short of it stands [m], and how hard it brakes [m/s^2]."""
+
+_PULLS_OUT, _SHARPEST_START = (8.5, 10.0), 0.19
+"""Way on which who has waited moves over [m], and its sharpest bend [1/m]."""
+
+_PATIENCE = (3.0, 6.0)
+"""How long who then goes round waits [s]."""
+
+_LATER = (2.5, 5.0)
+"""How much later the next one comes to an object [s]."""
 
 _STRIKES, _BRAKES = (3.0, 7.0), (3.5, 6.5)
 """Speed [m/s] at which an object is hit, and braking before that [m/s^2]."""
+
+_EXACT = 0.3
+"""How far inside the bounds asked for a figure lies, as a share of their distance."""
 
 _SCRAPES = (0.15, 0.45)
 """How far an agent drifts into an object beside its path [m]."""
@@ -58,6 +75,9 @@ _COMES = 12.0
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
+_STANDING = 0.3
+"""Slower than this [m/s] the checker calls it standing."""
+
 _PLACES = 12
 """Places tried for one candidate."""
 
@@ -69,12 +89,27 @@ class ObjectEncounter:
     Attributes:
         touch: arc length of its centre [m] at which it touches the object; where it goes round,
             at which it is beside it.
+        waits_at: where it waits before it goes round.
     """
 
     node: ObjectNode
     place: ObjectRecord
     candidate: Candidate
     touch: float
+    waits_at: float | None = None
+
+    @property
+    def how(self) -> Encounter | None:
+        """What the agent does about the object."""
+        return self.node.encounter
+
+    def choose(self, usual: tuple[float, float], rng: np.random.Generator) -> float:
+        """The figure of the encounter: as asked for, else as usual."""
+        if self.node.figure is None:
+            return float(rng.uniform(*usual))
+        low, high = self.node.figure
+        inside = _EXACT * (high - low)
+        return float(rng.uniform(low + inside, high - inside))
 
 
 def find_meeting(
@@ -87,7 +122,7 @@ def find_meeting(
         for each in find_places(node, ground.intersection_map, leg=leg, side=side)
     ]
     for k in rng.permutation(len(places))[:_PLACES]:
-        found = _meet(node, places[k], candidate, ground, rng)
+        found = meet_at(node, places[k], candidate, ground, rng)
         if found is not None:
             return found
     return None
@@ -101,13 +136,14 @@ def _list_sides(node: ObjectNode, candidate: Candidate) -> Iterator[tuple[Compas
             yield leg, side
 
 
-def _meet(
+def meet_at(
     node: ObjectNode,
     place: ObjectRecord,
     candidate: Candidate,
     ground: MapAreas,
     rng: np.random.Generator,
 ) -> ObjectEncounter | None:
+    """Let the candidate meet the object where it stands; None if it does not fit there."""
     own = candidate
     if node.encounter == "hits" and node.kind in ("parked", "bus_stop"):
         drifting = _draw_drift(place, candidate, rng)
@@ -117,10 +153,18 @@ def _meet(
     touch = _find_touch(own, place)
     if touch is None or touch < _COMES:
         return None
-    if node.encounter != "goes_round":
-        return ObjectEncounter(node, place, own, touch)
-    aside = _lead_round(place, candidate, touch, ground, rng)
-    return None if aside is None else ObjectEncounter(node, place, aside, touch)
+    meeting = ObjectEncounter(node, place, own, touch)
+    match node.encounter:
+        case "goes_round":
+            keeps = meeting.choose(_ASIDE, rng)
+            aside = _lead_round(meeting, ground, keeps, float(rng.uniform(*_RUN)))
+        case "waits_then_passes":
+            run = float(rng.uniform(*_PULLS_OUT))
+            meeting = replace(meeting, waits_at=touch - run - 0.5)
+            aside = _lead_round(meeting, ground, float(rng.uniform(*_ASIDE)), run)
+        case _:
+            return meeting
+    return None if aside is None else replace(meeting, candidate=aside)
 
 
 def _find_touch(candidate: Candidate, place: ObjectRecord) -> float | None:
@@ -132,26 +176,27 @@ def _find_touch(candidate: Candidate, place: ObjectRecord) -> float | None:
 
 
 def _lead_round(
-    place: ObjectRecord,
-    candidate: Candidate,
-    touch: float,
-    ground: MapAreas,
-    rng: np.random.Generator,
+    meeting: ObjectEncounter, ground: MapAreas, keeps: float, run: float
 ) -> Candidate | None:
-    """Lead the candidate past the object, on the side with the shorter detour."""
-    keeps, run = float(rng.uniform(*_ASIDE)), float(rng.uniform(*_RUN))
-    beside = touch, touch + candidate.shape.length + place.length
+    """The candidate on a path past the object, on the side that takes it less far.
+
+    Args:
+        keeps: how far from the object it keeps [m]; run: way on which it moves over [m].
+    """
+    place, candidate = meeting.place, meeting.candidate
+    beside = meeting.touch, meeting.touch + candidate.shape.length + place.length
     left = -1.0 if ground.intersection_map.left_hand_traffic else 1.0
+    sharpest = _SHARPEST if meeting.waits_at is None else _SHARPEST_START
     if beside[0] - run < _HEADS_FOR:
         return None
     for wide in np.arange(_STEP, _WIDEST, _STEP):
         for side in (left, -left):
             path = shift_aside(candidate.path, float(side * wide), *beside, run=run)
             if np.abs(path.curvature).max() > max(
-                _SHARPEST, _compute_largest_curvature(candidate.path)
+                sharpest, _compute_largest_curvature(candidate.path)
             ):
                 continue
-            own = _follow(candidate, path)
+            own = follow_path(candidate, path)
             clear = not is_in_way(own, (place,), margin=keeps)
             if clear and _stays_on_road(own, ground):
                 return own
@@ -175,7 +220,7 @@ def _draw_drift(
     heading = float(np.interp(s[k], candidate.path.s, candidate.path.heading))
     side = np.sign(np.cos(heading) * (place.y - y) - np.sin(heading) * (place.x - x))
     wide = float(side * (gaps[k] + rng.uniform(*_SCRAPES)))
-    return _follow(candidate, shift_aside(candidate.path, wide, s[k], s[k] + 8.0, run=_RUN[0]))
+    return follow_path(candidate, shift_aside(candidate.path, wide, s[k], s[k] + 8.0, run=_RUN[0]))
 
 
 def shift_aside(path: Path, wide: float, begins: float, ends: float, *, run: float) -> Path:
@@ -196,8 +241,8 @@ def _smooth_step(x: FloatArray) -> FloatArray:
     return np.asarray(x**3 * (10 - 15 * x + 6 * x**2))
 
 
-def _follow(candidate: Candidate, path: Path) -> Candidate:
-    """Put the candidate on another path, its waypoints at equal arc length on that."""
+def follow_path(candidate: Candidate, path: Path) -> Candidate:
+    """The candidate on another path, its waypoints at equal arc length on that."""
     s = sample_evenly(path.length, K)
     waypoints = np.stack([np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=1)
     return replace(candidate, path=path, waypoints=waypoints)
@@ -212,48 +257,126 @@ def _stays_on_road(candidate: Candidate, ground: MapAreas) -> bool:
     )
 
 
+@dataclass(frozen=True)
+class Earlier:
+    """The previous agent at an object: its arrival [s], and its standing footprint, if any."""
+
+    time: float
+    standing: ObjectRecord | None = None
+
+
 def place_encounter(
-    meeting: ObjectEncounter, landmarks: Landmarks, rng: np.random.Generator
-) -> ScheduledAgent | None:
+    meeting: ObjectEncounter,
+    landmarks: Landmarks,
+    rng: np.random.Generator,
+    *,
+    earlier: Earlier | None = None,
+) -> tuple[ScheduledAgent, Earlier] | None:
     """Time an agent that meets only an object; None if it cannot stop, or is too slow."""
     actor = ScheduledAgent.build_unplaced(meeting.candidate, landmarks)
-    match meeting.node.encounter:
-        case "waits_behind":
-            stopping = _wait(actor, meeting, rng)
-            if stopping is None:
-                return None
-            actor, there = stopping
-        case "hits":
-            actor, there = _brake_too_late(actor, meeting, rng)
-        case _:
-            there = actor.motion.find_time_at(meeting.touch)
-    if not np.isfinite(there):
+    placed = _act(actor, meeting, rng, earlier)
+    if placed is None or not np.isfinite(placed[1]):
         return None
-    return actor.shift(round(float(rng.uniform(*_WHEN)) - there, 1))
+    wanted = rng.uniform(*_WHEN) if earlier is None else earlier.time + rng.uniform(*_LATER)
+    shift = round(float(wanted) - placed[1], 1)
+    actor = placed[0].shift(shift)
+    return actor, Earlier(placed[1] + shift, _make_standing(actor))
+
+
+def _act(
+    actor: ScheduledAgent,
+    meeting: ObjectEncounter,
+    rng: np.random.Generator,
+    earlier: Earlier | None,
+) -> tuple[ScheduledAgent, float] | None:
+    """Apply what it does about the object; with the time there [s]; None if it cannot."""
+    match meeting.how:
+        case "waits_behind":
+            return _wait(actor, meeting.touch, meeting.choose(_GAP, rng))
+        case "queues" if earlier is not None and earlier.standing is not None:
+            touch = _find_touch(meeting.candidate, earlier.standing)
+            return None if touch is None else _wait(actor, touch, meeting.choose(_GAP, rng))
+        case "stops_short":
+            braking = float(rng.uniform(*_HARD))
+            return _wait(actor, meeting.touch, meeting.choose(_SHORT, rng), braking)
+        case "waits_then_passes":
+            return _wait_first(actor, meeting, rng)
+        case "hits":
+            return _brake_too_late(actor, meeting, rng)
+        case "goes_round":
+            return actor, actor.motion.find_time_at(meeting.touch)
+    return None
 
 
 def _wait(
+    actor: ScheduledAgent, touch: float, gap: float, braking: float | None = None
+) -> tuple[ScheduledAgent, float] | None:
+    """Stop it so far behind, for good; off crosswalks, unless it brakes hard."""
+    wanted = touch - gap
+    s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
+    if s < min(wanted, touch - _GAP[1]) or s < _HEADS_FOR:
+        return None
+    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0, braking))
+    if not np.isfinite(stands):
+        return None
+    stop = Stop("stopping_point", s, stands, stands + _FOR_GOOD, "waits", braking)
+    return actor.edit(stops=(stop,)), stands
+
+
+def _wait_first(
     actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float] | None:
-    wanted = meeting.touch - float(rng.uniform(*_GAP))
-    s = actor.landmarks.move_off_crosswalks(wanted)
-    if s < min(wanted, meeting.touch - _GAP[1]) or s < _HEADS_FOR:
+    """Let it stand before it moves over, as long as asked for at walking pace or less."""
+    s = meeting.waits_at or 0.0
+    if s < _HEADS_FOR or actor.landmarks.move_off_crosswalks(s) != s:
         return None
-    stands = compute_arrival(meeting.candidate, StopCommand(s, 0.0))
-    stop = Stop("stopping_point", s, stands, stands + _FOR_GOOD, "waits")
+    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0))
+    wanted = meeting.choose(_PATIENCE, rng)
+    stop = Stop("stopping_point", s, stands, stands + wanted, "waits")
+    held = actor.edit(stops=(stop,))
+    seen = STEP * int((held.motion.speed <= _STANDING).sum())
+    stop = replace(stop, until=round(stop.until + wanted - seen, 2))
     return actor.edit(stops=(stop,)), stands
 
 
 def _brake_too_late(
     actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
-) -> tuple[ScheduledAgent, float]:
+) -> tuple[ScheduledAgent, float] | None:
     """Brake it too late, ending where it touches the object."""
-    slowing = Slowing(meeting.touch, float(rng.uniform(*_STRIKES)), float(rng.uniform(*_BRAKES)))
+    speed = meeting.choose(_STRIKES, rng)
+    # Slowed down a little before, so that no smoothing changes the speed of the contact.
+    early = 0.5 * speed
+    place = meeting.touch - early
+    slowing = Slowing(place, speed, float(rng.uniform(*_BRAKES)), kept=early + 3.0)
     braking = actor.edit(stops=(), slowings=(slowing,))
     touches = braking.motion.find_time_at(meeting.touch)
+    if not np.isfinite(touches):
+        return None
+    k = int(touches / STEP)
+    low, high = meeting.node.figure or (0.0, np.inf)
+    if not low <= float(braking.motion.speed[k]) <= high:
+        return None
     return braking.end_at(touches), touches
 
 
+def _make_standing(actor: ScheduledAgent) -> ObjectRecord | None:
+    """Who stands for good, as something that others queue behind."""
+    if not actor.stops or actor.stops[-1].until - actor.stops[-1].start < _FOR_GOOD:
+        return None
+    x, y, heading = actor.get_pose(actor.stops[-1].s)
+    shape = actor.candidate.shape
+    return ObjectRecord(
+        id="standing", kind="stalled", height="high", length=shape.length,
+        width=shape.width, x=x, y=y, heading=heading,
+    )  # fmt: skip
+
+
 def list_meetings(nodes: Sequence[ObjectNode]) -> dict[str, ObjectNode]:
-    """List the objects that agents meet, by agent."""
-    return {str(each.met_by): each for each in nodes if each.met_by is not None}
+    """The objects that agents meet, by agent, each as that one meets it; the first comes first."""
+    return {
+        met.agent: node.model_copy(
+            update={"met_by": met.agent, "encounter": met.encounter, "figure": met.figure}
+        )
+        for node in nodes
+        for met in node.list_meetings()
+    }

@@ -81,10 +81,11 @@ class ObjectPlacer:
         self._met = dict(met)
 
     def place(self, schedule: PartialSchedule) -> tuple[ObjectRecord, ...] | str:
-        """Place the objects, in the plan's order; or say which of them finds no place."""
-        placed = list(self._met.values())
+        """The objects, in the plan's order; or which of them finds no place, in words."""
+        placed = list({each.id: each for each in self._met.values()}.values())
         for name, actor in schedule.actors.items():
-            others = [each for met_by, each in self._met.items() if met_by != name]
+            own = self._met[name].id if name in self._met else None
+            others = [each for each in placed if each.id != own]
             if is_in_way(actor.candidate, others):
                 return f"{others[0].id} stands in the way of {name}"
         if any(not _keeps_apart(a, [b]) for a, b in combinations(placed, 2)):

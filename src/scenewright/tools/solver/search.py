@@ -28,6 +28,7 @@ from scenewright.scene.constraints import (
     BrakesFor,
     ConstraintProgram,
     Contact,
+    DrivesWrongWay,
     GivesWay,
     Headway,
     MinLength,
@@ -71,9 +72,11 @@ from scenewright.tools.solver.background_assignment import (
 from scenewright.tools.solver.car_following import follow_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.encounters import (
+    Earlier,
     ObjectEncounter,
     find_meeting,
     list_meetings,
+    meet_at,
     place_encounter,
 )
 from scenewright.tools.solver.entry_times import (
@@ -122,6 +125,7 @@ from scenewright.tools.solver.reservation import (
 from scenewright.tools.solver.schedule import PartialSchedule
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
+from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
 
 MAX_SECONDS = 30.0
 """Length of a scene [s]: as long as the windows in which p_tod counts agents."""
@@ -209,6 +213,8 @@ class Search:
             list_meetings(objects),
             dict[tuple[str, int], ObjectEncounter](),
         )
+        # What several meet stands where the first could meet it.
+        self._stands: dict[str, ObjectRecord] = {}
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _order_clauses([c for c in program.clauses if isinstance(c, _Event)])
@@ -231,6 +237,7 @@ class Search:
         self._stopping = {c.agent for c in program.clauses if isinstance(c, StopsAtYellow)}
         self._blocking = {c.agent for c in program.clauses if isinstance(c, BlocksJunction)}
         self._reaction = draw_reaction(rng) if self._stopping else 0.0
+        self._wrong = {c.agent for c in program.clauses if isinstance(c, DrivesWrongWay)}
         self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
@@ -239,7 +246,8 @@ class Search:
         alone = sorted(self._stopping | self._blocking)
         if {*bound} & {*alone}:
             raise Rejected(_reject_busy(sorted({*bound} & {*alone})))
-        self._bound = list(dict.fromkeys((*bound, *runners, *alone, *self._to_meet)))
+        alone = [*alone, *self._to_meet, *sorted(self._wrong)]
+        self._bound = list(dict.fromkeys((*bound, *runners, *alone)))
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
             {
@@ -389,6 +397,13 @@ class Search:
                     self._built[(name, m)] = None
                     return None
                 self._meetings[(name, m)], candidate = met, met.candidate
+            if name in self._wrong and name not in self._build_first_schedule().actors:
+                turned = drive_wrong_way(candidate, self._ground.intersection_map, self._rng)
+                if turned is None:
+                    self._failures[f"drives_wrong_way({name}): no lane beside its own"] += 1
+                    self._built[(name, m)] = None
+                    return None
+                candidate = turned
             landmarks = find_landmarks(candidate, map_areas=self._ground)
             if name in self._returning and name not in self._build_first_schedule().actors:
                 returns = turn_back(candidate, landmarks, self._rng)
@@ -419,7 +434,12 @@ class Search:
         )
         if kept is not None:
             return ObjectEncounter(node, kept, candidate, 0.0)
-        return find_meeting(node, candidate, self._ground, self._rng)
+        if node.id in self._stands:
+            return meet_at(node, self._stands[node.id], candidate, self._ground, self._rng)
+        met = find_meeting(node, candidate, self._ground, self._rng)
+        if met is not None and node.others:
+            self._stands[node.id] = met.place
+        return met
 
     def _do_paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
         for clause in self._near:
@@ -528,21 +548,30 @@ class Search:
     ) -> PartialSchedule | None:
         """Add agents that meet only an object; None if one cannot."""
         actors = dict(schedule.actors)
-        for name in sorted(self._to_meet.keys() - actors.keys()):
+        earlier: dict[str, Earlier] = {}
+        for name in (each for each in self._to_meet if each not in schedule.actors):
             built = self._get_candidate(name, choice[name])
             met = self._meetings.get((name, choice[name]))
-            actor = place_encounter(met, built[1], self._rng) if met and built else None
-            if actor is None:
+            before = earlier.get(self._to_meet[name].id)
+            placed = (
+                place_encounter(met, built[1], self._rng, earlier=before) if met and built else None
+            )
+            if placed is None:
                 self._failures[f"{name} cannot stop before {self._to_meet[name].id}"] += 1
                 return None
-            actors[name] = actor
+            actors[name], earlier[self._to_meet[name].id] = placed
         return replace(schedule, actors=actors)
 
     def _add_lone(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
     ) -> PartialSchedule | None:
-        """Add agents that stop at yellow or block the junction; None if one cannot."""
+        """Add agents that act at their light or drive the wrong way; None if one cannot."""
         actors = dict(schedule.actors)
+        for name in sorted(self._wrong - actors.keys()):
+            built = self._get_candidate(name, choice[name])
+            if built is None:
+                return None
+            actors[name] = place_wrong_way(*built, self._rng)
         for name in sorted((self._stopping | self._blocking) - actors.keys()):
             built = self._get_candidate(name, choice[name])
             move = stop_at_yellow if name in self._stopping else block_junction
