@@ -199,7 +199,7 @@ def run(tasks: tuple[Task, ...], how: Any, seed: int, tally: Tally) -> None:
 def main() -> int:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 50
     cases = [("random", answer_at_random), ("one field wrong, always", answer_one_wrong)]
-    cases.append(("one field wrong, until told", answer_first_wrong))
+    cases.append(("one field wrong, until reported", answer_first_wrong))
     asked: list[tuple[str, tuple[Task, ...]]] = [("plan", ("plan",))]
     start, bad, total = perf_counter(), 0, 0
     print(

@@ -318,8 +318,8 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
         case Tie(ties=ties):
             return graph.model_copy(update={"ties": ties})
         case ChangeContext():
-            told = {"density": edit.density, "time_of_day": edit.time_of_day}
-            context = {**graph.context.model_dump(), **told}
+            changes = {"density": edit.density, "time_of_day": edit.time_of_day}
+            context = {**graph.context.model_dump(), **changes}
             return graph.model_copy(update={"context": SceneContext.model_validate(context)})
         case AddObject(node=node):
             return graph.model_copy(update={"objects": (*graph.objects, node)})

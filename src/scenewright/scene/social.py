@@ -211,9 +211,9 @@ class ObjectNode(Model):
         hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
             what the two do.
         lead: least and most seconds between the first free line of sight and the event.
-        beyond: the object that hides a pedestrian who comes out between it and this one.
+        beyond: the object that hides a pedestrian stepping out between it and this one.
         met_by: whose way it is in, and `encounter` what that one does about it, with a `figure`
-            in that range (`FIGURES`); others: who else meets it, one after the other.
+            in that range (`FIGURES`); others: others that meet it, one after the other.
     """
 
     id: ObjectId
@@ -242,7 +242,7 @@ class ObjectNode(Model):
         if (self.met_by is None) != (self.encounter is None):
             raise ValueError(f"{self.id}: met_by and encounter go together")
         if self.encounter is not None and self.kind not in STANDING_VEHICLES:
-            raise ValueError(f"{self.id}: a {self.kind} stands in nobody's way")
+            raise ValueError(f"{self.id}: a {self.kind} is in no agent's way")
         if self.encounter is None and (self.figure is not None or self.others):
             raise ValueError(f"{self.id}: figure and others need met_by")
         if self.encounter == "queues":
@@ -254,7 +254,7 @@ class ObjectNode(Model):
         return self
 
     def list_meetings(self) -> tuple[Meeting, ...]:
-        """Who meets it, one after the other."""
+        """List the agents that meet it, one after the other."""
         if self.met_by is None or self.encounter is None:
             return ()
         first = Meeting(agent=self.met_by, encounter=self.encounter, figure=self.figure)
@@ -339,14 +339,14 @@ class SocialGraph(Model):
         self._check_encounters()
 
     def _check_encounters(self) -> None:
-        """Who meets an object is there, meets no other, and only goes round one on the way to
-        something else."""
+        """Check that agents meeting an object exist, meet one only, and pass it only on the way
+        to another relation."""
         met = [(own, each) for own in self.objects for each in own.list_meetings()]
         busy = {name for edge in self.relations for name in (edge.from_, edge.to)}
         ids = {agent.id for agent in self.agents}
         for own, each in met:
             if each.agent not in ids:
-                raise ValueError(f"{own.id} is met by {each.agent}, who is not in the scene")
+                raise ValueError(f"{own.id} is met by {each.agent}, which is not in the scene")
             if sum(other.agent == each.agent for _, other in met) > 1:
                 raise ValueError(f"{each.agent} can meet one object only")
             if each.encounter != "goes_round" and each.agent in busy:

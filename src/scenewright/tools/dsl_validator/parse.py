@@ -138,8 +138,8 @@ def _build_clause(tree: Tree[Token]) -> Clause:
     names = [name for name in model.model_fields if name != "clause"]
     values = [None if token is None else str(token) for token in tree.children]
     try:
-        told = {"clause": str(tree.data), **dict(zip(names, values, strict=False))}
-        return cast("Clause", model.model_validate(told))
+        fields = {"clause": str(tree.data), **dict(zip(names, values, strict=False))}
+        return cast("Clause", model.model_validate(fields))
     except ValidationError as error:
         place = _place(tree.meta.line, tree.meta.column)
         detail = f"{place}: {tree.data}: {_describe_value_error(error)}"

@@ -55,9 +55,9 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, A
     for event in scene.record.events:
         if event.time is not None:
             nanos = round((event.time - scene.offset * scene.step) * 1e9)
-            told = f"{event.type}: {names.get(event.from_ or 0)}, {names.get(event.to or 0)}"
+            message = f"{event.type}: {names.get(event.from_ or 0)}, {names.get(event.to or 0)}"
             yield "/events", nanos, {
-                "timestamp": _build_stamp(nanos), "level": _INFO, "message": told,
+                "timestamp": _build_stamp(nanos), "level": _INFO, "message": message,
                 "name": "scenewright", "file": "", "line": 0,
             }  # fmt: skip
 

@@ -63,9 +63,9 @@ def apply_measures(
     Their -log densities stay those of what was drawn before.
     """
     measures = graph.measures
-    told = {each.agent for each in measures if each.kind in ("speed", "line_speed")}
+    stated = {each.agent for each in measures if each.kind in ("speed", "line_speed")}
     for name, speed in _list_strike_speeds(graph):
-        if speed > _TURNING and name not in told:
+        if speed > _TURNING and name not in stated:
             least = speed + 0.2
             _draw_field(agents, name, "speed", (least, min(least + _FASTER, _FASTEST)), rng)
     for measure in measures:
@@ -88,9 +88,9 @@ def _choose_speed(
 ) -> float:
     """One speed [m/s] for both: as asked of either, else one that was drawn for the leader."""
     pair = (measure.agent, measure.other)
-    told = [each for each in measures if each.kind == "speed" and each.agent in pair]
-    if told:
-        low, high = get_aim(told[0])
+    stated = [each for each in measures if each.kind == "speed" and each.agent in pair]
+    if stated:
+        low, high = get_aim(stated[0])
         return (low + high) / 2
     return agents[str(measure.other)].drawn.time_laws[0].speed
 

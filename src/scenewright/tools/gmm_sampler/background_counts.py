@@ -72,11 +72,11 @@ def _get_asked(graph: SocialGraph) -> Counts:
     asked = graph.context.background
     if asked is None:
         return {}
-    told: dict[AgentClass, int | None] = {
+    stated: dict[AgentClass, int | None] = {
         "vehicle": asked.vehicles,
         "pedestrian": asked.pedestrians,
     }
-    return {kind: count for kind, count in told.items() if count is not None}
+    return {kind: count for kind, count in stated.items() if count is not None}
 
 
 def _draw(graph: SocialGraph, priors: Priors, hour: int, rng: np.random.Generator) -> Counts:

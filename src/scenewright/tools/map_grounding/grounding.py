@@ -471,11 +471,11 @@ def _draw(found: list[Pattern], edge: RelationEdge, rng: np.random.Generator) ->
 
 def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
-    told = edge.pattern is not None or edge.manoeuvre is not None
-    told = told and pattern.from_.type == pattern.to.type
+    is_stated = edge.pattern is not None or edge.manoeuvre is not None
+    is_stated = is_stated and pattern.from_.type == pattern.to.type
     # Rear-end and side impacts name the striker, and a rider's pattern fixes its roles.
     ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
-    if pattern.relation in _SYMMETRIC and not told and not ridden:
+    if pattern.relation in _SYMMETRIC and not is_stated and not ridden:
         orders.append((edge.to, edge.from_))  # no phrase says which agent does it to which
     return [each for each in orders if keeps_order(edge, pattern, each)]
 

@@ -230,9 +230,9 @@ def _find_free_steps(
     """
     leg = crosswalk.leg
     own = given.walks.get(crosswalk.id, ())
-    told = [bool(own) and all(step.lights.get(x) == "green" for x in own) for step in steps]
-    if any(ok and step.may_begin for ok, step in zip(told, steps, strict=True)):
-        return told
+    shows_green = [bool(own) and all(step.lights.get(x) == "green" for x in own) for step in steps]
+    if any(ok and step.may_begin for ok, step in zip(shows_green, steps, strict=True)):
+        return shows_green
     going = [{other for other, c in step.colours.items() if c == "green"} for step in steps]
     red = [bool(each) and leg not in each for each in going]
     strict = [

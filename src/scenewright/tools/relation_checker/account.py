@@ -295,8 +295,8 @@ class _EvidenceFinder:
             describe_motion(entry.value, self._tracks[number], self._seen, self._map)
             for number in entry.agents
         ]
-        told = [each for each in found if each is not None]
-        return "; ".join(told) if len(told) == len(found) > 0 else None
+        evidence = [each for each in found if each is not None]
+        return "; ".join(evidence) if len(evidence) == len(found) > 0 else None
 
     def _find_reaction(self, entry: SaidRecord) -> str | None:
         """Of every agent that it is said of."""
@@ -306,8 +306,8 @@ class _EvidenceFinder:
             )
             for number in entry.agents
         ]
-        told = [each for each in found if each is not None]
-        return "; ".join(told) if len(told) == len(found) > 0 else None
+        evidence = [each for each in found if each is not None]
+        return "; ".join(evidence) if len(evidence) == len(found) > 0 else None
 
     def _find_time(self, value: str | None) -> str | None:
         own = self._scene.meta.time_of_day

@@ -77,8 +77,8 @@ class AskedFor:
         """
         found = [self._find_one(each) for each in (value or "").split("; ")]
         found += self._count_standstills(value or "", words)
-        told = [each for each in found if each is not None]
-        return "; ".join(told) if len(told) == len(found) else None
+        evidence = [each for each in found if each is not None]
+        return "; ".join(evidence) if len(evidence) == len(found) else None
 
     def _find_one(self, text: str) -> str | None:
         for pattern, rule in self._rules:

@@ -56,8 +56,8 @@ class MeasuredFigures:
     def find(self, text: str) -> str | None:
         """Evidence for measures as an account has them; None where the tracks lack one."""
         found = [self._find_one(each) for each in text.split("; ")]
-        told = [each for each in found if each is not None]
-        return "; ".join(told) if len(told) == len(found) else None
+        evidence = [each for each in found if each is not None]
+        return "; ".join(evidence) if len(evidence) == len(found) else None
 
     def list_unmet(self, measures: Sequence[MeasureRecord]) -> tuple[Finding, ...]:
         """A finding for every measure that the tracks do not show."""

@@ -21,8 +21,8 @@ def find_false_metadata(
     scene: SceneRecord, intersection_map: IntersectionMap | None
 ) -> tuple[Finding, ...]:
     """What contradicts the map, or another part of the same file."""
-    told = [*_check_place(scene, intersection_map), *_check_clock(scene), *_check_words(scene)]
-    found = [Finding(rule="metadata_contradicted", agents=(), detail=each) for each in told]
+    details = [*_check_place(scene, intersection_map), *_check_clock(scene), *_check_words(scene)]
+    found = [Finding(rule="metadata_contradicted", agents=(), detail=each) for each in details]
     bound = _list_bound_agents(scene)
     for agent in scene.agents:
         found += [

@@ -277,7 +277,9 @@ def describe_encounter(
         asked = value.split()
         if each["agent"] in agents and each["object"] == asked[0] and each["how"] == asked[-1]:
             seen = {k: v for k, v in each.items() if k not in ("agent", "object", "how", "time")}
-            told = ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in seen.items())
+            shown = ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in seen.items())
             does = each["how"].replace("_", " ")
-            return f"agent {each['agent']} {does} {each['object']} at {each['time']:.1f} s ({told})"
+            return (
+                f"agent {each['agent']} {does} {each['object']} at {each['time']:.1f} s ({shown})"
+            )
     return None

@@ -283,9 +283,9 @@ def _check_asked_figures(
 
 def _drop_light_causes(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
     """Without lights no agent runs red, so that such a cause is not looked for."""
-    nobody = {"cause": None, "cause_agent": None}
+    no_cause = {"cause": None, "cause_agent": None}
     return tuple(
-        r.model_copy(update=nobody) if r.cause == "red_light_run" else r for r in relations
+        r.model_copy(update=no_cause) if r.cause == "red_light_run" else r for r in relations
     )
 
 

@@ -134,9 +134,9 @@ class _Search:
         self, answer: WindowResult, best: FoundAssignment | None
     ) -> WindowResult:
         """Turn a window's result into one of the full problem; if it is none, widen the windows."""
-        everybody = range(len(self._menus))
+        all_agents = range(len(self._menus))
         if best is not None:
-            narrow = [g for g in everybody if self._menus[g].width < best.cost - 1]
+            narrow = [g for g in all_agents if self._menus[g].width < best.cost - 1]
             narrow = [g for g in narrow if not self._menus[g].complete]
             if not narrow:
                 return WindowResult(best, proven=True)
@@ -312,11 +312,13 @@ def _list_quotas(
     """List the quotas: the foreground, so many of each class; each agent if all are needed."""
     needs = [AgentQuota((g,), 1) for g, agent in enumerate(agents) if agent.foreground]
     for kind, count in wanted.items():
-        crowd = [g for g, agent in enumerate(agents) if agent.type == kind and not agent.foreground]
-        if count == len(crowd):
-            needs += [AgentQuota((g,), 1) for g in crowd]
+        members = [
+            g for g, agent in enumerate(agents) if agent.type == kind and not agent.foreground
+        ]
+        if count == len(members):
+            needs += [AgentQuota((g,), 1) for g in members]
         else:
-            needs.append(AgentQuota(tuple(crowd), count))
+            needs.append(AgentQuota(tuple(members), count))
     return tuple(needs)
 
 

@@ -47,7 +47,7 @@ class Option:
 
 
 @dataclass(eq=False)
-class Seated:
+class AssignedAgents:
     """The agents assigned so far, in scene time.
 
     Attributes:
@@ -74,13 +74,13 @@ class BackgroundAgent:
     name: str
     type: AgentClass
     foreground: bool
-    make: Callable[[Seated], Iterable[Option]]
+    make: Callable[[AssignedAgents], Iterable[Option]]
     reserve: bool = False
 
     @cached_property
     def options(self) -> tuple[Option, ...]:
         """List its options with no other agent present."""
-        return tuple(self.make(Seated()))
+        return tuple(self.make(AssignedAgents()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,29 +106,29 @@ def assign_in_turn(
     """
     left = dict(wanted)
     present = ReservationTable(table.fixed)
-    seated = Seated(list(table.fixed), present)
+    assigned = AssignedAgents(list(table.fixed), present)
     for agent in sorted(agents, key=lambda each: not each.foreground):
         if not agent.foreground and left[agent.type] <= 0:
             continue
-        found = _find_free_option(agent, present, seated)
+        found = _find_free_option(agent, present, assigned)
         if found is not None:
-            option, start = seated.chosen[agent.name] = found
-            seated.standing.append(option.actor.shift(STEP * start))
-            present.add(seated.standing[-1], foreground=agent.foreground)
+            option, start = assigned.chosen[agent.name] = found
+            assigned.standing.append(option.actor.shift(STEP * start))
+            present.add(assigned.standing[-1], foreground=agent.foreground)
             left[agent.type] -= not agent.foreground
         elif agent.foreground:
             return f"{agent.name} finds no moment at which it would not interact"
     enough = wanted if least is None else least
     if any(wanted[kind] - left[kind] < enough.get(kind, wanted[kind]) for kind in wanted):
         return f"no room for {sum(left.values())} of {sum(wanted.values())} further agents"
-    return Assignment(seated.chosen, optimal=False, rounds=1, pairs=len(seated.chosen))
+    return Assignment(assigned.chosen, optimal=False, rounds=1, pairs=len(assigned.chosen))
 
 
 def _find_free_option(
-    agent: BackgroundAgent, present: ReservationTable, seated: Seated
+    agent: BackgroundAgent, present: ReservationTable, assigned: AssignedAgents
 ) -> tuple[Option, int] | None:
     """Find the agent's first feasible option, and its entry time nearest to the drawn one."""
-    for option in agent.make(seated):
+    for option in agent.make(assigned):
         free = present.find_free_times(
             option.actor, option.starts, foreground=agent.foreground, follows=option.follows
         )

@@ -72,7 +72,7 @@ def _schedule_offsets(
     deltas: list[float],
 ) -> Generator[PartialSchedule, None, bool]:
     """Schedule those offsets that fit; returns whether all failed, but for the striking agent."""
-    staged = turned_round = False
+    scheduled = turned_round = False
     # Drawn once: a new draw for every offset would favour slow ones, as those collide.
     drawn = (
         context.reactions.draw(pair[0], context.rng),
@@ -109,9 +109,9 @@ def _schedule_offsets(
         time = found.time
         begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
         event = ScheduledEvent(clause, time, begins, time, time, found.location)
-        staged = True
+        scheduled = True
         yield schedule.add_event(event, end_a, end_b)
-    return turned_round and not staged
+    return turned_round and not scheduled
 
 
 def _draw_offsets_inside(

@@ -143,7 +143,7 @@ def meet_at(
     ground: MapAreas,
     rng: np.random.Generator,
 ) -> ObjectEncounter | None:
-    """The candidate, meeting the object where it stands; None if it does not fit there."""
+    """Let the candidate meet the object where it stands; None if it does not fit there."""
     own = candidate
     if node.encounter == "hits" and node.kind in ("parked", "bus_stop"):
         drifting = _draw_drift(place, candidate, rng)
@@ -259,7 +259,7 @@ def _stays_on_road(candidate: Candidate, ground: MapAreas) -> bool:
 
 @dataclass(frozen=True)
 class Earlier:
-    """Who came to an object before: when it got there [s], and how it stands there now, if so."""
+    """The previous agent at an object: its arrival [s], and its standing footprint, if any."""
 
     time: float
     standing: ObjectRecord | None = None
@@ -272,7 +272,7 @@ def place_encounter(
     *,
     earlier: Earlier | None = None,
 ) -> tuple[ScheduledAgent, Earlier] | None:
-    """Who meets an object and nobody else, in time; None if it cannot stop, or is too slow."""
+    """Time an agent that meets only an object; None if it cannot stop, or is too slow."""
     actor = ScheduledAgent.build_unplaced(meeting.candidate, landmarks)
     placed = _act(actor, meeting, rng, earlier)
     if placed is None or not np.isfinite(placed[1]):
@@ -289,7 +289,7 @@ def _act(
     rng: np.random.Generator,
     earlier: Earlier | None,
 ) -> tuple[ScheduledAgent, float] | None:
-    """What it does about the object, and when it gets there [s]; None if it cannot."""
+    """Apply what it does about the object; with the time there [s]; None if it cannot."""
     match meeting.how:
         case "waits_behind":
             return _wait(actor, meeting.touch, meeting.choose(_GAP, rng))
@@ -311,7 +311,7 @@ def _act(
 def _wait(
     actor: ScheduledAgent, touch: float, gap: float, braking: float | None = None
 ) -> tuple[ScheduledAgent, float] | None:
-    """It stops so far behind, for good; off crosswalks, unless it brakes hard."""
+    """Stop it so far behind, for good; off crosswalks, unless it brakes hard."""
     wanted = touch - gap
     s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
     if s < min(wanted, touch - _GAP[1]) or s < _HEADS_FOR:
@@ -326,7 +326,7 @@ def _wait(
 def _wait_first(
     actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float] | None:
-    """It stands for a while before it moves over, as long as asked for at walking pace or less."""
+    """Let it stand before it moves over, as long as asked for at walking pace or less."""
     s = meeting.waits_at or 0.0
     if s < _HEADS_FOR or actor.landmarks.move_off_crosswalks(s) != s:
         return None
@@ -342,7 +342,7 @@ def _wait_first(
 def _brake_too_late(
     actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
 ) -> tuple[ScheduledAgent, float] | None:
-    """It brakes too late, and ends where it touches the object."""
+    """Brake it too late, ending where it touches the object."""
     speed = meeting.choose(_STRIKES, rng)
     # Slowed down a little before, so that no smoothing changes the speed of the contact.
     early = 0.5 * speed

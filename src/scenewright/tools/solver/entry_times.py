@@ -208,7 +208,7 @@ def _select_visible(
 def count_visible_agents(
     program: SignalProgram,
     offsets: FloatArray,
-    crowd: Iterable[Route],
+    arrivals: Iterable[Route],
     *,
     duration: float,
     intersection_map: IntersectionMap,
@@ -219,7 +219,7 @@ def count_visible_agents(
     waiting at a light that was red before. A scene shows as many under every offset; under one that
     brings a queue more are visible.
     """
-    people = list(crowd)
+    people = list(arrivals)
     return duration * max(len(people), 1) + _compute_total_red(
         program, offsets, people, intersection_map=intersection_map
     )
@@ -228,7 +228,7 @@ def count_visible_agents(
 def compute_queue_growth(
     program: SignalProgram,
     offsets: FloatArray,
-    crowd: Iterable[Route],
+    arrivals: Iterable[Route],
     *,
     duration: float,
     intersection_map: IntersectionMap,
@@ -238,7 +238,7 @@ def compute_queue_growth(
     The mean over the vehicles of how long their lights have not been green. Below 0,
     more set off in the scene than come to stand; over all moments of a programme it is 0.
     """
-    drivers = [route for route in crowd if route.type == "vehicle"]
+    drivers = [route for route in arrivals if route.type == "vehicle"]
     begin, end = (
         _compute_total_red(program, moments, drivers, intersection_map=intersection_map)
         for moments in (offsets, offsets + duration)
@@ -249,12 +249,12 @@ def compute_queue_growth(
 def _compute_total_red(
     program: SignalProgram,
     offsets: FloatArray,
-    crowd: Iterable[Route],
+    arrivals: Iterable[Route],
     *,
     intersection_map: IntersectionMap,
 ) -> FloatArray:
     """Compute the summed time [N] since the lights of several agents were last green [s]."""
-    groups = Counter(intersection_map.find_signal_group(route) for route in crowd)
+    groups = Counter(intersection_map.find_signal_group(route) for route in arrivals)
     red = np.zeros(len(offsets))
     for group, count in groups.items():
         if group is not None:

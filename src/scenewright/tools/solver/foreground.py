@@ -79,10 +79,10 @@ class ForegroundSolver:
             yield schedule
             return
         first, *others = clauses
-        for staged in _schedule_clause(first, schedule, self._context):
+        for scheduled in _schedule_clause(first, schedule, self._context):
             check_time()
             self._context.misses.note_met(first)
-            yield from self._schedule_rest(tuple(others), staged)
+            yield from self._schedule_rest(tuple(others), scheduled)
 
 
 def _schedule_clause(

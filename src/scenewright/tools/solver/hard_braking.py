@@ -151,10 +151,10 @@ class _HardBraking:
             ).least
             if not self.accepts_ttc(least):
                 continue
-            staged = self.schedule_release(how, delta)
-            if staged is not None:
-                yield staged
-            tried[staged is None] += 1
+            scheduled = self.schedule_release(how, delta)
+            if scheduled is not None:
+                yield scheduled
+            tried[scheduled is None] += 1
             if tried[0] >= _OFFSETS or tried[1] >= _FAILURES:
                 return
 

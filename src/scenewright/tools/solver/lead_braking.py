@@ -103,9 +103,9 @@ def schedule_stops_behind(
         for _ in range(_FOLLOWERS):
             follower = _draw_stopping(a, touch, clause, context.rng)
             for delta in _draw_offsets(follower, leader, context.rng):
-                staged = _place(clause, schedule, context, follower, leader, delta)
-                if staged is not None:
-                    yield staged
+                scheduled = _place(clause, schedule, context, follower, leader, delta)
+                if scheduled is not None:
+                    yield scheduled
 
 
 def _draw_leaders(

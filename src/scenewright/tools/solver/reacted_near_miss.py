@@ -29,7 +29,7 @@ from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, g
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _TRIES, _STEPS, _MOST = 20, 4, 2
-"""Reactions that are drawn; steps towards the PET with each; and stagings that are offered."""
+"""Reactions that are drawn; steps towards the PET with each; and schedules that are offered."""
 
 _KEEPS, _KEEPS_LITTLE = (0.58, 0.75), (0.25, 0.55)
 """Share of its speed that an agent keeps which slows: below half it would have given way,"""
@@ -102,9 +102,9 @@ def schedule_reacted_time_gaps(
         attempt = _draw(willing, pair, context)
         if names[attempt.by] in schedule.actors:
             continue  # it is bound already by earlier events
-        staged = _schedule_reaction(clause, schedule, context, pair, meetings, attempt)
-        if staged is not None:
-            yield staged
+        scheduled = _schedule_reaction(clause, schedule, context, pair, meetings, attempt)
+        if scheduled is not None:
+            yield scheduled
             offered += 1
         if offered == _MOST:
             return

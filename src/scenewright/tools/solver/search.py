@@ -62,11 +62,11 @@ from scenewright.tools.map_grounding.signal_plan import (
     find_feasible_offsets,
 )
 from scenewright.tools.solver.background_assignment import (
+    AssignedAgents,
     Assignment,
     BackgroundAgent,
     ConflictTable,
     Option,
-    Seated,
     assign_in_turn,
 )
 from scenewright.tools.solver.car_following import find_entrance, follow_traffic
@@ -365,11 +365,11 @@ class Search:
             {name: self._meetings[(name, choice[name])].place for name in self._to_meet}
         )
         count = 0
-        staged = filter(
+        scheduled = filter(
             self._runs_come_first, stage.schedule_all(self._events, self._build_first_schedule())
         )
-        staged = filter(self._is_in_order, filter(self._turns_come_first, staged))
-        for schedule in filter(self._is_as_measured, staged):
+        scheduled = filter(self._is_in_order, filter(self._turns_come_first, scheduled))
+        for schedule in filter(self._is_as_measured, scheduled):
             selection = self._finish(schedule, choice)
             if selection is not None:
                 return selection
@@ -684,11 +684,11 @@ class Search:
         offsets = find_feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
-        crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
+        arrivals = [each.route for each in self._pool.agents.values() if each.chance is not None]
         often = count_visible_agents(
             program,
             offsets,
-            crowd,
+            arrivals,
             duration=duration,
             intersection_map=self._ground.intersection_map,
         )
@@ -696,7 +696,7 @@ class Search:
             left = compute_queue_growth(
                 program,
                 offsets,
-                crowd,
+                arrivals,
                 duration=duration,
                 intersection_map=self._ground.intersection_map,
             )
@@ -739,14 +739,14 @@ class Search:
         draws: AgentCandidates,
         moment: SceneTiming,
         objects: Sequence[ObjectRecord],
-        seated: Seated,
+        assigned: AssignedAgents,
     ) -> Iterator[Option]:
         """List the options of an agent, of its first candidate that has any.
 
         An agent that arrives at red looks for room to wait on a few candidates before it takes
         other times.
         """
-        yield from self._list_beside(draws, moment, seated)
+        yield from self._list_beside(draws, moment, assigned)
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
@@ -754,7 +754,7 @@ class Search:
             built = self._get_candidate(draws.name, m)
             if built is None or is_in_way(built[0], objects):
                 continue
-            ways = self._list_candidate_options(draws, m, built, moment, seated, later)
+            ways = self._list_candidate_options(draws, m, built, moment, assigned, later)
             first = next(ways, None)
             if first is not None:
                 yield first
@@ -770,13 +770,13 @@ class Search:
         m: int,
         built: tuple[Candidate, Landmarks],
         moment: SceneTiming,
-        seated: Seated,
+        assigned: AssignedAgents,
         later: list[Option],
     ) -> Iterator[Option]:
         """List passing on green near the time drawn; waiting; passing at any other moment.
 
         Args:
-            seated: the assigned agents, behind which it may wait, and among which it may drive.
+            assigned: the agents behind which it may wait, and among which it may drive.
             later: gets the other options of an agent that arrives at red and finds no room to wait.
         """
         actor = ScheduledAgent.build_unplaced(*built)
@@ -785,8 +785,8 @@ class Search:
         cost, around = self._get_cost(draws.name, m), arrives - half
         if draws.chance is not None:
             around = compute_arrival_entry(actor, moment, draws.chance)
-        if seated.present is not None and _follows(draws):
-            yield from self._list_among_traffic(actor, m, cost, around, seated.present, moment)
+        if assigned.present is not None and _follows(draws):
+            yield from self._list_among_traffic(actor, m, cost, around, assigned.present, moment)
         waits = draws.chance is not None and not passes_on_green(actor, moment, around)
         far: list[Option] = []
         if not waits:
@@ -794,7 +794,7 @@ class Search:
             yield from near
         drives = draws.route.type == "vehicle"
         span = compute_red_span(actor, moment, around)
-        last = find_queue_tail(built[0], seated.standing, span) if drives else None
+        last = find_queue_tail(built[0], assigned.standing, span) if drives else None
         waiting: list[tuple[RedLightWait, Steps]] = []
         if last is not None and draws.arrival is not None:
             yield from self._list_queueing(actor, m, cost, around, moment, last)
@@ -814,12 +814,12 @@ class Search:
             yield from (*far, *stuck)
 
     def _list_beside(
-        self, draws: AgentCandidates, moment: SceneTiming, seated: Seated
+        self, draws: AgentCandidates, moment: SceneTiming, assigned: AssignedAgents
     ) -> Iterator[Option]:
         """List walking with another agent, on either side, both off the crosswalk at red."""
-        if draws.beside not in seated.chosen:
+        if draws.beside not in assigned.chosen:
             return
-        option, start = seated.chosen[draws.beside]
+        option, start = assigned.chosen[draws.beside]
         for place in (option.index, ~option.index):
             built = self._get_candidate(draws.name, place)
             if built is not None:

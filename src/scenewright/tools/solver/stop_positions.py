@@ -97,10 +97,10 @@ def _draw_distances(clause: GivesWay, a: ScheduledAgent, context: SolverContext)
     """Draw distances from the zone to stop at [m]: as observed, then as is usual."""
     kind = a.candidate.route.type
     usual = float(context.rng.uniform(*_USUAL_GAP[kind]))
-    manners = context.get_yielding(clause)
-    if manners is None or context.get_requested_pet(clause) is not None:
+    behavior = context.get_yielding(clause)
+    if behavior is None or context.get_requested_pet(clause) is not None:
         return [usual]
-    gaps = [max(sample_quantiles(manners.gap, context.rng), _GAPS[kind][0]) for _ in range(2)]
+    gaps = [max(sample_quantiles(behavior.gap, context.rng), _GAPS[kind][0]) for _ in range(2)]
     # An agent that turns on green drives on into the intersection before it waits.
     turning = a.candidate.route.movement != "straight" and a.landmarks.group is not None
     return [*((min(gap, _GAPS[kind][1]) if turning else gap) for gap in gaps), usual]

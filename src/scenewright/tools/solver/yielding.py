@@ -169,20 +169,20 @@ def _draw_timings(
     As observed, or as the PET asked for needs it; else, so that it fits best: at once, besides the
     observed values, that would replace the long standstills.
     """
-    wanted, manners = context.get_requested_pet(clause), context.get_yielding(clause)
+    wanted, behavior = context.get_requested_pet(clause), context.get_yielding(clause)
     if wanted is not None:
         react = (wanted.low + wanted.high) / 2 - _compute_time_to_zone(a, hold, stands, zone)
         yield from [(react, None)] * 3
         return
-    if manners is not None:
-        lasts = sample_quantiles(manners.stands, context.rng)
+    if behavior is not None:
+        lasts = sample_quantiles(behavior.stands, context.rng)
         latest = _find_latest_start(a, hold, stands, zone)
         for _ in range(2):
-            seen = sample_quantiles(manners.reacts, context.rng)
+            seen = sample_quantiles(behavior.reacts, context.rng)
             yield float(np.clip(seen, _SOONEST, max(latest, _SOONEST))), lasts
-    if manners is None or context.lenient:
+    if behavior is None or context.lenient:
         react = float(context.rng.uniform(*_REACTS))
-        yield from [(react, None)] * (3 if manners is None else 2)
+        yield from [(react, None)] * (3 if behavior is None else 2)
 
 
 def _find_latest_start(
@@ -267,12 +267,12 @@ def _add_yield(
 
 def _may_roll(clause: GivesWay, schedule: PartialSchedule, context: SolverContext) -> bool:
     """Return whether `first` may slow without standing; nothing else may depend on its stop."""
-    manners = context.get_yielding(clause)
-    if manners is None or context.get_requested_pet(clause) is not None:
+    behavior = context.get_yielding(clause)
+    if behavior is None or context.get_requested_pet(clause) is not None:
         return False
     if clause.first in context.busy or clause.first in schedule.actors:
         return False
-    return bool(context.rng.random() < manners.rolls)
+    return bool(context.rng.random() < behavior.rolls)
 
 
 def _schedule_rolling(
@@ -280,18 +280,18 @@ def _schedule_rolling(
 ) -> Iterator[PartialSchedule]:
     """Schedule the first slowing so far that the other has left the zone when it arrives there."""
     a, b = context.get_pair(clause, schedule)
-    manners = context.get_yielding(clause)
-    if manners is None:
+    behavior = context.get_yielding(clause)
+    if behavior is None:
         return
     nodes = zone.s_a[zone.i]
     _, b_out = compute_passage(b.motion, zone.s_b[zone.j])
     for _ in range(_ROLLS):
         s = a.landmarks.move_off_crosswalks(
-            float(nodes.min()) - max(sample_quantiles(manners.place, context.rng), 0.5),
+            float(nodes.min()) - max(sample_quantiles(behavior.place, context.rng), 0.5),
             own=b.landmarks.own_crosswalk,
         )
-        margin = max(sample_quantiles(manners.margin, context.rng), _PETS[0] + 0.2)
-        found = _slow_down(a, s, sample_quantiles(manners.pace, context.rng), nodes)
+        margin = max(sample_quantiles(behavior.margin, context.rng), _PETS[0] + 0.2)
+        found = _slow_down(a, s, sample_quantiles(behavior.pace, context.rng), nodes)
         if found is None:
             continue
         rolling, unheld = found

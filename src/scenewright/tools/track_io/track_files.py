@@ -134,9 +134,9 @@ def _read(
         if columns is None and find_reader(file.name) is not None:
             yield from _read_scenarios(file)
             return
-        told = find_columns(file, dataset) if columns is None else columns
-        if told is not None:
-            agents = _read_mapped_csv(file, told)
+        mapping = find_columns(file, dataset) if columns is None else columns
+        if mapping is not None:
+            agents = _read_mapped_csv(file, mapping)
         elif file.name.startswith("vehicle_tracks_"):
             agents = _read_mapped_csv(file, _TAF)
             site, begin, origin = _read_taf_meta(file)

@@ -248,9 +248,9 @@ class Refiner(nn.Module):
     ) -> Tensor:
         """[B, N, pooled]: the strongest impressions that the nearest neighbours make."""
         near, who = find_nearest(now.xy, now.here, self.reach[classes], self.config.neighbours)
-        told = self.memory(memory).view(*classes.shape, -1)
+        messages = self.memory(memory).view(*classes.shape, -1)
         seen = self.pair(pair_features(now, who, classes, along, unit))
-        impression = torch.relu(self.impression(torch.relu(seen + pick(told, who))))
+        impression = torch.relu(self.impression(torch.relu(seen + pick(messages, who))))
         strongest = impression.masked_fill(~near[..., None], 0.0).amax(dim=2)
         return torch.relu(self.pool(strongest))
 
@@ -346,8 +346,8 @@ def find_nearest(xy: Tensor, here: Tensor, reach: Tensor, most: int) -> tuple[Te
     n = xy.shape[1]
     with torch.no_grad():
         apart = torch.cdist(xy, xy, compute_mode="donot_use_mm_for_euclid_dist")
-        nobody = ~here[:, None, :] | torch.eye(n, dtype=torch.bool, device=xy.device)
-        apart = apart.masked_fill(nobody, torch.inf)
+        excluded = ~here[:, None, :] | torch.eye(n, dtype=torch.bool, device=xy.device)
+        apart = apart.masked_fill(excluded, torch.inf)
         distance, who = apart.topk(min(most, max(n - 1, 1)), dim=-1, largest=False, sorted=False)
         return distance < reach[..., None], who
 
