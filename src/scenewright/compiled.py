@@ -12,6 +12,7 @@ import hashlib
 import os
 import re
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -27,6 +28,7 @@ _PACKAGE = Path(__file__).parent
 _PREFIX = "scenewright-"
 _SLOWEST = _PACKAGE / "tools" / "solver" / "reservation.py"
 _IMPORT = re.compile(r"^ *from (scenewright[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+_LOADING = threading.RLock()
 _STALE = 86400.0
 """Age [s] from which machine code of other sources is removed."""
 
@@ -46,11 +48,15 @@ class _CompiledFunction:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
+        self._ready = False
 
     def __call__(self, *arguments: Any) -> Any:
-        if "_dispatcher" not in vars(self):
-            with stop_clock():  # the first call compiles
-                return self._dispatcher(*arguments)
+        if not self._ready:
+            # The first call compiles or loads, which threads must not do at once.
+            with _LOADING, stop_clock():
+                found = self._dispatcher(*arguments)
+            self._ready = True
+            return found
         return self._dispatcher(*arguments)
 
     @property
