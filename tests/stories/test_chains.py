@@ -140,7 +140,7 @@ def test_who_is_said_to_run_red_does_and_no_other_agent(text: str, who: str, see
             "hits a second pedestrian on the north crosswalk.",
             "never passes pedestrian-1",
         ),
-        ("A car nearly hits a car coming from the same approach.", "the same leg as vehicle"),
+        ("A car hits a car head-on that comes from the same approach.", "the same leg as vehicle"),
     ],
 )
 def test_what_cannot_be_is_refused_at_once_and_says_why(text: str, given: str) -> None:

@@ -1,9 +1,9 @@
 """The order of passing of a scene at every place where two paths meet, as tables.
 
-The recorded scene has no contact, so that at every pair of places at which two road users would
-touch, one is there before the other. An agent that keeps that order and never enters such a place
-before the other has left it touches no other, however late all are; and as the order is
-one of times, there is no deadlock.
+In the recorded scene one of two road users is before the other at every pair of places where they
+would touch. Agents that keep that order, and never enter such a place before the other has left it,
+do not collide, whatever their delays. The order is by times of arrival and therefore has no
+cycles: no deadlock.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from scenewright.driving.footprints import find_overlaps
 from scenewright.driving.scenario import BoolArray, Scenario
 from scenewright.scene.base import FloatArray
 
-LONGER, WIDER = 0.8, 0.2
-"""By which a vehicle is taken to be longer and wider than it is [m]."""
-PEDESTRIANS_APART = 0.05
+LENGTH_MARGIN, WIDTH_MARGIN = 0.8, 0.2
+"""Added to a vehicle's length and width [m]."""
+PEDESTRIAN_GAP = 0.05
+"""Added between two pedestrians [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,36 +28,35 @@ class PassingOrderTables:
     """Tables of N agents with up to P points on their ways.
 
     Attributes:
-        limits: [N, P, N] distance [m] along the way of the last agent that it may not pass while
-            the first, which goes before it, is at that point; inf where nothing is in the way.
-        regardless: the same in either order.
-        standing: [N, P, N] whether the first, at that point, stands somewhere on the way of the
-            last.
-        cells: by index of an agent [Pe, P] points at which the ego, at a point of its route, and
-            the agent would touch; only of agents whose way meets the route.
+        limits: [i, p, j] distance [m] along the path of agent j that it may not pass while agent i,
+            which goes before it, is at point p of its own path; inf without such a limit.
+        limits_any_order: the same, whichever of the two goes first.
+        blocks_path: [i, p, j] whether agent i, at point p, is on the path of agent j.
+        ego_overlap: index of an agent -> [Pe, P] whether the ego at a point of its route and the
+            agent at a point of its path would touch; only of agents whose path meets the route.
     """
 
     limits: FloatArray
-    regardless: FloatArray
-    standing: BoolArray
-    cells: dict[int, BoolArray]
+    limits_any_order: FloatArray
+    blocks_path: BoolArray
+    ego_overlap: dict[int, BoolArray]
 
 
 @lru_cache(maxsize=16)
 def find_passing_order(scenario: Scenario) -> PassingOrderTables:
-    """The order of a scene; the ego has none, as it may do what it likes."""
+    """The order of passing of a scene; the ego is not bound by it."""
     n = len(scenario.names)
     points = max(len(path.xy) for path in scenario.paths)
     limits = np.full((n, points, n), np.inf)
-    regardless = np.full((n, points, n), np.inf)
-    standing = np.zeros((n, points, n), dtype=bool)
-    cells: dict[int, BoolArray] = {}
+    limits_any_order = np.full((n, points, n), np.inf)
+    blocks_path = np.zeros((n, points, n), dtype=bool)
+    ego_overlap: dict[int, BoolArray] = {}
     moving = np.flatnonzero(scenario.moves)
     for j in moving:
         met = _find_touching(scenario, scenario.ego, int(j))
         if met is not None:
-            cells[int(j)] = met
-            _write(regardless, standing, scenario, scenario.ego, int(j), met)
+            ego_overlap[int(j)] = met
+            _store_limits(limits_any_order, blocks_path, scenario, scenario.ego, int(j), met)
     for at, i in enumerate(moving):
         for j in moving[at + 1 :]:
             met = _find_touching(scenario, int(i), int(j))
@@ -64,16 +64,21 @@ def find_passing_order(scenario: Scenario) -> PassingOrderTables:
                 continue
             first = scenario.paths[i].arrival[:, None] <= scenario.paths[j].arrival[None, :]
             for a, b, cell, before in ((i, j, met, first), (j, i, met.T, ~first.T)):
-                _write(regardless, standing, scenario, int(a), int(b), cell)
+                _store_limits(limits_any_order, blocks_path, scenario, int(a), int(b), cell)
                 limits[a, : len(cell), b] = _find_limits(scenario, int(b), cell & before)
-    return PassingOrderTables(limits, regardless, standing, cells)
+    return PassingOrderTables(limits, limits_any_order, blocks_path, ego_overlap)
 
 
-def _write(
-    regardless: FloatArray, standing: BoolArray, scenario: Scenario, a: int, b: int, cell: BoolArray
+def _store_limits(
+    limits_any_order: FloatArray,
+    blocks_path: BoolArray,
+    scenario: Scenario,
+    a: int,
+    b: int,
+    cell: BoolArray,
 ) -> None:
-    regardless[a, : len(cell), b] = _find_limits(scenario, b, cell)
-    standing[a, : len(cell), b] = cell.any(axis=1)
+    limits_any_order[a, : len(cell), b] = _find_limits(scenario, b, cell)
+    blocks_path[a, : len(cell), b] = cell.any(axis=1)
 
 
 def _find_limits(scenario: Scenario, agent: int, cell: BoolArray) -> FloatArray:
@@ -86,7 +91,7 @@ def _find_limits(scenario: Scenario, agent: int, cell: BoolArray) -> FloatArray:
 def _find_touching(scenario: Scenario, i: int, j: int) -> BoolArray | None:
     """[Pi, Pj] whether i at a point of its way and j at one of its own touch; None if never."""
     one, two = scenario.paths[i], scenario.paths[j]
-    reach = scenario.reach[i] + scenario.reach[j] + LONGER
+    reach = scenario.reach[i] + scenario.reach[j] + LENGTH_MARGIN
     if _is_pair_apart(one.xy, two.xy, reach):
         return None
     apart = np.hypot(*(one.xy[:, None] - two.xy[None]).transpose(2, 0, 1))
@@ -95,7 +100,7 @@ def _find_touching(scenario: Scenario, i: int, j: int) -> BoolArray | None:
     if not len(rows):
         return None
     if scenario.is_disc[i] and scenario.is_disc[j]:
-        near = scenario.sizes[[i, j], 0].sum() / 2 + PEDESTRIANS_APART
+        near = scenario.sizes[[i, j], 0].sum() / 2 + PEDESTRIAN_GAP
         met[rows, columns] = apart[rows, columns] < near
     elif scenario.is_disc[i]:
         met[rows, columns] = _touch(scenario, (j, columns), (i, rows))
@@ -112,10 +117,10 @@ def _touch(
     return find_overlaps(
         scenario.paths[i].xy[at],
         scenario.paths[i].heading[at],
-        scenario.sizes[i] + (LONGER, WIDER),
+        scenario.sizes[i] + (LENGTH_MARGIN, WIDTH_MARGIN),
         scenario.paths[j].xy[other_at],
         scenario.paths[j].heading[other_at],
-        scenario.sizes[j] + ((0.0, 0.0) if scenario.is_disc[j] else (LONGER, WIDER)),
+        scenario.sizes[j] + ((0.0, 0.0) if scenario.is_disc[j] else (LENGTH_MARGIN, WIDTH_MARGIN)),
         np.full(len(at), scenario.is_disc[j]),
     )
 

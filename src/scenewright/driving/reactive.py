@@ -160,11 +160,11 @@ class Reactive:
         who = np.arange(len(where))[:, None]
         limits = order.limits[who, k]
         if self._swapped.any():
-            other = order.regardless[who, k]
+            other = order.limits_any_order[who, k]
             limits = np.where(self._swapped[:, None, :], other, limits)
             limits = np.where(self._swapped.T[:, None, :], np.inf, limits)
         limits[state.gone] = np.inf
-        mine = order.regardless[one.ego, k[one.ego]]
+        mine = order.limits_any_order[one.ego, k[one.ego]]
         limits[one.ego] = np.where(heeds[None, :], mine, np.inf)
         passed = (limits < state.s[None, None, :] - 0.3) & state.entered[None, None, :]
         limits = np.where(passed, np.inf, limits)
@@ -199,7 +199,7 @@ class Reactive:
         one, state, order = self._one, self._state, self._order
         for j in np.flatnonzero(held):
             k = min(int(state.s[j] / self._spacing[j]), self._points[j] - 1)
-            free = ~order.standing[j, k] & np.isfinite(order.limits[j, k])
+            free = ~order.blocks_path[j, k] & np.isfinite(order.limits[j, k])
             free &= one.moves & ~state.gone & ~held
             self._swapped[:, j] |= free
             self._swapped[j, :] &= ~free
@@ -224,7 +224,7 @@ class Reactive:
         if abs(ego.offset) > OFF_ROUTE:
             self._meet_off_route(ego, near, blocked)
             return yields, follows, blocked[:, None]
-        for j in self._order.cells:
+        for j in self._order.ego_overlap:
             meets = False
             if near[j]:
                 meets, follows[j] = self._meet(j, ego)
@@ -242,7 +242,7 @@ class Reactive:
         """Whether an agent is to give way to the ego, and whether the ego is on its way already."""
         one, state = self._one, self._state
         ke, kj = int(ego.progress / self._spacing[one.ego]), int(state.s[j] / self._spacing[j])
-        part = self._order.cells[j][ke : ke + WINDOW, kj : kj + WINDOW]
+        part = self._order.ego_overlap[j][ke : ke + WINDOW, kj : kj + WINDOW]
         rows, columns = np.asarray(part.any(axis=1)), np.asarray(part.any(axis=0))
         if not rows.any() or columns[0]:
             return False, False

@@ -146,14 +146,14 @@ class Resolve(Reactive):
         mine = min(int(state.s[k] / self._spacing[k]), self._points[k] - 1)
         for i in np.flatnonzero(one.moves & ~state.gone & ~self._swapped[k]):
             at = min(int(state.s[i] / self._spacing[i]), self._points[i] - 1)
-            limits = order.regardless if self._swapped[i, k] else order.limits
-            begin, room = limits[i, at, k], order.regardless[k, mine, i] - state.s[i]
+            limits = order.limits_any_order if self._swapped[i, k] else order.limits
+            begin, room = limits[i, at, k], order.limits_any_order[k, mine, i] - state.s[i]
             if i == k or not state.s[k] - 0.3 <= begin < state.s[k] + FORESIGHT:
                 continue
             if not state.entered[i]:
                 self._swapped[k, i], self._swapped[i, k] = True, False
                 continue
-            if order.standing[i, at, k] or not np.isfinite(room):
+            if order.blocks_path[i, at, k] or not np.isfinite(room):
                 continue
             kind = int(one.kinds[i])
             clear = self._time_of(k, begin - float(state.s[k]) + CLEAR[one.kinds[k]]) + 1.0
@@ -352,7 +352,7 @@ def _find_place(
             at = np.arange(len(ego.progress)) * scenario.step
             ego_at, agent_at = (float(np.interp(times[0], at, p.progress)) for p in (ego, agent))
             return ego_at, agent_at, 0.0
-    met = find_passing_order(scenario).cells.get(other)
+    met = find_passing_order(scenario).ego_overlap.get(other)
     if met is None:
         return None
     rows, columns = np.nonzero(met)

@@ -1,4 +1,4 @@
-"""The stepping core: the ego under its actions, the others by their traffic model, contacts."""
+"""Simulation step: the ego moves by its action, the others by a traffic model; collisions."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from scenewright.driving.scenario import BoolArray, Scenario
 from scenewright.scene.base import FloatArray
 
 End = Literal["collision", "arrived", "over", "policy_failed"]
-"""Why a drive ended: the ego hit an agent, reached the end of its route, the scene ran out, or
-the policy failed."""
+"""Why a drive ended: the ego hit an agent, reached the end of its route, the scene was over, or the
+policy failed (set by `run_drive`)."""
 
-PARTS = np.linspace(0.25, 1.0, 4)
-"""Parts of a step at which contacts are looked for."""
-ARRIVED = 1.0
-"""So near to the end of its route the ego has arrived [m]."""
+COLLISION_CHECKS = np.linspace(0.25, 1.0, 4)
+"""Fractions of a step at which collisions are checked."""
+ARRIVAL_TOLERANCE = 1.0
+"""Distance to the end of its route at which the ego has arrived [m]."""
 
 
 @dataclass(eq=False)
@@ -45,7 +45,7 @@ class TrafficModel(Protocol):
         ...
 
     def move(self, now: OtherStates, ego: EgoState, step: int) -> OtherStates:
-        """The others at `step`, one step after `now`; `ego` is where the ego was then."""
+        """The others at `step`, one step after `now`; `ego` is the state of the ego at `now`."""
         ...
 
 
@@ -79,7 +79,7 @@ class World:
     """A drive in progress.
 
     Attributes:
-        step: of the scene; history: the ego at every step from the first.
+        step: index of the present sample; history: the ego at every step from the first.
         others: all others now; record: their states at every step.
         hit: index of the agent or object that the ego touches; end: why the drive is over.
     """
@@ -114,7 +114,7 @@ class World:
         one = self.scenario
         if self.hit is not None:
             self.end = "collision"
-        elif self.ego.progress >= one.paths[one.ego].length - ARRIVED:
+        elif self.ego.progress >= one.paths[one.ego].length - ARRIVAL_TOLERANCE:
             self.end = "arrived"
         elif self.step >= one.steps - 1:
             self.end = "over"
@@ -149,7 +149,7 @@ def _find_hit(
     if not len(who):
         return None
     begin = np.where(was.present[who], 0.0, 1.0)
-    part = np.maximum(PARTS[:, None], begin)
+    part = np.maximum(COLLISION_CHECKS[:, None], begin)
     turned = np.angle(np.exp(1j * (now.heading[who] - was.heading[who])))
     hits = find_overlaps(
         *_interpolate_ego(before, after), scenario.sizes[me],
@@ -167,9 +167,9 @@ def _find_hit(
 def _interpolate_ego(before: EgoState, after: EgoState) -> tuple[FloatArray, FloatArray]:
     """[parts, 1, 2] positions and [parts, 1] headings on the way."""
     turn = np.angle(np.exp(1j * (after.heading - before.heading)))
-    x = before.x + PARTS * (after.x - before.x)
-    y = before.y + PARTS * (after.y - before.y)
-    return np.stack([x, y], axis=-1)[:, None], (before.heading + PARTS * turn)[:, None]
+    x = before.x + COLLISION_CHECKS * (after.x - before.x)
+    y = before.y + COLLISION_CHECKS * (after.y - before.y)
+    return np.stack([x, y], axis=-1)[:, None], (before.heading + COLLISION_CHECKS * turn)[:, None]
 
 
 def list_ego_points(history: Sequence[EgoState]) -> FloatArray:

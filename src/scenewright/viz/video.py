@@ -32,7 +32,7 @@ def film_scene(
     intersection: IntersectionMap,
     whole: bool = False,
 ) -> None:
-    """Write a scene as an MP4 (H.264): slow round each event, ending soon after the last.
+    """Write a scene as an MP4 (H.264): in slow motion round each event, ending soon after the last.
 
     Args:
         whole: show the scene to its end.
@@ -60,29 +60,29 @@ def find_ffmpeg() -> str:
         found = shutil.which("ffmpeg")
         if found is None:
             raise InputError(
-                "an MP4 needs ffmpeg; pip install 'scenewright[video]' brings one"
+                "an MP4 needs ffmpeg; pip install 'scenewright[video]' installs it"
             ) from None
         return found
     return str(imageio_ffmpeg.get_ffmpeg_exe())
 
 
 def _encode(program: str, frames: Iterator[Pixels]) -> bytes:
-    """The frames as an MP4 that plays while it is still being read."""
+    """The frames as an MP4 with its index first, for progressive playback."""
     first = next(frames)
-    high, wide = (size - size % 2 for size in first.shape[:2])  # the encoder halves both
+    height, width = (size - size % 2 for size in first.shape[:2])  # yuv420p needs even sizes
     with tempfile.TemporaryDirectory() as folder:
         part = Path(folder) / "scene.mp4"
         command = [
             program, "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
-            "-s", f"{wide}x{high}", "-r", str(FPS), "-i", "-", "-an", "-c:v", "libx264",
+            "-s", f"{width}x{height}", "-r", str(FPS), "-i", "-", "-an", "-c:v", "libx264",
             "-crf", "20", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-y", str(part),
         ]  # fmt: skip
-        _run(command, (frame[:high, :wide].tobytes() for frame in chain([first], frames)))
+        _run(command, (frame[:height, :width].tobytes() for frame in chain([first], frames)))
         return part.read_bytes()
 
 
 def _run(command: list[str], chunks: Iterator[bytes]) -> None:
-    """Hand the chunks to a program on its stdin; InputError with its last words if it fails."""
+    """Feed a program on its stdin; InputError with the last line of its stderr if it fails."""
     with tempfile.TemporaryFile() as errors:
         try:
             with (

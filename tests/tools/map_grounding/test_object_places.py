@@ -70,5 +70,5 @@ def test_a_hidden_pedestrian_comes_from_the_kerb_of_the_approach() -> None:
 
 
 def test_nothing_hides_behind_what_is_seen_over() -> None:
-    with pytest.raises(Rejected, match="seen over"):
+    with pytest.raises(Rejected, match="too low to hide"):
         ground_graph(graph(kind="bin", subtype=None), intersection_map=MAP)

@@ -360,7 +360,7 @@ def test_who_passes_on_yellow_does_so_while_it_lasts(turns: float, late: float, 
     one = car(distance(8.0, (0.0, 8.0)), x=-50.0)
     moved = replace(one, track=replace(one.track, start=late))
     observed = observe([moved], intersection_map=MAP, signals=plan)
-    found = describe_vehicle_motion("passes_yellow", observed.tracks[0], observed.lights)
+    found = describe_vehicle_motion("passes_yellow", observed.tracks[0], observed.lights, MAP)
     assert (found is not None) == seen
 
 

@@ -27,29 +27,29 @@ _ONWARD = r"(?:later|further|farther|ahead|closer|nearer|forward|beyond|past)"
 _BACK = r"(?:earlier|sooner|before|back|short|behind|shorter)"
 _STOPS = r"\b(?:stops?|stopping|stopped|halts?|stands?|standing|waits?|waiting|pulls? up|brakes?)\b"
 
-_STAND = 2.0
+_DEFAULT_STANDSTILL = 2.0
 """Default time that an agent that slowed down stands [s]."""
 
 _FASTEST_SHARE, _SLOWEST_SHARE = 2.0, 0.3
 
 
 @dataclass(frozen=True)
-class _Dial:
+class _EditRule:
     pattern: re.Pattern[str]
     make: Callable[[re.Match[str], str, People, AgentView | None], Edit]
 
 
 def build_motion_edit(text: str, people: People, agent: AgentView | None) -> Edit | None:
-    """The edit of one agent's motion that the words amount to; None if they turn no dial.
+    """The edit of one agent's motion that the words amount to; None if no rule matches.
 
     Args:
         text: the words, in lower case.
         agent: the agent that they name; None if none.
     """
-    for dial in _DIALS:
-        found = dial.pattern.search(text)
+    for rule in _EDIT_RULES:
+        found = rule.pattern.search(text)
         if found is not None:
-            return dial.make(found, text, people, agent)
+            return rule.make(found, text, people, agent)
     return None
 
 
@@ -59,18 +59,21 @@ def number(word: str) -> float:
 
 
 def _parse_amount(found: re.Match[str], default: float) -> float:
-    word = found.groupdict().get("amount")
+    groups = found.groupdict()
+    word = groups.get("amount") or groups.get("by")
     return default if word is None else number(word)
 
 
-def _stop(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
+def _edit_stop_point(
+    found: re.Match[str], text: str, people: People, agent: AgentView | None
+) -> Edit:
     metres = _check_bounds(_parse_amount(found, 1.0), 15.0, "m")
     back = re.search(rf"\b{_BACK}\b", text) is not None
     chosen = agent or _find_stopping(people)
     return MoveStop(agent=chosen.id, metres=-metres if back else metres)
 
 
-def _wait(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
+def _edit_wait(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     seconds = _check_bounds(_parse_amount(found, 1.0), 20.0, "s")
     less = re.search(r"\b(?:less|shorter)\b", text) is not None
     chosen = agent or _find_stopping(people)
@@ -93,13 +96,15 @@ def _edit_pace(found: re.Match[str], text: str, people: People, agent: AgentView
         factor = 1.0 - share if slower else 1.0 + share
     elif re.search(r"\b(?:a (?:little |tiny )?bit|slightly|a little|a touch|somewhat)\b", text):
         factor = 0.9 if slower else 1.1
-    elif re.search(r"\b(?:a lot|much|far|way|considerably)\b", text):
+    elif re.search(
+        r"\b(?:a lot|(?:much|far|way) (?:\w+er|more|less|too)\b|much|considerably)\b", text
+    ):
         factor = 0.6 if slower else 1.5
     elif re.search(r"\b(?:half|twice|double)\b", text):
         factor = 0.5 if slower or "half" in text else 2.0
     else:
         factor = 0.8 if slower else 1.25
-    return SetPace(agent=chosen.id, factor=_share(factor))
+    return SetPace(agent=chosen.id, factor=_check_speed_factor(factor))
 
 
 def _edit_speed(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
@@ -109,14 +114,14 @@ def _edit_speed(found: re.Match[str], text: str, people: People, agent: AgentVie
     scale = 1.0 if unit.startswith("m/") or unit.startswith("met") else 1 / 3.6
     scale = 0.44704 if unit.startswith(("mph", "mile")) else scale
     wanted = float(found.group("speed")) * scale
-    return SetPace(agent=chosen.id, factor=_share(wanted / max(chosen.speed, 0.1)))
+    return SetPace(agent=chosen.id, factor=_check_speed_factor(wanted / max(chosen.speed, 0.1)))
 
 
-def _share(factor: float) -> float:
+def _check_speed_factor(factor: float) -> float:
     if not _SLOWEST_SHARE <= factor <= _FASTEST_SHARE:
         raise Refused(
             "impossible",
-            f"That is {factor:.2g} times the speed; ask for {_SLOWEST_SHARE:g} to "
+            f"That is {factor:.2g} times the current speed; ask for {_SLOWEST_SHARE:g} to "
             f"{_FASTEST_SHARE:g} times.",
         )
     return round(factor, 3)
@@ -132,7 +137,7 @@ def _edit_stop(found: re.Match[str], text: str, people: People, agent: AgentView
     """An agent that slows down shall stand."""
     del text
     chosen = agent or _find_stopping(people)
-    seconds = _check_bounds(_parse_amount(found, _STAND), 20.0, "s")
+    seconds = _check_bounds(_parse_amount(found, _DEFAULT_STANDSTILL), 20.0, "s")
     if chosen.stops:
         raise Refused(
             "no_change",
@@ -164,8 +169,8 @@ def _find_driving(people: People) -> AgentView:
     return people.pick(vehicles or here, "vehicle" if vehicles else "pedestrian")
 
 
-_DIALS = (
-    _Dial(
+_EDIT_RULES = (
+    _EditRule(
         re.compile(
             r"\b(?:stop|halt|stand(?: still)?|standstill)"
             r"(?: (?:completely|fully|there|properly|altogether|instead|first|dead))*"
@@ -173,25 +178,31 @@ _DIALS = (
         ),
         _edit_stop,
     ),
-    _Dial(re.compile(rf"{_STOPS}.*?\b{_AMOUNT} {_METRES}.*?\b(?:{_ONWARD}|{_BACK})\b"), _stop),
-    _Dial(re.compile(rf"\b{_AMOUNT} {_METRES} (?:{_ONWARD}|{_BACK})\b"), _stop),
-    _Dial(
+    _EditRule(
+        re.compile(rf"{_STOPS}.*?\b{_AMOUNT} {_METRES}.*?\b(?:{_ONWARD}|{_BACK})\b"),
+        _edit_stop_point,
+    ),
+    _EditRule(re.compile(rf"\b{_AMOUNT} {_METRES} (?:{_ONWARD}|{_BACK})\b"), _edit_stop_point),
+    _EditRule(
         re.compile(
             r"\b(?:waits?|waiting|stands?|standing|stays?|pauses?|holds?)\b.*?"
             rf"(?:\b{_AMOUNT} {_SECONDS} (?:longer|more|less|shorter)|\b(?:longer|less|shorter)"
             rf"(?: by {_AMOUNT.replace('amount', 'by')} {_SECONDS})?)"
         ),
-        _wait,
+        _edit_wait,
     ),
-    _Dial(
+    _EditRule(
         re.compile(
             rf"\b{_AMOUNT} {_SECONDS} (?:later|earlier|sooner|before)\b"
             rf"|\b(?:delay|postpone)\b.*?\bby {_AMOUNT.replace('amount', 'by')} {_SECONDS}"
         ),
         _edit_time,
     ),
-    _Dial(re.compile(rf"{_STOPS} (?:a (?:little |bit )?)?(?:{_ONWARD}|{_BACK})\b(?! than)"), _stop),
-    _Dial(
+    _EditRule(
+        re.compile(rf"{_STOPS} (?:a (?:little |bit )?)?(?:{_ONWARD}|{_BACK})\b(?! than)"),
+        _edit_stop_point,
+    ),
+    _EditRule(
         re.compile(
             r"\b(?:driv\w*|go(?:es|ing)?|travel\w*|mov\w*|walk\w*|run(?:s|ning)?|speed\w*|slow\w*)\b"
             r".*?\b(?:at|to|with) (?P<speed>\d+(?:\.\d+)?) ?"
@@ -199,7 +210,7 @@ _DIALS = (
         ),
         _edit_speed,
     ),
-    _Dial(
+    _EditRule(
         re.compile(
             r"\b(?:(?P<slower>slow(?:er|s|ed)?\b(?:.*?\bdown\b)?|less fast|half the speed|"
             r"half as fast)|(?P<faster>fast(?:er)?\b|speeds?\b.*?\bup\b|quicker\b|hurr(?:y|ies)"

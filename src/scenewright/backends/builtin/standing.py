@@ -1,4 +1,4 @@
-"""Words about what stands: read by a small grammar and taken out of a text before the readings.
+"""Phrases about stationary objects, found by a small grammar and blanked out for the planner.
 
 "A woman steps out from behind a parked truck and is hit by a car" is read as "A woman steps out
 and is hit by a car"; the truck becomes an object of the plan that hides the woman from the car.

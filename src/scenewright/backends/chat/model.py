@@ -1,4 +1,4 @@
-"""A chat model as a text_model: one question, one reply, with patience and within limits."""
+"""A chat model as a text_model: one question, one reply, with retries and within limits."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ _OPTIONAL = ("response_format", "temperature", "seed")
 _FORMS = ("json_schema", "json_object")
 """How a reply's schema is asked for; the second is older, and all that llama-cpp-python takes."""
 
-_AGAIN = 0.7
+_RETRY_TEMPERATURE = 0.7
 """Temperature of an attempt after a refused one."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a model may take.
+    """Limits of requests to a model.
 
     Attributes:
-        timeout: longest wait for a reply [s]; tokens: of a reply; at_once: requests at a time.
+        timeout: longest wait for a reply [s]; tokens: most tokens of a reply; at_once: most
+            requests at a time; retries: when a failed request is sent again.
     """
 
     timeout: float = 60.0
@@ -48,14 +49,14 @@ class ChatModel:
 
     The reply's schema is asked for as `response_format`: of the type `json_schema`, else, of an
     OpenAI-compatible server, of the older `json_object` with the schema in it. An endpoint that
-    knows neither, or not another option, is asked without it, and the words say the same.
+    knows neither, or not another option, is asked without it; the prompt has the schema too.
     """
 
     def __init__(self, endpoint: Endpoint, *, limits: Limits | None = None) -> None:
         self.name = endpoint.name
         self._model, self._key = endpoint.model, endpoint.key
         self._limits = limits or Limits()
-        self._turn = threading.BoundedSemaphore(self._limits.at_once)
+        self._slots = threading.BoundedSemaphore(self._limits.at_once)
         self._forms: tuple[str, ...] = _FORMS if self.name.startswith("openai:") else _FORMS[:1]
         self._unknown: set[str] = set()
 
@@ -74,7 +75,7 @@ class ChatModel:
 
     def _ask_once(self, question: Question, prompt: Prompt) -> Completion:
         try:
-            with self._turn:
+            with self._slots:
                 return self._invoke(question, prompt)
         except Exception as error:
             if is_cut_off(error):
@@ -106,13 +107,13 @@ class ChatModel:
         if forms:
             options["response_format"] = _build_format(forms[0], question.task, prompt.schema)
         if self.name.startswith("openai:"):
-            # At no temperature a model that is shown a fault often makes the same one again.
-            options["temperature"] = _AGAIN if question.rejections else 0.0
+            # At temperature 0 a model that is shown an error often repeats it.
+            options["temperature"] = _RETRY_TEMPERATURE if question.rejections else 0.0
             options["seed"] = question.seed % 2**31
         return {key: each for key, each in options.items() if key not in self._unknown}
 
     def _leave_out(self, option: str, fields: Mapping[str, Any]) -> None:
-        """What this endpoint does not take is not sent again; of a schema, in that form."""
+        """Stop sending an option that the endpoint refuses; of a response format, that form."""
         if option != "response_format":
             self._unknown.add(option)
             return
@@ -146,7 +147,7 @@ def _read_message(message: Any) -> Completion:
 
 
 def _find_fault(message: Any) -> str | None:
-    """Why a reply is none, whatever it says."""
+    """Why a reply is unusable, whatever its text; None if it is not."""
     fields: Mapping[str, Any] = message.response_metadata or {}
     ended = fields.get("finish_reason") or fields.get("stop_reason")
     refused = (message.additional_kwargs or {}).get("refusal")
@@ -169,7 +170,7 @@ def _describe_declined(why: str) -> str:
 
 
 def _extract_text(content: str | Sequence[Any]) -> str:
-    """The text of a reply; parts of other kinds, such as thoughts, are passed over."""
+    """The text of a reply; parts of other kinds, such as reasoning blocks, are left out."""
     if isinstance(content, str):
         return content
     parts = [each if isinstance(each, str) else each.get("text", "") for each in content]

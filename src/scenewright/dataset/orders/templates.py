@@ -118,7 +118,8 @@ VOICES: Mapping[str, str] = {
 def list_voices(story: Story) -> list[str]:
     """Names of the templates that fit a story."""
     if story.leaf is None:
-        return ["plain", "setting first", "request", "telegraph", "headline", "report", "list"]
+        names = ("plain", "setting first", "request", "telegraph", "headline", "report", "list")
+        return [name for name in names if _has_all(VOICES[name], story)]
     if has_likelier_twin(get_pattern(story.leaf)):
         return ["phrase"]
     fitting = [name for name in VOICES if _has_all(VOICES[name], story)]

@@ -309,7 +309,7 @@ def _are_ties_kept(graph: SocialGraph, routes: dict[str, Route]) -> bool:
 def is_on_side(side: EntrySide, entry: str, *, of: str) -> bool:
     """Whether an entry lies on that side of another one.
 
-    >>> lies("left", "east", of="north"), lies("lateral", "south", of="north")
+    >>> is_on_side("left", "east", of="north"), is_on_side("lateral", "south", of="north")
     (True, False)
     """
     turn = (_RING.index(entry) - _RING.index(of)) % len(_RING)
@@ -690,16 +690,6 @@ def _refuse_waiting_for_wreck(graph: SocialGraph) -> None:
                 "give the two pedestrians different crosswalks"
             )
             raise Rejected(_report_relation_failure(wait, detail))
-
-
-_REFUSALS = (
-    _refuse_two_collisions,
-    _refuse_group_hit,
-    _refuse_late_braking,
-    _refuse_pedestrian_braking,
-    _refuse_waiting_for_wreck,
-)
-"""What no graph may ask for; each raises Rejected."""
 
 
 def _find_waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:

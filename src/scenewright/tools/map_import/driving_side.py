@@ -24,10 +24,10 @@ _LEFT_HAND = (
 )
 """ISO 3166 codes of countries and territories in which traffic drives on the left."""
 _COUNTRY_KEYS = ("addr:country", "is_in:country_code", "country_code", "ISO3166-1:alpha2")
-_APART = (4.0, 40.0)
-"""Between the carriageways of one street [m]."""
-_NOWHERE = 0.05
-"""Files whose degrees are closer to zero have a made-up place [deg]."""
+_CARRIAGEWAY_GAP = (4.0, 40.0)
+"""Least and largest distance between the carriageways of one street [m]."""
+_PLACEHOLDER_DEGREES = 0.05
+"""Coordinates that are closer to zero are placeholders [deg]."""
 
 
 def take_option(left_hand: bool | None) -> DrivingSide | None:
@@ -36,16 +36,17 @@ def take_option(left_hand: bool | None) -> DrivingSide | None:
 
 
 def find_opendrive_side(drive: OpenDriveFile) -> DrivingSide:
-    """As most of the roads say that say anything."""
+    """The side that most of the roads with a `rule` have; right-hand traffic without a majority."""
     left, right = drive.rules.get("LHT", 0), drive.rules.get("RHT", 0)
     if left == right:
-        return DrivingSide(False, "OpenDRIVE's default, no road of the file has another rule")
+        why = "as many roads have either rule" if left else "no road of the file has a rule"
+        return DrivingSide(False, f"OpenDRIVE's default, {why}")
     rule, count = ("LHT", left) if left > right else ("RHT", right)
     return DrivingSide(left > right, f'{count} roads of the file have rule="{rule}"')
 
 
 def find_sumo_side(left_hand: bool) -> DrivingSide:
-    """As the network says."""
+    """The side that the network states."""
     return DrivingSide(left_hand, "the network says so" if left_hand else "the network's default")
 
 
@@ -59,9 +60,9 @@ def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
     if found is None:
         if drawn["left"] == drawn["right"]:
             return ASSUMED_SIDE
-        return DrivingSide(left, _say_drawn(drawn), is_known=False)
+        return DrivingSide(left, _describe_lanes(drawn), is_known=False)
     clear = max(drawn.values()) >= 3 * min(drawn["left"], drawn["right"]) + 2
-    against = _say_drawn(drawn) if clear and left != found.left_hand else None
+    against = _describe_lanes(drawn) if clear and left != found.left_hand else None
     return DrivingSide(found.left_hand, found.reason, against=against)
 
 
@@ -75,7 +76,7 @@ def find_lanelet2_side(lines: Sequence[FloatArray]) -> DrivingSide:
     if counts["left"] == counts["right"]:
         return ASSUMED_SIDE
     left = counts["left"] > counts["right"]
-    return DrivingSide(left, f"{max(counts.values())} pairs of opposite lanes lie so")
+    return DrivingSide(left, f"{max(counts.values())} pairs of opposite lanes indicate it")
 
 
 def _list_tags(osm: OsmFile) -> Iterator[Tags]:
@@ -104,7 +105,7 @@ def _read_country_tags(tags: Iterable[Tags]) -> DrivingSide | None:
 
 def find_side_of_place(origin: LatLon) -> DrivingSide | None:
     """By the country of the nearest town; None where the list of towns is not installed."""
-    if max(map(abs, origin)) < _NOWHERE:
+    if max(map(abs, origin)) < _PLACEHOLDER_DEGREES:
         return None
     try:
         towns = import_module("reverse_geocode")
@@ -151,10 +152,10 @@ def _count_oncoming(lines: Sequence[FloatArray]) -> Iterator[str]:
         between = b.mean(axis=0) - a.mean(axis=0)
         ahead = ahead / lengths[0]
         aside, along = float(between @ rotate_left(ahead)), abs(float(between @ ahead))
-        if _APART[0] / 2 < abs(aside) < _APART[1] and along < sum(lengths) / 2:
+        if _CARRIAGEWAY_GAP[0] / 2 < abs(aside) < _CARRIAGEWAY_GAP[1] and along < sum(lengths) / 2:
             yield "right" if aside > 0 else "left"
 
 
-def _say_drawn(drawn: Mapping[str, int]) -> str:
+def _describe_lanes(drawn: Mapping[str, int]) -> str:
     side = max(drawn, key=lambda each: drawn[each])
     return f"{drawn[side]} roundabouts and pairs of carriageways are drawn for the {side}"

@@ -1,8 +1,9 @@
-"""Real tracks freed of what no road user does, with a count of everything that was taken away.
+"""Filter implausible pieces out of recorded tracks, and count everything that was removed.
 
-Trackers see ghosts, lose agents, name two agents alike, need a while to believe in a speed, and
-jitter. Nothing is repaired that can be left out: a jump cuts a track, and a piece that cannot be
-believed goes. What is left is smoothed lightly, because a derivative of jitter is no acceleration.
+Trackers report false detections, lose agents, give two agents one name, need a while until their
+filter has settled, and jitter. Pieces are discarded rather than repaired: a jump cuts a track, and
+an implausible piece is dropped. The rest is smoothed lightly, because a derivative of jitter is no
+acceleration.
 """
 
 from __future__ import annotations
@@ -21,17 +22,18 @@ from scenewright.scene.track import STEP, Track
 
 FASTEST: Mapping[str, float] = {"vehicle": 20.0, "pedestrian": 3.0}
 """Highest speeds [m/s] (SEMANTICS section 5); a faster pedestrian rides something."""
-JUMP = 2.0
-"""Beyond the way at the fastest, how far noise may move a position in one step [m]."""
-SHORTEST = 2.0
-"""Pieces below this say nothing about motion [s]."""
-LEAST_WAY: Mapping[str, float] = {"vehicle": 3.0, "pedestrian": 1.0}
-"""Who gets no further [m] and never moves is a ghost, or parked, or unseen when it moved."""
+JUMP_TOLERANCE = 2.0
+"""Noise allowed in one step beyond the distance at a vehicle's highest speed [m]."""
+MIN_DURATION = 2.0
+"""Least duration of a piece that is kept [s]."""
+MIN_EXTENT: Mapping[str, float] = {"vehicle": 3.0, "pedestrian": 1.0}
+"""Least extent of a track along either axis [m]; others are false detections, or parked."""
 MOVING = 0.5
-BELIEVED = 0.4
+"""Speed from which a position counts as moving where jitter is measured [m/s]."""
+SPEED_CHECK_SMOOTHING = 0.4
 """Smoothing under which speeds are judged, not the smoothing of what is kept [s]."""
-COURSE_FROM = 0.3
-"""Slower than this [m/s] a course is noise: the heading is held."""
+COURSE_MIN_SPEED = 0.3
+"""Speed below which the direction of motion is noise, so that the last one is held [m/s]."""
 NOISE_SPAN = 11
 """Samples of the cubic that jitter is measured against."""
 
@@ -110,15 +112,15 @@ def clean_track(seen: RawTrack, *, smoothing: float, removed: CleaningReport) ->
         removed.add_cut("the tracker's filter settles", skipped * STEP)
         removed.kept += 1
         removed.seconds_kept += len(xy) * STEP
-        even = smooth(xy, smoothing)
-        yield Track(even, compute_course(even), round(round(start / STEP) * STEP, 1))
+        smoothed = smooth(xy, smoothing)
+        yield Track(smoothed, compute_course(smoothed), round(round(start / STEP) * STEP, 1))
 
 
 def _split_pieces(seen: RawTrack, removed: CleaningReport) -> Iterator[slice]:
-    """The stretches of a track without gaps and jumps; of samples at one time the first counts."""
+    """The stretches of a track without gaps, jumps and two samples at one time."""
     gap = np.abs(np.diff(seen.time) - STEP) > STEP / 4
     way = np.linalg.norm(np.diff(seen.xy, axis=0), axis=1)
-    jump = ~gap & (way > FASTEST["vehicle"] * STEP + JUMP)
+    jump = ~gap & (way > FASTEST["vehicle"] * STEP + JUMP_TOLERANCE)
     removed.add_cut("jumps", float(jump.sum()) * STEP)
     cuts = [0, *(np.flatnonzero(gap | jump) + 1).tolist(), len(seen.time)]
     return (slice(a, b) for a, b in pairwise(cuts))
@@ -126,13 +128,13 @@ def _split_pieces(seen: RawTrack, removed: CleaningReport) -> Iterator[slice]:
 
 def find_fault(kind: AgentClass, xy: FloatArray) -> str | None:
     """Why a piece of a track cannot be used; None if it can."""
-    if len(xy) * STEP < SHORTEST:
-        return f"shorter than {SHORTEST:g} s"
-    speed = compute_kinematics(smooth(xy, BELIEVED)).speed
-    if float(np.ptp(xy, axis=0).max()) < LEAST_WAY[kind]:
-        return "hardly moves: ghost, parked, or waiting all the while"
-    usual = float(np.quantile(speed, 0.9))
-    if usual > FASTEST[kind]:
+    if len(xy) * STEP < MIN_DURATION:
+        return f"shorter than {MIN_DURATION:g} s"
+    speed = compute_kinematics(smooth(xy, SPEED_CHECK_SMOOTHING)).speed
+    if float(np.ptp(xy, axis=0).max()) < MIN_EXTENT[kind]:
+        return "hardly moves: a false detection, parked, or waiting all the time"
+    speed_p90 = float(np.quantile(speed, 0.9))
+    if speed_p90 > FASTEST[kind]:
         return f"{kind} faster than {FASTEST[kind]:g} m/s"
     if float(speed.max()) > 1.3 * FASTEST[kind]:
         return "speed jumps: the track changes from one agent to another"
@@ -142,7 +144,7 @@ def find_fault(kind: AgentClass, xy: FloatArray) -> str | None:
 def compute_course(xy: FloatArray) -> FloatArray:
     """Compute the direction of motion [T] [rad]; held while standing, east without motion."""
     step = np.gradient(xy, STEP, axis=0) if len(xy) > 1 else np.zeros_like(xy)
-    known = np.hypot(step[:, 0], step[:, 1]) >= COURSE_FROM
+    known = np.hypot(step[:, 0], step[:, 1]) >= COURSE_MIN_SPEED
     if not known.any():
         return np.zeros(len(xy))
     course = np.arctan2(step[:, 1], step[:, 0])
@@ -157,6 +159,6 @@ def measure_jitter(xy: FloatArray) -> FloatArray:
     filters: Any = signal
     if len(xy) <= NOISE_SPAN:
         return np.zeros(0)
-    even = filters.savgol_filter(xy, NOISE_SPAN, 3, axis=0)
-    moving = np.linalg.norm(np.gradient(even, STEP, axis=0), axis=1) > MOVING
-    return np.asarray(np.linalg.norm(xy - even, axis=1)[moving])
+    smoothed = filters.savgol_filter(xy, NOISE_SPAN, 3, axis=0)
+    moving = np.linalg.norm(np.gradient(smoothed, STEP, axis=0), axis=1) > MOVING
+    return np.asarray(np.linalg.norm(xy - smoothed, axis=1)[moving])
