@@ -75,16 +75,15 @@ ray: $(TOOLS)
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,ray]'
 	$(BIN)/pytest tests/dataset/test_batch_on_ray.py
 
-# Most of two gigabytes is never imported, so nothing is translated before it is.
 $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo 'Installing into $(VENV), about 2 GB ...'
-	$(BIN)/python -m pip install -qq --no-compile --disable-pip-version-check -c constraints.txt -e '.[page]'
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[page]'
 	touch $@
 
 $(TOOLS): $(INSTALLED)
 	@echo 'Installing what tests and checks need into $(VENV) ...'
-	$(BIN)/python -m pip install -qq --no-compile --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
 
 # A model with random weights, served and in the process, under the schemas; not part of check.
