@@ -406,7 +406,7 @@ def test_the_corpus_against_itself_and_against_a_faster_one(intersection_map):
     assert rows["Motion", "vehicle", "speed", "same"].gain.value == pytest.approx(1.0, abs=0.01)
     assert speed.gain is None
     assert speed.halves == pytest.approx(0.0, abs=1e-6)
-    unknown = rows["Stops of who yields", "vehicle", "gap", "same"]
+    unknown = rows["Stops of yielding agents", "vehicle", "gap", "same"]
     assert unknown.distance is unknown.between_means is None
     between = [(r.distance, r.between_means) for r in report.rows if r.distance is not None]
     assert all(least <= d.value + 1e-9 for d, least in between if least is not None)

@@ -197,7 +197,7 @@ def _describe_distances(scene: _SceneFacts, about: list[AgentRecord]) -> list[st
 
 
 def _find_pair(scene: _SceneFacts, about: list[AgentRecord]) -> list[AgentRecord] | None:
-    """The two that are asked about: those named, else one named and whom it meets."""
+    """The two that are asked about: those named, else one named and the one it meets."""
     if len(about) == 2:
         return about
     for event in scene.proof.events:

@@ -399,7 +399,7 @@ def _list_edges(talk: Talk, kinds: tuple[str, ...]) -> list[RelationEdge]:
 
 
 def _choose_id(kind: str, talk: Talk) -> str:
-    """The first id of a class that nobody has."""
+    """The first id of a class that no agent has."""
     taken = {each.id for each in talk.situation.present} | {
         each.id for each in talk.situation.graph.agents
     }

@@ -66,7 +66,7 @@ class EgoConflict:
     """A conflict that is to come about.
 
     Attributes:
-        asked: whom the ego is to meet; agent: who is re-timed, the same or its stand-in.
+        asked: the agent that the ego is to meet; agent: the one re-timed, the same or its stand-in.
         ego_at, agent_at: place on either's way [m]; lag: by which the
             agent is to be there after the ego [s].
         heeds: whether the agent is one that gives way to the ego.
@@ -107,7 +107,7 @@ class Resolve(Reactive):
     can do, its lights and the order it has among the others allow. 1.5 s before, it is left alone.
 
     Args:
-        plans: by index of whom the ego is to meet; who has no plan is re-timed.
+        plans: by index of the agent that the ego is to meet; one without a plan is re-timed.
 
     Attributes:
         meetings: what is to come about, and what became of it.

@@ -89,7 +89,7 @@ class AgentPath:
         """[P] step at which the recorded agent reaches each point.
 
         Beyond its recorded track it goes on at its last speed from its last step: who waits to the
-        end passes nobody before.
+        end passes no agent before.
         """
         progress = self.progress[self.first :]
         steps = self.first + np.arange(len(progress), dtype=np.float64)

@@ -19,9 +19,9 @@ Became = Literal[
 """What words can become.
 
 `constraint` and `behavior` are no field of the plan: the waypoint filter turns the former into
-clauses, the event reasoner the latter into standstills. `object` is what stands, `sight` whom it
-hides, `encounter` what an agent does about it; their value begins with its id. `manner` has no
-effect on tracks, `nothing` cannot be realised.
+clauses, the event reasoner the latter into standstills. `object` is what stands, `sight` which
+agent it hides, `encounter` what an agent does about it; their value begins with its id. `manner`
+has no effect on tracks, `nothing` cannot be realised.
 """
 
 BECAME: tuple[str, ...] = get_args(Became)
@@ -35,7 +35,7 @@ class SaidSpan(Model):
             the program finds the words.
         words: the words themselves.
         became: the part of the plan.
-        agents: of whom it is said; two for relations and ties.
+        agents: those it is said of; two for relations and ties.
         value: what exactly: a leg, a relation, a time, a number, a clause, standstills.
         note: why the words became nothing.
     """

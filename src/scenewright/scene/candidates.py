@@ -124,7 +124,7 @@ class AgentCandidates:
         chance: which of all moments at which it would be seen it comes at, 0 to 1; None where
             `arrival` alone says when.
         reserve: drawn beyond the number wanted, for when another agent finds no room.
-        beside: with whom it walks, in the background.
+        beside: the pedestrian it walks with, in the background.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What stands in a scene and takes no part: its size, where it stands, and whom it hides."""
+"""What stands in a scene and takes no part: its size, where it stands, and which agent it hides."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ class RelationRecord(Model):
     """A relation that was asked for, in scene ids: what the proof must find.
 
     Attributes:
-        cause, cause_agent: how it is to come about, and by whom, where the request says so.
+        cause, cause_agent: how it is to come about, and by which agent, where the request says so.
         manoeuvre: how it is to come about in one lane; written only where the request says so.
         zone: where the event must lie; first: who must pass first, or enter
             the zone of a collision first, as the request or its relation file says.

@@ -11,7 +11,7 @@ from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
 LICENCE = "apache-2.0"
 ABSTRACT = (
     "Traffic scenes at an intersection, each made from an instruction in plain language by "
-    "scenewright and checked on its final tracks. Tracks are simulated; nobody was recorded."
+    "scenewright and checked on its final tracks. Tracks are simulated; no person was recorded."
 )
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 

@@ -199,7 +199,7 @@ def _compare_in_shares(
 def _compare_stops(
     made: Mapping[str, MeasuredScenes], known: MeasuredScenes, options: Mapping[str, Any]
 ) -> Iterator[Comparison]:
-    for topic, attribute in (("Stops of who yields", "stops"), ("Stops of anybody", "any")):
+    for topic, attribute in (("Stops of yielding agents", "stops"), ("Stops of any agent", "any")):
         measures = MEASURES if attribute == "stops" else [m for m in MEASURES if m != "gap"]
         for kind in CLASSES:
             reference = measure_stops(getattr(known, attribute), kind, side=known.side)

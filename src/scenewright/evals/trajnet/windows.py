@@ -41,7 +41,7 @@ class Weights:
     by_motion: bool = False
 
 
-EVERYBODY = Weights()
+DEFAULT_WEIGHTS = Weights()
 BENDING = Weights({1: 0.1, 2: 0.1, 3: 1.0, 4: 0.8}, untyped=0.4, by_motion=True)
 """Most for agents that do not simply keep going, as in the scenes that the benchmark uses."""
 
@@ -49,7 +49,7 @@ BENDING = Weights({1: 0.1, 2: 0.1, 3: 1.0, 4: 0.8}, untyped=0.4, by_motion=True)
 def cut_training_windows(
     recordings: Iterable[BenchmarkRecording],
     *,
-    weights: Weights = EVERYBODY,
+    weights: Weights = DEFAULT_WEIGHTS,
     both_ways: bool = False,
 ) -> list[Window]:
     """Cut every stretch of the recordings in which an agent's future is known, by stride.

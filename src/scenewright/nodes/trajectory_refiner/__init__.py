@@ -243,7 +243,7 @@ def _roll_out_agents(
 
 
 def _list_unpredicted(guides: Mapping[str, Guide], context: RunContext) -> dict[str, FloatArray]:
-    """Pedestrians whom the network may not move, as they are: without any deviation."""
+    """Pedestrians that the network may not move, as they are: without any deviation."""
     if context.learned is None or context.learned.walks:
         return {}
     return {n: np.zeros(len(g.s)) for n, g in guides.items() if g.kind == "pedestrian"}

@@ -58,7 +58,7 @@ def _list_strike_speeds(graph: SocialGraph) -> list[tuple[str, float]]:
 def apply_measures(
     agents: dict[str, AgentCandidates], graph: SocialGraph, rng: np.random.Generator
 ) -> None:
-    """Put agents of whom a figure is asked in motion as it wants, in place.
+    """Put agents with an asked figure in motion as it wants, in place.
 
     Their -log densities stay those of what was drawn before.
     """

@@ -286,7 +286,7 @@ def _assign_free_agents(
     order: dict[str, list[Route]],
     chosen: dict[str, Route],
 ) -> Iterator[dict[str, Route]]:
-    """The routes chosen and, for whom no edge binds, the first that go with them."""
+    """The routes chosen and, for agents that no edge binds, the first that go with them."""
     free = next((agent.id for agent in graph.agents if agent.id not in chosen), None)
     if free is None:
         yield chosen

@@ -27,7 +27,7 @@ BACKWARDS = 1.0
 """How far a pedestrian may end behind its start, from its entry towards its exit [m]."""
 SYMMETRIC = ("collision", "near_miss")
 DIRECTED = ("rear_end", "pedestrian_strike")
-"""Kinds of collision in which who strikes whom is part of what was asked for."""
+"""Kinds of collision in which which party strikes is part of what was asked for."""
 
 _TOWARDS: dict[Compass, complex] = {
     "east": 1, "northeast": 1 + 1j, "north": 1j, "northwest": 1j - 1,

@@ -275,7 +275,7 @@ def _build_row(agent: Trajectory, onset: int, how: str, strength: float) -> dict
 def find_false_reactions(
     scene: SceneRecord, rows: Sequence[Mapping[str, Any]]
 ) -> tuple[Finding, ...]:
-    """Agents of whom the text says how they react, and who do not react so."""
+    """Agents that do not react as the text says."""
     found = []
     for agent in scene.agents:
         own = [row for row in rows if row["agent"] == agent.id]

@@ -190,8 +190,7 @@ class ReservationTable:
         return _list_blocked(met, come, leave, corridor.walks, foreground, nodes, keeping)
 
     def list_bars(self, corridor: Corridor, *, in_lane: float) -> Bars:
-        """List node [N] of a background vehicle that is blocked, from when until when [s], by whom,
-        how.
+        """List nodes [N] where a background vehicle is blocked: when [s, s], by which agent, how.
 
         Args:
             in_lane: least time after the vehicle ahead in its lane [s].

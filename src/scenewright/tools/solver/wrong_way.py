@@ -18,7 +18,7 @@ _WIDE = (2.0, 12.0)
 """How far beside its own lane the other one may be [m]."""
 
 _WHEN = (7.0, 14.0)
-"""When who meets nobody leaves the wrong lane [s]."""
+"""When a wrong-way driver that meets no other vehicle leaves the wrong lane [s]."""
 
 
 def drive_wrong_way(
@@ -47,7 +47,7 @@ def drive_wrong_way(
 def place_wrong_way(
     candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent:
-    """Who drives the wrong way and meets nobody, in time."""
+    """The vehicle that drives the wrong way and meets no other, in time."""
     actor = ScheduledAgent.build_unplaced(candidate, landmarks)
     away = np.hypot(*candidate.path.xy.T)
     there = actor.motion.find_time_at(float(candidate.path.s[int(away.argmin())]))
