@@ -15,11 +15,11 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+from driving_others import read_scenarios
 
 from scenewright.driving.api import load_scenario
 from scenewright.driving.policies import NORMAL, DriverParameters, ReplayPolicy, RuleBasedPolicy
@@ -60,21 +60,6 @@ def make_scenarios(count: int, first_seed: int):
         except (InputError, Unsatisfiable) as error:
             print(f"{text} ({seed}): {error}", file=sys.stderr)
         seed += 1
-    return found
-
-
-def read_scenarios(files: Sequence[Path], count: int):
-    """The first scenes of files in which the ego takes part in a relation."""
-    found = []
-    for file in files:
-        if len(found) == count:
-            break
-        try:
-            scenario = load_scenario(file)
-        except InputError:
-            continue
-        if scenario.partner:
-            found.append(scenario)
     return found
 
 
@@ -191,9 +176,9 @@ def main() -> None:
         train, test = make_scenarios(given.train, 0), make_scenarios(given.test, 100_000)
     else:
         files = sorted(given.scenes.glob("*/scene.json"))
-        test = read_scenarios(files[::4], given.test)
+        test = read_scenarios(files[::4], given.test, bound=True)
         rest = [file for k, file in enumerate(files) if k % 4]
-        train = read_scenarios(rest, given.train)
+        train = read_scenarios(rest, given.train, bound=True)
     tuned = tune(train, given.candidates, given.seed)
     rows = [compare("held-out scenes", tuned, test)]
     if given.taf_bw is not None:

@@ -14,6 +14,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from scenewright.driving.api import load_policy, load_scenario
@@ -26,10 +27,10 @@ from scenewright.errors import InputError
 EGOS = ("constant", "idm", "cautious", "aggressive")
 
 
-def find_scenarios(folder: Path, count: int, *, bound: bool):
-    """Scenes of a folder, with `bound` those in which the ego is bound to another."""
+def read_scenarios(files: Sequence[Path], count: int, *, bound: bool):
+    """The first scenes of files, with `bound` those in which the ego takes part in a relation."""
     found = []
-    for file in sorted(folder.glob("*/scene.json")):
+    for file in files:
         if len(found) == count:
             break
         try:
@@ -93,7 +94,8 @@ def main() -> None:
     given = parser.parse_args()
     began = time.process_time()
     rows = []
-    scenarios = find_scenarios(given.scenes, given.n, bound=given.others == "resolve")
+    files = sorted(given.scenes.glob("*/scene.json"))
+    scenarios = read_scenarios(files, given.n, bound=given.others == "resolve")
     for scenario in scenarios:
         for ego in given.egos:
             rows.append(run(scenario, ego, given.others, given.seed))
