@@ -1,0 +1,149 @@
+"""Can a reader tell our tracks from recorded ones? Sheets of pairs, and the key to them.
+
+    python benchmarks/blind_pairs.py --ours DIR --real PATH --kind vehicle --out DIR [--pairs 20]
+    python benchmarks/blind_pairs.py --key DIR/key.json --answers FILE
+
+Each pair holds 6 s of a generated track and 6 s of a recorded one with a similar mean speed, in an
+order drawn by `--seed`: the path, turned so that it ends to the right of where it begins, and the
+speed over time, both from positions smoothed over 1 s. The answers are a JSON object: number of
+the pair -> "A" or "B", the one taken for recorded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+from pathlib import Path
+
+import numpy as np
+
+from scenewright.driving.summary import describe_rate
+from scenewright.evals.realism.sources import TrackSource, read_source
+from scenewright.geometry.kinematics import smooth
+
+LENGTH, STEP = 6.0, 0.1
+SMOOTHING = 0.29
+"""Standard deviation of a mean over 1 s [s]."""
+LEAST_MOVED = {"vehicle": 8.0, "pedestrian": 4.0}
+ON_A_SHEET = 5
+LEAST_HALF_WIDTH = 2.0
+"""Half of what a path is drawn in across, at the least [m]: noise of centimetres is not shown."""
+
+
+def list_pieces(source: TrackSource, kind: str, *, foreground: bool | None) -> list[np.ndarray]:
+    """[N, 2] the middle 6 s of every track of a class that moves, from its beginning on."""
+    count = round(LENGTH / STEP)
+    pieces = []
+    for stretch in source.stretches:
+        for user in stretch.users:
+            if (user.shape.type == "pedestrian") != (kind == "pedestrian"):
+                continue
+            if foreground and user.id not in stretch.foreground:
+                continue
+            xy = resample(user.track.xy, user.track.step)
+            if len(xy) < count + 10:
+                continue
+            begin = (len(xy) - count) // 2
+            piece = smooth(xy, SMOOTHING)[begin : begin + count]
+            if np.linalg.norm(piece[-1] - piece[0]) >= LEAST_MOVED[kind]:
+                pieces.append(piece)
+    return pieces
+
+
+def resample(xy: np.ndarray, step: float) -> np.ndarray:
+    """[M, 2] positions every 0.1 s."""
+    times = np.arange(len(xy)) * step
+    wanted = np.arange(0.0, times[-1] + 1e-9, STEP)
+    return np.column_stack([np.interp(wanted, times, xy[:, axis]) for axis in (0, 1)])
+
+
+def compute_speed(piece: np.ndarray) -> np.ndarray:
+    """[N] speed [m/s]."""
+    return np.linalg.norm(np.gradient(piece, STEP, axis=0), axis=1)
+
+
+def match_pairs(ours: list[np.ndarray], real: list[np.ndarray], count: int, rng: random.Random):
+    """Pairs of one of ours and a recorded one not used before, nearest in mean speed."""
+    rng.shuffle(ours)
+    left = list(real)
+    pairs = []
+    for piece in ours:
+        if len(pairs) == count or not left:
+            break
+        mean = compute_speed(piece).mean()
+        near = min(range(len(left)), key=lambda k: abs(compute_speed(left[k]).mean() - mean))
+        pairs.append((piece, left.pop(near)))
+    return pairs
+
+
+def draw_sheets(pairs, folder: Path, kind: str, rng: random.Random) -> dict[str, str]:
+    """The key: number of the pair -> letter of the recorded track."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    folder.mkdir(parents=True, exist_ok=True)
+    key = {}
+    for first in range(0, len(pairs), ON_A_SHEET):
+        shown = pairs[first : first + ON_A_SHEET]
+        figure, axes = pyplot.subplots(len(shown), 4, figsize=(15, 2.6 * len(shown)), squeeze=False)
+        for row, (ours, real) in zip(axes, shown, strict=True):
+            number = len(key) + 1
+            recorded = rng.choice("AB")
+            key[str(number)] = recorded
+            order = (real, ours) if recorded == "A" else (ours, real)
+            top = max(compute_speed(piece).max() for piece in order) * 1.1
+            for letter, piece, (path, speed) in zip("AB", order, (row[:2], row[2:]), strict=True):
+                draw_piece(path, speed, piece, top)
+                path.set_title(f"pair {number}, {letter}: path [m]", fontsize=9)
+                speed.set_title(f"pair {number}, {letter}: speed [m/s] over 6 s", fontsize=9)
+        figure.tight_layout()
+        figure.savefig(folder / f"{kind}-{first // ON_A_SHEET + 1}.png", dpi=80)
+        pyplot.close(figure)
+    return key
+
+
+def draw_piece(path, speed, piece: np.ndarray, top: float) -> None:
+    """The path from left to right, with a dot each second, and the speed over time."""
+    along = piece[-1] - piece[0]
+    c, s = along / np.linalg.norm(along)
+    turned = (piece - piece[0]) @ np.array([[c, -s], [s, c]])
+    path.plot(*turned.T, lw=1)
+    path.plot(*turned[::10].T, ".", ms=4)
+    middle = (turned[:, 1].min() + turned[:, 1].max()) / 2
+    half = max(np.ptp(turned[:, 1]) / 2 * 1.1, LEAST_HALF_WIDTH)
+    path.set_ylim(middle - half, middle + half)
+    speed.plot(np.arange(len(piece)) * STEP, compute_speed(piece), lw=1)
+    speed.set_ylim(0, top)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--ours", help="folder of scenes")
+    parser.add_argument("--real", help="recorded tracks, as `evals realism` reads them")
+    parser.add_argument("--kind", choices=sorted(LEAST_MOVED), default="vehicle")
+    parser.add_argument("--foreground", action="store_true", help="only agents of the request")
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--key", type=Path)
+    parser.add_argument("--answers", type=Path)
+    given = parser.parse_args()
+    if given.key is not None:
+        key, answers = (json.loads(f.read_text()) for f in (given.key, given.answers))
+        right = sum(answers.get(number) == letter for number, letter in key.items())
+        print(json.dumps(describe_rate(right, len(key))))
+        return
+    rng = random.Random(given.seed)
+    ours = list_pieces(read_source(given.ours), given.kind, foreground=given.foreground)
+    real = list_pieces(read_source(given.real), given.kind, foreground=None)
+    pairs = match_pairs(ours, real, given.pairs, rng)
+    key = draw_sheets(pairs, given.out, given.kind, rng)
+    (given.out / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")
+    print(f"{given.out}: {len(pairs)} pairs of {len(ours)} and {len(real)} tracks")
+
+
+if __name__ == "__main__":
+    main()
