@@ -6,9 +6,10 @@ Each part takes honest input (instructions, constraint programs, scene.json, tra
 format that we write, map files, arguments of MCP tools, requests to the page), damages it (bytes or
 words dropped, doubled, exchanged, replaced by odd ones; values of JSON replaced by others, of other
 types or absurd), and hands it to the code that reads it. A case is in order if it returns or raises
-a `ScenewrightError` of one line, and the page answers below 500. Case n of a part depends on the
-seed and n alone, so `--parts tracks --only 17` runs one again. The exit code is 1 if a case fails;
-the cases are spread over the parts by how long they take. `make fuzz` runs 100,000.
+a `ScenewrightError` of one line, within 5 s of processor time (the first of a part aside) and 6 GB
+of address space, and the page answers below 500. Case n of a part depends on the seed and n alone,
+so `--parts tracks --only 17` runs one again. The exit code is 1 if a case fails; the cases are
+spread over the parts by how long they take. `make fuzz` runs 100,000.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import copy
 import json
 import random
 import re
+import resource
 import sys
 import tempfile
 import time
@@ -43,14 +45,17 @@ ODD = (
     "", "\x00", "\ufeff", "\u202e", "🚗", "٣", "½", "nan", "-inf", "1e999", "9" * 40, "../..",
     "<b>", "{{x}}", "%s", "\\", '"', "'", "\n", "\t", ",", ";", "null", "-0", "0x1F", "１２", "é",
 )  # fmt: skip
-ABSURD = (
+ABSURD: tuple[Json, ...] = (
     None, True, False, 0, -1, 1, 2**31, 2**63, -(2**70), 0.0, -1e-300, 1e308, 1e-308, "", "x", "0",
     "nan", [], {}, [[]], [None], {"a": 1}, "🚗" * 50, float("inf"), float("nan"),
 )  # fmt: skip
 
 
-SLOW = 2.0
-"""A text that takes the planner longer is a fault [s of processor time]; others may be at work."""
+MOST_MEMORY = 6_000_000_000
+"""Address space of this process [bytes]; a case that wants more ends in a MemoryError, a fault."""
+SLOW, SLOWEST = 2.0, 5.0
+"""A text that takes the planner longer, or any case that takes longer, is a fault [s of processor
+time]; others may be at work."""
 
 
 def damage_text(text: str, rng: random.Random) -> str:
@@ -165,7 +170,7 @@ def list_track_files() -> tuple[tuple[str, bytes], ...]:
 def list_map_files() -> tuple[tuple[str, bytes], ...]:
     """Map files: those of our own exports, and a small one of OpenStreetMap."""
     sys.path.insert(0, str(ROOT / "tests"))
-    from map_files import osm
+    from map_files import osm  # type: ignore[import-not-found]
 
     with tempfile.TemporaryDirectory() as folder:
         street = osm(Path(folder) / "small.osm", (0, 90, 180, 270)).read_bytes()
@@ -272,12 +277,20 @@ def open_page() -> tuple[Any, str]:
     from starlette.testclient import TestClient
 
     from scenewright.backends import load_backend
+    from scenewright.cli.page.batches import Batches
     from scenewright.cli.page.conversations import Conversations
+    from scenewright.cli.page.model_choice import ModelChoice
+    from scenewright.cli.page.own_maps import OwnMaps
     from scenewright.cli.page.server import Page, build_app
 
-    file = str(Path(tempfile.mkdtemp(prefix="scenewright-fuzz-")) / "threads.sqlite")
-    conversations = Conversations(file, backend=load_backend("builtin"), seed=1)
-    page = Page(conversations, backend="builtin", intersection="amsterdam_120")
+    folder = Path(tempfile.mkdtemp(prefix="scenewright-fuzz-"))
+    conversations = Conversations(
+        str(folder / "threads.sqlite"), backend=load_backend("builtin"), seed=1
+    )
+    page = Page(
+        conversations, choice=ModelChoice(conversations, "builtin"), intersection="amsterdam_120",
+        batches=Batches(folder / "batches"), own_maps=OwnMaps(folder / "maps"),
+    )  # fmt: skip
     app = build_app(page, token="t", hosts=frozenset({"127.0.0.1:1"}))
     client = TestClient(app, base_url="http://127.0.0.1:1", headers={"x-token": "t"})
     thread = client.post("/api/threads", json={"intersection": "amsterdam_120"}).json()["thread"]
@@ -291,12 +304,18 @@ def request_page(rng: random.Random, _folder: Path) -> None:
     routes = [
         ("GET", f"/api/threads/{thread}", None),
         ("GET", f"/api/threads/{thread}/compare?a=1&b=1", None),
-        ("GET", f"/api/threads/{thread}/made", None),
+        ("GET", f"/api/threads/{thread}/made?version=1", None),
+        ("GET", f"/api/threads/{thread}/handles?version=1", None),
+        ("GET", f"/api/threads/{thread}/page.html?version=1&over=1", None),
+        ("GET", "/api/batches/batch-1?after=0", None),
+        ("GET", "/api/batches/batch-1/1/page.html", None),
         ("GET", f"/api/threads/{thread}/scene.json", None),
         ("GET", "/api/intersections/amsterdam_120.png", None),
         ("POST", "/api/threads", {"intersection": "amsterdam_120"}),
         ("POST", f"/api/threads/{thread}/turn", {"action": "goto", "argument": "1"}),
         ("POST", f"/api/threads/{thread}/turn", {"action": "undo", "argument": ""}),
+        ("POST", "/api/settings/backend", {"backend": "builtin", "base_url": ""}),
+        ("POST", "/api/maps/0123456789abcdef.osm/import", {"name": "small", "junction": "1"}),
     ]
     method, path, body = rng.choice(routes)
     if body is None or rng.random() < 0.3:
@@ -346,6 +365,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     report: dict[str, Any] = {}
     for part in asked.parts.split(","):
         count = max(int(asked.cases * PARTS[part][1]), 1)
@@ -361,9 +381,12 @@ def run_part(part: str, numbers: list[int], seed: int) -> dict[str, Any]:
     faults: dict[int, str] = {}
     slowest, begin = (0.0, 0), time.perf_counter()
     for n in numbers:
-        start = time.perf_counter()
+        start = time.process_time()
         fault = run_case(part, n, seed)
-        slowest = max(slowest, (time.perf_counter() - start, n))
+        took = time.process_time() - start
+        slowest = max(slowest, (took, n))
+        if fault is None and took > SLOWEST and n != numbers[0]:  # the first loads and compiles
+            fault = f"{took:.1f} s of processor time"
         if fault is not None:
             faults[n] = fault
     took = time.perf_counter() - begin

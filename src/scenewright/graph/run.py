@@ -71,6 +71,8 @@ DEFAULT_INTERSECTION = "amsterdam_120"
 REFINERS = ("none", "trajnet")
 DEFAULT_REFINER = "trajnet"
 MAX_SEED = 2**63 - 1
+MOST_STEPS = 10_000
+"""Steps of a scene that is read from a file."""
 _PAPER_LACKS = {"intersection", "step", "duration", "heading", "length", "width"}
 
 Profile = Literal["full", "paper"]
@@ -340,6 +342,7 @@ def _read_scene(file: Path) -> tuple[SceneRecord, str]:
     record = _parse_scene(file, data)
     if "schema_version" not in record.meta.model_fields_set:
         raise InputError(f"{file} is not a scene: meta.schema_version is missing")
+    _check_times(file, record)
     try:
         return record, digest_json(data)
     except ValueError as error:
@@ -359,6 +362,18 @@ def _parse_scene(file: Path, data: bytes) -> SceneRecord:
         first = faults[0]
         where = ".".join(str(part) for part in first["loc"]) or "file"
         raise InputError(f"{file} is not a scene: {where}: {first['msg']}") from error
+
+
+def _check_times(file: Path, record: SceneRecord) -> None:
+    """Refuses times that would fill the memory of whatever has a sample for every step."""
+    step = record.meta.step
+    ends = (abs(each.spawn_time) + step * len(each.trajectory) for each in record.agents)
+    last = max(record.meta.duration, *ends, 0.0)
+    if step > 0 and not last <= MOST_STEPS * step:
+        raise InputError(
+            f"{file} is not a scene: it would last {last:.4g} s in steps of {step:.4g} s; a scene "
+            f"has at most {MOST_STEPS} steps, and times are seconds since its start"
+        )
 
 
 def make_folder(folder: str | Path) -> Path:
