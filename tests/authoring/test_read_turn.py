@@ -73,14 +73,22 @@ def test_scenes_beyond_all_measure(change: dict[str, Any], given: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "key", "value"), [("meta", "duration", 1e9), ("agents", "spawn_time", -1e9)]
+    ("at", "change", "given"),
+    [
+        ("meta", {"duration": 1e9}, "it would last 1e.09 s in steps of 0.1 s"),
+        ("agents", {"spawn_time": -1e9}, "it would last 1e.09 s"),
+        ("meta", {"step": 0.0}, "meta.step must be 0.001 to 1 seconds, not 0"),
+        ("agents", {"heading": [0.0]}, "1 headings; give one each"),
+        ("agents", {"waypoints": [[1e7, 0.0]] * 10}, "agent 1 has a position further than 20000 m"),
+    ],
 )
-def test_times_that_would_fill_the_memory(tmp_path: Path, at: str, key: str, value: float) -> None:
+def test_files_that_would_fill_the_memory_of_a_reader(
+    tmp_path: Path, at: str, change: dict[str, Any], given: str
+) -> None:
     content = json.loads(record().model_dump_json(by_alias=True))
-    place = content["meta"] if at == "meta" else content["agents"][0]
-    place[key] = value
+    (content["meta"] if at == "meta" else content["agents"][0]).update(change)
     (tmp_path / "scene.json").write_text(json.dumps(content))
-    with pytest.raises(InputError, match="it would last 1e.09 s in steps of 0.1 s"):
+    with pytest.raises(InputError, match=given):
         load_scene(tmp_path)
 
 

@@ -35,6 +35,7 @@ from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.prompts import LONGEST_REQUEST, ExampleRetriever, recall_nothing
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
+from scenewright.scene.bounds import find_excess
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -71,8 +72,6 @@ DEFAULT_INTERSECTION = "amsterdam_120"
 REFINERS = ("none", "trajnet")
 DEFAULT_REFINER = "trajnet"
 MAX_SEED = 2**63 - 1
-MOST_STEPS = 10_000
-"""Steps of a scene that is read from a file."""
 _PAPER_LACKS = {"intersection", "step", "duration", "heading", "length", "width"}
 
 Profile = Literal["full", "paper"]
@@ -342,7 +341,8 @@ def _read_scene(file: Path) -> tuple[SceneRecord, str]:
     record = _parse_scene(file, data)
     if "schema_version" not in record.meta.model_fields_set:
         raise InputError(f"{file} is not a scene: meta.schema_version is missing")
-    _check_times(file, record)
+    if (excess := find_excess(record)) is not None:
+        raise InputError(f"{file} is not a scene: {excess}")
     try:
         return record, digest_json(data)
     except ValueError as error:
@@ -362,18 +362,6 @@ def _parse_scene(file: Path, data: bytes) -> SceneRecord:
         first = faults[0]
         where = ".".join(str(part) for part in first["loc"]) or "file"
         raise InputError(f"{file} is not a scene: {where}: {first['msg']}") from error
-
-
-def _check_times(file: Path, record: SceneRecord) -> None:
-    """Refuses times that would fill the memory of whatever has a sample for every step."""
-    step = record.meta.step
-    ends = (abs(each.spawn_time) + step * len(each.trajectory) for each in record.agents)
-    last = max(record.meta.duration, *ends, 0.0)
-    if step > 0 and not last <= MOST_STEPS * step:
-        raise InputError(
-            f"{file} is not a scene: it would last {last:.4g} s in steps of {step:.4g} s; a scene "
-            f"has at most {MOST_STEPS} steps, and times are seconds since its start"
-        )
 
 
 def make_folder(folder: str | Path) -> Path:

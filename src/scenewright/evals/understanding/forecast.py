@@ -90,6 +90,11 @@ class AgentForecast:
         least = np.stack([x.min(axis=1), y.min(axis=1)], axis=1)
         return least, np.stack([x.max(axis=1), y.max(axis=1)], axis=1)
 
+    @cached_property
+    def facing(self) -> tuple[FloatArray, FloatArray]:
+        """[K, T] cosine and sine of the heading."""
+        return np.cos(self.heading), np.sin(self.heading)
+
 
 @dataclass(frozen=True, eq=False)
 class SceneForecast:

@@ -255,8 +255,8 @@ def _check_lengths(tracks: Sequence[Trajectory], lengths: FloatArray) -> None:
     if lengths.sum() > LONGEST:
         worst = int(lengths.argmax())
         raise InputError(
-            f"agent {tracks[worst].id}: its track is {lengths[worst] / 1000:.4g} km long; tracks may "
-            f"be {LONGEST / 1000:g} km together, and positions are metres"
+            f"agent {tracks[worst].id}: its track is {lengths[worst] / 1000:.4g} km long; tracks "
+            f"may be {LONGEST / 1000:g} km together, and positions are metres"
         )
 
 
