@@ -77,6 +77,7 @@ def test_scenes_beyond_all_measure(change: dict[str, Any], given: str) -> None:
     [
         ("meta", {"duration": 1e9}, "it would last 1e.09 s in steps of 0.1 s"),
         ("agents", {"spawn_time": -1e9}, "it would last 1e.09 s"),
+        ("agents", {"spawn_time": "nan"}, "it would last nan s"),
         ("meta", {"step": 0.0}, "meta.step must be 0.001 to 1 seconds, not 0"),
         ("agents", {"heading": [0.0]}, "1 headings; give one each"),
         ("agents", {"waypoints": [[1e7, 0.0]] * 10}, "agent 1 has a position further than 20000 m"),

@@ -23,13 +23,13 @@ def find_excess(record: SceneRecord) -> str | None:
     meta = record.meta
     if not STEPS[0] <= meta.step <= STEPS[1]:
         return f"meta.step must be {STEPS[0]} to {STEPS[1]:g} seconds, not {meta.step:g}"
-    ends = (abs(each.spawn_time) + meta.step * len(each.trajectory) for each in record.agents)
-    last = max(meta.duration, *ends, 0.0)
-    if not last <= MOST_STEPS * meta.step:
-        return (
-            f"it would last {last:.4g} s in steps of {meta.step:g} s; a scene has at most "
-            f"{MOST_STEPS} steps, and times are seconds since its start"
-        )
+    ends = [abs(each.spawn_time) + meta.step * len(each.trajectory) for each in record.agents]
+    for last in (meta.duration, *ends):
+        if not last <= MOST_STEPS * meta.step:  # which NaN is not either
+            return (
+                f"it would last {last:.4g} s in steps of {meta.step:g} s; a scene has at most "
+                f"{MOST_STEPS} steps, and times are seconds since its start"
+            )
     return next(filter(None, map(_find_excess_of_agent, record.agents)), None)
 
 
