@@ -3,13 +3,14 @@
     python benchmarks/fuzz.py [--cases 2000] [--seed 0] [--parts planner,tracks] [--json FILE]
 
 Each part takes honest input (instructions, constraint programs, scene.json, track files of every
-format that we write, map files, arguments of MCP tools, requests to the page), damages it (bytes or
-words dropped, doubled, exchanged, replaced by odd ones; values of JSON replaced by others, of other
-types or absurd), and hands it to the code that reads it. A case is in order if it returns or raises
-a `ScenewrightError` of one line, within 5 s of processor time (the first of a part aside) and 6 GB
-of address space, and the page answers below 500. Case n of a part depends on the seed and n alone,
-so `--parts tracks --only 17` runs one again. The exit code is 1 if a case fails; the cases are
-spread over the parts by how long they take. `make fuzz` runs 100,000.
+format that we write, map files, files of an intersection, arguments of MCP tools, requests to the
+page), damages it (bytes or words dropped, doubled, exchanged, replaced by odd ones; values of JSON
+replaced by others, of other types or absurd), and hands it to the code that reads it. A case is in
+order if it returns or raises a `ScenewrightError` of one line, within 6 GB of address space and,
+the first of a part and those that make scenes aside, 5 s of processor time; the page must answer
+below 500. Case n of a part depends on the seed and n alone, so `--parts tracks --only 17` runs one
+again. The exit code is 1 if a case fails; the cases are spread over the parts by how long they
+take. `make fuzz` runs 100,000.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ from __future__ import annotations
 import argparse
 import asyncio
 import copy
+import io
 import json
+import os
 import random
 import re
 import resource
+import shutil
 import sys
 import tempfile
 import time
@@ -32,11 +36,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
 from robustness import REQUESTS
 
 import scenewright
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import Scene, encode_scene
+from scenewright.intersections import find_bundle_folder
 from scenewright.nodes.prompts import LONGEST_REQUEST
 
 Json = Any
@@ -230,6 +236,65 @@ def read_map(rng: random.Random, folder: Path) -> None:
     import_map(folder / name, name="small")
 
 
+def damage_arrays(data: bytes, rng: random.Random) -> bytes:
+    """A .npz in which one array holds another number, is cut short, of another type or gone."""
+    with np.load(io.BytesIO(data)) as stored:
+        arrays = dict(stored)
+    name = rng.choice(sorted(arrays))
+    array = arrays.pop(name)
+    match rng.randrange(5):
+        case 0 if array.size and array.dtype.kind in "fi":
+            array.reshape(-1)[rng.randrange(array.size)] = rng.choice((0, -1, 7, 1e6, -1e-9, 1e300))
+        case 1:
+            array = array[: rng.randrange(len(array) + 1)] if array.ndim else array[None]
+        case 2:
+            array = array.astype(rng.choice(("U8", "i8", "f4", "?")))
+        case 3:
+            array = np.repeat(array, 2, axis=0) if array.ndim else array * 0
+    if rng.random() < 0.9:
+        arrays[name] = array
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def use_bundle(rng: random.Random, folder: Path) -> None:
+    """A scene at an intersection of which one file is damaged; if one is made, it is verified."""
+    shipped = find_bundle_folder("amsterdam_120")
+    files = ("map.json", "priors.npz", "demand.json", "manners.json")
+    name = f"odd-{rng.randrange(10**9)}"
+    (folder / name).mkdir()
+    for each in files:
+        shutil.copy(shipped / each, folder / name / each)
+    file = (
+        folder
+        / name
+        / rng.choice(("map.json", "map.json", "priors.npz", "demand.json", "manners.json"))
+    )
+    data = file.read_bytes()
+    if rng.random() < 0.2:
+        damaged = damage_bytes(data, rng)
+    elif file.suffix == ".npz":
+        with np.errstate(all="ignore"):
+            damaged = damage_arrays(data, rng)
+    else:
+        damaged = json.dumps(damage_json(json.loads(data), rng)).encode()
+    file.write_bytes(damaged)
+    before = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
+    os.environ["SCENEWRIGHT_INTERSECTIONS"] = str(folder)
+    try:
+        made = scenewright.synthesize(
+            "A car yields to a pedestrian at 5 am in light traffic", seed=1, intersection=name,
+            refiner="none", max_agents=3, time_limit=SLOWEST,
+        )  # fmt: skip
+        if not scenewright.verify(made, intersection=name).verified:
+            raise RuntimeError("a scene that is not verified was handed out")
+    finally:
+        os.environ.pop("SCENEWRIGHT_INTERSECTIONS")
+        if before is not None:
+            os.environ["SCENEWRIGHT_INTERSECTIONS"] = before
+
+
 def write_export(rng: random.Random, folder: Path) -> None:
     """An exporter on a damaged scene.json."""
     from scenewright.tools.exporters.registry import FORMATS
@@ -334,11 +399,14 @@ PARTS: Mapping[str, tuple[Callable[[random.Random, Path], None], float]] = {
     "scenes": (read_scene, 0.1),
     "tracks": (read_track_file, 0.35),
     "maps": (read_map, 0.01),
+    "bundles": (use_bundle, 0.005),
     "exports": (write_export, 0.05),
     "mcp": (call_tool, 0.04),
     "page": (request_page, 0.05),
 }
 """Part -> what one case does, and its share of the cases."""
+MAKE_SCENES = ("bundles", "mcp")
+"""Parts whose cases may take as long as a scene may."""
 
 
 def run_case(part: str, n: int, seed: int) -> str | None:
@@ -385,7 +453,7 @@ def run_part(part: str, numbers: list[int], seed: int) -> dict[str, Any]:
         fault = run_case(part, n, seed)
         took = time.process_time() - start
         slowest = max(slowest, (took, n))
-        if fault is None and took > SLOWEST and n != numbers[0]:  # the first loads and compiles
+        if fault is None and took > SLOWEST and part not in MAKE_SCENES and n != numbers[0]:
             fault = f"{took:.1f} s of processor time"
         if fault is not None:
             faults[n] = fault
