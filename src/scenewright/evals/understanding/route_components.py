@@ -161,7 +161,8 @@ def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> Float
         [N, M]; constant beyond the ends.
     """
     found = np.empty(at.shape)
-    _interpolate(*map(np.ascontiguousarray, (at, s, values)), found)
+    at, s, values = (np.ascontiguousarray(each) for each in (at, s, values))
+    _interpolate(at, s, values, found)
     return found
 
 

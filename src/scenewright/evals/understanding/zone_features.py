@@ -99,8 +99,9 @@ def _find_stays(
     """The stays of both in the zone, in those futures of `rows` that have one."""
     (a, first), (b, second) = one, two
     (s_a, at_a), (s_b, at_b) = _sample_path(first, rows), _sample_path(second, rows)
-    on_map = ((s[:, -1:] >= _GRID).sum(axis=1) for s in (s_a, s_b))
-    in_a, in_b = _find_overlap(at_a, at_b, *on_map, ((a.width + b.width) / 2 + 0.05) ** 2)
+    on_map_a, on_map_b = ((s[:, -1:] >= _GRID).sum(axis=1) for s in (s_a, s_b))
+    wide = ((a.width + b.width) / 2 + 0.05) ** 2
+    in_a, in_b = _find_overlap(at_a, at_b, on_map_a, on_map_b, wide)
     found = in_a.any(axis=1)
     if not found.any():
         return None
