@@ -250,7 +250,7 @@ def damage_arrays(data: bytes, rng: random.Random) -> bytes:
         case 2:
             array = array.astype(rng.choice(("U8", "i8", "f4", "?")))
         case 3:
-            array = np.repeat(array, 2, axis=0) if array.ndim else array * 0
+            array = np.repeat(np.atleast_1d(array), 2, axis=0)
     if rng.random() < 0.9:
         arrays[name] = array
     stream = io.BytesIO()
