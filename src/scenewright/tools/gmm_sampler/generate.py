@@ -47,9 +47,9 @@ from scenewright.tools.gmm_sampler.uturn_priors import build_uturn_priors
 _QUEUES = 28.0
 """In the corpus 1 - exp(-v / 28) of the standing vehicles stand behind another, where v vehicles
 are seen in 30 s: 0.19 of them at v = 5.9, 0.34 at 11.3, 0.48 at 18.1, 0.55 at 20.0."""
-_SECOND_OF_TWO = 0.14
-"""Of the pedestrians in the background: 22 % have a companion in the corpus, and 78 of 100 find
-room beside the other."""
+_SECOND_OF_TWO = 0.17
+"""Of the pedestrians in the background. 22 % of all have a companion in the corpus; here those that
+a relation binds have none, and 78 of 100 find room beside the other."""
 _HEADWAY = (1.0, 4.0)
 """Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0

@@ -16,9 +16,9 @@ from scenewright.geometry.spline import DENSE, PER_INTERVAL, compute_spline_matr
 from scenewright.scene.base import FloatArray
 from scenewright.tools.gmm_sampler.speed_wander import build_smoother
 
-_SPREAD, _VARIES, _MOST = 0.19, 0.45, 0.4
-"""Of the offset before its spline is taken off [m]: median over people, how that varies between
-them [log], and the most."""
+_SPREAD, _VARIES, _MOST = 0.22, 0.45, 0.35
+"""Of the offset before its spline is taken off: median over people [m] and how that varies between
+them [log]; what is left of it is no more than the last [m]."""
 _LENGTH = 2.2
 """Over which offsets are alike [m]."""
 
@@ -27,8 +27,9 @@ def sample_lateral_wander(
     length: float, rng: np.random.Generator, *, size: int
 ) -> tuple[FloatArray, ...]:
     """Draw `size` courses [DENSE] of the offset to the left [m] over a way of this length [m]."""
-    spread = np.minimum(_SPREAD * np.exp(_VARIES * rng.standard_normal(size)), _MOST)
+    spread = _SPREAD * np.exp(_VARIES * rng.standard_normal(size))
     smooth = build_smoother(DENSE, round(_LENGTH / max(length, 5.0) * (DENSE - 1), 1))
     wander = np.clip(rng.standard_normal((size, smooth.shape[1])) @ smooth.T, -2.0, 2.0)
     offset = spread[:, None] * wander
-    return tuple(offset - offset[:, ::PER_INTERVAL] @ compute_spline_matrix().T)
+    aside = offset - offset[:, ::PER_INTERVAL] @ compute_spline_matrix().T
+    return tuple(aside * np.minimum(1.0, _MOST / np.abs(aside).max(axis=1))[:, None])

@@ -4,9 +4,9 @@ It enters at its drawn time, or when there is room, follows the vehicle ahead in
 at red and behind queues, and when turning gives way to pedestrians and others; it neither crosses
 the path of a foreground agent near it in time nor gives way to it. Each agent that it meets blocks
 nodes of its path for a time; the blocks that it would run into become walls, behind which it drives
-by the intelligent driver model (Treiber, Hennecke, Helbing 2000) in the form of Schakel, van Arem
-and Netten (2010), in which the road and the vehicle ahead limit the acceleration apart, so that
-queues discharge as real ones do. The motion becomes a pace and stops.
+by the intelligent driver model (Treiber, Hennecke, Helbing 2000); behind one that draws away in the
+form of Schakel, van Arem and Netten (2010), so that queues discharge. The motion becomes a pace
+and stops.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _HARDEST_DRIVEN = 3.35
 """Hardest braking of the resulting pace [m/s^2]: a pace overstates it a little."""
 _FORESEES = 1.5
 """How far ahead drivers anticipate the motion of others, by brake lights and traffic ahead [s]."""
-_EAGER = 2.5
+_EAGER = 3.5
 """How much harder than comfortably a vehicle behind another would accelerate, had it all the room:
 so it sets off as fast as the one ahead before the gap has grown."""
 _ENTRANCE = 5.0
@@ -431,8 +431,10 @@ def _accelerate(
         return rate
     closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
     wanted = gap + max(0.0, v * headway + closing)
-    free = float(1.0 - (wanted / max(room, 0.05)) ** 2)
-    return min(rate, acceleration * free * (_EAGER if free > 0.0 else 1.0))
+    held = float(acceleration * (wanted / max(room, 0.05)) ** 2)
+    # Behind one that draws away, the road and the vehicle ahead limit the acceleration apart.
+    eager = min(rate, _EAGER * (acceleration - held))
+    return rate - held + min(max(2.0 * (speed - v), 0.0), 1.0) * max(eager - rate + held, 0.0)
 
 
 @compiled
