@@ -52,7 +52,7 @@ _HARDEST_DRIVEN = 3.35
 """Hardest braking of the resulting pace [m/s^2]: a pace overstates it a little."""
 _FORESEES = 1.5
 """How far ahead drivers anticipate the motion of others, by brake lights and traffic ahead [s]."""
-_EAGER = 3.5
+_EAGER = 2.5
 """How much harder than comfortably a vehicle behind another would accelerate, had it all the room:
 so it sets off as fast as the one ahead before the gap has grown."""
 _ENTRANCE = 5.0
@@ -434,7 +434,7 @@ def _accelerate(
     held = float(acceleration * (wanted / max(room, 0.05)) ** 2)
     # Behind one that draws away, the road and the vehicle ahead limit the acceleration apart.
     eager = min(rate, _EAGER * (acceleration - held))
-    return rate - held + min(max(2.0 * (speed - v), 0.0), 1.0) * max(eager - rate + held, 0.0)
+    return rate - held + min(max(speed - v, 0.0), 1.0) * max(eager - rate + held, 0.0)
 
 
 @compiled
