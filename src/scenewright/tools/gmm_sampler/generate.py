@@ -178,7 +178,8 @@ def amplify(
         elif route.id not in priors.waypoints:
             own = build_uturn_priors(priors, route, intersection_map=intersection_map)
         agents[node.id] = _draw_agent(
-            node.id, "foreground", route, own, size, rng, lanes(route.movement_id),
+            node.id, "foreground", route, own, size, rng,
+            lanes(route.movement_id if node.type == "vehicle" else None),  # riders keep to a side
             subtype=node.subtype, kind=node.type,
         )  # fmt: skip
         if node.motion in _RUNNING:
