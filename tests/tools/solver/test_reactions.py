@@ -106,16 +106,3 @@ def test_who_does_not_react_keeps_its_motion() -> None:
 
     assert not staged.actors[CAR].slowings
     assert staged.actors[OTHER].slowings
-
-
-def test_in_collisions_both_react_where_they_can() -> None:
-    people = {CAR: EASTWARDS, OTHER: NORTHWARDS}
-    both = []
-    for seed in range(12):
-        context = SolverContext(
-            people, dict.fromkeys(people, BARE), np.random.default_rng(seed), lenient=False
-        )
-        clause = Contact(first=CAR, second=OTHER)
-        staged = next(ForegroundSolver(context).schedule_all((clause,), PartialSchedule()))
-        both.append(all(staged.actors[name].slowings for name in people))
-    assert sum(both) >= 9

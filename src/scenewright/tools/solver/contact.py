@@ -27,9 +27,6 @@ from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, g
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _TRIES = 6
-_REACTIONS = 3
-"""Reactions of both that are drawn, until with one of them they still collide."""
-
 _SMOOTHED = 0.4
 """How much smoothing keeps a short slowing above its speed [m/s]."""
 
@@ -77,15 +74,14 @@ def _schedule_offsets(
 ) -> Generator[PartialSchedule, None, bool]:
     """Schedule those offsets that fit; returns whether all failed, but for the striking agent."""
     scheduled = turned_round = False
-    # Drawn a few times: a new draw for every offset would favour slow ones, as those collide.
-    reactions = [
-        (context.reactions.draw(pair[0], context.rng), context.reactions.draw(pair[1], context.rng))
-        for _ in range(_REACTIONS)
-    ]
+    # Drawn once: a new draw for every offset would favour slow ones, as those collide.
+    drawn = (
+        context.reactions.draw(pair[0], context.rng),
+        context.reactions.draw(pair[1], context.rng),
+    )
     taken = set[float]()
-    # First both must react, then one of them suffices.
-    rounds = [*((drawn, True) for drawn in reactions), (reactions[0], False)]
-    for (drawn, both), delta in product(rounds, deltas):
+    # First where both can react, then where at least one can.
+    for both, delta in product((True, False), deltas):
         if delta in taken:
             continue
         a, b = schedule.place(clause, *pair, delta)
