@@ -90,6 +90,11 @@ class AgentForecast:
         least = np.stack([x.min(axis=1), y.min(axis=1)], axis=1)
         return least, np.stack([x.max(axis=1), y.max(axis=1)], axis=1)
 
+    @cached_property
+    def facing(self) -> tuple[FloatArray, FloatArray]:
+        """[K, T] cosine and sine of the heading."""
+        return np.cos(self.heading), np.sin(self.heading)
+
 
 @dataclass(frozen=True, eq=False)
 class SceneForecast:
@@ -239,7 +244,9 @@ def _sample_curves(
     white = rng.standard_normal((SIZE, 2 * K))
     rows, off = posterior.seen[picked], posterior.off[picked]
     noise = posterior.noise * rng.standard_normal(off.shape)
-    spread = np.einsum("kji,kli->kjl", rows, rows) + np.diag(posterior.noise**2)
+    distinct, which = np.unique(picked, return_inverse=True)  # few, so each is multiplied once
+    seen = posterior.seen[distinct]
+    spread = (np.einsum("kji,kli->kjl", seen, seen) + np.diag(posterior.noise**2))[which]
     miss = off - np.einsum("kji,ki->kj", rows, white) - noise
     gain = np.linalg.solve(spread, miss[..., None])[..., 0]
     white = white + np.einsum("kji,kj->ki", rows, gain)

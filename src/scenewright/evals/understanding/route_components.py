@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path, compute_spline_matrix
@@ -27,6 +28,8 @@ _SPREAD = (-1.2, 0.0, 1.2)
 """Driving profiles tried lie so many standard deviations off the median."""
 _ON_CROSSWALK = 0.05
 """Uses of a crosswalk by riders, per use by a pedestrian."""
+_ROW = 1e4
+"""Distance from row to row where rows lie end to end [m]."""
 _THIN = 4
 """Every fourth point of a base curve is kept: they lie one or two metres apart."""
 
@@ -151,7 +154,7 @@ def measure_headings(curve: FloatArray) -> FloatArray:
 
 
 def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
-    """Interpolate row by row in one call, with the rows laid end to end.
+    """Interpolate row by row in one call.
 
     Args:
         at: [N, M] wanted; s: [N, P] ascending; values: [N, P].
@@ -159,10 +162,35 @@ def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> Float
     Returns:
         [N, M]; constant beyond the ends.
     """
-    rows = np.arange(len(s))[:, None] * 1e4
-    clipped = np.clip(at, s[:, :1], s[:, -1:])
-    flat = np.interp((clipped + rows).ravel(), (s + rows).ravel(), values.ravel())
-    return np.asarray(flat.reshape(at.shape))
+    found = np.empty(at.shape)
+    at, s, values = (np.ascontiguousarray(each) for each in (at, s, values))
+    _interpolate(at, s, values, found)
+    return found
+
+
+@compiled
+def _interpolate(at: FloatArray, s: FloatArray, values: FloatArray, found: FloatArray) -> None:
+    """Writes what `interpolate_rows` returns, by bisection.
+
+    Rounded as by `np.interp` with the rows end to end, for which the calibrations were fitted.
+    """
+    last = s.shape[1] - 1
+    for n in range(at.shape[0]):
+        row = n * _ROW
+        for m in range(at.shape[1]):
+            x = min(max(at[n, m], s[n, 0]), s[n, last]) + row
+            low, high = 0, last + 1
+            while high - low > 1:
+                middle = (low + high) // 2
+                if s[n, middle] + row <= x:
+                    low = middle
+                else:
+                    high = middle
+            before = s[n, low] + row
+            found[n, m] = values[n, low]
+            if low < last and before != x:
+                slope = (values[n, low + 1] - values[n, low]) / (s[n, low + 1] + row - before)
+                found[n, m] = slope * (x - before) + values[n, low]
 
 
 def interpolate_points(at: FloatArray, s: FloatArray, xy: FloatArray) -> FloatArray:
