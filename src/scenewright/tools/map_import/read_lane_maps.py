@@ -53,6 +53,8 @@ def load_lane_map(file: Path, map_format: str) -> LaneletFile:
 
 
 _NOTES = {"womd": ("lanes are drawn by their middle alone; they were taken to be 3.5 m wide",)}
+_DRIVEN = ("VEHICLE", "BUS")
+"""Types of Argoverse's lanes; those of buses lie beside those of cars."""
 _Found = tuple[list[FileLanelet], list[SurveyCrossing], int]
 """Lanes that cars drive on, crossings, and how many other lanes there are."""
 
@@ -110,7 +112,7 @@ def _read_argoverse2(file: Path) -> _Found:
             _list_points(each["right_lane_boundary"]), {},
         )
         for each in held["lane_segments"].values()
-        if each.get("lane_type", "VEHICLE") == "VEHICLE"
+        if each.get("lane_type", "VEHICLE") in _DRIVEN
     ]  # fmt: skip
     crossings = [
         _build_crossing(_list_points(each["edge1"]), _list_points(each["edge2"]))

@@ -310,8 +310,10 @@ def _list_grounds(held: LaneletFile, rings: Sequence[Ring]) -> Iterator[_Grounds
     """What lanelets share at each junction; a ring with what lies on it is one."""
     follows = _find_successors(held.lanelets)
     shared = _find_shared_ground(held.lanelets, follows, sorted(held.lanelets))
-    shared = geos.union_all([shared, *(ring.carriageway for ring in rings)])
-    grown = geos.union_all([shared.buffer(_APART / 2), *(ring.disc for ring in rings)])
+    grown = shared.buffer(_APART / 2)
+    if rings:
+        shared = geos.union_all([shared, *(ring.carriageway for ring in rings)])
+        grown = geos.union_all([shared.buffer(_APART / 2), *(ring.disc for ring in rings)])
     for area in getattr(grown, "geoms", [grown]):
         own = next((ring for ring in rings if ring.disc.intersects(area)), None)
         yield _Grounds(shared.intersection(area), shared.difference(area), own)
