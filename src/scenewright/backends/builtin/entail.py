@@ -223,9 +223,11 @@ def _check_head_on(relation: RelationDraft, site: Site) -> None:
 
 def _check_possible(relation: RelationDraft, site: Site) -> None:
     first, second = relation.from_, relation.to
-    if first.type == second.type == "pedestrian" and relation.type != "follow":
+    if first.type == second.type == "pedestrian" and relation.type == "yield_to":
         raise Refused(
-            "impossible", "Two pedestrians have no such relation here; make one of them a vehicle."
+            "impossible",
+            "Between two pedestrians nobody has the right of way; make one of them a vehicle, or "
+            "ask for a near miss.",
         )
     if relation.type == "follow" and first.walks != second.walks:
         raise Refused(

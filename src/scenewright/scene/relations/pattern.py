@@ -228,8 +228,8 @@ def _format_alternatives(words: frozenset[str]) -> str:
 
 def _check_classes(pattern: Pattern) -> None:
     walkers = [pattern.from_.type, pattern.to.type].count("pedestrian")
-    if walkers == 2:
-        raise ValueError("to.type: one of the two must be a vehicle")
+    if walkers == 2 and pattern.relation == "yield_to":
+        raise ValueError("relation: two pedestrians have no right of way over one another")
     if walkers and pattern.geometry != "crossing":
         raise ValueError("geometry: with a pedestrian it must be 'crossing'")
     if "crossing" in (*pattern.from_.movements, *pattern.to.movements) and (
@@ -237,9 +237,9 @@ def _check_classes(pattern: Pattern) -> None:
     ):
         raise ValueError("geometry: on a crosswalk it must be 'crossing'")
     if walkers and pattern.relation == "follow":
-        raise ValueError("relation: a pedestrian and a vehicle never follow one another")
+        raise ValueError("relation: a pedestrian neither follows nor is followed")
     struck = pattern.kind == "pedestrian_strike"
-    if pattern.kind is not None and struck != bool(walkers):
+    if pattern.kind is not None and struck != (walkers == 1):
         raise ValueError(f"proof.kind: {pattern.kind} cannot happen between these two classes")
 
 
@@ -247,6 +247,8 @@ def _check_place(pattern: Pattern) -> None:
     movements = {*pattern.from_.movements, *pattern.to.movements}
     if pattern.zone == "crosswalk" and not movements >= {"crossing"}:
         raise ValueError("zone: 'crosswalk' needs a role with the movement 'crossing'")
+    if pattern.zone == "sidewalk" and movements != {"crossing"}:
+        raise ValueError("zone: 'sidewalk' needs both roles to have the movement 'crossing'")
     if pattern.zone == "lane" and pattern.geometry not in _ONE_LANE:
         raise ValueError(f"zone: 'lane' needs a geometry of {_format_alternatives(_ONE_LANE)}")
     if pattern.order is not None and pattern.relation not in ("near_miss", "yield_to"):

@@ -539,6 +539,8 @@ def _is_geometry_fitting(
     pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap
 ) -> bool:
     match pattern.geometry:
+        case "crossing" if a.type == b.type == "pedestrian":
+            return _do_walks_meet(pattern, a, b, intersection_map)
         case "crossing":
             return have_conflict(a, b, intersection_map=intersection_map) and (
                 a.type != b.type or a.exit != b.exit
@@ -561,6 +563,27 @@ def _is_geometry_fitting(
             return (
                 a.entry == b.exit and a.exit == b.entry and not _is_divided(a, b, intersection_map)
             )
+
+
+def _do_walks_meet(
+    pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap
+) -> bool:
+    """Whether two cross one crosswalk in opposite directions, or two that share a corner."""
+    if a.crosswalk == b.crosswalk:
+        return pattern.zone == "crosswalk" and a.entry != b.entry
+    if pattern.zone != "sidewalk":
+        return False
+    ends = [
+        np.array(each.centreline)
+        for leg in (a.crosswalk, b.crosswalk)
+        for each in intersection_map.crosswalks
+        if each.leg == leg
+    ]
+    return len(ends) == 2 and float(np.hypot(*(ends[0][:, None] - ends[1]).T).min()) <= _CORNER
+
+
+_CORNER = 10.0
+"""Crosswalks that end this near one another [m] share a corner."""
 
 
 def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:

@@ -278,4 +278,5 @@ def _turns_across(a: ScheduledAgent, b: ScheduledAgent) -> bool:
 def _needs_striker(clause: Contact) -> bool:
     """Return whether `first` must be the striking agent."""
     with_front = clause.point_first is None or clause.point_first.startswith("front")
+    with_front &= not clause.first.startswith("pedestrian")
     return with_front and clause.kind not in ("sideswipe", "head_on")

@@ -43,7 +43,7 @@ class FirstContact:
 
     time: float
     location: Point
-    kind: CollisionKind
+    kind: CollisionKind | None
     closing: float
     speed: float
     frontal: bool
@@ -141,9 +141,10 @@ def name_impact_points(along: float, across: float, *, shape: Shape) -> tuple[Im
 
 def _classify_contact(
     a: ScheduledAgent, b: ScheduledAgent, time: float, turned: float, sides: list[str], sign: float
-) -> CollisionKind:
-    if any(actor.candidate.shape.type == "pedestrian" for actor in (a, b)):
-        return "pedestrian_strike"
+) -> CollisionKind | None:
+    walkers = [actor.candidate.shape.type for actor in (a, b)].count("pedestrian")
+    if walkers:
+        return "pedestrian_strike" if walkers == 1 else None
     if turned <= np.radians(30):
         return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
     left = max(_compute_left_turn(actor, time, sign) for actor in (a, b))
