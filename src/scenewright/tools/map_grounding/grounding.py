@@ -565,9 +565,7 @@ def _is_geometry_fitting(
             )
 
 
-def _do_walks_meet(
-    pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap
-) -> bool:
+def _do_walks_meet(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether two cross one crosswalk in opposite directions, or two that share a corner."""
     if a.crosswalk == b.crosswalk:
         return pattern.zone == "crosswalk" and a.entry != b.entry

@@ -240,7 +240,7 @@ class _EventSearch:
         return found
 
     def _is_asked(self, pair: tuple[Trajectory, Trajectory]) -> bool:
-        """Whether a relation binds the two; people on foot pass one another closely all the time."""
+        """Whether a relation binds the two; unasked, people on foot may pass closely."""
         first, second = (track.id for track in pair)
         return (first, second) in self.asked or (second, first) in self.asked
 

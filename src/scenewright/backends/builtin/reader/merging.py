@@ -38,6 +38,10 @@ _ON_FOOT = re.compile(
     r"\b(?:ped\w*|walker|jogger|runner|m[ae]n|wom[ae]n|girl|boy|kid|child|lady|person|student)\b",
     re.IGNORECASE,
 )
+_WALKER = re.compile(r"\b(?:pedestrians?|peds?|walkers?|joggers?|passers?-?by|couple)$", re.IGNORECASE)
+"""Nouns of those who are on foot, never of drivers."""
+
+_SURELY = 0.95
 _ANOTHER_INSIDE = re.compile(
     rf"\b(?:another|a second|a different) (?:{_ON_FOOT.pattern}|(?:car|van|taxi|cab|bus|truck|"
     r"lorry|vehicle|motorcycle|motorbike|suv|sedan|pickup)\b)$",
@@ -59,6 +63,7 @@ def merge_mentions(reading: Reading) -> Reading:
     "Another pedestrian" is the other way round: a new agent where the encoder sees a known one.
     """
     reading = _drop_function_words(reading)
+    reading = replace(reading, spans=tuple(map(_let_walk, reading.spans)))
     for at, span in enumerate(reading.spans):
         if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
             reading = _introduce_user(reading, at)
@@ -69,6 +74,13 @@ def merge_mentions(reading: Reading) -> Reading:
         if kept in reading.users and dropped in reading.users:
             reading = _merge(reading, kept, dropped)
     return reading
+
+
+def _let_walk(span: ReadSpan) -> ReadSpan:
+    """The mention as one of a pedestrian where its noun can be nothing else."""
+    if span.tag == "veh" and _WALKER.search(span.words) and find_subtype(span.words) is None:
+        return replace(span, tag="ped", confidence=max(span.confidence, _SURELY))
+    return span
 
 
 def _drop_function_words(reading: Reading) -> Reading:
