@@ -151,13 +151,18 @@ class Pattern(Model):
 
     @property
     def is_common(self) -> bool:
-        """Whether an order may be filled with it that names no manoeuvre, riders or U-turns.
+        """Whether an order may be filled with it that names neither manoeuvre nor U-turn.
 
         A last resort is played only where the routes fit nothing else, so no order counts on it.
         """
-        roles = (self.from_, self.to)
-        named = any(role.type == "rider" or role.movements == ("uturn",) for role in roles)
-        return not (self.manoeuvre or self.is_last_resort or named)
+        turns_round = any(role.movements == ("uturn",) for role in (self.from_, self.to))
+        return not (self.manoeuvre or self.is_last_resort or turns_round)
+
+    @property
+    def is_of_paper(self) -> bool:
+        """Whether it is of the classes that the paper knows, of which one drives."""
+        kinds = {self.from_.type, self.to.type}
+        return "vehicle" in kinds and kinds <= {"vehicle", "pedestrian"}
 
     @field_validator("phrases")
     @classmethod

@@ -454,9 +454,12 @@ def _keep_place(result: Interpretation, span: ReadSpan) -> None:
 def _settle_places(result: Interpretation) -> None:
     """Two on foot may meet beside the road, at a corner; scenes have no other places."""
     walking = [e for e in result.draft.relations if e.from_.type == e.to.type == "pedestrian"]
+    known: dict[str, str] = {
+        pattern.relation: pattern.id
+        for pattern in load_patterns()
+        if pattern.zone == "sidewalk" and any(e.type == pattern.relation for e in walking)
+    }
     for span in result.places:
-        known = {e.type: p.id for p in load_patterns() if p.zone == "sidewalk"
-                 for e in walking if e.type == p.relation}  # fmt: skip
         if not known or not _CORNER.search(span.words):
             _refuse_place(span)
         for edge in walking:

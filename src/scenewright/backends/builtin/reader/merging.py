@@ -38,7 +38,9 @@ _ON_FOOT = re.compile(
     r"\b(?:ped\w*|walker|jogger|runner|m[ae]n|wom[ae]n|girl|boy|kid|child|lady|person|student)\b",
     re.IGNORECASE,
 )
-_WALKER = re.compile(r"\b(?:pedestrians?|peds?|walkers?|joggers?|passers?-?by|couple)$", re.IGNORECASE)
+_WALKER = re.compile(
+    r"\b(?:pedestrians?|peds?|walkers?|joggers?|passers?-?by|couple)$", re.IGNORECASE
+)
 """Nouns of those who are on foot, never of drivers."""
 
 _SURELY = 0.95
