@@ -95,7 +95,9 @@ def test_patterns_are_dealt_out_evenly() -> None:
 
 def test_every_pattern_can_be_worded_in_many_voices() -> None:
     rng, writer, voices = np.random.default_rng(0), BuiltinWriter(ON), set()
-    asked = [each for each in load_patterns() if each.is_common or each.subtype == "U-turn"]
+    known = [each for each in load_patterns() if each.is_common or each.subtype == "U-turn"]
+    ridden = [each for each in known if "rider" in (each.from_.type, each.to.type)]
+    asked = [each for each in known if each not in ridden] + ridden[::4]
     for turn, pattern in enumerate(asked):
         event = EVENT_OF_RELATION[pattern.relation]
         # Not every way that a pattern allows is on this map; the agent thinks up another story.
@@ -268,9 +270,12 @@ def test_a_model_that_cannot_be_reached_ends_the_order() -> None:
         writer.write_text(story_of_a_yield(), StoryRequest(), rng=np.random.default_rng(0))
 
 
-def driving(party: dict[str, Any]) -> str:
+def driving(party: dict[str, Any], vehicle: str) -> str:
+    noun = {"cyclist": "cyclist", "scooter": "e-scooter"}.get(party["type"], vehicle)
     way = {"straight": "going straight", "left": "turning left", "right": "turning right"}
-    return way[party["movement"]] + (f" from the {party['side']}" if "side" in party else "")
+    return f"{noun} {way[party['movement']]}" + (
+        f" from the {party['side']}" if "side" in party else ""
+    )
 
 
 def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
@@ -282,8 +287,8 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     def reply(question: Question) -> dict[str, str]:
         if question.rejections:
             story = question.facts["story"]
-            one, other = (driving(story[role]) for role in ("who does it", "to whom"))
-            return {"text": f"A car {one} follows a bus {other} at {story['time']}, light traffic"}
+            one, other = driving(story["who does it"], "car"), driving(story["to whom"], "bus")
+            return {"text": f"A {one} follows a {other} at {story['time']}, light traffic"}
         return {"text": f"A car nearly hits a bus, number {next(manners)}"}
 
     model = build_scripted_backend({"plan": [reply]}, name="openai:writer", forever=True)
@@ -367,7 +372,7 @@ def test_the_papers_composition() -> None:
 
 def test_the_command_line_says_what_it_understood(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["agent", "3 yields at noon", "--out", "nowhere", "--dry-run"]) == 0
-    assert "3 x yielding (12 patterns)" in capsys.readouterr().out
+    assert "3 x yielding (24 patterns)" in capsys.readouterr().out
     assert not Path("nowhere").exists()
     assert main(["agent", "3 dragons", "--out", "nowhere"]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1

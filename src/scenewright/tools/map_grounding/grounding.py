@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.base import RIDERS
+from scenewright.scene.base import RIDERS, Compass, FloatArray
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
@@ -566,18 +566,24 @@ def _is_geometry_fitting(
 
 
 def _do_walks_meet(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
-    """Whether two cross one crosswalk in opposite directions, or two that share a corner."""
-    if a.crosswalk == b.crosswalk:
-        return pattern.zone == "crosswalk" and a.entry != b.entry
+    """Whether two cross one crosswalk in opposite directions, or meet at a corner, where one comes
+    from a crosswalk and the other goes to the next."""
     if pattern.zone != "sidewalk":
-        return False
-    ends = [
-        np.array(each.centreline)
-        for leg in (a.crosswalk, b.crosswalk)
-        for each in intersection_map.crosswalks
-        if each.leg == leg
+        return a.crosswalk == b.crosswalk and a.entry != b.entry
+    kerbs = [
+        (_find_kerb(one, one.exit, intersection_map), _find_kerb(two, two.entry, intersection_map))
+        for one, two in ((a, b), (b, a))
+        if one.crosswalk != two.crosswalk
     ]
-    return len(ends) == 2 and float(np.hypot(*(ends[0][:, None] - ends[1]).T).min()) <= _CORNER
+    return any(np.hypot(*(here - there)) <= _CORNER for here, there in kerbs)
+
+
+def _find_kerb(route: Route, side: Compass, intersection_map: IntersectionMap) -> FloatArray:
+    """The end of a route's crosswalk on a side [m]; NaN where it has none."""
+    for each in intersection_map.crosswalks:
+        if each.leg == route.crosswalk and side in each.sides:
+            return np.array(each.centreline[each.sides.index(side)])
+    return np.full(2, np.nan)
 
 
 _CORNER = 10.0

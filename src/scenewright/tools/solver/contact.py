@@ -19,7 +19,6 @@ from scenewright.tools.solver.reacted_collision import draw_braking_to, react_in
 from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
 from scenewright.tools.solver.rear_end import (
     compute_passing_time,
-    draw_rear_end_offsets,
     plan_rear_ends,
 )
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
@@ -59,8 +58,7 @@ def schedule_contacts(
         for follower, leader, deltas in plan_lead_braking(a, b, clause, context):
             yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
         return
-    for follower, leader in plan_rear_ends(a, b, clause, context):
-        deltas = draw_rear_end_offsets(follower, leader, context.rng)
+    for follower, leader, deltas in plan_rear_ends(a, b, clause, context):
         yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
 
 

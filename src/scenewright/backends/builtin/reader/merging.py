@@ -189,13 +189,13 @@ def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
     spans = tuple(_renumber_span(span, kept, dropped) for span in reading.spans)
     at_kept, at_dropped = reading.users[kept], reading.users[dropped]
     gone = replace(second, tag="ref", value=None, subjects=(kept,))
-    words = first.words
     if _SPEAKER.match(first.words):
-        words = second.words
+        first = replace(first, words=second.words)
     elif not reading.text[second.end : first.start].strip(" -"):
-        words = reading.text[second.start : first.end]
+        whole = reading.text[second.start : first.end]
+        first = replace(first, words=whole, start=second.start)
     spans = tuple(
-        gone if at == at_dropped else replace(first, words=words) if at == at_kept else span
+        gone if at == at_dropped else first if at == at_kept else span
         for at, span in enumerate(spans)
     )
     users = {user: at for user, at in reading.users.items() if user != dropped}
