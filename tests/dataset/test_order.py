@@ -86,6 +86,17 @@ def test_an_order_beyond_reason_is_refused() -> None:
         read_order("999999999 collisions")
 
 
+def test_an_order_that_names_riders_gets_them() -> None:
+    (quota,) = read_order("3 e-scooter yields").quotas
+    assert quota.rider == "scooter"
+    chosen = [each for each in load_patterns() if each.id in quota.leaves]
+    assert all("rider" in (each.from_.type, each.to.type) for each in chosen)
+    parties = list_parties(
+        chosen[0], intersection_map=ON, detail=2, rng=np.random.default_rng(0), rider=quota.rider
+    )
+    assert "scooter" in {party.type for party in parties}
+
+
 def test_patterns_are_dealt_out_evenly() -> None:
     wish = read_order("29 yields")
     first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1))
