@@ -64,14 +64,21 @@ def run(scenario, ego: str, others: str, seed: int) -> dict:
 
 def summarize(rows: list[dict]) -> dict:
     """The encounters of runs, and the collisions that were not asked for."""
-    meetings = [each for row in rows for each in row["resolved"]]
-    allowed = [each for each in meetings if each.get("allowed", True)]
-    came = [each["came_about"] for each in meetings]
     return {
         "runs": len(rows),
-        "came_about": describe_rate(sum(came), len(came)),
-        "where_allowed": describe_rate(sum(e["came_about"] for e in allowed), len(allowed)),
+        **summarize_encounters([each for row in rows for each in row["resolved"]]),
         "background_collisions": describe_rate(sum(r["background"] > 0 for r in rows), len(rows)),
+    }
+
+
+def summarize_encounters(meetings: list[dict]) -> dict:
+    """How many asked encounters came about, of all and of those that physics allowed."""
+    allowed = [each for each in meetings if each.get("allowed", True)]
+    groups = {"came_about": meetings, "where_allowed": allowed}
+    return {
+        name: describe_rate(sum(each["came_about"] for each in group), len(group))
+        for name, group in groups.items()
+        if group
     }
 
 

@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, TimeoutError, sync_playwright
 
 SENTENCES = (
     "A car from the north yields to a pedestrian on the east crosswalk at 8 am",
@@ -27,7 +27,7 @@ SENTENCES = (
     "A car hits a jaywalking pedestrian",
 )
 EDITS = ("make it night", "slow the car down", "add three cars", "no background traffic")
-WAIT = 300_000
+WAIT = 60_000
 
 
 def take_turn(page: Page, words: str) -> float:
@@ -36,7 +36,10 @@ def take_turn(page: Page, words: str) -> float:
     page.fill("#words", words)
     began = time.perf_counter()
     page.keyboard.press("Enter")
-    page.wait_for_selector(f"#tree .node >> nth={versions}", state="attached", timeout=WAIT)
+    try:
+        page.wait_for_selector(f"#tree .node >> nth={versions}", state="attached", timeout=WAIT)
+    except TimeoutError:
+        sys.exit(f"{words!r} made no version: {page.locator('#log .answer').last.inner_text()}")
     page.frame_locator("#players iframe").locator("#verdict").wait_for(timeout=WAIT)
     return time.perf_counter() - began
 

@@ -47,6 +47,20 @@ def test_what_both_read_is_the_plan_however_unsure() -> None:
     assert found.said
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A car hits a jaywalking pedestrian",
+        "A van hits a jaywalking pedestrian at 8 am",
+        "A speeding car hits a jaywalking woman at night",
+    ],
+)
+def test_an_article_before_an_adjective_is_no_road_user(text: str) -> None:
+    found = plan(text)
+    assert isinstance(found, SocialGraph)
+    assert [agent.movement for agent in found.agents] == [None, "jaywalking"]
+
+
 def test_a_sure_reading_stands_by_itself() -> None:
     found = decided(HITS, 0.999, Refusal(code="out_of_scope", reason="no"))
     assert isinstance(found, SocialGraph)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from PIL import Image
 
 from scenewright.errors import InputError
@@ -14,6 +15,7 @@ from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.viz import animate_scene, draw_intersection, draw_scene
+from scenewright.viz.animation import AnimatedScene
 from scenewright.viz.appearance import (
     BACKGROUND_VEHICLE,
     choose_colours,
@@ -131,6 +133,18 @@ def test_a_whole_animation_moves_and_is_slow_round_its_event(
     assert path.stat().st_size < 1_000_000
     orange = [share_of(picture, choose_colours(scene)[1]) for picture in shown]
     assert max(orange) > 1e-3 > min(orange)
+
+
+def test_names_and_the_label_of_an_event_do_not_overlap(
+    scene: SceneRecord, intersection: IntersectionMap
+) -> None:
+    animated = AnimatedScene(scene, None, intersection)
+    [mark] = animated.marks
+    for time in np.arange(mark.time, mark.time + 1.0, 0.2):
+        shown = [each for each in animated._update_artists(float(time)) if isinstance(each, Text)]
+        boxes = [text.get_window_extent() for text in shown if text.get_text()]
+        assert len(boxes) > 2
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 def test_an_animation_ends_two_seconds_after_its_event(scene: SceneRecord) -> None:

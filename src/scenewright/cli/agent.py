@@ -10,10 +10,8 @@ from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, TimeL
 from scenewright.cli.batch import (
     AtOnce,
     EngineName,
-    Json,
     Out,
     Place,
-    Quiet,
     Refiner,
     RowTimeout,
     Workers,
@@ -24,6 +22,7 @@ from scenewright.cli.batch import (
     parse_folder,
     show_batch_progress,
 )
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
     log_line,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenewright.cli.backend_options import BaseUrl, Timeout
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -39,8 +40,8 @@ def author(
     seed: Annotated[int, typer.Option(min=0, help="Of everything drawn.")] = 0,
     most_calls: Annotated[int, typer.Option(min=1, max=200, help="Most calls of tools.")] = 24,
     out: Annotated[str | None, typer.Option(help="Folder to write; scenes/ID if none.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Have an agent make a scene by calling the stages as tools: a model, or a fixed router."""
     from scenewright.authoring.agent import author as authored

@@ -20,6 +20,7 @@ from scenewright.cli.backend_options import (
     TimeLimit,
     Timeout,
 )
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import format_one_line, is_terminal, log_line, write_json, write_stdout
 from scenewright.cli.interruption import keep
 from scenewright.cli.interrupts import stop_if_asked
@@ -45,8 +46,6 @@ EngineName = Annotated[
     Literal["process", "ray"],
     typer.Option(help="Processes of this machine, or tasks of a Ray cluster (extra `ray`)."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
 Refiner = Annotated[
     str | None, typer.Option(help="Learned refinement of the tracks: trajnet or none.")
 ]

@@ -14,12 +14,11 @@ from scenewright.cli.backend_options import (
     Timeout,
     load_named_backend,
 )
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
 from scenewright.time_limit import DEFAULT_LIMIT
 
 memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples for prompts.")
-
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
 def open_chat(
@@ -44,7 +43,7 @@ def open_chat(
         bool, typer.Option("--no-memory", help="Recall nothing, remember nothing.")
     ] = False,
     list_: Annotated[bool, typer.Option("--list", help="List the threads there are.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    quiet: Quiet = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object for every line of stdin.")
     ] = False,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenewright.cli.batch import count_cores, parse_folder
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 dataset = typer.Typer(name="dataset", help="Datasets of scenes: check them, make the paper's.")
 
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
 _SHOWN = 20
 
 

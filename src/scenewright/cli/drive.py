@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -47,10 +48,8 @@ def drive(
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on stdout.")
-    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
     from scenewright.driving.api import load_policy

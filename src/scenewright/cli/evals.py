@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
     is_terminal,
@@ -34,8 +35,6 @@ evals = typer.Typer(name="evals", help="Benchmarks of the parts on data of your 
 Files = Annotated[
     list[str], typer.Argument(metavar="FILE...", help="TrajNet++ recordings, .ndjson.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]
 
 
 @evals.command("trajnet")

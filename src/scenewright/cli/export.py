@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from scenewright.cli.batch import parse_folder
+from scenewright.cli.common_options import Json
 from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
 
 To = Annotated[
@@ -21,7 +22,6 @@ Ego = Annotated[
     str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")
 ]
 OutFolder = Annotated[str, typer.Option(metavar="DIR", help="Folder to write.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
 def export(

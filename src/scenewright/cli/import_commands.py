@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -14,9 +15,6 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
-
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
 
 
 def import_map_file(

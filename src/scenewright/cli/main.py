@@ -31,6 +31,7 @@ from scenewright.cli.backend_options import (
 )
 from scenewright.cli.batch import make_batch
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     ReaderGoneError,
     abandon_stdout,
@@ -100,9 +101,6 @@ app.add_typer(dataset)
 app.command()(export)
 app.command()(drive)
 app.add_typer(planner)
-
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -365,15 +363,13 @@ def build(
     counts: Annotated[
         str | None, typer.Option(help="Folder of raw counts to derive the demand from.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the simulation.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Simulate an intersection's traffic and fit its priors (needs the extra `simulate`)."""
     from scenewright.tools.fitting.build_bundle import build_bundle
 
-    if seed < 0:
-        raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
     with show_progress(quiet=quiet) as log:
         folder = build_bundle(
             name,
@@ -394,15 +390,13 @@ def make_corpus(
     name: Annotated[str, typer.Argument(help="Its name.")],
     out: Annotated[str, typer.Option(metavar="F", help="File to write, an .npz.")],
     hours: Annotated[int, typer.Option(help="How many hours, spread over the day.")] = 15,
-    seed: Annotated[int, typer.Option(help="Seed of the simulation.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Simulate hours of traffic and keep the tracks of all agents (needs the extra `simulate`)."""
     from scenewright.tools.simulation.corpus_recordings import record_traffic
 
-    if seed < 0:
-        raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
     with show_progress(quiet=quiet) as log:
         made = record_traffic(
             name,

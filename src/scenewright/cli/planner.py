@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from scenewright.cli.common_options import Json
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 from scenewright.errors import InputError
 
@@ -17,7 +18,7 @@ Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Annotated 
 @planner.command()
 def check(
     files: Files,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Check files of annotated instructions: every line that cannot be used is named."""
     from scenewright.backends.builtin.training.corpus import find_faults
@@ -51,7 +52,7 @@ def train(
         typer.Option(help="Training steps; 400 to fine-tune, 8,000 from the beginning."),
     ] = None,
     seed: Annotated[int, typer.Option(help="The same seed, the same weights.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Train the planner's reader; the same command goes on with a run that was stopped.
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from scenewright.cli.common_options import BoardFile, BoardName, Json, Quiet
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
@@ -25,15 +26,10 @@ def score_satisfaction(
     intersection: Annotated[
         str, typer.Option(help="Map of submitted tracks; a scene.json names its own.")
     ] = "amsterdam_120",
-    board: Annotated[
-        str | None,
-        typer.Option(metavar="F.json", help="Leaderboard to enter; a page is beside it."),
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Of the submission, on the board.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on stdout.")
-    ] = False,
+    board: BoardFile = None,
+    name: BoardName = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """How many instructions of other people are satisfied by scenes of any program.
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 
 FOLDER = "evaluation"
@@ -30,10 +31,8 @@ def print_tables(
     ] = True,
     draws: Annotated[int, typer.Option(min=10, help="Resamplings for the intervals.")] = 1000,
     seed: Annotated[int, typer.Option(min=0, help="Of the resamplings.")] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on stdout.")
-    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Print and write Tables 1 to 5 of the paper, realism and diversity, for a dataset.
 

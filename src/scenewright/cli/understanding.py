@@ -14,6 +14,7 @@ from scenewright.cli.backend_options import (
     Timeout,
     load_named_backend,
 )
+from scenewright.cli.common_options import BoardFile, BoardName, Json, Quiet
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 from scenewright.errors import InputError
 
@@ -58,15 +59,10 @@ def score_understanding(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
-    board: Annotated[
-        str | None,
-        typer.Option(metavar="F.json", help="Leaderboard to enter; a page is beside it."),
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Of the submission, on the board.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on stdout.")
-    ] = False,
+    board: BoardFile = None,
+    name: BoardName = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Score how early exits and relations are predicted: accuracy and agent-level F1 by window.
 

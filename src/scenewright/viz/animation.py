@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -63,6 +64,9 @@ UNUSED = 255
 GAP = 0.4
 """Between an agent and its name, and between a name and the edge [m]."""
 
+FARTHER = 2.5
+"""How much farther from its agent a name stands where all nearer places are taken [m]."""
+
 Pixels = NDArray[np.uint8]
 Box = tuple[float, float, float, float]
 """West, south, east, north [m]."""
@@ -95,6 +99,15 @@ def animate_scene(
             (animated.render_frame(float(t)) for t in times), palette=_choose_palette(few), fps=fps
         )
     write_atomically(path, data)
+
+
+@dataclass(frozen=True, slots=True)
+class EventMark:
+    """The ring and the label of an event: shown from its time [s], the label in its box [m]."""
+
+    time: float
+    box: Box
+    artists: tuple[Artist, Artist]
 
 
 class AnimatedScene:
@@ -131,7 +144,7 @@ class AnimatedScene:
         self.lights, self.lit = self._add_lights(intersection)
         self.clock = self._add_clock()
         self.names = [self._add_name(motion) for motion in self.moving if motion.is_foreground]
-        self.flashes = self._add_event_marks()
+        self.marks = self._add_event_marks()
 
     def render_frame(self, time: float) -> Pixels:
         """[H, W, 3] the scene at a time [s]."""
@@ -154,10 +167,10 @@ class AnimatedScene:
         self.lights.set_edgecolor([INK if n in now else "none" for n in self.lit])
         self.clock.set_text(f"{time:4.1f} s")
         yield from (self.lights, self.trails, self.bodies, self.panes, self.clock)
-        yield from self._place_names(here)
-        for begin, artists in self.flashes:
-            if begin - 1e-6 <= time <= begin + FLASH:
-                yield from artists
+        shown = [mark for mark in self.marks if mark.time - 1e-6 <= time <= mark.time + FLASH]
+        yield from self._place_names(here, [mark.box for mark in shown])
+        for mark in shown:
+            yield from mark.artists
 
     def _add_trails(self) -> LineCollection:
         from matplotlib.collections import LineCollection
@@ -210,13 +223,17 @@ class AnimatedScene:
         extent = text.get_window_extent().transformed(self.axes.transData.inverted())
         return motion.agent.id, add_halo(text), np.array([extent.width, extent.height])
 
-    def _place_names(self, here: list[tuple[DrawnMotion, int]]) -> Iterator[Artist]:
-        """Names inside the picture, each on the first side of its agent that is free of others."""
+    def _place_names(
+        self, here: list[tuple[DrawnMotion, int]], taken: list[Box]
+    ) -> Iterator[Artist]:
+        """Names inside the picture, each on the first side of its agent that is not taken."""
         at = {motion.agent.id: motion.compute_outline(index) for motion, index in here}
-        boxes: list[Box] = []
+        named = {number: _bound(at[number]) for number, _, _ in self.names if number in at}
+        boxes = list(taken)
         for number, text, size in self.names:
             if number in at and self._is_in_view(at[number]):
-                box = self._choose_box(at[number], size, boxes)
+                others = [body for other, body in named.items() if other != number]
+                box = self._choose_box(named[number], size, [*boxes, *others])
                 boxes.append(box)
                 text.set_position((box[0], box[1]))
                 yield text
@@ -226,11 +243,16 @@ class AnimatedScene:
         x, y = outline.mean(axis=0)
         return bool(west <= x <= east and south <= y <= north)
 
-    def _choose_box(self, outline: FloatArray, size: FloatArray, taken: list[Box]) -> Box:
+    def _choose_box(self, body: Box, size: FloatArray, taken: list[Box]) -> Box:
         west, east, south, north = self.view
-        (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
+        low_x, low_y, high_x, high_y = body
         left, below = low_x - size[0] - GAP, low_y - size[1] - GAP
-        corners = [(x, y) for y in (high_y + GAP, below) for x in (high_x + GAP, left)]
+        corners = [
+            (x, y)
+            for away in (0.0, FARTHER)
+            for y in (high_y + GAP + away, below - away)
+            for x in (high_x + GAP, left)
+        ]
         boxes = [
             (float(np.clip(x, west + GAP, east - size[0] - GAP)),
              float(np.clip(y, south + GAP, north - size[1] - GAP)))
@@ -240,14 +262,14 @@ class AnimatedScene:
         free = (box for box in whole if not any(_overlap(box, other) for other in taken))
         return next(free, whole[0])
 
-    def _add_event_marks(self) -> list[tuple[float, list[Artist]]]:
-        """The begin [s] of every event, and the artists that mark it."""
-        found: list[tuple[float, list[Artist]]] = []
+    def _add_event_marks(self) -> list[EventMark]:
+        """A ring and a label for every event with a time and a place."""
+        found: list[EventMark] = []
         for event in self.scene.events:
             if event.time is None or event.location is None:
                 continue
             spot = np.array(event.location, dtype=float)
-            layout = LabelLayout(self.axes)
+            layout = LabelLayout(self.axes, boxes=[mark.box for mark in found])
             for motion in self.moving:
                 near = (motion.times >= event.time) & (motion.times <= event.time + FLASH)
                 layout.avoid(motion.xy[near])
@@ -259,8 +281,13 @@ class AnimatedScene:
                 halo=False, fontsize=9, fontweight="bold", color=INK, zorder=25,
                 bbox={"boxstyle": "round,pad=0.3", "facecolor": "#FFF4CC", "edgecolor": INK},
             )  # fmt: skip
-            found.append((event.time, [ring, words]))
+            found.append(EventMark(event.time, layout.boxes[-1], (ring, words)))
         return found
+
+
+def _bound(outline: FloatArray) -> Box:
+    (west, south), (east, north) = outline.min(axis=0), outline.max(axis=0)
+    return float(west), float(south), float(east), float(north)
 
 
 def _overlap(one: Box, other: Box) -> bool:

@@ -21,6 +21,7 @@ _OWN_VEHICLE = re.compile(
 _FUNCTION_WORDS = frozenset(
     ("a", "an", "and", "at", "by", "for", "in", "is", "it", "of", "on", "the", "to", "was", "with")
 )
+_ARTICLE = re.compile(r"an?|the", re.IGNORECASE)
 _ANOTHER = re.compile(
     r"^(?:yet )?(?:another|a second|a third|a different) (?!one\b|time\b)\w+", re.IGNORECASE
 )
@@ -134,6 +135,7 @@ def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
         for user, at in reading.users.items()
         if len(reading.spans[at].subjects) == 1
     }
+    yield from _find_articles(single)
     yield from _find_touching(reading, single)
     yield from _find_driven(reading, single)
     speaker = next((u for u, span in single.items() if _SPEAKER.match(span.words)), None)
@@ -141,6 +143,15 @@ def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
         own = _OWN.match(span.words) and _OWN_VEHICLE.search(span.words)
         if speaker is not None and user != speaker and own and single[speaker].tag == span.tag:
             yield speaker, user
+
+
+def _find_articles(single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
+    """A mention that is an article alone, and the next: "a jaywalking pedestrian"."""
+    for user, span in single.items():
+        if _ARTICLE.fullmatch(span.words):
+            later = [u for u in single if 0 <= single[u].start - span.end <= _MOST_BETWEEN]
+            if later:
+                yield min(later, key=lambda u: single[u].start), user
 
 
 def _find_touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
