@@ -37,6 +37,7 @@ from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.publish import is_whole
 from scenewright.dataset.batch.rows import read_source
 from scenewright.dataset.batch.worker import Options, build_job, work
+from scenewright.time_limit import LONGEST_LIMIT
 
 TEXTS = (
     "A vehicle yields to a pedestrian",
@@ -209,12 +210,17 @@ def check(rows: Path, out: Path, refiner: str) -> dict[str, Any]:
     final = [[e for e in each if e["status"] != "failed"] for each in entries.values()]
     made = [entry for entry in last if entry["status"] == "made"]
     options = Options("amsterdam_120", refiner=refiner)
-    jobs = {named.number: build_job(named, options, PLAINLY) for named in source}
+    jobs = {
+        named.number: replace(build_job(named, options, PLAINLY), time_limit=LONGEST_LIMIT)
+        for named in source
+    }
     picked = random.Random(1).sample(made, min(AGAIN, len(made)))
     differ = [
         entry["key"]
         for entry in picked
-        for name, data in work(replace(jobs[entry["number"]], time_limit=None)).files.items()
+        for name, data in work(
+            replace(jobs[entry["number"]], time_limit=LONGEST_LIMIT)
+        ).files.items()
         if (out / entry["folder"] / name).read_bytes() != data
     ]
     found = audit_dataset(out)

@@ -3,12 +3,14 @@
     python benchmarks/fuzz.py [--cases 2000] [--seed 0] [--parts planner,tracks] [--json FILE]
 
 Each part takes honest input (instructions, constraint programs, scene.json, track files of every
-format that we write, map files, arguments of MCP tools, requests to the page), damages it (bytes or
-words dropped, doubled, exchanged, replaced by odd ones; values of JSON replaced by others, of other
-types or absurd), and hands it to the code that reads it. A case is in order if it returns or raises
-a `ScenewrightError` of one line, and the page answers below 500. Case n of a part depends on the
-seed and n alone, so `--parts tracks --only 17` runs one again. The exit code is 1 if a case fails;
-the cases are spread over the parts by how long they take. `make fuzz` runs 100,000.
+format that we write, map files, files of an intersection, arguments of MCP tools, requests to the
+page), damages it (bytes or words dropped, doubled, exchanged, replaced by odd ones; values of JSON
+replaced by others, of other types or absurd), and hands it to the code that reads it. A case is in
+order if it returns or raises a `ScenewrightError` of one line, within 6 GB of address space and,
+the first of a part and those that make scenes aside, 5 s of processor time; the page must answer
+below 500. Case n of a part depends on the seed and n alone, so `--parts tracks --only 17` runs one
+again. The exit code is 1 if a case fails; the cases are spread over the parts by how long they
+take. `make fuzz` runs 100,000.
 """
 
 from __future__ import annotations
@@ -16,9 +18,13 @@ from __future__ import annotations
 import argparse
 import asyncio
 import copy
+import io
 import json
+import os
 import random
 import re
+import resource
+import shutil
 import sys
 import tempfile
 import time
@@ -30,11 +36,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
 from robustness import REQUESTS
 
 import scenewright
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import Scene, encode_scene
+from scenewright.intersections import find_bundle_folder
 from scenewright.nodes.prompts import LONGEST_REQUEST
 
 Json = Any
@@ -43,14 +51,17 @@ ODD = (
     "", "\x00", "\ufeff", "\u202e", "🚗", "٣", "½", "nan", "-inf", "1e999", "9" * 40, "../..",
     "<b>", "{{x}}", "%s", "\\", '"', "'", "\n", "\t", ",", ";", "null", "-0", "0x1F", "１２", "é",
 )  # fmt: skip
-ABSURD = (
+ABSURD: tuple[Json, ...] = (
     None, True, False, 0, -1, 1, 2**31, 2**63, -(2**70), 0.0, -1e-300, 1e308, 1e-308, "", "x", "0",
     "nan", [], {}, [[]], [None], {"a": 1}, "🚗" * 50, float("inf"), float("nan"),
 )  # fmt: skip
 
 
-SLOW = 2.0
-"""A text that takes the planner longer is a fault [s of processor time]; others may be at work."""
+MOST_MEMORY = 6_000_000_000
+"""Address space of this process [bytes]; a case that wants more ends in a MemoryError, a fault."""
+SLOW, SLOWEST = 2.0, 5.0
+"""A text that takes the planner longer, or any case that takes longer, is a fault [s of processor
+time]; others may be at work."""
 
 
 def damage_text(text: str, rng: random.Random) -> str:
@@ -165,7 +176,7 @@ def list_track_files() -> tuple[tuple[str, bytes], ...]:
 def list_map_files() -> tuple[tuple[str, bytes], ...]:
     """Map files: those of our own exports, and a small one of OpenStreetMap."""
     sys.path.insert(0, str(ROOT / "tests"))
-    from map_files import osm
+    from map_files import osm  # type: ignore[import-not-found]
 
     with tempfile.TemporaryDirectory() as folder:
         street = osm(Path(folder) / "small.osm", (0, 90, 180, 270)).read_bytes()
@@ -225,6 +236,65 @@ def read_map(rng: random.Random, folder: Path) -> None:
     import_map(folder / name, name="small")
 
 
+def damage_arrays(data: bytes, rng: random.Random) -> bytes:
+    """A .npz in which one array holds another number, is cut short, of another type or gone."""
+    with np.load(io.BytesIO(data)) as stored:
+        arrays = dict(stored)
+    name = rng.choice(sorted(arrays))
+    array = arrays.pop(name)
+    match rng.randrange(5):
+        case 0 if array.size and array.dtype.kind in "fi":
+            array.reshape(-1)[rng.randrange(array.size)] = rng.choice((0, -1, 7, 1e6, -1e-9, 1e300))
+        case 1:
+            array = array[: rng.randrange(len(array) + 1)] if array.ndim else array[None]
+        case 2:
+            array = array.astype(rng.choice(("U8", "i8", "f4", "?")))
+        case 3:
+            array = np.repeat(np.atleast_1d(array), 2, axis=0)
+    if rng.random() < 0.9:
+        arrays[name] = array
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def use_bundle(rng: random.Random, folder: Path) -> None:
+    """A scene at an intersection of which one file is damaged; if one is made, it is verified."""
+    shipped = find_bundle_folder("amsterdam_120")
+    files = ("map.json", "priors.npz", "demand.json", "manners.json")
+    name = f"odd-{rng.randrange(10**9)}"
+    (folder / name).mkdir()
+    for each in files:
+        shutil.copy(shipped / each, folder / name / each)
+    file = (
+        folder
+        / name
+        / rng.choice(("map.json", "map.json", "priors.npz", "demand.json", "manners.json"))
+    )
+    data = file.read_bytes()
+    if rng.random() < 0.2:
+        damaged = damage_bytes(data, rng)
+    elif file.suffix == ".npz":
+        with np.errstate(all="ignore"):
+            damaged = damage_arrays(data, rng)
+    else:
+        damaged = json.dumps(damage_json(json.loads(data), rng)).encode()
+    file.write_bytes(damaged)
+    before = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
+    os.environ["SCENEWRIGHT_INTERSECTIONS"] = str(folder)
+    try:
+        made = scenewright.synthesize(
+            "A car yields to a pedestrian at 5 am in light traffic", seed=1, intersection=name,
+            refiner="none", max_agents=3, time_limit=SLOWEST,
+        )  # fmt: skip
+        if not scenewright.verify(made, intersection=name).verified:
+            raise RuntimeError("a scene that is not verified was handed out")
+    finally:
+        os.environ.pop("SCENEWRIGHT_INTERSECTIONS")
+        if before is not None:
+            os.environ["SCENEWRIGHT_INTERSECTIONS"] = before
+
+
 def write_export(rng: random.Random, folder: Path) -> None:
     """An exporter on a damaged scene.json."""
     from scenewright.tools.exporters.registry import FORMATS
@@ -272,12 +342,20 @@ def open_page() -> tuple[Any, str]:
     from starlette.testclient import TestClient
 
     from scenewright.backends import load_backend
+    from scenewright.cli.page.batches import Batches
     from scenewright.cli.page.conversations import Conversations
+    from scenewright.cli.page.model_choice import ModelChoice
+    from scenewright.cli.page.own_maps import OwnMaps
     from scenewright.cli.page.server import Page, build_app
 
-    file = str(Path(tempfile.mkdtemp(prefix="scenewright-fuzz-")) / "threads.sqlite")
-    conversations = Conversations(file, backend=load_backend("builtin"), seed=1)
-    page = Page(conversations, backend="builtin", intersection="amsterdam_120")
+    folder = Path(tempfile.mkdtemp(prefix="scenewright-fuzz-"))
+    conversations = Conversations(
+        str(folder / "threads.sqlite"), backend=load_backend("builtin"), seed=1
+    )
+    page = Page(
+        conversations, choice=ModelChoice(conversations, "builtin"), intersection="amsterdam_120",
+        batches=Batches(folder / "batches"), own_maps=OwnMaps(folder / "maps"),
+    )  # fmt: skip
     app = build_app(page, token="t", hosts=frozenset({"127.0.0.1:1"}))
     client = TestClient(app, base_url="http://127.0.0.1:1", headers={"x-token": "t"})
     thread = client.post("/api/threads", json={"intersection": "amsterdam_120"}).json()["thread"]
@@ -291,12 +369,18 @@ def request_page(rng: random.Random, _folder: Path) -> None:
     routes = [
         ("GET", f"/api/threads/{thread}", None),
         ("GET", f"/api/threads/{thread}/compare?a=1&b=1", None),
-        ("GET", f"/api/threads/{thread}/made", None),
+        ("GET", f"/api/threads/{thread}/made?version=1", None),
+        ("GET", f"/api/threads/{thread}/handles?version=1", None),
+        ("GET", f"/api/threads/{thread}/page.html?version=1&over=1", None),
+        ("GET", "/api/batches/batch-1?after=0", None),
+        ("GET", "/api/batches/batch-1/1/page.html", None),
         ("GET", f"/api/threads/{thread}/scene.json", None),
         ("GET", "/api/intersections/amsterdam_120.png", None),
         ("POST", "/api/threads", {"intersection": "amsterdam_120"}),
         ("POST", f"/api/threads/{thread}/turn", {"action": "goto", "argument": "1"}),
         ("POST", f"/api/threads/{thread}/turn", {"action": "undo", "argument": ""}),
+        ("POST", "/api/settings/backend", {"backend": "builtin", "base_url": ""}),
+        ("POST", "/api/maps/0123456789abcdef.osm/import", {"name": "small", "junction": "1"}),
     ]
     method, path, body = rng.choice(routes)
     if body is None or rng.random() < 0.3:
@@ -315,11 +399,14 @@ PARTS: Mapping[str, tuple[Callable[[random.Random, Path], None], float]] = {
     "scenes": (read_scene, 0.1),
     "tracks": (read_track_file, 0.35),
     "maps": (read_map, 0.01),
+    "bundles": (use_bundle, 0.005),
     "exports": (write_export, 0.05),
     "mcp": (call_tool, 0.04),
     "page": (request_page, 0.05),
 }
 """Part -> what one case does, and its share of the cases."""
+MAKE_SCENES = ("bundles", "mcp")
+"""Parts whose cases may take as long as a scene may."""
 
 
 def run_case(part: str, n: int, seed: int) -> str | None:
@@ -346,6 +433,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     report: dict[str, Any] = {}
     for part in asked.parts.split(","):
         count = max(int(asked.cases * PARTS[part][1]), 1)
@@ -361,9 +449,12 @@ def run_part(part: str, numbers: list[int], seed: int) -> dict[str, Any]:
     faults: dict[int, str] = {}
     slowest, begin = (0.0, 0), time.perf_counter()
     for n in numbers:
-        start = time.perf_counter()
+        start = time.process_time()
         fault = run_case(part, n, seed)
-        slowest = max(slowest, (time.perf_counter() - start, n))
+        took = time.process_time() - start
+        slowest = max(slowest, (took, n))
+        if fault is None and took > SLOWEST and part not in MAKE_SCENES and n != numbers[0]:
+            fault = f"{took:.1f} s of processor time"
         if fault is not None:
             faults[n] = fault
     took = time.perf_counter() - begin

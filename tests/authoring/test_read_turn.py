@@ -61,6 +61,7 @@ def test_no_more_is_read_than_can_be_checked(
         ({"trajectory": ((0.0, 0.0),) * 50_000, "heading": (0.0,) * 50_000}, "are no scene"),
         ({"trajectory": ((1e308, 0.0), (-1e308, 0.0)), "heading": (0.0, 0.0)}, "too far off"),
         ({"heading": (1e308,) * 21}, "too far off"),
+        ({"trajectory": ((0.0, 0.0), (1e7, 0.0)), "heading": (0.0, 0.0)}, "1e.04 km long"),
     ],
 )
 def test_scenes_beyond_all_measure(change: dict[str, Any], given: str) -> None:
@@ -69,6 +70,27 @@ def test_scenes_beyond_all_measure(change: dict[str, Any], given: str) -> None:
     odd = scene.agents[0].model_copy(update=change)
     with pytest.raises(InputError, match=given):
         verify(scene.model_copy(update={"agents": (odd,)}))
+
+
+@pytest.mark.parametrize(
+    ("at", "change", "given"),
+    [
+        ("meta", {"duration": 1e9}, "it would last 1e.09 s in steps of 0.1 s"),
+        ("agents", {"spawn_time": -1e9}, "it would last 1e.09 s"),
+        ("agents", {"spawn_time": "nan"}, "it would last nan s"),
+        ("meta", {"step": 0.0}, "meta.step must be 0.001 to 1 seconds, not 0"),
+        ("agents", {"heading": [0.0]}, "1 headings; give one each"),
+        ("agents", {"waypoints": [[1e7, 0.0]] * 10}, "agent 1 has a position further than 20000 m"),
+    ],
+)
+def test_files_that_would_fill_the_memory_of_a_reader(
+    tmp_path: Path, at: str, change: dict[str, Any], given: str
+) -> None:
+    content = json.loads(record().model_dump_json(by_alias=True))
+    (content["meta"] if at == "meta" else content["agents"][0]).update(change)
+    (tmp_path / "scene.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=given):
+        load_scene(tmp_path)
 
 
 def test_more_agents_than_a_scene_holds() -> None:

@@ -121,6 +121,12 @@ def test_a_lane_of_few_points_has_no_curvature(count: int) -> None:
         (lambda m: m["lanelets"][0].update(centreline=[[0.0, 0.0]]), "needs 2"),
         (lambda m: m["crosswalks"][0].update(polygon=[]), "needs 3"),
         (lambda m: m.update(extent=0.0), "extent"),
+        (
+            lambda m: m["signals"]["groups"][0].update(movements=["up>down"]),
+            "are for 'up>down', which",
+        ),
+        (lambda m: m["signals"]["groups"][0].update(crosswalks=["x"]), "are for 'x', which"),
+        (lambda m: m["signals"]["phases"][0].update(colours={}), "has no colour for"),
     ],
 )
 def test_a_map_that_cannot_be_is_refused(

@@ -35,6 +35,7 @@ from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.prompts import LONGEST_REQUEST, ExampleRetriever, recall_nothing
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
+from scenewright.scene.bounds import find_excess
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -340,6 +341,8 @@ def _read_scene(file: Path) -> tuple[SceneRecord, str]:
     record = _parse_scene(file, data)
     if "schema_version" not in record.meta.model_fields_set:
         raise InputError(f"{file} is not a scene: meta.schema_version is missing")
+    if (excess := find_excess(record)) is not None:
+        raise InputError(f"{file} is not a scene: {excess}")
     try:
         return record, digest_json(data)
     except ValueError as error:

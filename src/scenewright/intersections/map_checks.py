@@ -28,7 +28,7 @@ def find_map_fault(place: IntersectionMap) -> str | None:
     for what, value, most in _list_numbers(place):
         if not 0.0 < value <= most:
             return f"{what} is {value:g}; it must be above 0 and at most {most:g}"
-    return None
+    return next(_list_missing(place), None)
 
 
 def _list_lines(place: IntersectionMap) -> Iterator[tuple[str, tuple[Point, ...], int]]:
@@ -63,3 +63,20 @@ def _list_numbers(place: IntersectionMap) -> Iterator[tuple[str, float, float]]:
         yield f"the width of crosswalk {walk.id}", walk.width, 50.0
     for phase in place.signals.phases if place.signals else ():
         yield "a phase of the lights", phase.duration, 3600.0
+
+
+def _list_missing(place: IntersectionMap) -> Iterator[str]:
+    """What the lights name and the map does not have, in words."""
+    if place.signals is None:
+        return
+    groups, ways = {each.id for each in place.signals.groups}, {each.id for each in place.movements}
+    crosswalks = {each.id for each in place.crosswalks}
+    for way in place.movements:
+        if way.signal_group is not None and way.signal_group not in groups:
+            yield f"there are no lights {way.signal_group[:80]!r} for {way.id}"
+    for group in place.signals.groups:
+        for name in (*set(group.movements).difference(ways), *set(group.crosswalks) - crosswalks):
+            yield f"the lights {group.id} are for {name[:80]!r}, which it does not have"
+    for phase in place.signals.phases:
+        if not groups <= set(phase.colours):
+            yield f"a phase of the lights has no colour for {min(groups - set(phase.colours))!r}"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import map_files
+from scenewright.errors import InputError
 from scenewright.geometry.geographic import project_ellipsoid, unproject_ellipsoid
 from scenewright.tools.map_import import import_map
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
@@ -79,6 +80,26 @@ def test_crossing_nodes_and_ways_of_openstreetmap_are_where_the_file_has_them(tm
 def _shift(made):
     """Where the hand-written junction lies in the coordinates of the file [m]."""
     return project_ellipsoid(made.file_origin, map_files.ORIGIN)
+
+
+@pytest.mark.parametrize(
+    ("length", "heading", "given"),
+    [
+        ("1e999", "0", "whose length is '1e999'"),
+        ("60", "nan", "whose hdg is 'nan'"),
+        ("60", "east", "whose hdg is 'east'"),
+        ("5e8", "0", "a road of 5e.08 m"),
+    ],
+)
+def test_an_opendrive_number_that_no_road_has(tmp_path, length, heading, given):
+    file = tmp_path / "odd.xodr"
+    file.write_text(
+        f"""<OpenDRIVE><road id="7" length="60" junction="-1"><planView>
+        <geometry s="0" x="0" y="0" hdg="{heading}" length="{length}"><line/></geometry>
+        </planView><lanes/></road></OpenDRIVE>"""
+    )
+    with pytest.raises(InputError, match=given):
+        read_opendrive_file(file)
 
 
 def test_an_opendrive_crosswalk_on_a_curved_road_is_where_its_corners_say(tmp_path):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
+from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.evals.understanding.pair_features import NAMES, mirror_features
 from scenewright.evals.understanding.scene_model import (
@@ -23,6 +24,7 @@ from scenewright.evals.understanding.scene_model import (
     apply_scene_model,
     average_mirrored,
 )
+from scenewright.evals.understanding.time_gaps import IntArray
 from scenewright.scene.base import FloatArray
 
 _SHIPPED = Path(__file__).with_name("calibration.npz")
@@ -68,16 +70,27 @@ class Calibration:
         return apply_scene_model(self.predict_pairs(values), pairs, self.together)
 
     def _run_trees(self, values: FloatArray) -> FloatArray:
-        node = np.tile(self.root, (len(values), 1))
-        rows = np.arange(len(values))[:, None]
-        while (inner := self.feature[node] >= 0).any():
-            feature = np.maximum(self.feature[node], 0)
-            below = values[rows, feature] <= self.limit[node]
-            node = np.where(inner, np.where(below, self.left[node], self.right[node]), node)
+        node = _find_leaves(values, self.root, self.feature, self.limit, self.left, self.right)
         raw, leaves = np.tile(self.start, (len(values), 1)), self.value[node]
         for c in range(len(PAIR_CLASSES)):
             raw[:, c] += leaves[:, self.owner == c].sum(axis=1)
         return np.asarray(softmax(raw, axis=1))
+
+
+@compiled
+def _find_leaves(
+    values: FloatArray, root: IntArray, feature: IntArray, limit: FloatArray, left: IntArray,
+    right: IntArray,
+) -> IntArray:  # fmt: skip
+    """[N, T] the leaf of every tree that each row of features [N, F] comes to."""
+    leaf = np.empty((len(values), len(root)), np.intp)
+    for n in range(len(values)):
+        for t in range(len(root)):
+            node = root[t]
+            while feature[node] >= 0:
+                node = left[node] if values[n, feature[node]] <= limit[node] else right[node]
+            leaf[n, t] = node
+    return leaf
 
 
 @lru_cache(maxsize=4)

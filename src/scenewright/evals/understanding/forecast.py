@@ -90,6 +90,11 @@ class AgentForecast:
         least = np.stack([x.min(axis=1), y.min(axis=1)], axis=1)
         return least, np.stack([x.max(axis=1), y.max(axis=1)], axis=1)
 
+    @cached_property
+    def facing(self) -> tuple[FloatArray, FloatArray]:
+        """[K, T] cosine and sine of the heading."""
+        return np.cos(self.heading), np.sin(self.heading)
+
 
 @dataclass(frozen=True, eq=False)
 class SceneForecast:
@@ -239,14 +244,14 @@ def _sample_curves(
     white = rng.standard_normal((SIZE, 2 * K))
     rows, off = posterior.seen[picked], posterior.off[picked]
     noise = posterior.noise * rng.standard_normal(off.shape)
-    spread = np.einsum("kji,kli->kjl", rows, rows) + np.diag(posterior.noise**2)
-    miss = off - np.einsum("kji,ki->kj", rows, white) - noise
+    distinct, which = np.unique(picked, return_inverse=True)  # few, so each is multiplied once
+    seen = posterior.seen[distinct]
+    spread = (seen @ seen.swapaxes(1, 2) + np.diag(posterior.noise**2))[which]
+    miss = off - (rows @ white[..., None])[..., 0] - noise
     gain = np.linalg.solve(spread, miss[..., None])[..., 0]
-    white = white + np.einsum("kji,kj->ki", rows, gain)
-    moved = np.einsum("kij,kj->ki", components.cholesky[component], white).reshape(SIZE, K, 2)
-    return np.asarray(
-        components.curve[component] + np.einsum("pk,nkd->npd", components.knots, moved)
-    )  # fmt: skip
+    white = white + (gain[:, None] @ rows)[:, 0]
+    moved = (components.cholesky[component] @ white[..., None]).reshape(SIZE, K, 2)
+    return components.curve[component] + components.knots @ moved
 
 
 def _sample_profiles(

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path, compute_spline_matrix
@@ -151,7 +152,7 @@ def measure_headings(curve: FloatArray) -> FloatArray:
 
 
 def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
-    """Interpolate row by row in one call, with the rows laid end to end.
+    """Interpolate row by row in one call.
 
     Args:
         at: [N, M] wanted; s: [N, P] ascending; values: [N, P].
@@ -159,10 +160,34 @@ def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> Float
     Returns:
         [N, M]; constant beyond the ends.
     """
-    rows = np.arange(len(s))[:, None] * 1e4
-    clipped = np.clip(at, s[:, :1], s[:, -1:])
-    flat = np.interp((clipped + rows).ravel(), (s + rows).ravel(), values.ravel())
-    return np.asarray(flat.reshape(at.shape))
+    found = np.empty(at.shape)
+    at, s, values = (np.ascontiguousarray(each) for each in (at, s, values))
+    _interpolate(at, s, values, found)
+    return found
+
+
+@compiled
+def _interpolate(at: FloatArray, s: FloatArray, values: FloatArray, found: FloatArray) -> None:
+    """Writes what `interpolate_rows` returns, found by bisection."""
+    last = s.shape[1] - 1
+    for n in range(at.shape[0]):
+        for m in range(at.shape[1]):
+            x = at[n, m]
+            if not x > s[n, 0]:
+                found[n, m] = values[n, 0]
+                continue
+            if x >= s[n, last]:
+                found[n, m] = values[n, last]
+                continue
+            low, high = 0, last
+            while high - low > 1:
+                middle = (low + high) // 2
+                if s[n, middle] <= x:
+                    low = middle
+                else:
+                    high = middle
+            slope = (values[n, high] - values[n, low]) / (s[n, high] - s[n, low])
+            found[n, m] = values[n, low] + slope * (x - s[n, low])
 
 
 def interpolate_points(at: FloatArray, s: FloatArray, xy: FloatArray) -> FloatArray:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.understanding.forecast import DT, AgentForecast
+from scenewright.compiled import compiled
+from scenewright.evals.understanding.forecast import DT, AgentForecast, BoolArray
 from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.scene.base import FloatArray
 
@@ -47,30 +48,18 @@ def compute_time_gaps(
     reach = (a.length + b.length) / 2 + _NEAR
     if _are_apart(first, second, reach):
         return None
-    size, ticks = first.present.shape
+    size = len(first.present)
     gap, time, angle = np.full(size, NEVER), np.full(size, NEVER), np.zeros(size)
-    rows = _find_near_rows(first, second, reach)
-    for shift in SHIFTS:
-        if not len(rows):
-            break
-        i = slice(max(shift, 0), ticks + min(shift, 0))
-        j = slice(max(-shift, 0), ticks + min(-shift, 0))
-        dx = first.xy[rows, i, 0] - second.xy[rows, j, 0]
-        dy = first.xy[rows, i, 1] - second.xy[rows, j, 1]
-        near = dx * dx + dy * dy < reach**2
-        k, t = np.nonzero(near & first.present[rows, i] & second.present[rows, j])
-        if not len(k):
-            continue
-        hit = _do_touch(
-            _place_discs(a, first, rows[k], t + i.start),
-            _place_discs(b, second, rows[k], t + j.start),
-        )
-        which, at = np.unique(k[hit], return_index=True)
-        row, tick = rows[which], t[hit][at]
-        gap[row], time[row] = shift * DT, (tick + (i.start + j.start) / 2) * DT
-        turn = first.heading[row, tick + i.start] - second.heading[row, tick + j.start]
-        angle[row] = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
-        rows = np.delete(rows, which)
+    near = _find_near_rows(first, second, reach)
+    one_, two_ = _get_outline(a, first), _get_outline(b, second)
+    touch = (_measure_radius(a) + _measure_radius(b)) ** 2
+    shift, tick = _find_first_contacts(near, np.array(SHIFTS), one_, two_, reach**2, touch)
+    found = tick >= 0
+    row, shift, tick = near[found], shift[found], tick[found]
+    at_a, at_b = tick + np.maximum(shift, 0), tick + np.maximum(-shift, 0)
+    gap[row], time[row] = shift * DT, (at_a + at_b) / 2 * DT
+    turn = first.heading[row, at_a] - second.heading[row, at_b]
+    angle[row] = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
     return TimeGaps(gap, time, angle)
 
 
@@ -88,32 +77,61 @@ def _are_apart(one: AgentForecast, two: AgentForecast, reach: float) -> bool:
     return bool((low - high > reach).any())
 
 
-_Discs = tuple[FloatArray, FloatArray, float]
+_Outline = tuple[FloatArray, BoolArray, FloatArray, FloatArray, FloatArray]
+"""[K, T, 2] centre; [K, T] presence; [K, T] cosine and sine of the heading; [D] discs along it."""
 
 
-def _place_discs(
-    agent: ObservedAgent, future: AgentForecast, rows: IntArray, t: IntArray
-) -> _Discs:
-    """[N, D] x and y of the discs of a footprint, in futures `rows` at ticks t; their radius [m].
-
-    By axis, as summing over a last axis of two is slow.
-    """
-    offsets, radius = np.zeros(1), agent.width / 2
+def _get_outline(agent: ObservedAgent, future: AgentForecast) -> _Outline:
+    """The footprint of an agent in its futures as a row of discs."""
+    offsets = np.zeros(1)
     if agent.is_vehicle:
         half = agent.length / 2 - agent.width / 2
-        count = int(np.ceil(agent.length / agent.width)) + 1
-        offsets, radius = np.linspace(-half, half, count), radius * 1.03
-    xy, heading = future.xy[rows, t], future.heading[rows, t]
-    return (
-        xy[:, :1] + offsets * np.cos(heading)[:, None],
-        xy[:, 1:] + offsets * np.sin(heading)[:, None],
-        radius,
-    )
+        offsets = np.linspace(-half, half, int(np.ceil(agent.length / agent.width)) + 1)
+    return future.xy, future.present, *future.facing, offsets
 
 
-def _do_touch(one: _Discs, two: _Discs) -> NDArray[np.bool_]:
-    """[N] whether footprints overlap."""
-    (x_a, y_a, radius_a), (x_b, y_b, radius_b) = one, two
-    dx, dy = x_a[:, :, None] - x_b[:, None], y_a[:, :, None] - y_b[:, None]
-    near = dx * dx + dy * dy < (radius_a + radius_b) ** 2
-    return np.asarray(near.reshape(len(near), -1).any(axis=1))
+def _measure_radius(agent: ObservedAgent) -> float:
+    """Radius of the discs [m]."""
+    return agent.width / 2 * 1.03 if agent.is_vehicle else agent.width / 2
+
+
+@compiled
+def _find_first_contacts(
+    rows: IntArray, shifts: IntArray, one: _Outline, two: _Outline, reach: float, touch: float
+) -> tuple[IntArray, IntArray]:
+    """[N] the first of the shifts at which futures `rows` touch; [N] the first tick then, or -1.
+
+    Args:
+        reach: squared distance of centres from which no discs can touch [m^2]; touch: of discs.
+    """
+    xy_a, present_a, xy_b, present_b = one[0], one[1], two[0], two[1]
+    shift, tick = np.zeros(len(rows), np.intp), np.full(len(rows), -1)
+    for n in range(len(rows)):
+        k = rows[n]
+        for s in shifts:
+            for t in range(present_a.shape[1] - abs(s)):
+                i, j = t + max(s, 0), t + max(-s, 0)
+                if not (present_a[k, i] and present_b[k, j]):
+                    continue
+                dx, dy = xy_a[k, i, 0] - xy_b[k, j, 0], xy_a[k, i, 1] - xy_b[k, j, 1]
+                if dx * dx + dy * dy < reach and _do_touch(one, two, (k, i, j), touch):
+                    shift[n], tick[n] = s, t
+                    break
+            if tick[n] >= 0:
+                break
+    return shift, tick
+
+
+@compiled
+def _do_touch(one: _Outline, two: _Outline, at: tuple[int, int, int], touch: float) -> bool:
+    """Whether a disc of one at (k, i) and a disc of the other at (k, j) overlap."""
+    (xy_a, _, cos_a, sin_a, offsets_a), (xy_b, _, cos_b, sin_b, offsets_b) = one, two
+    k, i, j = at
+    for a in offsets_a:
+        x, y = xy_a[k, i, 0] + a * cos_a[k, i], xy_a[k, i, 1] + a * sin_a[k, i]
+        for b in offsets_b:
+            dx = x - (xy_b[k, j, 0] + b * cos_b[k, j])
+            dy = y - (xy_b[k, j, 1] + b * sin_b[k, j])
+            if dx * dx + dy * dy < touch:
+                return True
+    return False

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, BoolArray
 from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.evals.understanding.route_components import interpolate_points, interpolate_rows
@@ -98,14 +99,33 @@ def _find_stays(
     """The stays of both in the zone, in those futures of `rows` that have one."""
     (a, first), (b, second) = one, two
     (s_a, at_a), (s_b, at_b) = _sample_path(first, rows), _sample_path(second, rows)
-    dx, dy = (at_a[:, :, None, d] - at_b[:, None, :, d] for d in (0, 1))
-    on_map = (s_a[:, -1:] >= _GRID)[:, :, None] & (s_b[:, -1:] >= _GRID)[:, None]
-    near = (dx * dx + dy * dy < ((a.width + b.width) / 2 + 0.05) ** 2) & on_map
-    found = near.any(axis=(1, 2))
+    on_map_a, on_map_b = ((s[:, -1:] >= _GRID).sum(axis=1) for s in (s_a, s_b))
+    wide = ((a.width + b.width) / 2 + 0.05) ** 2
+    in_a, in_b = _find_overlap(at_a, at_b, on_map_a, on_map_b, wide)
+    found = in_a.any(axis=1)
     if not found.any():
         return None
-    in_a, in_b = (np.asarray(near[found].any(axis=axis)) for axis in (2, 1))
-    return _find_stay(a, s_a[found], in_a), _find_stay(b, s_b[found], in_b)
+    return _find_stay(a, s_a[found], in_a[found]), _find_stay(b, s_b[found], in_b[found])
+
+
+@compiled
+def _find_overlap(
+    one: FloatArray, two: FloatArray, length_one: IntArray, length_two: IntArray, wide: float
+) -> tuple[BoolArray, BoolArray]:
+    """[N, G] which points of either path lie near one of the other's.
+
+    Args:
+        one, two: [N, G, 2] points [m]; length_one, length_two: [N] how many of them count.
+        wide: squared distance below which points are near [m^2].
+    """
+    in_one, in_two = np.zeros(one.shape[:2], np.bool_), np.zeros(two.shape[:2], np.bool_)
+    for n in range(len(one)):
+        for p in range(length_one[n]):
+            for q in range(length_two[n]):
+                dx, dy = one[n, p, 0] - two[n, q, 0], one[n, p, 1] - two[n, q, 1]
+                if dx * dx + dy * dy < wide:
+                    in_one[n, p] = in_two[n, q] = True
+    return in_one, in_two
 
 
 def _sample_path(future: AgentForecast, rows: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.errors import InputError
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
 
 SAMPLE = 0.4
@@ -22,8 +23,14 @@ LENGTH = 21
 
 
 def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
-    """Frames are steps of 0.1 s from the start of the scene, so that every fourth has samples."""
+    """Frames are steps of 0.1 s from the start of the scene, so that every fourth has samples.
+
+    Raises:
+        InputError: the scene's samples lie further apart than those of the format.
+    """
     stride = round(SAMPLE / scene.step)
+    if stride == 0:
+        raise InputError(f"scene {scene.name} has a step of {scene.step:g} s; at most {SAMPLE} s")
     rows = [*_list_scene_rows(scene, stride), *_list_track_rows(scene, stride)]
     text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
     return {f"{scene.name}.ndjson": text.encode()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +22,8 @@ from scenewright.tools.map_import.survey import SurveyCrossing, SurveyLight
 
 _STEP = 0.25
 """Between points of a reference line [m]."""
+_LONGEST, _LARGEST = 100_000.0, 1e9
+"""Longest piece of a reference line that is traced [m]; largest number that is read."""
 _LIGHTS = ("1000001", "1000007", "1000008", "1000009", "1000010", "1000011", "1000012",
            "1000013", "1000014", "1000016", "1000020")  # fmt: skip
 """Types of the OpenDRIVE catalogue that are lights for vehicles."""
@@ -79,20 +82,22 @@ def read_opendrive_file(file: Path) -> OpenDriveFile:
     """The roads of a file that is known to be well-formed.
 
     Raises:
-        InputError: numbers that are none.
+        InputError: numbers that are none, or that no road has.
     """
     root = ElementTree.parse(file).getroot()
     for element in root.iter():
         element.tag = element.tag.rsplit("}", 1)[-1]
-    try:
-        roads = [road for each in root.iter("road") if (road := _build_road(each)) is not None]
-    except ValueError as fault:
-        raise InputError(f"{file} has a road that cannot be read: {fault}") from None
+    roads = [road for each in root.iter("road") if (road := _build_road(each)) is not None]
     return OpenDriveFile(root, tuple(roads))
 
 
 def _read(element: Any, name: str) -> float:
-    return float(element.get(name) or 0.0)
+    """A number of an element, 0 where it has none; InputError if it cannot be computed with."""
+    text = element.get(name) or "0"
+    with suppress(ValueError):
+        if abs(value := float(text)) <= _LARGEST:
+            return value
+    raise InputError(f"the map has a {element.tag} whose {name} is {text[:40]!r}, no usable number")
 
 
 def _build_road(element: Any) -> OpenDriveRoad | None:
@@ -108,6 +113,10 @@ def _build_road(element: Any) -> OpenDriveRoad | None:
 def _trace_geometry(element: Any) -> tuple[FloatArray, ...] | None:
     """Stations, x, y and headings along one piece of a reference line."""
     length = _read(element, "length")
+    if length > _LONGEST:
+        raise InputError(
+            f"the map has a road of {length:.4g} m; at most {_LONGEST:g} m can be read"
+        )
     if length <= 0.0 or not len(element):
         return None
     ds = np.linspace(0.0, length, max(math.ceil(length / _STEP), 1) + 1)

@@ -39,6 +39,8 @@ FULL_WINDOW = 3
 
 FARTHEST = 1e8
 """Positions [m] and headings beyond this are refused."""
+LONGEST = 5e6
+"""Tracks that are longer than this together [m] are refused: paths are kept every 0.5 m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,17 +232,32 @@ def get_lane_table(tracks: tuple[Trajectory, ...]) -> LaneTable:
 
 
 def derive_all(tracks: Sequence[Trajectory]) -> None:
-    """Gives all movers kinematics, path and lane in one pass, far cheaper than one by one."""
+    """Gives all movers kinematics, path and lane in one pass, far cheaper than one by one.
+
+    Raises:
+        InputError: the tracks are longer than `LONGEST`.
+    """
     if not tracks:
         return
     xy, heading, origin = concatenate_samples(tracks)
     s, bounds = _compute_arc_lengths(xy, origin)
+    _check_lengths(tracks, s[origin[1:] - 1])
     paths = build_paths(xy, s, heading, origin)
     ends = pairwise(origin.tolist())
     kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
     for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
         for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
             object.__setattr__(track, name, value)
+
+
+def _check_lengths(tracks: Sequence[Trajectory], lengths: FloatArray) -> None:
+    """Refuses tracks [N] whose lengths [m] come from positions that are no metres."""
+    if lengths.sum() > LONGEST:
+        worst = int(lengths.argmax())
+        raise InputError(
+            f"agent {tracks[worst].id}: its track is {lengths[worst] / 1000:.4g} km long; tracks "
+            f"may be {LONGEST / 1000:g} km together, and positions are metres"
+        )
 
 
 _DERIVED = ("s", "kinematics", "bounds", "path", "lane")
@@ -405,7 +422,8 @@ def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Tr
     """All road users on the common grid.
 
     Raises:
-        InputError: an id twice, an empty track, a step or a size that is not positive.
+        InputError: an id twice, an empty track, a step or a size that is not positive, or positions
+            that are no metres.
     """
     seen: set[int] = set()
     for user in users:
