@@ -250,10 +250,12 @@ class Modifying(Settling):
     def _find_riders_there(self, at: int) -> Group:
         """ "A cyclist on the crosswalk hits ...", "rides on the crosswalk": the rider is there."""
         before = self._get_item(at - 1)
-        named = isinstance(before, Mention) and not self.verb_seen
+        walkers = any(agent.type == "pedestrian" for agent in self.draft.agents)
+        named = isinstance(before, Mention) and not (self.verb_seen and walkers)
         rides = isinstance(before, Chunk) and before.text.startswith("rid")
         group = self.last if named else self.subject
-        return group if (named or rides) and all(a.subtype in RIDERS for a in group) else []
+        there = (named or rides) and all(agent.subtype in RIDERS for agent in group)
+        return group if there else []
 
     def _is_of_turning_agent(self, at: int, modifier: Modifier) -> bool:
         """ "..., northbound, left turn": a side that stands with a turn is a vehicle's."""

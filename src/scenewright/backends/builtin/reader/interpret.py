@@ -305,6 +305,8 @@ def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
     }
     for number, index in reading.users.items():
         span = reading.spans[index]
+        if span.tag not in MENTIONS:
+            continue  # a thing that only says where somebody moves: "blocks the box"
         if span.negated:
             _deny_class(result, span)
         elif _get_class(span) is None and number not in eventful:

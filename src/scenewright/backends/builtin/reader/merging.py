@@ -44,6 +44,12 @@ _WALKER = re.compile(
 )
 """Nouns of those who are on foot, never of drivers."""
 
+_ON_THE = re.compile(
+    r"(?: (?:riding|rides|going|crossing))?(?: (?:on|over|across|along|in)(?: (?:the|a))?)? ?",
+    re.IGNORECASE,
+)
+"""Between a rider and the crosswalk that it rides on."""
+
 _SURELY = 0.95
 _ANOTHER_INSIDE = re.compile(
     rf"\b(?:another|a second|a different) (?:{_ON_FOOT.pattern}|(?:car|van|taxi|cab|bus|truck|"
@@ -67,6 +73,7 @@ def merge_mentions(reading: Reading) -> Reading:
     """
     reading = _drop_function_words(reading)
     reading = replace(reading, spans=tuple(map(_let_walk, reading.spans)))
+    reading = replace(reading, spans=tuple(_let_ride(span, reading) for span in reading.spans))
     for at, span in enumerate(reading.spans):
         if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
             reading = _introduce_user(reading, at)
@@ -84,6 +91,20 @@ def _let_walk(span: ReadSpan) -> ReadSpan:
     if span.tag == "veh" and _WALKER.search(span.words) and find_subtype(span.words) is None:
         return replace(span, tag="ped", confidence=max(span.confidence, _SURELY))
     return span
+
+
+def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
+    """A crosswalk said right after the rider who opens the text, or who alone could be on it, is
+    where that one rides."""
+    riders = [each for each in reading.spans if each.tag in ("cyc", "scoot")]
+    before = [each for each in riders if _ON_THE.fullmatch(reading.text[each.end : span.start])]
+    if span.tag not in ("cw", "cross") or len(before) != 1 or len(before[0].subjects) != 1:
+        return span
+    events = [each for each in reading.spans if each.tag in EVENTS and each.start < span.start]
+    if events and any(each.tag == "ped" for each in reading.spans):
+        return span
+    sure = max(span.confidence, _SURELY)
+    return replace(span, subjects=before[0].subjects, objects=(), confidence=sure)
 
 
 def _drop_function_words(reading: Reading) -> Reading:
