@@ -185,8 +185,9 @@ def _drop_beyond(plan: Plan, end: int) -> Plan:
 
 def _is_motion_alone(plan: Plan) -> bool:
     """Whether nothing is read but how agents move, such as that one blocks the junction."""
-    graph = isinstance(plan, SocialGraph) and not plan.relations
-    return graph and all(agent.motion is not None for agent in plan.agents)
+    if isinstance(plan, Refusal) or plan.relations:
+        return False
+    return all(agent.motion is not None for agent in plan.agents)
 
 
 def _read_after_openers(text: str, site: Site) -> Iterator[LearnedPlan]:
