@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenewright.compiled import compiled
+from scenewright.geometry.polyline import compute_normals
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import K, Path
 
@@ -26,11 +27,21 @@ _CURVATURE_WINDOW = 2.0
 """Over which curvature is smoothed [m]."""
 
 
-def build_spline_path(waypoints: FloatArray, *, base: FloatArray | None = None) -> Path:
-    """The path through waypoints [K, 2], about a base curve [DENSE, 2] where one is given."""
+def build_spline_path(
+    waypoints: FloatArray, *, base: FloatArray | None = None, aside: FloatArray | None = None
+) -> Path:
+    """The path through waypoints [K, 2], about a base curve [DENSE, 2] where one is given.
+
+    Args:
+        aside: [DENSE] offsets to the left of that path [m]; 0 at the waypoints.
+    """
     if base is None:
-        return build_even_path(compute_spline_matrix() @ waypoints)
-    return build_even_path(base + compute_spline_matrix() @ (waypoints - base[::PER_INTERVAL]))
+        curve = compute_spline_matrix() @ waypoints
+    else:
+        curve = base + compute_spline_matrix() @ (waypoints - base[::PER_INTERVAL])
+    return build_even_path(
+        curve if aside is None else curve + aside[:, None] * compute_normals(curve)
+    )
 
 
 def compute_dense_curves(waypoints: FloatArray) -> FloatArray:

@@ -103,6 +103,8 @@ class DrawnWaypoints:
         waypoints: [M, K, 2] at equal arc length [m]; nll: [M] -log p_wp [nats].
         component: [M] the component of p_wp that each fits best.
         time_laws, time_nll: M time laws and their -log density [nats].
+        aside: M courses of how far to the left of the path it walks between its waypoints [m];
+            none where it does not wander.
     """
 
     waypoints: FloatArray
@@ -110,6 +112,7 @@ class DrawnWaypoints:
     component: NDArray[np.intp]
     time_laws: tuple[DrivingProfile, ...]
     time_nll: FloatArray
+    aside: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

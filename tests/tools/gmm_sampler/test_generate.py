@@ -17,7 +17,7 @@ from scenewright.scene.social import (
     SceneContext,
     SocialGraph,
 )
-from scenewright.tools.gmm_sampler import load_priors
+from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors
 from scenewright.tools.gmm_sampler.background_counts import draw_background_counts
 from scenewright.tools.gmm_sampler.generate import (
     amplify,
@@ -178,7 +178,7 @@ def test_some_walk_with_another_at_its_pace_on_its_route():
             assert 0.7 < np.hypot(*(ours.path.xy - theirs.path.xy).T).mean() < 1.3
             assert leader.beside is None
             found += 1
-    assert 3 <= found <= 18  # 11 % of 80
+    assert 5 <= found <= 24  # 17 % of 80
 
 
 def test_candidates_are_built_from_what_was_drawn():
@@ -188,10 +188,14 @@ def test_candidates_are_built_from_what_was_drawn():
         assert agent.drawn.waypoints.shape == (6, 10, 2)
         candidate = agent.build(3)
         assert candidate.route == agent.route
-        assert (candidate.waypoints == agent.drawn.waypoints[3]).all()
-        assert candidate.nll == agent.nll[3]
+        if agent.route.type == "pedestrian":
+            assert (candidate.waypoints == agent.drawn.waypoints[3]).all()
+        prior = PRIORS.waypoints[agent.route.id]
+        nll = compute_waypoint_nll(prior, candidate.waypoints[None])
+        assert candidate.nll == pytest.approx(float(nll[0]))  # of a path held to its lane, too
         assert candidate.time_law == agent.drawn.time_laws[3]
-        assert np.hypot(*(candidate.path.xy[0] - agent.drawn.waypoints[3, 0])) < 0.2
+        assert np.hypot(*(candidate.path.xy[0] - candidate.waypoints[0])) < 1e-9
+        assert np.hypot(*(candidate.path.xy[-1] - agent.drawn.waypoints[3, -1])) < 0.2
         if name == "vehicle-4":
             assert (agent.subtype, agent.shape.length) == ("bus", 12.0)
         if agent.route.type == "pedestrian":

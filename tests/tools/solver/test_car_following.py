@@ -15,6 +15,7 @@ from scenewright.tools.map_grounding.signal_plan import SignalClock
 from scenewright.tools.solver.car_following import find_entrance, follow_traffic
 from scenewright.tools.solver.entry_times import SceneTiming
 from scenewright.tools.solver.reservation import ReservationTable
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from solver_agents import BARE, EAST, SOUTH, actor, candidate, law, straight
 
 ROAD = straight((0.0, 100.0), SOUTH, 100.0)
@@ -74,20 +75,36 @@ def test_a_straight_one_gives_way_to_nobody_who_crosses():
     assert drive(driver(10.0), 0.0, [crossing]) is None
 
 
-def test_at_red_it_waits_before_its_line_and_sets_off_on_green():
-    program = SignalProgram(
+def _red_until(time: float) -> SignalProgram:
+    return SignalProgram(
         groups=(SignalGroup(id="ahead", movements=("north>south:straight",), crosswalks=()),),
         phases=(
-            SignalPhase(duration=15.0, colours={"ahead": "red"}),
-            SignalPhase(duration=45.0, colours={"ahead": "green"}),
+            SignalPhase(duration=time, colours={"ahead": "red"}),
+            SignalPhase(duration=60.0 - time, colours={"ahead": "green"}),
         ),
     )
-    moment = SceneTiming(SignalClock(program, 0.0), 30.0, blocked=False)
+
+
+def test_at_red_it_waits_before_its_line_and_sets_off_on_green():
+    moment = SceneTiming(SignalClock(_red_until(15.0), 0.0), 30.0, blocked=False)
     own = driver(10.0, landmarks=replace(BARE, line=50.0, group="ahead"))
     driven = drive(own, 0.0, [], moment)
     [stop] = driven.stops
     assert 47.0 < stop.s < 50.0
     assert 15.5 < driven.motion.find_time_at(50.0) < 18.5
+
+
+def test_a_queue_discharges_at_two_to_two_and_a_half_seconds():
+    moment = SceneTiming(SignalClock(_red_until(15.0), 0.0), 30.0, blocked=False)
+    queue: list[ScheduledAgent] = []
+    for n in range(6):
+        own = driver(12.0, landmarks=replace(BARE, line=60.0, group="ahead"))
+        driven = drive(own, 2.0 * n, queue, moment, seed=n)
+        assert driven is not None
+        queue.append(driven.shift(2.0 * n))
+    crosses = [each.enters + each.motion.find_time_at(60.0) for each in queue]
+    assert crosses[0] > 15.0
+    assert 1.6 < np.mean(np.diff(crosses)[2:]) < 2.6  # from the fourth on
 
 
 def test_the_pace_says_the_motion_again():

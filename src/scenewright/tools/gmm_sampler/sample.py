@@ -78,9 +78,15 @@ def build_paths(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
     return [build_path(prior, each, int(c)) for each, c in zip(waypoints, chosen, strict=True)]
 
 
-def build_path(prior: WaypointPrior, waypoints: FloatArray, component: int) -> Path:
-    """The path through waypoints [K, 2] about the base curve of one component."""
-    return build_spline_path(waypoints, base=prior.base[component])
+def build_path(
+    prior: WaypointPrior, waypoints: FloatArray, component: int, aside: FloatArray | None = None
+) -> Path:
+    """The path through waypoints [K, 2] about the base curve of one component.
+
+    Args:
+        aside: [DENSE] offsets to the left of it between the waypoints [m].
+    """
+    return build_spline_path(waypoints, base=prior.base[component], aside=aside)
 
 
 def sample_count(

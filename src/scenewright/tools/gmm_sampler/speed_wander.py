@@ -5,7 +5,9 @@ between people. Fitted on pedestrians that never stand in five of the TrajNet++ 
 (biwi_hotel, crowds_students001 and 003, crowds_zara01 and 03: 550 tracks at 2.5 frames/s; research
 data without a licence of its own, of which only these numbers are kept): spread 0.08 to 0.21, mean
 0.15 about the mean of a track; autocorrelation in zara 0.88, 0.71, 0.52, 0.34 after 0.4, 0.8, 1.2,
-1.6 s, which is that of `_LENGTH` at 1.3 m/s. Of vehicles and riders the spread is assumed.
+1.6 s, which is that of `_LENGTH` at 1.3 m/s. In metres a second, and over seconds, slow walkers
+wander as much as fast ones: within 3 s the speed has a range of 0.12 to 0.20 m/s in the median, at
+any mean speed (zara, hotel, K729). Of vehicles and riders the spread is assumed.
 """
 
 from __future__ import annotations
@@ -20,28 +22,41 @@ from scenewright.scene.candidates import PACE_STEP
 _SPREAD = {"pedestrian": (0.13, 0.45), "rider": (0.06, 0.3), "vehicle": (0.05, 0.3)}
 """Of the logarithm of the speed: median over people, and how that varies between them [log]."""
 _MOST_SPREAD = 0.25
+_WALK, _SLOWER = 1.3, (0.75, 1.7)
+"""Speed of which the figures of walkers are [m/s], and how much more often and further, of their
+speed, slower ones wander."""
 _LENGTH = {"pedestrian": 1.4, "rider": 8.0, "vehicle": 14.0}
 """Over which speeds are alike [m]: about 1.1 s of walking, 1.5 s of riding and driving."""
 
 
 def sample_pace(
-    kind: str, length: float, rng: np.random.Generator, *, size: int
+    kind: str, length: float, rng: np.random.Generator, *, speeds: FloatArray
 ) -> list[tuple[float, ...]]:
-    """Draw `size` courses of the share of the free speed, every `PACE_STEP` over a way [m]."""
-    group = "rider" if kind in RIDERS else kind
+    """Draw a course of the share of the free speed, every `PACE_STEP` over a way [m], for each.
+
+    Args:
+        speeds: [size] free speeds [m/s].
+    """
+    group, size = "rider" if kind in RIDERS else kind, len(speeds)
+    slower = np.clip(_WALK / speeds, *_SLOWER) if kind == "pedestrian" else np.ones(size)
     median, varies = _SPREAD[group]
     spread = np.minimum(median * np.exp(varies * rng.standard_normal(size)), _MOST_SPREAD)
-    smooth = _build_smoother(int(length / PACE_STEP) + 2, _LENGTH[group])
-    wander = rng.standard_normal((size, smooth.shape[1])) @ smooth.T
-    pace = np.exp(spread[:, None] * np.clip(wander, -2.0, 2.0))
-    return [tuple(each) for each in pace.round(4).tolist()]
+    count = int(length / PACE_STEP) + 2
+    smooth = build_smoother(int(count * slower.max()) + 1, _LENGTH[group] / PACE_STEP)
+    wander = np.clip(rng.standard_normal((size, smooth.shape[1])) @ smooth.T, -2.0, 2.0)
+    places, known = np.arange(count), np.arange(wander.shape[1])
+    pace = [
+        np.exp(own * wide * np.interp(own * places, known, each))
+        for own, wide, each in zip(slower, spread, wander, strict=True)
+    ]
+    return [tuple(each.round(4).tolist()) for each in pace]
 
 
 @lru_cache(maxsize=64)
-def _build_smoother(count: int, length: float) -> FloatArray:
-    """[count, m] white noise to a process of variance 1 alike over a length [m]."""
-    reach = int(np.ceil(3.0 * length / PACE_STEP))
+def build_smoother(count: int, length: float) -> FloatArray:
+    """[count, m] takes white noise to a process of variance 1 that is alike over so many steps."""
+    reach = int(np.ceil(3.0 * length))
     apart = np.arange(count)[:, None] - np.arange(-reach, count + reach)[None, :]
     # A kernel narrower by the root of 2 than the autocorrelation that it brings about.
-    kernel = np.exp(-np.square(apart * PACE_STEP / length))
+    kernel = np.exp(-np.square(apart / length))
     return np.asarray(kernel / np.sqrt(np.square(kernel).sum(axis=1, keepdims=True)))

@@ -4,8 +4,9 @@ It enters at its drawn time, or when there is room, follows the vehicle ahead in
 at red and behind queues, and when turning gives way to pedestrians and others; it neither crosses
 the path of a foreground agent near it in time nor gives way to it. Each agent that it meets blocks
 nodes of its path for a time; the blocks that it would run into become walls, behind which it drives
-by the intelligent driver model (Treiber, Hennecke, Helbing 2000). The motion becomes a pace and
-stops.
+by the intelligent driver model (Treiber, Hennecke, Helbing 2000); behind one that draws away in the
+form of Schakel, van Arem and Netten (2010), so that queues discharge. The motion becomes a pace
+and stops.
 """
 
 from __future__ import annotations
@@ -51,6 +52,9 @@ _HARDEST_DRIVEN = 3.35
 """Hardest braking of the resulting pace [m/s^2]: a pace overstates it a little."""
 _FORESEES = 1.5
 """How far ahead drivers anticipate the motion of others, by brake lights and traffic ahead [s]."""
+_EAGER = 2.5
+"""How much harder than comfortably a vehicle behind another would accelerate, had it all the room:
+so it sets off as fast as the one ahead before the gap has grown."""
 _ENTRANCE = 5.0
 """Within this distance of its entry [m] a vehicle needs a free path."""
 _AFTER = 4.0
@@ -427,7 +431,10 @@ def _accelerate(
         return rate
     closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
     wanted = gap + max(0.0, v * headway + closing)
-    return rate - float(acceleration * (wanted / max(room, 0.05)) ** 2)
+    held = float(acceleration * (wanted / max(room, 0.05)) ** 2)
+    # Behind one that draws away, the road and the vehicle ahead limit the acceleration apart.
+    eager = min(rate, _EAGER * (acceleration - held))
+    return rate - held + min(max(speed - v, 0.0), 1.0) * max(eager - rate + held, 0.0)
 
 
 @compiled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
+from itertools import product
 
 import numpy as np
 
@@ -85,7 +86,11 @@ def _schedule_offsets(
         context.reactions.draw(pair[0], context.rng),
         context.reactions.draw(pair[1], context.rng),
     )
-    for delta in deltas:
+    taken = set[float]()
+    # First where both can react, then where at least one can.
+    for both, delta in product((True, False), deltas):
+        if delta in taken:
+            continue
         a, b = schedule.place(clause, *pair, delta)
         found = find_first_contact(a, b, left_hand=context.left_hand)
         if found is not None and clause.speed is not None and not a.slowings:
@@ -105,7 +110,9 @@ def _schedule_offsets(
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
-        reacted = react_in_vain(clause, context, (a, b), drawn, found, is_wanted)
+        reacted = react_in_vain(clause, context, (a, b), drawn, found, is_wanted, both=both)
+        if reacted is None and both:
+            continue
         if reacted is None and not context.lenient:
             words = f"{clause.first} and {clause.second} would not touch so if they reacted"
             context.note_miss(clause, FailureStage.COMPANY, words)
@@ -117,6 +124,7 @@ def _schedule_offsets(
         begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
         event = ScheduledEvent(clause, time, begins, time, time, found.location)
         scheduled = True
+        taken.add(delta)
         yield schedule.add_event(event, end_a, end_b)
     return turned_round and not scheduled
 

@@ -51,6 +51,8 @@ def react_in_vain(
     drawn: tuple[Reaction, Reaction],
     found: FirstContact,
     wanted: Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool],
+    *,
+    both: bool,
 ) -> Reacted | None:
     """Make the two react; return them and their contact; None if no reactions leave it as asked.
 
@@ -58,12 +60,14 @@ def react_in_vain(
         drawn: how each of the two reacts, if it perceives the other.
         found: their contact if they did not react.
         wanted: whether a contact is the one asked for.
+        both: all that perceive the other react; else one of them suffices.
     """
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
-    # If not both can react, one of the two reacts, and the other does not.
-    ways = [[*_list_ways(pair[k], threats[k], drawn[k], found.time), pair[k]] for k in (0, 1)]
+    ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
+    if not both:
+        ways = [[*own, each] for own, each in zip(ways, pair, strict=True)]
     for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
         after = (ways[0][one], ways[1][two])
         if after == pair:
