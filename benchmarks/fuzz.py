@@ -248,7 +248,8 @@ def damage_arrays(data: bytes, rng: random.Random) -> bytes:
         case 1:
             array = array[: rng.randrange(len(array) + 1)] if array.ndim else array[None]
         case 2:
-            array = array.astype(rng.choice(("U8", "i8", "f4", "?")))
+            kinds = ("S8",) if array.dtype.kind == "U" else ("U8", "i8", "f4", "?")
+            array = array.astype(rng.choice(kinds))
         case 3:
             array = np.repeat(np.atleast_1d(array), 2, axis=0)
     if rng.random() < 0.9:

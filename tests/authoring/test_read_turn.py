@@ -72,12 +72,16 @@ def test_scenes_beyond_all_measure(change: dict[str, Any], given: str) -> None:
         verify(scene.model_copy(update={"agents": (odd,)}))
 
 
+NEVER = {"type": "collision", "from": 1, "to": 1, "time": -1.0, "location": [0.0, 0.0]}
+
+
 @pytest.mark.parametrize(
     ("at", "change", "given"),
     [
         ("meta", {"duration": 1e9}, "it would last 1e.09 s in steps of 0.1 s"),
         ("agents", {"spawn_time": -1e9}, "it would last 1e.09 s"),
         ("agents", {"spawn_time": "nan"}, "it would last nan s"),
+        ("file", {"events": [NEVER]}, "an event happens at -1 s"),
         ("meta", {"step": 0.0}, "meta.step must be 0.001 to 1 seconds, not 0"),
         ("agents", {"heading": [0.0]}, "1 headings; give one each"),
         ("agents", {"waypoints": [[1e7, 0.0]] * 10}, "agent 1 has a position further than 20000 m"),
@@ -87,7 +91,7 @@ def test_files_that_would_fill_the_memory_of_a_reader(
     tmp_path: Path, at: str, change: dict[str, Any], given: str
 ) -> None:
     content = json.loads(record().model_dump_json(by_alias=True))
-    (content["meta"] if at == "meta" else content["agents"][0]).update(change)
+    {"file": content, "meta": content["meta"], "agents": content["agents"][0]}[at].update(change)
     (tmp_path / "scene.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=given):
         load_scene(tmp_path)

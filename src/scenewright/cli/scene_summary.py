@@ -61,7 +61,8 @@ def list_unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
 def format_verdict(proof: Proof) -> str:
     """Verified, or how many findings stand against it."""
     against = len(list_findings(proof))
-    return "verified" if proof.verified else f"not verified ({against} findings)"
+    noun = "finding" if against == 1 else "findings"
+    return "verified" if proof.verified else f"not verified ({against} {noun})"
 
 
 def list_findings(proof: Proof) -> tuple[Finding, ...]:

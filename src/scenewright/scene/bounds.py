@@ -30,6 +30,9 @@ def find_excess(record: SceneRecord) -> str | None:
                 f"it would last {last:.4g} s in steps of {meta.step:g} s; a scene has at most "
                 f"{MOST_STEPS} steps, and times are seconds since its start"
             )
+    for event in record.events:
+        if event.time is not None and not 0.0 <= event.time <= MOST_STEPS * meta.step:
+            return f"an event happens at {event.time:.4g} s; times are seconds since its start"
     return next(filter(None, map(_find_excess_of_agent, record.agents)), None)
 
 

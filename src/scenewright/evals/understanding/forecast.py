@@ -246,12 +246,14 @@ def _sample_curves(
     noise = posterior.noise * rng.standard_normal(off.shape)
     distinct, which = np.unique(picked, return_inverse=True)  # few, so each is multiplied once
     seen = posterior.seen[distinct]
-    spread = (seen @ seen.swapaxes(1, 2) + np.diag(posterior.noise**2))[which]
-    miss = off - (rows @ white[..., None])[..., 0] - noise
+    spread = (np.einsum("kji,kli->kjl", seen, seen) + np.diag(posterior.noise**2))[which]
+    miss = off - np.einsum("kji,ki->kj", rows, white) - noise
     gain = np.linalg.solve(spread, miss[..., None])[..., 0]
-    white = white + (gain[:, None] @ rows)[:, 0]
-    moved = (components.cholesky[component] @ white[..., None]).reshape(SIZE, K, 2)
-    return components.curve[component] + components.knots @ moved
+    white = white + np.einsum("kji,kj->ki", rows, gain)
+    moved = np.einsum("kij,kj->ki", components.cholesky[component], white).reshape(SIZE, K, 2)
+    return np.asarray(
+        components.curve[component] + np.einsum("pk,nkd->npd", components.knots, moved)
+    )  # fmt: skip
 
 
 def _sample_profiles(

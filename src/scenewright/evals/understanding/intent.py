@@ -129,7 +129,7 @@ def _penalise_ends(past: FloatArray) -> FloatArray:
 
 def _compute_evidence(seen: FloatArray, off: FloatArray, noise: FloatArray) -> FloatArray:
     """[M] log density of what was measured."""
-    spread = seen @ seen.swapaxes(1, 2) + np.diag(noise**2)
+    spread = np.einsum("cji,cki->cjk", seen, seen) + np.diag(noise**2)
     chol = np.linalg.cholesky(spread)
     white = np.linalg.solve(chol, off[..., None])[..., 0]
     determinant = np.log(np.diagonal(chol, axis1=1, axis2=2)).sum(axis=1)

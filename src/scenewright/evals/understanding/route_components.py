@@ -28,6 +28,8 @@ _SPREAD = (-1.2, 0.0, 1.2)
 """Driving profiles tried lie so many standard deviations off the median."""
 _ON_CROSSWALK = 0.05
 """Uses of a crosswalk by riders, per use by a pedestrian."""
+_ROW = 1e4
+"""Distance from row to row where rows lie end to end [m]."""
 _THIN = 4
 """Every fourth point of a base curve is kept: they lie one or two metres apart."""
 
@@ -168,26 +170,27 @@ def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> Float
 
 @compiled
 def _interpolate(at: FloatArray, s: FloatArray, values: FloatArray, found: FloatArray) -> None:
-    """Writes what `interpolate_rows` returns, found by bisection."""
+    """Writes what `interpolate_rows` returns, by bisection.
+
+    Rounded as by `np.interp` with the rows end to end, for which the calibrations were fitted.
+    """
     last = s.shape[1] - 1
     for n in range(at.shape[0]):
+        row = n * _ROW
         for m in range(at.shape[1]):
-            x = at[n, m]
-            if not x > s[n, 0]:
-                found[n, m] = values[n, 0]
-                continue
-            if x >= s[n, last]:
-                found[n, m] = values[n, last]
-                continue
-            low, high = 0, last
+            x = min(max(at[n, m], s[n, 0]), s[n, last]) + row
+            low, high = 0, last + 1
             while high - low > 1:
                 middle = (low + high) // 2
-                if s[n, middle] <= x:
+                if s[n, middle] + row <= x:
                     low = middle
                 else:
                     high = middle
-            slope = (values[n, high] - values[n, low]) / (s[n, high] - s[n, low])
-            found[n, m] = values[n, low] + slope * (x - s[n, low])
+            before = s[n, low] + row
+            found[n, m] = values[n, low]
+            if low < last and before != x:
+                slope = (values[n, low + 1] - values[n, low]) / (s[n, low + 1] + row - before)
+                found[n, m] = slope * (x - before) + values[n, low]
 
 
 def interpolate_points(at: FloatArray, s: FloatArray, xy: FloatArray) -> FloatArray:
