@@ -47,6 +47,7 @@ class JunctionRow:
             "roundabout": each.is_roundabout,
             "nodes": len(each.nodes),
             "legs": self.legs,
+            "refusal": each.refusal or None,
         }
 
 
@@ -76,7 +77,10 @@ def format_rows(rows: Sequence[JunctionRow]) -> str:
     for row in rows:
         kind = "roundabout, " if row.junction.is_roundabout else ""
         legs = ", ".join(f"{leg['towards']} {leg['street'] or '(unnamed)'}" for leg in row.legs)
-        lines.append(f"{row.junction.id}  at {row.place}  {kind}{len(row.legs)} legs: {legs}")
+        about = f"{len(row.legs)} legs: {legs}"
+        if row.junction.refusal:
+            about = f"cannot be imported: {row.junction.refusal}"
+        lines.append(f"{row.junction.id}  at {row.place}  {kind}{about}")
     return "".join(format_one_line(line, limit=240) + "\n" for line in lines)
 
 

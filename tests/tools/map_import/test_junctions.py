@@ -13,6 +13,7 @@ from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
 from scenewright.tools.map_import.osm_elements import _read_messages
+from scenewright.tools.map_import.osm_streets import cut_out_if_needed, is_driven
 
 needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
@@ -139,3 +140,53 @@ def test_a_junction_is_chosen_by_its_streets_and_ids_outlast_the_driving_side(to
         assert {leg.road for leg in made.intersection_map.legs} == {
             "Elm Street", "Mill Road", "King's Avenue",
         }  # fmt: skip
+
+
+def test_a_slip_lane_of_a_roundabout_to_another_street_is_no_part_of_it():
+    ring = {
+        f"r{k}": (15 * math.cos(k * math.pi / 2), 15 * math.sin(k * math.pi / 2)) for k in range(4)
+    }
+    places = ring | {"e": (90, 0), "n": (0, 90), "w": (-90, 0), "x": (20, -80)}
+    places |= {"x1": (130, -80), "x2": (20, -170)}
+    pieces = [(f"r{k}", f"r{(k + 1) % 4}", "", "is_ring", "is_one_way") for k in range(4)]
+    pieces += [("r0", "e", "E"), ("r1", "n", "N"), ("r2", "w", "W")]
+    pieces += [("r3", "x", "", "is_one_way", "is_slip"), ("x", "x1", "Other"), ("x2", "x", "Other")]
+    found = next(each for each in network(places, pieces) if each.is_roundabout)
+    assert found.nodes == set(ring)
+    assert sorted(leg.street for leg in found.legs) == ["", "E", "N", "W"]
+
+
+def test_streets_of_a_junction_that_meet_and_lead_nowhere_are_no_leg():
+    places = {"a": (0, 6), "b": (0, -6), "end": (-30, 0)}
+    places |= {"n": (0, 90), "s": (0, -90), "e": (90, 0)}
+    pieces = [(*pair, "X") for pair in (("a", "b"), ("a", "n"), ("b", "s"), ("a", "e"))]
+    pieces += [("a", "end", "Dead", "is_one_way"), ("b", "end", "Dead", "is_one_way")]
+    [found] = network(places, pieces)
+    assert [leg.street for leg in found.legs] == ["X", "X", "X"]
+
+
+@pytest.mark.parametrize(
+    ("tags", "closed"),
+    [
+        ({"motor_vehicle": "no"}, True),
+        ({"motor_vehicle": "private", "bus": "yes"}, True),
+        ({"access": "no", "psv": "yes"}, True),
+        ({"vehicle": "no", "motorcar": "yes"}, False),
+        ({"access": "private"}, False),
+        ({"bus": "yes"}, False),
+    ],
+)
+def test_streets_for_buses_alone_are_no_streets_for_cars(tags, closed):
+    assert is_driven({"highway": "tertiary", **tags}) is not closed
+
+
+def test_a_street_for_buses_alone_is_neither_listed_nor_converted(tmp_path):
+    file = map_files.osm(tmp_path / "four.osm", (0, 90, 180, 270))
+    assert cut_out_if_needed(file, tmp_path, map_files.ORIGIN) == file
+    name = '<tag k="name" v="Street 2"/>'
+    bus = '<tag k="motor_vehicle" v="no"/><tag k="bus" v="yes"/>'
+    file.write_text(file.read_text().replace(name, name + bus))
+    [found] = list_junctions(file).junctions
+    assert set(found.streets) == {"Street 1", "Street 3", "Street 4"}
+    text = cut_out_if_needed(file, tmp_path, map_files.ORIGIN).read_text()
+    assert [f"Street {k}" in text for k in range(1, 5)] == [True, False, True, True]

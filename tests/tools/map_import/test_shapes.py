@@ -9,6 +9,7 @@ from scenewright.tools.map_import.curves import (
     measure_least_radius,
     round_curves,
 )
+from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.legs import find_legs
 from scenewright.tools.map_import.mapped_crosswalks import choose_crossings
 from scenewright.tools.map_import.read_lanelet2 import FileElements, _find_street
@@ -188,3 +189,29 @@ def test_of_two_legs_equally_likely_a_stage_goes_to_that_of_its_other_stage():
     ((k, mapped),) = choose_crossings(survey, legs).by_leg.items()
     assert abs(legs[k].bearing) == pytest.approx(np.pi, abs=0.1)
     assert len(mapped.stages) == 2
+
+
+@pytest.mark.parametrize(
+    ("ends", "crosses"),
+    [
+        ([(0, -8), (0, 8)], True),
+        ([(-9, 8), (-9, -8)], False),
+        ([(-12, 1), (12, -1)], True),
+        ([(0, 30), (9, 30)], False),
+    ],
+    ids=["through the middle", "at the corner", "on the other", "apart"],
+)
+def test_crosswalks_that_meet_at_a_corner_do_not_cross(ends, crosses):
+    one, other = (
+        CrosswalkPlacement(0.0, np.array(each, float), 3.0) for each in ([(-10, 0), (10, 0)], ends)
+    )
+    assert one.crosses(other) is other.crosses(one) is crosses
+
+
+def test_a_crosswalk_that_is_left_out_is_named_with_the_reason():
+    survey = survey_divided_street((25.0, 8.0), (25.0, -8.0))
+    choice = choose_crossings(survey, find_legs(survey))
+    (k,) = choice.by_leg
+    left = choice.leave_out({k: "would cross another"})
+    assert not left.by_leg
+    assert [(leg, why) for _, leg, why in left.left_out] == [(k, "would cross another")] * 2

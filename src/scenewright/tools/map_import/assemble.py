@@ -57,7 +57,7 @@ from scenewright.tools.map_import.map_parts import (
     geos,
     round_points,
 )
-from scenewright.tools.map_import.mapped_crosswalks import choose_crossings
+from scenewright.tools.map_import.mapped_crosswalks import MappedCrosswalk, choose_crossings
 from scenewright.tools.map_import.quality_report import (
     CrosswalkFact,
     describe_crosswalk,
@@ -156,6 +156,7 @@ class _Assembly:
         self.survey = survey
         self.notes = [survey.side.describe(), *survey.notes]
         self.rounded = 0
+        self.crossed: dict[int, str] = {}
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
         self.crossings = choose_crossings(survey, self.legs)
@@ -215,25 +216,38 @@ class _Assembly:
 
     @cached_property
     def placements(self) -> dict[int, CrosswalkPlacement]:
-        """By leg: where its crosswalk lies."""
-        found = {}
-        for k, leg in enumerate(self.legs):
-            room = self.extent - 9.0 - float(np.abs(leg.throat).max())
-            mapped = self.crossings.by_leg.get(k)
-            placed = ground.place_crosswalk(leg, self.road, mapped, room=room)
+        """By leg: where its crosswalk lies; none crosses another one."""
+        found = {k: self._place_crosswalk(k, mapped) for k, mapped in self._list_mapped()}
+        kept: dict[int, CrosswalkPlacement] = {}
+        for k, placed in sorted(found.items(), key=lambda each: _rank_placement(*each)):
             if placed is None:
                 self._add_note(f"no crosswalk found room on the {self.names[k]} leg")
+            elif (crossed := _find_crossed(placed, kept)) is None:
+                kept[k] = placed
             else:
-                found[k] = placed
-        return found
+                self.crossed[k] = f"would cross the crosswalk of the {self.names[crossed]} leg"
+                self._add_note(f"the {self.names[k]} leg has no crosswalk: it {self.crossed[k]}")
+        return dict(sorted(kept.items()))
+
+    def _list_mapped(self) -> Iterator[tuple[int, MappedCrosswalk | None]]:
+        """Every leg, and the file's crosswalk on it."""
+        for k in range(len(self.legs)):
+            yield k, self.crossings.by_leg.get(k)
+
+    def _place_crosswalk(self, k: int, mapped: MappedCrosswalk | None) -> CrosswalkPlacement | None:
+        leg = self.legs[k]
+        room = self.extent - 9.0 - float(np.abs(leg.throat).max())
+        return ground.place_crosswalk(leg, self.road, mapped, room=room)
 
     @cached_property
     def crosswalk_facts(self) -> tuple[CrosswalkFact, ...]:
         """By leg: where its crosswalk comes from, and how far it is from what the file holds."""
+        placements = self.placements
+        choice = self.crossings.leave_out(self.crossed)
         return tuple(
-            describe_crosswalk(name, placed, self.crossings, k, self.survey.crossings)
+            describe_crosswalk(name, placed, choice, k, self.survey.crossings)
             for k, (name, placed) in enumerate(
-                (name, self.placements.get(k)) for k, name in enumerate(self.names)
+                (name, placements.get(k)) for k, name in enumerate(self.names)
             )
         )
 
@@ -616,6 +630,18 @@ class _Assembly:
             name = f"{leg}:goal:sidewalk_{number}"
             fields = {"id": name, "type": "pedestrian", "leg": leg, "polygon": area}
             yield GoalRegion.model_validate(fields)
+
+
+def _rank_placement(k: int, placed: CrosswalkPlacement | None) -> tuple[bool, float, int]:
+    """Which crosswalk stays where two cross, the least first: that nearest to the file's middle."""
+    if placed is None or placed.mapped is None:
+        return True, 0.0, k
+    return False, round(math.dist(placed.middle, placed.mapped.middle), 3), k
+
+
+def _find_crossed(placed: CrosswalkPlacement, kept: Mapping[int, CrosswalkPlacement]) -> int | None:
+    """The leg whose crosswalk another one would cross."""
+    return next((k for k, other in sorted(kept.items()) if placed.crosses(other)), None)
 
 
 def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None, crossings: float) -> float:

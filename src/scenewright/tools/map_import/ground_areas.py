@@ -34,6 +34,10 @@ _BROADEST = 6.0
 """So far out of our kerb a drawn end may lie [m]: the road has lanes there that we drop."""
 _FARTHEST_KERB = 15.0
 """Ground so far beyond a drawn end is another road's [m]."""
+_CORNER = 4.0
+"""Crosswalks that meet nearer to an end of either meet at a corner [m]."""
+_MOST_SHARED = 0.5
+"""Of the smaller one's area that two crosswalks may have in common."""
 _SEARCH = 22.0
 """How far out of the junction a place for a crosswalk is looked for [m]."""
 
@@ -76,6 +80,15 @@ class CrosswalkPlacement:
         half = self.width / 2
         strips = [geos.LineString(each).buffer(half, cap_style="square") for each in self.refuges]
         return geos.union_all(strips)
+
+    def crosses(self, other: CrosswalkPlacement) -> bool:
+        """Whether it crosses another one or lies on it; that corners of both meet is neither."""
+        common = self.area.intersection(other.area).area
+        if common > _MOST_SHARED * min(self.area.area, other.area.area):
+            return True
+        meeting = geos.LineString(self.ends).intersection(geos.LineString(other.ends))
+        ends = geos.MultiPoint(np.concatenate([self.ends, other.ends]))
+        return not meeting.is_empty and float(meeting.distance(ends)) > _CORNER
 
     @property
     def stop_distance(self) -> float:

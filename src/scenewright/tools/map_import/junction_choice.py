@@ -31,6 +31,7 @@ class Junction:
         is_roundabout: whether it has a ring.
         nodes: of the network, that make it up.
         origin: latitude and longitude of x = y = 0; None where the file has none.
+        refusal: why it cannot be imported and what can; "" if nothing speaks against it.
     """
 
     id: str
@@ -43,6 +44,7 @@ class Junction:
     is_roundabout: bool = False
     nodes: frozenset[str] = frozenset()
     origin: LatLon | None = None
+    refusal: str = ""
 
     @property
     def degrees(self) -> LatLon | None:
@@ -98,6 +100,16 @@ def choose_junction(
             f"--street: {_list(junctions)}"
         )
     return junctions[0]
+
+
+OTHER_SOURCE = "the same place from OpenStreetMap can be imported"
+
+
+def check_importable(junction: Junction, file: Path) -> None:
+    """Raises InputError where a junction is known that cannot be represented."""
+    if junction.refusal:
+        kind = "roundabout" if junction.is_roundabout else "junction"
+        raise InputError(f"{kind} {junction.id} of {file} cannot be imported: {junction.refusal}")
 
 
 def find_streets(

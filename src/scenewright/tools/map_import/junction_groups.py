@@ -92,12 +92,18 @@ def group_junctions(
         at[piece.end].append(piece)
     branching = {node for node, own in at.items() if _count_arms(own) >= 3}
     joined = _Sets()
+    ring = {node for piece in pieces if piece.is_ring for node in (piece.start, piece.end)}
     for piece in pieces:
-        if piece.is_ring or ({piece.start, piece.end} <= branching and _lies_inside(piece, at)):
+        ends = {piece.start, piece.end}
+        # A slip lane of a roundabout leads to a street of its own unless it is very short.
+        leaves_ring = piece.is_slip and len(ends & ring) == 1
+        inside = ends <= branching and _lies_inside(piece, at, is_slip=not leaves_ring)
+        if piece.is_ring or inside:
             joined.join(piece.start, piece.end)
     for a, b in _find_sides(pieces, branching, joined):
         joined.join(a, b)
     ringed = {joined.find(piece.start) for piece in pieces if piece.is_ring}
+    _add_dead_ends(at, joined)
     nodes: dict[str, set[str]] = defaultdict(set)
     for node in {*branching, *joined.parents}:
         nodes[joined.find(node)].add(node)
@@ -116,10 +122,24 @@ def _count_arms(pieces: Iterable[StreetPiece]) -> int:
     return len(ends) + sum(each.start == each.end for each in pieces)
 
 
-def _lies_inside(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiece]]) -> bool:
-    """Whether a piece between two branchings is part of one junction."""
+def _add_dead_ends(at: Mapping[str, Sequence[StreetPiece]], joined: _Sets) -> None:
+    """Adds to a junction the places off which its own streets alone lead: no legs of it."""
+    for node, own in sorted(at.items()):
+        around = {piece.start if piece.end == node else piece.end for piece in own} - {node}
+        if len(around) > 1 and len(groups := {joined.find(each) for each in around}) == 1:
+            joined.join(node, groups.pop())
+
+
+def _lies_inside(
+    piece: StreetPiece, at: Mapping[str, Sequence[StreetPiece]], *, is_slip: bool
+) -> bool:
+    """Whether a piece between two branchings is part of one junction.
+
+    Args:
+        is_slip: whether it may be a slip lane of it.
+    """
     length = measure_length(piece.line)
-    if piece.is_slip:
+    if piece.is_slip and is_slip:
         return length < _LONGEST_SLIP
     short = _SHORT_ONE_WAY if piece.is_one_way else _SHORT
     return length < short or (length < _CARRIAGEWAYS and _joins_carriageways(piece, at))

@@ -131,6 +131,17 @@ class CrossingChoice:
     by_leg: Mapping[int, MappedCrosswalk]
     left_out: tuple[tuple[SurveyCrossing, int | None, str], ...]
 
+    def leave_out(self, reasons: Mapping[int, str]) -> CrossingChoice:
+        """The choice without the crosswalks of some legs; why, by leg."""
+        kept = {k: each for k, each in self.by_leg.items() if k not in reasons}
+        dropped = [
+            (stage.crossing, k, why)
+            for k, why in sorted(reasons.items())
+            if k in self.by_leg
+            for stage in self.by_leg[k].stages
+        ]
+        return CrossingChoice(kept, (*self.left_out, *dropped))
+
 
 def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoice:
     """By leg, the crossings of the file that are its crosswalk."""

@@ -41,6 +41,9 @@ _DRIVEN = frozenset(
 )
 _SLIPS = frozenset(("trunk_link", "primary_link", "secondary_link", "tertiary_link"))
 _RINGS = ("roundabout", "circular")
+_ACCESS = ("motorcar", "motor_vehicle", "vehicle", "access")
+"""Tags that say who may drive along a way; the first one that a way has holds for cars."""
+_CLOSED = ("no", "bus", "psv", "agricultural", "forestry")
 AROUND = 350.0
 """How much of a large file is cut out about a junction in every direction [m]."""
 
@@ -84,7 +87,15 @@ def read_streets(file: Path) -> StreetMap:
 
 def is_driven(tags: Mapping[str, str]) -> bool:
     """Whether cars drive along a way of these tags; service roads do not count."""
-    return tags.get("highway") in _DRIVEN and tags.get("area") != "yes"
+    street = tags.get("highway") in _DRIVEN and tags.get("area") != "yes"
+    return street and not is_closed(tags)
+
+
+def is_closed(tags: Mapping[str, str]) -> bool:
+    """Whether a way of these tags is closed to cars, as one for buses alone."""
+    access = next((tags[key] for key in _ACCESS if key in tags), "yes")
+    bus = any(tags.get(key) in ("yes", "designated") for key in ("bus", "psv"))
+    return access in _CLOSED or (access in ("private", "permit") and bus)
 
 
 def _check_degrees(nodes: OsmNodes, file: Path) -> None:
@@ -220,17 +231,30 @@ _LARGE = 2_000_000
 """Of a file larger than that only the surroundings of the junction are converted [bytes]."""
 
 
-def cut_out_if_large(file: Path, scratch: Path, middle: LatLon) -> Path:
-    """The file, or the surroundings of a place in one that is large or of protocol buffers."""
-    if not is_pbf(file) and file.stat().st_size <= _LARGE:
+def cut_out_if_needed(file: Path, scratch: Path, middle: LatLon) -> Path:
+    """The file, or the surroundings of a place in one that netconvert should not read whole.
+
+    That is one that is large or of protocol buffers, or has streets that are closed to cars, which
+    netconvert takes for open ones.
+    """
+    if not is_pbf(file) and file.stat().st_size <= _LARGE and not _has_closed_ways(file):
         return file
     part = scratch / "surroundings.osm"
     cut_out(file, part, middle=middle)
     return part
 
 
+def _has_closed_ways(file: Path) -> bool:
+    ways = (each for each in iterate_elements(file) if isinstance(each, OsmWay))
+    return any(_is_closed_street(way) for way in ways)
+
+
+def _is_closed_street(way: OsmWay) -> bool:
+    return way.tags.get("highway") in _DRIVEN and is_closed(way.tags)
+
+
 def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:
-    """The surroundings of a place as an OpenStreetMap file of XML.
+    """The surroundings of a place as an OpenStreetMap file of XML, without streets closed to cars.
 
     Ways keep the nodes inside and one beyond; relations are kept where a way of theirs is.
     """
@@ -246,7 +270,7 @@ def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:
             near = (np.abs(element.degrees - np.array(middle)) <= reach).all(axis=1)
             inside.update(element.ids[near].tolist())
         elif isinstance(element, OsmWay):
-            if not inside.isdisjoint(element.nodes):
+            if not inside.isdisjoint(element.nodes) and not _is_closed_street(element):
                 kept_ways.append(_clip_way(element, inside))
                 ways.add(element.id)
         elif any(kind == "way" and number in ways for kind, number, _ in element.members):

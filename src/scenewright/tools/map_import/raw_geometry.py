@@ -19,7 +19,7 @@ from scenewright.tools.map_import.opendrive_features import (
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_features import read_osm_file
-from scenewright.tools.map_import.osm_streets import cut_out_if_large
+from scenewright.tools.map_import.osm_streets import cut_out_if_needed
 from scenewright.tools.map_import.read_lane_maps import load_lane_map
 from scenewright.tools.map_import.read_lanelet2 import read_elements
 
@@ -54,7 +54,7 @@ def read_raw_geometry(
     with tempfile.TemporaryDirectory() as scratch:
         path = unpack_map(file, Path(scratch))
         if map_format == "osm" and origin is not None:
-            path = cut_out_if_large(path, Path(scratch), project_to_degrees(origin, shift))
+            path = cut_out_if_needed(path, Path(scratch), project_to_degrees(origin, shift))
         layers = _READERS[map_format](path, origin or (0.0, 0.0))
         near = {name: tuple(_keep_near(lines, shift)) for name, lines in layers.items()}
     return RawGeometry(**near)

@@ -28,7 +28,6 @@ from scenewright.tools.map_import.survey import SurveyCrossing
 _WAYMO_WIDTH = 3.5
 _WAYMO_STREETS = (1, 2)
 """Types of Waymo's lanes that cars drive on: freeways and surface streets."""
-_DRIVEN = ("VEHICLE", "BUS")
 
 
 def load_lane_map(file: Path, map_format: str) -> LaneletFile:
@@ -38,21 +37,38 @@ def load_lane_map(file: Path, map_format: str) -> LaneletFile:
         InputError: unreadable, or without lanes for vehicles.
     """
     try:
-        lanes, crossings = _READERS[map_format](file)
+        lanes, crossings, others = _READERS[map_format](file)
     except (KeyError, TypeError, ValueError, IndexError) as fault:
         raise InputError(f"{file} cannot be read: {str(fault)[:80]} is missing or wrong") from None
     if not lanes:
         raise InputError(f"{file} has no lanes for vehicles")
     lanelets = {each.id: each for each in lanes}
-    return LaneletFile(file, lanelets, (), None, tuple(crossings), (), _NOTES.get(map_format, ()))
+    notes = [*_NOTES.get(map_format, ())]
+    if others:
+        notes.append(
+            f"{others} lanes were dropped: car parks, driveways, and lanes for buses, bicycles or "
+            "people on foot alone"
+        )
+    return LaneletFile(file, lanelets, (), None, tuple(crossings), (), tuple(notes))
 
 
 _NOTES = {"womd": ("lanes are drawn by their middle alone; they were taken to be 3.5 m wide",)}
-_Found = tuple[list[FileLanelet], list[SurveyCrossing]]
+_DRIVEN = ("VEHICLE", "BUS")
+"""Types of Argoverse's lanes; those of buses lie beside those of cars."""
+_Found = tuple[list[FileLanelet], list[SurveyCrossing], int]
+"""Lanes that cars drive on, crossings, and how many other lanes there are."""
+
+
+_COMMONROAD_OTHERS = frozenset(
+    (
+        *("sidewalk", "bicycleLane", "border", "shoulder", "restricted"),
+        *("busLane", "busStop", "parking", "driveWay"),
+    )
+)
 
 
 def _read_commonroad(file: Path) -> _Found:
-    lanes, crossings = [], []
+    lanes, crossings, others = [], [], 0
     for element in ElementTree.parse(file).getroot().iter("lanelet"):
         left, right = (_read_bound(element, side) for side in ("leftBound", "rightBound"))
         if left is None or right is None:
@@ -60,9 +76,11 @@ def _read_commonroad(file: Path) -> _Found:
         kinds = {(each.text or "").strip() for each in element.iterfind("laneletType")}
         if "crosswalk" in kinds:
             crossings.append(_build_crossing(left, right))
-        elif not kinds & {"sidewalk", "bicycleLane", "border"}:
+        elif kinds & _COMMONROAD_OTHERS:
+            others += 1
+        else:
             lanes.append(FileLanelet(element.get("id", ""), left, right, {}))
-    return lanes, crossings
+    return lanes, crossings, others
 
 
 def _read_bound(element: ElementTree.Element, side: str) -> FloatArray | None:
@@ -100,7 +118,7 @@ def _read_argoverse2(file: Path) -> _Found:
         _build_crossing(_list_points(each["edge1"]), _list_points(each["edge2"]))
         for each in held.get("pedestrian_crossings", {}).values()
     ]
-    return lanes, crossings
+    return lanes, crossings, len(held["lane_segments"]) - len(lanes)
 
 
 def _list_points(points: Sequence[Any]) -> FloatArray:
@@ -132,7 +150,11 @@ def _read_womd(file: Path) -> _Found:
         for each in scenario.map_features
         if each.HasField("crosswalk") and len(each.crosswalk.polygon) >= 4
     ]
-    return lanes, crossings
+    others = sum(
+        each.HasField("lane") and each.lane.type not in _WAYMO_STREETS
+        for each in scenario.map_features
+    )
+    return lanes, crossings, others
 
 
 def _list_lines(points: Any) -> Iterator[FloatArray]:

@@ -6,6 +6,7 @@ the Lanelet2 library insists on (types, subtypes, consistent bounds).
 
 from __future__ import annotations
 
+import heapq
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,10 +35,17 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.driving_side import find_lanelet2_side, take_option
-from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview, choose_junction
+from scenewright.tools.map_import.junction_choice import (
+    OTHER_SOURCE,
+    Junction,
+    JunctionOverview,
+    check_importable,
+    choose_junction,
+)
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
-from scenewright.tools.map_import.legs import find_legs
+from scenewright.tools.map_import.legs import SurveyLeg, find_legs
 from scenewright.tools.map_import.map_parts import geos
+from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_rings, join_rings
 from scenewright.tools.map_import.survey import (
     ASSUMED_SIDE,
     DrivingSide,
@@ -73,7 +81,10 @@ _GRAFT_TURN = math.radians(40.0)
 _LONGEST_APPROACH = 150.0
 _LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
 _FOR_PEDESTRIANS = ("crosswalk", "walkway")
-_NOT_DRIVEN = ("bikelane", "bicycle_lane", "stairs", "rail", "emergency_lane")
+_NOT_DRIVEN = (
+    *("bikelane", "bicycle_lane", "stairs", "rail", "emergency_lane", "bus_lane", "busway"),
+    *("parking", "parking_lot", "parking_aisle", "driveway", "track"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +120,15 @@ class FileLanelet:
 
 
 _Lanelets = Mapping[str, FileLanelet]
-_Grounds = tuple[Any, Any]
-"""What lanelets share at a junction, and at all others."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Grounds:
+    """What lanelets share at a junction, and at all others; ring: of a roundabout."""
+
+    shared: Any
+    others: Any
+    ring: Ring | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,11 +259,12 @@ def survey_lanelets(
         raise InputError(f"{held.file} has no lanelets for vehicles there")
     lines = [each.middle for each in held.lanelets.values()]
     side = take_option(left_hand) or find_lanelet2_side(lines)
-    if center is None and junction is None and not streets:
+    rings = _find_rings(held)
+    if center is None and junction is None and not streets and not rings:
         far = max(float(np.hypot(*each.middle.T).max()) for each in held.lanelets.values())
         if far <= _ONE_JUNCTION:
             return _survey_junction(held, held.lanelets, None, notes, side)
-    found = _find_places(held)
+    found = _find_places(held, rings)
     if not found and center is None:
         return _survey_junction(held, held.lanelets, None, notes, side)
     chosen = choose_junction(
@@ -256,6 +275,7 @@ def survey_lanelets(
         origin=held.origin,
         streets=streets,
     )
+    check_importable(chosen, held.file)
     ground = next(grounds for each, grounds in found if each is chosen)
     near = _take_near(held.lanelets, chosen.xy)
     return _survey_junction(held, near, ground, notes, side)
@@ -277,29 +297,49 @@ def _take_near(lanelets: _Lanelets, xy: tuple[float, float]) -> dict[str, FileLa
 
 def list_lanelet_junctions(held: LaneletFile) -> JunctionOverview:
     """The junctions of a file of lanelets, and its lanelets."""
-    found = tuple(each for each, _ in _find_places(held))
+    found = tuple(each for each, _ in _find_places(held, _find_rings(held)))
     return JunctionOverview(found, tuple(each.middle for each in held.lanelets.values()))
 
 
-def _find_places(held: LaneletFile) -> list[tuple[Junction, _Grounds]]:
-    """Junctions with the ground that lanelets share there; those of three or more legs."""
+def _find_rings(held: LaneletFile) -> list[Ring]:
+    lines = {name: each.middle for name, each in held.lanelets.items()}
+    return join_rings(find_rings(lines, _find_successors(held.lanelets)))
+
+
+def _list_grounds(held: LaneletFile, rings: Sequence[Ring]) -> Iterator[_Grounds]:
+    """What lanelets share at each junction; a ring with what lies on it is one."""
     follows = _find_successors(held.lanelets)
     shared = _find_shared_ground(held.lanelets, follows, sorted(held.lanelets))
     grown = shared.buffer(_APART / 2)
-    found: list[tuple[Junction, _Grounds]] = []
+    if rings:
+        shared = geos.union_all([shared, *(ring.carriageway for ring in rings)])
+        grown = geos.union_all([shared.buffer(_APART / 2), *(ring.disc for ring in rings)])
     for area in getattr(grown, "geoms", [grown]):
-        ground = shared.intersection(area)
-        grounds = ground, shared.difference(area)
-        middle = np.array(ground.envelope.centroid.coords[0])
+        own = next((ring for ring in rings if ring.disc.intersects(area)), None)
+        yield _Grounds(shared.intersection(area), shared.difference(area), own)
+
+
+def _find_places(held: LaneletFile, rings: Sequence[Ring]) -> list[tuple[Junction, _Grounds]]:
+    """Junctions with the ground that lanelets share there; those of three or more legs."""
+    found: list[tuple[Junction, _Grounds]] = []
+    for grounds in _list_grounds(held, rings):
+        middle = np.array(grounds.shared.envelope.centroid.coords[0])
         xy = float(middle[0]), float(middle[1])
         near = _take_near(held.lanelets, xy)
-        try:
-            survey = _survey_junction(held, near, grounds, [], ASSUMED_SIDE)
-            legs = find_legs(survey)
-        except InputError:
-            continue
-        touched = [n for n, each in near.items() if geos.LineString(each.middle).intersects(ground)]
-        if len(survey.connections) < 3 or not touched:
+        touched = [
+            n for n, each in near.items() if geos.LineString(each.middle).intersects(grounds.shared)
+        ]
+        legs: tuple[SurveyLeg, ...] = ()
+        refusal = "" if grounds.ring is None else grounds.ring.refusal
+        if not refusal:
+            try:
+                survey = _survey_junction(held, near, grounds, [], ASSUMED_SIDE)
+                legs = find_legs(survey)
+            except InputError as fault:
+                refusal = str(fault)
+            else:
+                refusal = "" if len(survey.connections) >= 3 else "it has fewer than three ways"
+        if not touched or (refusal and grounds.ring is None):
             continue
         taken = {each.id for each, _ in found}
         junction = Junction(
@@ -311,6 +351,8 @@ def _find_places(held: LaneletFile) -> list[tuple[Junction, _Grounds]]:
             streets=tuple(leg.road for leg in legs),
             bearings=tuple(leg.bearing for leg in legs),
             origin=held.origin,
+            is_roundabout=grounds.ring is not None,
+            refusal=refusal and f"{refusal}; {OTHER_SOURCE}",
         )
         found.append((junction, grounds))
     return found
@@ -411,17 +453,26 @@ def build_lanelets(
         subtype = tags.get("subtype", "road")
         if subtype in _FOR_PEDESTRIANS:
             foot.append(lanelet)
-        elif subtype in _NOT_DRIVEN:
+        elif subtype in _NOT_DRIVEN or _is_closed(tags):
             others += 1
         else:
             lanelets[lanelet.id] = lanelet
     if broken:
         notes.append(f"{broken} lanelets without two usable bounds were dropped")
     if others:
-        notes.append(f"{others} lanelets for bicycles and others were dropped")
+        notes.append(
+            f"{others} lanelets were dropped: car parks, tracks, and those for buses, bicycles or "
+            "others than cars"
+        )
     if broken and not lanelets:
         raise InputError(f"{file} has lanelets, but the bounds of all are missing")
     return lanelets, foot
+
+
+def _is_closed(tags: Mapping[str, str]) -> bool:
+    """Whether the file says that cars may not drive on a lanelet."""
+    keys = ("participant:vehicle:car", "participant:vehicle")
+    return next((tags[key] for key in keys if key in tags), "yes") == "no"
 
 
 def _read_bound(
@@ -484,12 +535,14 @@ def _survey_junction(
     """
     file, foot, crossings = held.file, held.foot, held.crossings
     follows = _find_successors(lanelets)
-    paths = [_Path.join(lanelets, names) for names in _list_paths(lanelets, follows)]
+    is_roundabout = grounds is not None and grounds.ring is not None
+    list_names = _list_shortest_paths if is_roundabout else _list_paths
+    paths = [_Path.join(lanelets, names) for names in list_names(lanelets, follows)]
     used = sorted({name for path in paths for name in path.names})
     if grounds is None:
-        grounds = _find_shared_ground(lanelets, follows, used), geos.Polygon()
-    shared, others = grounds
-    shortest = _SHORTEST_LANE if others.is_empty else _SHORTEST_LEG
+        grounds = _Grounds(_find_shared_ground(lanelets, follows, used), geos.Polygon())
+    shared = grounds.shared
+    shortest = _SHORTEST_LANE if grounds.others.is_empty else _SHORTEST_LEG
     approaches, exits, found = _split_paths(paths, grounds, shortest, notes)
     if not found:
         raise InputError(
@@ -504,6 +557,8 @@ def _survey_junction(
         )
     if unused := len(lanelets) - len(used):
         notes.append(f"{unused} lanelets that lead nowhere were dropped")
+    if is_roundabout:
+        notes.append(ROUNDABOUT)
     names = sorted({_find_street(each.tags) for each in lanelets.values()} - {""})
     return Survey(
         title=(", ".join(names) if 0 < len(names) <= 6 else f"junction of {file.name}")[:80],
@@ -522,6 +577,7 @@ def _survey_junction(
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         file_origin=held.origin,
         lights=tuple(SurveyLight(each - middle) for each in held.lights),
+        is_roundabout=is_roundabout,
         notes=notes,
     )
 
@@ -538,7 +594,7 @@ def _split_paths(
     found: dict[tuple[str, str], FloatArray] = {}
     cut_off = 0
     for path in paths:
-        junction = path.find_junction(*grounds)
+        junction = path.find_junction(grounds.shared, grounds.others)
         if junction is None:
             continue
         begin, end = junction
@@ -548,7 +604,11 @@ def _split_paths(
         before, after = f"{path.name_at(begin)}>", f">{path.name_at(end)}"
         _keep_shorter(approaches, before, path.take_until(begin))
         _keep_shorter(exits, after, path.take_from(end))
-        found[before, after] = path.line
+        # Of the ways round a ring the shortest one is driven.
+        if (before, after) not in found or grounds.ring is None:
+            found[before, after] = path.line
+        else:
+            found[before, after] = min(found[before, after], path.line, key=len)
     if cut_off:
         notes.append(f"{cut_off} ways begin or end inside the junction and were dropped")
     return approaches, exits, found
@@ -570,6 +630,25 @@ def _find_successors(lanelets: _Lanelets) -> dict[str, list[str]]:
         away = np.hypot(*(starts - ends).transpose(2, 0, 1)).max(axis=1)
         found[name] = [n for n, d in zip(names, away, strict=True) if d < _TOUCHING and n != name]
     return found
+
+
+def _list_shortest_paths(
+    lanelets: _Lanelets, follows: Mapping[str, list[str]]
+) -> Iterator[list[str]]:
+    """The shortest path from each lanelet without a predecessor to each without a successor."""
+    followers = {name for each in follows.values() for name in each}
+    length = {name: measure_length(each.middle) for name, each in lanelets.items()}
+    for first in sorted(set(lanelets) - followers):
+        todo, done = [(length[first], [first])], set[str]()
+        while todo:
+            so_far, path = heapq.heappop(todo)
+            if path[-1] in done:
+                continue
+            done.add(path[-1])
+            if not follows[path[-1]]:
+                yield path
+            for name in follows[path[-1]]:
+                heapq.heappush(todo, (so_far + length[name], [*path, name]))
 
 
 def _list_paths(lanelets: _Lanelets, follows: Mapping[str, list[str]]) -> Iterator[list[str]]:

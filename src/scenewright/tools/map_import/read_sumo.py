@@ -33,8 +33,10 @@ from scenewright.tools.map_import.driving_side import (
     take_option,
 )
 from scenewright.tools.map_import.junction_choice import (
+    OTHER_SOURCE,
     Junction,
     JunctionOverview,
+    check_importable,
     choose_junction,
 )
 from scenewright.tools.map_import.junction_groups import (
@@ -42,6 +44,7 @@ from scenewright.tools.map_import.junction_groups import (
     StreetPiece,
     group_junctions,
 )
+from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     list_opendrive_lights,
@@ -53,10 +56,11 @@ from scenewright.tools.map_import.osm_features import (
     read_osm_file,
 )
 from scenewright.tools.map_import.osm_streets import (
-    cut_out_if_large,
+    cut_out_if_needed,
     describe_group,
     survey_osm_junctions,
 )
+from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_rings, join_rings
 from scenewright.tools.map_import.survey import (
     DrivingSide,
     Survey,
@@ -109,7 +113,7 @@ def read_sumo(
             listed_one = chosen
             center, junction, streets = chosen.degrees, None, ()
             if chosen.degrees is not None:
-                source = cut_out_if_large(file, scratch, chosen.degrees)
+                source = cut_out_if_needed(file, scratch, chosen.degrees)
         origin = _find_middle_of_osm(source)
     osm = None if origin is None else read_osm_file(source, origin)
     drive = read_opendrive_file(file) if map_format == "opendrive" else None
@@ -125,15 +129,17 @@ def read_sumo(
     net = _read_network(network, file)
     group = None if listed_one is None else _find_listed(net, listed_one)
     if group is None:
-        groups = group_network(net)
+        rings = [] if map_format != "opendrive" else _find_network_rings(net)
+        groups = group_network(net, rings)
         chosen = choose_junction(
-            [describe_group(group, None) for group in groups],
+            [_describe_junction(group, net, rings) for group in groups],
             file=file,
             center=center,
             junction=junction,
             origin=origin,
             streets=streets,
         )
+        check_importable(chosen, file)
         group = next(each for each in groups if each.nodes == chosen.nodes)
         if listed_one is not None:
             _check_is_there(net, group, listed_one, origin, file)
@@ -224,16 +230,57 @@ def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> Juncti
         network = scratch / "converted.net.xml"
         _convert(file, network, origin=None, left_hand=False)
     net = _read_network(network, file)
+    rings = [] if map_format != "opendrive" else _find_network_rings(net)
     return JunctionOverview(
-        tuple(describe_group(each, None) for each in group_network(net)),
+        tuple(_describe_junction(each, net, rings) for each in group_network(net, rings)),
         tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
     )
 
 
-def group_network(net: Any) -> list[JunctionGroup]:
-    """The junctions of a network as drivers see them."""
+def _find_network_rings(net: Any) -> list[Ring]:
+    """The roundabouts of a network whose file does not name them, by its lanes."""
+    lines: dict[str, FloatArray] = {}
+    follows: dict[str, list[str]] = {}
+    for edge in net.getEdges(withInternal=False):
+        for lane in _list_driving_lanes(edge):
+            lines[lane.getID()] = _get_shape(lane)
+            for link in lane.getOutgoing():
+                after = link.getToLane()
+                if not _is_internal(after) and after.allows("passenger"):
+                    name = f"{lane.getID()}>{after.getID()}"
+                    lines[name], follows[name] = _trace_connection(net, link), [after.getID()]
+                    follows.setdefault(lane.getID(), []).append(name)
+    return join_rings(find_rings(lines, follows))
+
+
+def _list_ring_edges(net: Any, ring: Ring) -> set[str]:
+    return {net.getLane(name).getEdge().getID() for name in ring.lanes if ">" not in name}
+
+
+def _describe_junction(group: JunctionGroup, net: Any, rings: Sequence[Ring]) -> Junction:
+    """A group of nodes as a junction to choose; refused where its ring cannot be represented."""
+    refusals = [
+        ring.refusal
+        for ring in rings
+        if ring.refusal
+        and any(
+            net.getEdge(name).getToNode().getID() in group.nodes
+            for name in _list_ring_edges(net, ring)
+        )
+    ]
+    found = describe_group(group, None)
+    return replace(found, refusal=f"{refusals[0]}; {OTHER_SOURCE}") if refusals else found
+
+
+def group_network(net: Any, found: Sequence[Ring] = ()) -> list[JunctionGroup]:
+    """The junctions of a network as drivers see them.
+
+    Args:
+        found: roundabouts that the network does not name.
+    """
     edges = [each for each in net.getEdges(withInternal=False) if _list_driving_lanes(each)]
     rings = {name for ring in net.getRoundabouts() for name in ring.getEdges()}
+    rings |= {name for ring in found for name in _list_ring_edges(net, ring)}
     places = {each.getID(): np.array(each.getCoord()[:2], dtype=float) for each in net.getNodes()}
     back = {(edge.getToNode().getID(), edge.getFromNode().getID()) for edge in edges}
     pieces: list[StreetPiece] = []
@@ -362,7 +409,7 @@ def _survey_junction(
         exits={name: lane for name, lane in exits.items() if name in used[1]},
         connections=tuple(connections),
         crossings=crossings,
-        areas=tuple(outline - middle for outline in outlines),
+        areas=tuple(_list_passed(outlines, connections, middle)),
         phases=phases,
         side=side,
         is_signalised=any(str(node.getType()).startswith("traffic_light") for node in nodes),
@@ -386,6 +433,16 @@ def _survey_junction(
     )
 
 
+def _list_passed(
+    outlines: Sequence[FloatArray], connections: Sequence[SurveyConnection], middle: FloatArray
+) -> Iterator[FloatArray]:
+    """The outlines of nodes that a way leads through: streets that lead nowhere end elsewhere."""
+    ways = geos.union_all([geos.LineString(each.line) for each in connections])
+    for outline in outlines:
+        if geos.Polygon(outline - middle).intersects(ways):
+            yield outline - middle
+
+
 def _choose_title(names: Sequence[str], group: JunctionGroup) -> str:
     """The streets' names; the junction's id where they are only numbers or too many to read."""
     spoken = [name for name in names if re.sub(r"(?i)road|street|[\W\d_]", "", name)]
@@ -402,10 +459,7 @@ _LONGEST_ID = 24
 
 def _describe_parts(group: JunctionGroup) -> Iterator[str]:
     if group.is_roundabout:
-        yield (
-            f"a roundabout of {len(group.nodes)} nodes is one intersection: its vehicles keep "
-            "to the ring, and entering vehicles give way"
-        )
+        yield ROUNDABOUT
     elif len(group.nodes) > 1:
         yield f"{len(group.nodes)} nodes that lie close together are one intersection"
 
