@@ -510,7 +510,7 @@ def test_severity_and_cause_reach_the_relation() -> None:
         ("A vehicle yields to itself", "impossible"),
         ("A car turning left from the north exits to the west", "impossible"),
         ("A pedestrian rear-ends a car", "impossible"),
-        ("Two pedestrians collide", "impossible"),
+        ("A pedestrian yields to another pedestrian", "impossible"),
         ("A car drives on the sidewalk and hits a pedestrian", "impossible"),
         ("At 27:80 a car hits a bus", "impossible"),
         ("A jaywalker on the north crosswalk is hit by a car.", "contradictory"),

@@ -86,6 +86,17 @@ def test_an_order_beyond_reason_is_refused() -> None:
         read_order("999999999 collisions")
 
 
+def test_an_order_that_names_riders_gets_them() -> None:
+    (quota,) = read_order("3 e-scooter yields").quotas
+    assert quota.rider == "scooter"
+    chosen = [each for each in load_patterns() if each.id in quota.leaves]
+    assert all("rider" in (each.from_.type, each.to.type) for each in chosen)
+    parties = list_parties(
+        chosen[0], intersection_map=ON, detail=2, rng=np.random.default_rng(0), rider=quota.rider
+    )
+    assert "scooter" in {party.type for party in parties}
+
+
 def test_patterns_are_dealt_out_evenly() -> None:
     wish = read_order("29 yields")
     first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1))
@@ -95,14 +106,16 @@ def test_patterns_are_dealt_out_evenly() -> None:
 
 def test_every_pattern_can_be_worded_in_many_voices() -> None:
     rng, writer, voices = np.random.default_rng(0), BuiltinWriter(ON), set()
-    asked = [each for each in load_patterns() if each.is_common or each.subtype == "U-turn"]
+    known = [each for each in load_patterns() if each.is_common or each.subtype == "U-turn"]
+    ridden = [each for each in known if "rider" in (each.from_.type, each.to.type)]
+    asked = [each for each in known if each not in ridden] + ridden[::4]
     for turn, pattern in enumerate(asked):
         event = EVENT_OF_RELATION[pattern.relation]
         # Not every way that a pattern allows is on this map; the agent thinks up another story.
-        for _ in range(12):
+        for again in range(12):
             parties = list_parties(pattern, intersection_map=ON, detail=2, rng=rng)
             story = Story(event, pattern.id, parties, draw_minute([], rng), "medium")
-            given = writer.write_text(story, StoryRequest(turn), rng=rng)
+            given = writer.write_text(story, StoryRequest(turn + again), rng=rng)
             if given is not None:
                 break
         assert given is not None, pattern.id
@@ -268,9 +281,12 @@ def test_a_model_that_cannot_be_reached_ends_the_order() -> None:
         writer.write_text(story_of_a_yield(), StoryRequest(), rng=np.random.default_rng(0))
 
 
-def driving(party: dict[str, Any]) -> str:
+def driving(party: dict[str, Any], vehicle: str) -> str:
+    noun = {"cyclist": "cyclist", "scooter": "e-scooter"}.get(party["type"], vehicle)
     way = {"straight": "going straight", "left": "turning left", "right": "turning right"}
-    return way[party["movement"]] + (f" from the {party['side']}" if "side" in party else "")
+    return f"{noun} {way[party['movement']]}" + (
+        f" from the {party['side']}" if "side" in party else ""
+    )
 
 
 def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
@@ -282,8 +298,8 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     def reply(question: Question) -> dict[str, str]:
         if question.rejections:
             story = question.facts["story"]
-            one, other = (driving(story[role]) for role in ("who does it", "to whom"))
-            return {"text": f"A car {one} follows a bus {other} at {story['time']}, light traffic"}
+            one, other = driving(story["who does it"], "car"), driving(story["to whom"], "bus")
+            return {"text": f"A {one} follows a {other} at {story['time']}, light traffic"}
         return {"text": f"A car nearly hits a bus, number {next(manners)}"}
 
     model = build_scripted_backend({"plan": [reply]}, name="openai:writer", forever=True)
@@ -367,7 +383,7 @@ def test_the_papers_composition() -> None:
 
 def test_the_command_line_says_what_it_understood(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["agent", "3 yields at noon", "--out", "nowhere", "--dry-run"]) == 0
-    assert "3 x yielding (12 patterns)" in capsys.readouterr().out
+    assert "3 x yielding (24 patterns)" in capsys.readouterr().out
     assert not Path("nowhere").exists()
     assert main(["agent", "3 dragons", "--out", "nowhere"]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1

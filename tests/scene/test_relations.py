@@ -104,6 +104,8 @@ _BOUNDED = {
     "rider_close_overtaking": {"clearance"},
     "near_miss_lead_brakes": {"path_ttc"},
     "tailgating": {"least_headway"},
+    "pedestrians_near_miss_at_corner": {"pet", "clearance"},
+    "pedestrians_near_miss_on_crosswalk": {"pet", "clearance"},
 }
 """Figures that files bound which are not the usual ones of their relation."""
 

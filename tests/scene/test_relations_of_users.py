@@ -126,12 +126,13 @@ def test_ways_that_only_vehicles_have_are_told(folder: Path) -> None:
 def test_a_pedestrian_who_follows_a_vehicle_is_told(folder: Path) -> None:
     text = EXAMPLE.replace(VEHICLE, PEDESTRIAN, 1).replace('"near_miss"', '"follow"')
     text = text.replace('within = { pet = "gap" }', "")
-    assert "relation: a pedestrian and a vehicle never follow" in refusal(folder, text)
+    assert "relation: a pedestrian neither follows" in refusal(folder, text)
 
 
-def test_two_pedestrians_are_told(folder: Path) -> None:
+def test_two_pedestrians_have_no_right_of_way(folder: Path) -> None:
     text = EXAMPLE.replace(VEHICLE, PEDESTRIAN)
-    assert "to.type: one of the two must be a vehicle" in refusal(folder, text)
+    text = text.replace('relation = "near_miss"', 'relation = "yield_to"')
+    assert "relation: two pedestrians have no right of way" in refusal(folder, text)
 
 
 @pytest.mark.parametrize(

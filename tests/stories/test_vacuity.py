@@ -17,15 +17,15 @@ from scenewright.scene.relations import Pattern, Role, get_pattern, load_pattern
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import RoadUser, check, find_events, read_users
 
-RIDING = frozenset(
-    {"rider_right_hook_near_miss", "vehicle_yields_to_crosswalk_rider", "rider_close_overtaking"}
-)
-"""Of the patterns with riders one of each kind: three are enough for what they share."""
-NAMES = [
-    pattern.id
-    for pattern in load_patterns()
-    if "rider" not in (pattern.from_.type, pattern.to.type) or pattern.id in RIDING
-]
+CHOSEN = frozenset(
+    {
+        "rider_right_hook_near_miss", "vehicle_yields_to_crosswalk_rider", "rider_close_overtaking",
+        "pedestrians_collide_at_corner", "pedestrians_near_miss_on_crosswalk",
+    }
+)  # fmt: skip
+"""Of the patterns with riders or two on foot one of each kind: these are enough for what they
+share."""
+NAMES = [pattern.id for pattern in load_patterns() if pattern.is_of_paper or pattern.id in CHOSEN]
 MAP = load_map("amsterdam_120")
 MINUTE = 60.0
 

@@ -11,7 +11,7 @@ from scenewright.scene.base import Model, Point
 from scenewright.scene.social import CollisionKind
 
 EventType = Literal["collision", "near_miss", "yielding", "follow"]
-EventZone = Literal["crosswalk", "conflict", "lane", "roadway"]
+EventZone = Literal["crosswalk", "sidewalk", "conflict", "lane", "roadway"]
 """Where an event lies: on a crosswalk; inside the junction; in the lane of two that go one way; on
 the road, and off the crosswalks of pedestrians."""
 

@@ -163,7 +163,7 @@ def test_seven_cars_follow_a_bus() -> None:
          "contradictory"),
         ("[veh:1 A car] from the [from:1 north] [left:1 turns left] to the [to:1 west]",
          "impossible"),
-        ("[ped:1 A man] [hit:1>2 runs into] [ped:2 a woman]", "impossible"),
+        ("[ped:1 A man] [yield:1>2 yields to] [ped:2 a woman]", "impossible"),
         ("%off sing a song", "out_of_scope"),
         ("%foreign ein Auto", "out_of_scope"),
     ],

@@ -30,6 +30,7 @@ from scenewright.tools.relation_checker import (
     find_zone_occupancy,
     measure_lane_gaps,
 )
+from scenewright.tools.relation_checker.events import observe
 
 
 def cars(lag: float = 2.0) -> tuple[Trajectory, ...]:
@@ -228,3 +229,13 @@ def test_contact_and_zero_pet_go_together(angle: float, one: float, two: float, 
     shared = np.deg2rad(31.0)  # within 30 degrees they are in one lane: headway, no PET
     if contact is not None and shared < angle < 2 * np.pi - shared:
         assert pet == pytest.approx(0.0, abs=0.03)
+
+
+def test_walkers_that_pass_closely_are_an_event_only_if_asked_for() -> None:
+    """One walks east, the other north across its way 0.8 s later."""
+    way = distance(1.4, (0.0, 8.0))
+    users = [walk(1, (0.0, 0.0), EAST, way), walk(2, (5.0, -6.12), NORTH, way)]
+    assert not observe(users).events
+    (event,) = observe(users, asked=[(1, 2)]).events
+    assert (event.type, event.kind) == ("near_miss", None)
+    assert event.evidence["pet"] <= 1.5

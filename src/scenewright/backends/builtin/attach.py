@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from scenewright.backends.builtin.coreference import OPPOSITE
 from scenewright.backends.builtin.draft import AgentDraft, Refused
 from scenewright.backends.builtin.grammar import Modifier
+from scenewright.scene.base import RIDERS
 
 VEHICLE_ONLY = frozenset({"turn", "uturn", "straight"})
 PEDESTRIAN_ONLY = frozenset({"crosswalk", "on_crosswalk"})
@@ -50,7 +51,7 @@ def _attach(modifier: Modifier, agent: AgentDraft, *, crossing: bool) -> None:
     means, values = modifier.means, modifier.values
     if agent.type == "pedestrian" and means in VEHICLE_ONLY:
         return
-    if agent.type == "vehicle" and means in PEDESTRIAN_ONLY:
+    if agent.type == "vehicle" and agent.subtype not in RIDERS and means in PEDESTRIAN_ONLY:
         return
     if means in {"from", "from_to", "cross_from_to"}:
         put(agent, "entry", values[0])
@@ -73,8 +74,8 @@ def _attach(modifier: Modifier, agent: AgentDraft, *, crossing: bool) -> None:
 
 
 def cross(agent: AgentDraft) -> None:
-    """The pedestrian crosses, unless it is known to jaywalk."""
-    if agent.type == "pedestrian" and agent.movement != "jaywalking":
+    """The pedestrian, or the rider on a crosswalk, crosses, unless it is known to jaywalk."""
+    if (agent.type == "pedestrian" or agent.subtype in RIDERS) and agent.movement != "jaywalking":
         agent.movement = "crossing"
 
 

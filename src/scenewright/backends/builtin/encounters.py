@@ -237,6 +237,10 @@ class EncounterPhrase:
     figure: tuple[float, float] | None = None
 
 
+_HIDES = re.compile(r"\s*(?:by|behind)\b", re.IGNORECASE)
+"""At a thing that is not what is hit: "a child hidden by a parked bus is hit by a car"."""
+
+
 def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
     """A text with a plain verb in the place of its words about encounters, as long as before.
 
@@ -252,7 +256,8 @@ def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
                     text = _put(text, match, _choose_verb(match))
                     text = _blank(text, match.end(), found[-1].end)
         for match in _BY[how].finditer(text) if how in _BY else ():
-            if not _NOT.search(text[: match.start("passive")]):
+            hides = _HIDES.match(match[0])
+            if not (hides or _NOT.search(text[: match.start("passive")])):
                 found.append(_read(match, how, agent_follows=True))
                 text = _put(text, match, "there is".rjust(len(match[0])))
     if not found:

@@ -25,6 +25,7 @@ def fill_entailed(draft: Draft) -> None:
     """Fill what follows from what is said; Refused where it cannot be."""
     for relation in draft.relations:
         _turn_across(relation, draft.site)
+        _meet_on_crosswalk(relation)
     for _ in range(2):
         for agent in draft.agents:
             fill_agent(agent, draft.site)
@@ -125,6 +126,20 @@ def _fill_relatives(agent: AgentDraft, draft: Draft) -> None:
             _check_opposite(agent, other)
 
 
+def _meet_on_crosswalk(relation: RelationDraft) -> None:
+    """Two that meet on foot, one of them on a crosswalk, cross it in opposite directions."""
+    pair = (relation.from_, relation.to)
+    met = relation.type in ("collide_at", "near_miss") and relation.pattern is None
+    if not (met and all(each.walks for each in pair)):
+        return
+    for agent, other in (pair, pair[::-1]):
+        if other.movement != "crossing" or agent.movement == "jaywalking":
+            continue
+        agent.movement = "crossing"
+        if agent.crosswalk is None:
+            agent.crosswalk = other.crosswalk
+
+
 def _check_opposite(agent: AgentDraft, other: AgentDraft) -> None:
     if agent.drives and agent.entry == other.entry:
         raise Refused(
@@ -223,9 +238,11 @@ def _check_head_on(relation: RelationDraft, site: Site) -> None:
 
 def _check_possible(relation: RelationDraft, site: Site) -> None:
     first, second = relation.from_, relation.to
-    if first.type == second.type == "pedestrian" and relation.type != "follow":
+    if first.type == second.type == "pedestrian" and relation.type == "yield_to":
         raise Refused(
-            "impossible", "Two pedestrians have no such relation here; make one of them a vehicle."
+            "impossible",
+            "Between two pedestrians nobody has the right of way; make one of them a vehicle, or "
+            "ask for a near miss.",
         )
     if relation.type == "follow" and first.walks != second.walks:
         raise Refused(

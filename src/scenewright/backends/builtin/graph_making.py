@@ -130,7 +130,8 @@ def place_impacts(draft: Draft, impacts: Impacts) -> None:
 
 def _orient(relation: RelationDraft) -> None:
     """Make the vehicle the striking agent, also where the pedestrian is the sentence's subject."""
-    if relation.type in {"collide_at", "near_miss"} and relation.from_.type == "pedestrian":
+    on_foot = [each.type == "pedestrian" for each in (relation.from_, relation.to)]
+    if relation.type in {"collide_at", "near_miss"} and on_foot == [True, False]:
         relation.from_, relation.to = relation.to, relation.from_
         relation.point_from, relation.point_to = relation.point_to, relation.point_from
 

@@ -21,6 +21,7 @@ from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Mention
 from scenewright.backends.builtin.settling import Settling
+from scenewright.scene.base import RIDERS
 
 _ANYBODY = frozenset(
     [
@@ -231,6 +232,8 @@ class Modifying(Settling):
         )
         if modifier.means in {"turn", "straight", "uturn"} and self._is_nominal_turn(at):
             prefer = self.subject or self.last
+        if modifier.means in PEDESTRIAN_ONLY and (riders := self._find_riders_there(at)):
+            return riders
         drives = self._is_of_turning_agent(at, modifier)
         for group in (prefer, *(group for _, group in reversed(self.sentence))):
             fits = [a for a in group if can_hold(a, modifier) and not (drives and a.type[0] == "p")]
@@ -243,6 +246,16 @@ class Modifying(Settling):
             ):
                 return kinds
         return []
+
+    def _find_riders_there(self, at: int) -> Group:
+        """ "A cyclist on the crosswalk hits ...", "rides on the crosswalk": the rider is there."""
+        before = self._get_item(at - 1)
+        walkers = any(agent.type == "pedestrian" for agent in self.draft.agents)
+        named = isinstance(before, Mention) and not (self.verb_seen and walkers)
+        rides = isinstance(before, Chunk) and before.text.startswith("rid")
+        group = self.last if named else self.subject
+        there = (named or rides) and all(agent.subtype in RIDERS for agent in group)
+        return group if there else []
 
     def _is_of_turning_agent(self, at: int, modifier: Modifier) -> bool:
         """ "..., northbound, left turn": a side that stands with a turn is a vehicle's."""

@@ -156,10 +156,12 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         rest, standing = take_out(plain)
         earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]
         again = () if earlier else _read_after_openers(rest, site)
-        found = decide(read_twice(rest, earlier, site), site, again)
-        if isinstance(found, Refusal) and (met or wrong):
-            # "A car drives" is no scene by itself, but with what it meets it is one.
+        readings = read_twice(rest, earlier, site)
+        found = decide(readings, site, again)
+        if isinstance(found, Refusal) and (met or wrong or _is_motion_alone(readings.learned.plan)):
+            # "A car drives" is no scene by itself, but with what it meets or does it is one.
             found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
+            found = _drop_beyond(found, len(rest))
         if isinstance(found, Refusal):
             return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found
@@ -172,6 +174,20 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
     except Refused as verdict:
         refused = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
         return refuse_beyond(refused, text)
+
+
+def _drop_beyond(plan: Plan, end: int) -> Plan:
+    """The plan with the account of the words up to an end alone."""
+    if isinstance(plan, Refusal):
+        return plan
+    return plan.model_copy(update={"said": tuple(each for each in plan.said if each.end <= end)})
+
+
+def _is_motion_alone(plan: Plan) -> bool:
+    """Whether nothing is read but how agents move, such as that one blocks the junction."""
+    if isinstance(plan, Refusal) or plan.relations:
+        return False
+    return all(agent.motion is not None for agent in plan.agents)
 
 
 def _read_after_openers(text: str, site: Site) -> Iterator[LearnedPlan]:

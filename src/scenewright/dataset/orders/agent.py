@@ -284,7 +284,11 @@ def draw_story(slot: Slot, context: OrderContext, rng: np.random.Generator) -> S
     if leaf is not None:
         detail = int(rng.choice(len(_DETAIL), p=_DETAIL))
         parties = list_parties(
-            get_pattern(leaf), intersection_map=intersection_map, detail=detail, rng=rng
+            get_pattern(leaf),
+            intersection_map=intersection_map,
+            detail=detail,
+            rng=rng,
+            rider=slot.quota.rider,
         )
     elif slot.quota.foreground:
         parties = draw_passers(intersection_map, rng)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import InputError
+from scenewright.scene.base import AgentClass
 from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.social import SceneContext
@@ -51,6 +52,11 @@ _MEANS: Mapping[str, tuple[str, ...]] = {
     "headon": ("head",), "swipe": ("sideswipe",), "on": (),
 }  # fmt: skip
 """Synonyms of words of the taxonomy."""
+_RIDERS: Mapping[str, AgentClass] = {
+    "cyclist": "cyclist", "bicyclist": "cyclist", "bicycle": "cyclist", "bike": "cyclist",
+    "scooter": "scooter", "escooter": "scooter",
+}  # fmt: skip
+"""Words that name a class of riders; the relations know riders alone."""
 _EMPTY = frozenset(
     _list(
         "scene scenes event events of the a an with case cases example examples call calls close "
@@ -92,6 +98,7 @@ class Quota:
             that is, from 0 on. Draws depend on the place alone, so that recorded answers of a model
             can replace the model.
         foreground: whether the texts of normal scenes name two agents that do not interact.
+        rider: the class of its riders, where the order names it.
     """
 
     name: str
@@ -101,6 +108,7 @@ class Quota:
     backend: str | None = None
     foreground: bool = False
     place: int | None = None
+    rider: AgentClass | None = None
 
 
 @dataclass(frozen=True)
@@ -167,7 +175,8 @@ def read_order(text: str) -> OrderSpec:
 
 def _split_words(text: str) -> list[str]:
     """Words and numbers in lower case; a full stop or comma stays a word of its own."""
-    plain = text.lower().replace("t-bone", "tbone").replace("near-miss", "near miss")
+    plain = text.lower().replace("t-bone", "tbone").replace("e-scooter", "escooter")
+    plain = plain.replace("near-miss", "near miss")
     plain = plain.replace("near misses", "near_misses").replace("near miss", "near_miss")
     plain = re.sub(r"(?<=[a-z])-(?=[a-z])", " ", plain)
     return re.findall(r"-?\d+(?:[:.]\d+)?|[a-z_]+(?:'[a-z]+)?|[,.;]", plain)
@@ -236,7 +245,7 @@ def _make_singular(word: str) -> str:
 def _is_known(span: list[str]) -> bool:
     every = {part for pattern in load_patterns() for part in _list_vocabulary(pattern)}
     stems = [_make_singular(word) for word in span if word not in _EMPTY]
-    return any(stem in every or _MEANS.get(stem) for stem in stems)
+    return any(stem in every or stem in _RIDERS or _MEANS.get(stem) for stem in stems)
 
 
 def _parse_quotas(span: list[str], count: int) -> list[Quota]:
@@ -259,8 +268,11 @@ def _parse_quotas(span: list[str], count: int) -> list[Quota]:
         return [_build_quota(pattern.id.replace("_", "-"), count, [pattern]) for pattern in found]
     found = [each for each in found if each.is_common] or found
     if len(kinds) == 1:
-        return [_build_quota(_name(span, next(iter(kinds))), count, found)]
-    return _spread(found, count)
+        quotas = [_build_quota(_name(span, next(iter(kinds))), count, found)]
+    else:
+        quotas = _spread(found, count)
+    riders = {_RIDERS[stem] for word in span if (stem := _make_singular(word)) in _RIDERS}
+    return [replace(each, rider=min(riders) if len(riders) == 1 else None) for each in quotas]
 
 
 def _build_quota(name: str, count: int, found: list[Pattern]) -> Quota:
@@ -288,6 +300,8 @@ def _get_meaning(word: str, kind_named: bool) -> tuple[str, ...]:
     stem = _make_singular(word)
     if word in _EMPTY or word == "and":
         return ()
+    if stem in _RIDERS:
+        return ("rider",)
     if stem in _MEANS:
         return _MEANS[stem]
     return () if kind_named and _find_kind(word) else (stem,)
@@ -310,11 +324,11 @@ def _name(span: list[str], kind: str) -> str:
 
 def _merge_quotas(quotas: list[Quota]) -> Iterator[Quota]:
     """One quota for each kind, in the order in which they were named first."""
-    names = dict.fromkeys((quota.name, quota.event) for quota in quotas)
-    for name, event in names:
-        same = [q for q in quotas if (q.name, q.event) == (name, event)]
+    names = dict.fromkeys((quota.name, quota.event, quota.rider) for quota in quotas)
+    for name, event, rider in names:
+        same = [q for q in quotas if (q.name, q.event, q.rider) == (name, event, rider)]
         leaves = dict.fromkeys(leaf for quota in same for leaf in quota.leaves)
-        yield Quota(name, sum(quota.count for quota in same), event, tuple(leaves))
+        yield Quota(name, sum(quota.count for quota in same), event, tuple(leaves), rider=rider)
 
 
 def _parse_setting(rest: str) -> tuple[tuple[tuple[int, int], ...], SceneContext]:

@@ -7,11 +7,11 @@ what cannot be.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.scene.base import AgentClass, Compass, Movement
+from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
 from scenewright.scene.map import IntersectionMap, VehicleMovement
 from scenewright.scene.relations import Pattern, Role, load_patterns
 from scenewright.scene.social import Density
@@ -29,7 +29,8 @@ class Party:
 
     Attributes:
         side: where it comes from, if that is given; crosswalk: leg that a pedestrian crosses.
-        tie: `oncoming` or `cross`: how it comes, relative to the other agent.
+        tie: `oncoming` or `cross`: how it comes, relative to the other agent; `corner`: the two
+            meet beside the road.
     """
 
     type: AgentClass
@@ -61,20 +62,36 @@ class Story:
 
 
 def list_parties(
-    pattern: Pattern, *, intersection_map: IntersectionMap, detail: int, rng: np.random.Generator
+    pattern: Pattern,
+    *,
+    intersection_map: IntersectionMap,
+    detail: int,
+    rng: np.random.Generator,
+    rider: AgentClass | None = None,
 ) -> tuple[Party, Party]:
     """Returns the two agents of a pattern and their origins.
 
     Args:
         detail: 0 movements alone, 1 ties and crosswalks of one of them, 2 sides.
+        rider: class of the riders; None: either.
     """
+    kinds = [
+        (rider or RIDERS[int(rng.integers(len(RIDERS)))]) if role.type == "rider" else role.type
+        for role in (pattern.from_, pattern.to)
+    ]
     options = list(_list_meetings(pattern, intersection_map))
-    if not options or detail == 0:
-        return _make_bare_party(pattern.from_, rng), _make_bare_party(pattern.to, rng)
-    first, second = options[int(rng.integers(len(options)))]
-    if detail >= 2:
+    met = bool(options) and options[0][1].tie is not None
+    if not options or (detail == 0 and not met):
+        return _make_bare_party(pattern.from_, kinds[0], rng), _make_bare_party(
+            pattern.to, kinds[1], rng
+        )
+    first, second = (
+        replace(party, type=kind)
+        for party, kind in zip(options[int(rng.integers(len(options)))], kinds, strict=True)
+    )
+    if detail >= 2 or met:
         return first, second
-    if "pedestrian" in (first.type, second.type):
+    if "crossing" in (first.movement, second.movement):
         # One of the two places is given; the other follows from it or stays open.
         hide_walk = bool(rng.integers(2))
         return _drop_side(first, hide_walk), _drop_side(second, hide_walk)
@@ -94,13 +111,12 @@ def draw_passers(
     return driver, Party("vehicle", other.turn, side=other.entry)
 
 
-def _make_bare_party(role: Role, rng: np.random.Generator) -> Party:
-    kind = "cyclist" if role.type == "rider" else role.type
+def _make_bare_party(role: Role, kind: AgentClass, rng: np.random.Generator) -> Party:
     return Party(kind, role.movements[int(rng.integers(len(role.movements)))])
 
 
 def _drop_side(party: Party, hide_walk: bool) -> Party:
-    if party.type == "pedestrian":
+    if _walks(party):
         return Party(party.type, party.movement, crosswalk=None if hide_walk else party.crosswalk)
     return Party(party.type, party.movement, side=party.side if hide_walk else None)
 
@@ -114,13 +130,28 @@ def _list_meetings(
     pattern: Pattern, intersection_map: IntersectionMap
 ) -> Iterator[tuple[Party, Party]]:
     """Every pair of ways on the map that the pattern's two can take."""
-    if pattern.to.type == "pedestrian":
+    walking = [_is_walked(role) for role in (pattern.from_, pattern.to)]
+    if all(walking) and pattern.zone == "sidewalk":
+        yield Party("pedestrian", "crossing"), Party("pedestrian", "crossing", tie="corner")
+    elif all(walking):
+        for walk in intersection_map.crosswalks:
+            yield (Party("pedestrian", "crossing", crosswalk=walk.leg),) * 2
+    elif walking[1]:
         for walker, driver in _list_strikes(pattern.to, pattern.from_, intersection_map):
             yield driver, walker
-    elif pattern.from_.type == "pedestrian":
+    elif walking[0]:
         yield from _list_strikes(pattern.from_, pattern.to, intersection_map)
     else:
         yield from _list_pairs(pattern, intersection_map)
+
+
+def _walks(party: Party) -> bool:
+    return party.movement in ("crossing", "jaywalking")
+
+
+def _is_walked(role: Role) -> bool:
+    """Whether a role is played on foot, or riding on a crosswalk."""
+    return set(role.movements) <= {"crossing", "jaywalking"}
 
 
 def _list_strikes(
@@ -176,11 +207,14 @@ def _meet(
     other: VehicleMovement,
     intersection_map: IntersectionMap,
 ) -> bool:
-    if pattern.geometry in ("same_lane", "same_way", "lane_change"):
+    if pattern.geometry in ("same_lane", "same_way", "lane_change", "overtaking", "cutting_in"):
         return one.id == other.id
+    if pattern.geometry == "turn_across":
+        return one.id != other.id
     if pattern.geometry == "opposing":
         return True
-    return frozenset((one.id, other.id)) in intersection_map.zone_pairs
+    fits = (one.exit == other.exit) == (pattern.geometry == "merging")
+    return fits and frozenset((one.id, other.id)) in intersection_map.zone_pairs
 
 
 def has_likelier_twin(pattern: Pattern) -> bool:

@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from scenewright.dataset.orders.scenario_spec import Party, Story, has_likelier_twin
+from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import Pattern, get_pattern
 
 ItemT = TypeVar("ItemT")
@@ -24,6 +25,13 @@ VEHICLES: Mapping[str, float] = {
 PEDESTRIANS: Mapping[str, float] = {
     "pedestrian": 6, "woman": 1, "man": 1, "child": 1, "jogger": 1, "person": 1,
 }  # fmt: skip
+_NOUNS: Mapping[AgentClass, Mapping[str, float]] = {
+    "vehicle": VEHICLES, "pedestrian": PEDESTRIANS,
+    "cyclist": {"cyclist": 6, "bicyclist": 1, "bike": 1},
+    "scooter": {"e-scooter": 4, "e-scooter rider": 1},
+}  # fmt: skip
+_SURELY_ON_FOOT = ("pedestrian", "jogger")
+"""Nouns of one that hits another pedestrian; a man or a woman that does might be driving."""
 
 
 @dataclass(frozen=True)
@@ -159,11 +167,12 @@ def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
 
 def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list[str]]:
     """A noun for each party, different ones, and all that is said of it."""
-    names = [
-        _draw_weighted(VEHICLES if p.type == "vehicle" else PEDESTRIANS, rng) for p in story.parties
-    ]
-    if story.parties[0].type == story.parties[1].type == "vehicle":
-        names[1] = _draw_weighted({n: w for n, w in VEHICLES.items() if n != names[0]}, rng)
+    names = [_draw_weighted(_NOUNS[party.type], rng) for party in story.parties]
+    if story.leaf and {party.type for party in story.parties} == {"pedestrian"}:
+        names[0] = _draw_one(_SURELY_ON_FOOT, rng)
+    if story.parties[0].type == story.parties[1].type:
+        others = {n: w for n, w in _NOUNS[story.parties[1].type].items() if n != names[0]}
+        names[1] = _draw_weighted(others, rng)
     pairs = zip(story.parties, names, strict=True)
     return names, [_render_party(party, name, rng) for party, name in pairs]
 
@@ -217,7 +226,7 @@ def _format_clock(minute: int, rng: np.random.Generator) -> str:
 
 def _render_party(party: Party, name: str, rng: np.random.Generator) -> str:
     """`a left-turning taxi from the north`, `a woman on the east crosswalk`."""
-    if party.type == "pedestrian":
+    if party.movement in ("crossing", "jaywalking"):
         return _render_walking(party, name, rng)
     turns = {"left": ("left-turning", "turning left"), "right": ("right-turning", "turning right")}
     if party.movement in turns:
@@ -244,14 +253,19 @@ def _render_origin(party: Party, rng: np.random.Generator) -> str:
 def _render_walking(party: Party, name: str, rng: np.random.Generator) -> str:
     if party.movement == "jaywalking":
         return _draw_one(("a jaywalker", f"{_choose_article(name)} {name} who is jaywalking"), rng)
+    if party.tie == "corner":
+        return f"{_choose_article(name)} {name} at the corner"
     if party.crosswalk is None:
         return _draw_one(
-            (f"{_choose_article(name)} {name} on the crosswalk", f"a crossing {name}"), rng
+            (f"{_choose_article(name)} {name} on the crosswalk", f"a crossing {name}")[
+                : 1 + (party.type == "pedestrian")
+            ],
+            rng,
         )
     where = (
         f"on the {party.crosswalk} crosswalk", f"crossing the {party.crosswalk} leg",
         f"in the {party.crosswalk} crosswalk",
-    )  # fmt: skip
+    )[: 3 if party.type == "pedestrian" else 1]  # fmt: skip
     return f"{_choose_article(name)} {name} {_draw_one(where, rng)}"
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, get_args
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from scenewright.dataset.tables.map_rows import list_map_rows
 from scenewright.dataset.tables.splits import choose_split
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
+from scenewright.scene.base import AgentClass
 from scenewright.scene.track import VEHICLE_SIZES
 
 TABLES = ("scenes", "agents", "tracks", "events", "account", "lights", "map")
@@ -60,6 +61,8 @@ SCHEMAS: Mapping[str, Fields] = {
         "step": ("float64", "between samples of tracks [s]"),
         "vehicles": ("int16", "how many"),
         "pedestrians": ("int16", "how many"),
+        "cyclists": ("int16", "how many"),
+        "scooters": ("int16", "how many on e-scooters"),
         "foreground": ("int16", "agents that the text speaks of"),
         "background": ("int16", "all other agents"),
         "objects": ("string", "what stands, as JSON; null where nothing does"),
@@ -68,7 +71,7 @@ SCHEMAS: Mapping[str, Fields] = {
         "row": ("string", "id of the row"),
         "agent": ("int16", "id within the scene"),
         "name": ("string", "as the plan calls it"),
-        "type": ("string", "vehicle or pedestrian"),
+        "type": ("string", "vehicle, pedestrian, cyclist or scooter"),
         "subtype": ("string", f"{', '.join(VEHICLE_SIZES)}; null for others"),
         "role": ("string", "foreground or background"),
         "entry": ("string", "side that it comes from"),
@@ -212,8 +215,10 @@ def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
         "density": meta["density"],
         "duration": meta["duration"],
         "step": meta["step"],
-        "vehicles": sum(agent["type"] == "vehicle" for agent in agents),
-        "pedestrians": sum(agent["type"] == "pedestrian" for agent in agents),
+        **{
+            f"{kind}s": sum(agent["type"] == kind for agent in agents)
+            for kind in get_args(AgentClass)
+        },
         "foreground": sum(agent["role"] == "foreground" for agent in agents),
         "background": sum(agent["role"] == "background" for agent in agents),
         "objects": _format_json(scene["objects"]) if scene.get("objects") else None,

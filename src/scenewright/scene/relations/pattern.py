@@ -151,13 +151,18 @@ class Pattern(Model):
 
     @property
     def is_common(self) -> bool:
-        """Whether an order may be filled with it that names no manoeuvre, riders or U-turns.
+        """Whether an order may be filled with it that names neither manoeuvre nor U-turn.
 
         A last resort is played only where the routes fit nothing else, so no order counts on it.
         """
-        roles = (self.from_, self.to)
-        named = any(role.type == "rider" or role.movements == ("uturn",) for role in roles)
-        return not (self.manoeuvre or self.is_last_resort or named)
+        turns_round = any(role.movements == ("uturn",) for role in (self.from_, self.to))
+        return not (self.manoeuvre or self.is_last_resort or turns_round)
+
+    @property
+    def is_of_paper(self) -> bool:
+        """Whether it is of the classes that the paper knows, of which one drives."""
+        kinds = {self.from_.type, self.to.type}
+        return "vehicle" in kinds and kinds <= {"vehicle", "pedestrian"}
 
     @field_validator("phrases")
     @classmethod
@@ -228,8 +233,8 @@ def _format_alternatives(words: frozenset[str]) -> str:
 
 def _check_classes(pattern: Pattern) -> None:
     walkers = [pattern.from_.type, pattern.to.type].count("pedestrian")
-    if walkers == 2:
-        raise ValueError("to.type: one of the two must be a vehicle")
+    if walkers == 2 and pattern.relation == "yield_to":
+        raise ValueError("relation: two pedestrians have no right of way over one another")
     if walkers and pattern.geometry != "crossing":
         raise ValueError("geometry: with a pedestrian it must be 'crossing'")
     if "crossing" in (*pattern.from_.movements, *pattern.to.movements) and (
@@ -237,9 +242,9 @@ def _check_classes(pattern: Pattern) -> None:
     ):
         raise ValueError("geometry: on a crosswalk it must be 'crossing'")
     if walkers and pattern.relation == "follow":
-        raise ValueError("relation: a pedestrian and a vehicle never follow one another")
+        raise ValueError("relation: a pedestrian neither follows nor is followed")
     struck = pattern.kind == "pedestrian_strike"
-    if pattern.kind is not None and struck != bool(walkers):
+    if pattern.kind is not None and struck != (walkers == 1):
         raise ValueError(f"proof.kind: {pattern.kind} cannot happen between these two classes")
 
 
@@ -247,6 +252,8 @@ def _check_place(pattern: Pattern) -> None:
     movements = {*pattern.from_.movements, *pattern.to.movements}
     if pattern.zone == "crosswalk" and not movements >= {"crossing"}:
         raise ValueError("zone: 'crosswalk' needs a role with the movement 'crossing'")
+    if pattern.zone == "sidewalk" and movements != {"crossing"}:
+        raise ValueError("zone: 'sidewalk' needs both roles to have the movement 'crossing'")
     if pattern.zone == "lane" and pattern.geometry not in _ONE_LANE:
         raise ValueError(f"zone: 'lane' needs a geometry of {_format_alternatives(_ONE_LANE)}")
     if pattern.order is not None and pattern.relation not in ("near_miss", "yield_to"):

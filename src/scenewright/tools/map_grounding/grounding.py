@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.base import RIDERS
+from scenewright.scene.base import RIDERS, Compass, FloatArray
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
@@ -539,6 +539,8 @@ def _is_geometry_fitting(
     pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap
 ) -> bool:
     match pattern.geometry:
+        case "crossing" if a.type == b.type == "pedestrian":
+            return _do_walks_meet(pattern, a, b, intersection_map)
         case "crossing":
             return have_conflict(a, b, intersection_map=intersection_map) and (
                 a.type != b.type or a.exit != b.exit
@@ -561,6 +563,31 @@ def _is_geometry_fitting(
             return (
                 a.entry == b.exit and a.exit == b.entry and not _is_divided(a, b, intersection_map)
             )
+
+
+def _do_walks_meet(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
+    """Whether two cross one crosswalk in opposite directions, or meet at a corner, where one comes
+    from a crosswalk and the other goes to the next."""
+    if pattern.zone != "sidewalk":
+        return a.crosswalk == b.crosswalk and a.entry != b.entry
+    kerbs = [
+        (_find_kerb(one, one.exit, intersection_map), _find_kerb(two, two.entry, intersection_map))
+        for one, two in ((a, b), (b, a))
+        if one.crosswalk != two.crosswalk
+    ]
+    return any(np.hypot(*(here - there)) <= _CORNER for here, there in kerbs)
+
+
+def _find_kerb(route: Route, side: Compass, intersection_map: IntersectionMap) -> FloatArray:
+    """The end of a route's crosswalk on a side [m]; NaN where it has none."""
+    for each in intersection_map.crosswalks:
+        if each.leg == route.crosswalk and side in each.sides:
+            return np.array(each.centreline[each.sides.index(side)])
+    return np.full(2, np.nan)
+
+
+_CORNER = 10.0
+"""Crosswalks that end this near one another [m] share a corner."""
 
 
 def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:

@@ -131,7 +131,7 @@ def is_impact_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:
 def classify_collision(
     first: Trajectory, second: Trajectory, hit: Impact, *, time: float, left_hand: bool = False
 ) -> CollisionKind | None:
-    """Kind of a collision (SEMANTICS section 4); None for pedestrians hit below 2 m/s.
+    """Kind of a collision (SEMANTICS section 4); None for pedestrians hit below 2 m/s or on foot.
 
     Same direction first, then head-on against left turn: where the fronts meet, an agent that has
     turned left by 25 degrees makes it a left turn; elsewhere 15 degrees do. In left-hand traffic

@@ -102,6 +102,8 @@ def is_in_zone(
     match zone:
         case "crosswalk":
             return marked
+        case "sidewalk":
+            return not marked and bool(ground.walkable.contains(np.array([place]))[0])
         case "conflict":
             return on_road and not any(_covers(lane, point) for lane in intersection_map.lanelets)
         case "roadway":

@@ -9,6 +9,7 @@ resolved to 0.01 s.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,19 +101,26 @@ def compute_pet(first: Trajectory, second: Trajectory) -> float | None:
     Agents behind one another in one lane have headway, not PET: contacts on a stretch that both
     drive in one direction count only in its first 5 m, and not at all where they begin on it.
     """
-    found = find_encounters((first, second), horizon=None, pedestrians=True)
+    found = find_encounters((first, second), horizon=None, asked={(first.id, second.id)})
     return min((e.pet for e in found), default=None)
 
 
 def find_encounters(
-    tracks: tuple[Trajectory, ...], *, horizon: float | None = 8.5, pedestrians: bool = False
+    tracks: tuple[Trajectory, ...],
+    *,
+    horizon: float | None = 8.5,
+    asked: Collection[tuple[int, int]] = (),
 ) -> tuple[Encounter, ...]:
-    """All encounters with a lag of at most `horizon` seconds, pairs of pedestrians if asked for."""
+    """All encounters with a lag of at most `horizon` seconds.
+
+    Args:
+        asked: pairs of ids; of two pedestrians, only these are looked at.
+    """
     if len(tracks) < 2:
         return ()
     occupancies = _tabulate_occupancies(tracks)
     pairs = _drop_shared_lanes(
-        occupancies, tracks, _find_touching(occupancies, tracks, horizon, pedestrians)
+        occupancies, tracks, _find_touching(occupancies, tracks, horizon, asked)
     )
     found = _resolve_encounters(occupancies, *_group_by_encounter(occupancies, pairs))
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
@@ -130,10 +138,10 @@ def _find_touching(
     occupancies: _Occupancies,
     tracks: tuple[Trajectory, ...],
     horizon: float | None,
-    pedestrians: bool,
+    asked: Collection[tuple[int, int]],
 ) -> _OccupancyPairs:
     """Pairs of places that may touch within the horizon, blocks of places looked at first."""
-    first, second = np.nonzero(_find_overlapping_boxes(tracks, pedestrians))
+    first, second = np.nonzero(_find_overlapping_boxes(tracks, asked))
     longest = np.inf if horizon is None else horizon
     return _OccupancyPairs(
         *_find_touching_pairs(
@@ -142,16 +150,22 @@ def _find_touching(
     )
 
 
-def _find_overlapping_boxes(tracks: tuple[Trajectory, ...], pedestrians: bool) -> BoolArray:
+def _find_overlapping_boxes(
+    tracks: tuple[Trajectory, ...], asked: Collection[tuple[int, int]]
+) -> BoolArray:
     """[N, N] whether the boxes of two tracks overlap, above the diagonal."""
     west, south, east, north = np.array([m.bounds for m in tracks]).T
     reach = np.array([m.reach for m in tracks])
     result = np.ones((len(tracks), len(tracks)), dtype=np.bool_)
     for low, high in ((west - reach, east + reach), (south - reach, north + reach)):
         result &= (low[:, None] <= high) & (low <= high[:, None])
-    if not pedestrians:
-        vehicle = np.array([m.is_vehicle for m in tracks])
-        result &= vehicle | vehicle[:, None]
+    wanted = np.array([m.is_vehicle for m in tracks])
+    wanted = wanted | wanted[:, None]
+    index = {m.id: k for k, m in enumerate(tracks)}
+    for pair in asked:
+        i, j = (index[each] for each in pair)
+        wanted[i, j] = wanted[j, i] = True
+    result &= wanted
     return np.triu(result, 1)
 
 

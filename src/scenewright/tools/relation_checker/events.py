@@ -161,7 +161,7 @@ def observe(
     """
     grid = build_pair_grid(build_trajectories(list(users)), near_only=near_only)
     near = measure_pair_gaps(grid)
-    encounters = find_encounters(grid.tracks)
+    encounters = find_encounters(grid.tracks, asked=asked)
     lanes = measure_lane_gaps(grid)
     lights = SignalPlan(signals, intersection_map)
     lights.find_all_crossings(grid.tracks)
@@ -234,10 +234,15 @@ class _EventSearch:
             pair = self.grid.tracks[i], self.grid.tracks[j]
             if row in self.near.contacts:
                 found += self._find_collision(row, *pair)
-            elif pair[0].is_vehicle or pair[1].is_vehicle:
+            elif pair[0].is_vehicle or pair[1].is_vehicle or self._is_asked(pair):
                 full = pair[0].id in detailed or pair[1].id in detailed
                 found += self._find_encounter_events(row, (i, j), braked.get(row, ()), full)
         return found
+
+    def _is_asked(self, pair: tuple[Trajectory, Trajectory]) -> bool:
+        """Whether a relation binds the two; unasked, people on foot may pass closely."""
+        first, second = (track.id for track in pair)
+        return (first, second) in self.asked or (second, first) in self.asked
 
     def _find_collision(self, row: int, first: Trajectory, second: Trajectory) -> list[Event]:
         contact = self.near.contacts[row]

@@ -20,7 +20,6 @@ from scenewright.tools.solver.reacted_collision import draw_braking_to, react_in
 from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
 from scenewright.tools.solver.rear_end import (
     compute_passing_time,
-    draw_rear_end_offsets,
     plan_rear_ends,
 )
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
@@ -54,14 +53,15 @@ def schedule_contacts(
         if turned_round:
             # Which one strikes depends on 0.1 s where one is short, such as a motorcycle.
             every = _draw_offsets_everywhere(meetings, context)
-            yield from _schedule_offsets(clause, schedule, context, (a, b), every)
+            failed = yield from _schedule_offsets(clause, schedule, context, (a, b), every)
+            if failed and _may_be_struck(clause, a, b):
+                yield from _schedule_offsets(clause, schedule, context, (a, b), some, strict=False)
         return
     if clause.cause == "lead_brakes":
         for follower, leader, deltas in plan_lead_braking(a, b, clause, context):
             yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
         return
-    for follower, leader in plan_rear_ends(a, b, clause, context):
-        deltas = draw_rear_end_offsets(follower, leader, context.rng)
+    for follower, leader, deltas in plan_rear_ends(a, b, clause, context):
         yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
 
 
@@ -71,8 +71,15 @@ def _schedule_offsets(
     context: SolverContext,
     pair: tuple[ScheduledAgent, ScheduledAgent],
     deltas: list[float],
+    *,
+    strict: bool = True,
 ) -> Generator[PartialSchedule, None, bool]:
-    """Schedule those offsets that fit; returns whether all failed, but for the striking agent."""
+    """Schedule those offsets that fit; returns whether all failed, but for the striking agent.
+
+    Args:
+        strict: the clause's first agent strikes, also where either may.
+    """
+    is_wanted = _make_test(clause, strict=strict)
     scheduled = turned_round = False
     # Drawn once: a new draw for every offset would favour slow ones, as those collide.
     drawn = (
@@ -90,7 +97,7 @@ def _schedule_offsets(
             a, found = _brake_to_impact_speed(clause, a, b, found, context)
         if found is None:
             continue
-        fault = _find_fault(found, clause, a, b)
+        fault = _find_fault(found, clause, a, b, strict=strict)
         if fault is not None:
             reached, words, off = fault
             context.note_miss(clause, reached, words, off=off)
@@ -103,9 +110,7 @@ def _schedule_offsets(
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
-        reacted = react_in_vain(
-            clause, context, (a, b), drawn, found, _make_test(clause), both=both
-        )
+        reacted = react_in_vain(clause, context, (a, b), drawn, found, is_wanted, both=both)
         if reacted is None and both:
             continue
         if reacted is None and not context.lenient:
@@ -232,23 +237,31 @@ def _brake_late(
     return braked, find_first_contact(braked, b, left_hand=context.left_hand)
 
 
-def _make_test(clause: Contact) -> Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool]:
+def _make_test(
+    clause: Contact, *, strict: bool
+) -> Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool]:
     """Build a test of whether the contact of two placed agents is the one asked for."""
 
     def is_wanted(a: ScheduledAgent, b: ScheduledAgent, found: FirstContact) -> bool:
-        return _find_fault(found, clause, a, b) is None
+        return _find_fault(found, clause, a, b, strict=strict) is None
 
     return is_wanted
 
 
 def _find_fault(
-    found: FirstContact, clause: Contact, a: ScheduledAgent, b: ScheduledAgent
+    found: FirstContact,
+    clause: Contact,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    *,
+    strict: bool = False,
 ) -> tuple[FailureStage, str, float] | None:
     """Find why a contact is not the one asked for, and by how much; None if it is."""
     first, second = get_pair(clause)
     if clause.kind not in (None, found.kind):
         return FailureStage.KIND, f"{first} and {second} touch as {found.kind}", 0.0
-    if not _strikes_with_front(found, clause) and not _turns_across(a, b):
+    either = _may_be_struck(clause, a, b)
+    if not (either or found.frontal) or (either and strict and not found.strikes):
         return FailureStage.ROLES, f"{second} strikes {first}, not the other way round", 0.0
     for name, point, seen in (
         (first, clause.point_first, found.points[0]),
@@ -273,9 +286,10 @@ def _find_fault(
     return None
 
 
-def _strikes_with_front(found: FirstContact, clause: Contact) -> bool:
-    """Return whether `first`, named as the striking agent, strikes: as a rule with its front."""
-    return found.frontal or not _needs_striker(clause)
+def _may_be_struck(clause: Contact, a: ScheduledAgent, b: ScheduledAgent) -> bool:
+    """Return whether the clause's first agent, which strikes where it can, may be struck as well:
+    in a collision side by side or head-on, or by a rider whose way it turns across."""
+    return not _needs_striker(clause) or _turns_across(a, b)
 
 
 def _turns_across(a: ScheduledAgent, b: ScheduledAgent) -> bool:
@@ -288,4 +302,5 @@ def _turns_across(a: ScheduledAgent, b: ScheduledAgent) -> bool:
 def _needs_striker(clause: Contact) -> bool:
     """Return whether `first` must be the striking agent."""
     with_front = clause.point_first is None or clause.point_first.startswith("front")
+    with_front &= not clause.first.startswith("pedestrian")
     return with_front and clause.kind not in ("sideswipe", "head_on")

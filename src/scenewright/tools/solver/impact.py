@@ -38,15 +38,18 @@ class FirstContact:
     Attributes:
         closing: relative speed; speed: of the first actor [m/s].
         frontal: the first actor strikes with its front; where both fronts touch, it is the faster.
+        strikes: the first actor strikes: the other stands; or it alone is touched at the front; or
+            it is the faster.
         points: by actor, every impact point that the contact is surely at.
     """
 
     time: float
     location: Point
-    kind: CollisionKind
+    kind: CollisionKind | None
     closing: float
     speed: float
     frontal: bool
+    strikes: bool
     points: tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]
 
 
@@ -97,11 +100,25 @@ def _describe(a: ScheduledAgent, b: ScheduledAgent, time: float, left_hand: bool
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         speed=speeds[0],
         frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
+        strikes=_is_striking(speeds, sides),
         points=(
             _list_certain_points(poses[0][1], a, spot),
             _list_certain_points(poses[1][1], b, spot),
         ),
     )
+
+
+_STANDS = 0.3
+"""An agent slower than this [m/s] strikes no moving one."""
+
+
+def _is_striking(speeds: list[float], sides: list[str]) -> bool:
+    """Whether the first of two strikes the second."""
+    still = [speed <= _STANDS for speed in speeds]
+    if still[0] != still[1]:
+        return still[1]
+    front = [side == "front" for side in sides]
+    return front[0] if front[0] != front[1] else speeds[0] > speeds[1]
 
 
 def _list_certain_points(
@@ -141,9 +158,10 @@ def name_impact_points(along: float, across: float, *, shape: Shape) -> tuple[Im
 
 def _classify_contact(
     a: ScheduledAgent, b: ScheduledAgent, time: float, turned: float, sides: list[str], sign: float
-) -> CollisionKind:
-    if any(actor.candidate.shape.type == "pedestrian" for actor in (a, b)):
-        return "pedestrian_strike"
+) -> CollisionKind | None:
+    walkers = [actor.candidate.shape.type for actor in (a, b)].count("pedestrian")
+    if walkers:
+        return "pedestrian_strike" if walkers == 1 else None
     if turned <= np.radians(30):
         return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
     left = max(_compute_left_turn(actor, time, sign) for actor in (a, b))

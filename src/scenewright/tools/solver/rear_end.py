@@ -1,4 +1,4 @@
-"""Rear-end collisions: the leader stands, and the follower brakes hard but too late."""
+"""Rear-end collisions: the leader stands, and the follower brakes hard but too late, or never."""
 
 from __future__ import annotations
 
@@ -40,22 +40,25 @@ _RED = 12.0
 
 def plan_rear_ends(
     a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
-) -> Iterator[tuple[ScheduledAgent, ScheduledAgent]]:
-    """Plan follower and leader, edited but not yet placed."""
+) -> Iterator[tuple[ScheduledAgent, ScheduledAgent, list[float]]]:
+    """Plan follower and leader, edited but not yet placed, and offsets at which they meet [s]."""
     for leader in _list_standing_leaders(b, context.rng):
-        follower = _brake_late(a, leader, clause, context)
-        if follower is not None:
-            yield follower, leader
+        touch = _find_rear(leader, clause, context)
+        if touch is not None:
+            follower = a
+            if context.reactions.may_react(clause.first):
+                follower = _brake_late(a, touch, clause, context)
+            yield follower, leader, _draw_offsets(follower, leader, touch, context.rng)
         else:
             words = f"{clause.first} does not drive in the lane where {clause.second} stops"
             context.note_miss(clause, FailureStage.PATHS, words)
 
 
-def draw_rear_end_offsets(
-    follower: ScheduledAgent, leader: ScheduledAgent, rng: np.random.Generator
+def _draw_offsets(
+    follower: ScheduledAgent, leader: ScheduledAgent, touch: float, rng: np.random.Generator
 ) -> list[float]:
     """Draw offsets at which the follower reaches the leader's rear while the leader stands."""
-    stop, touch = leader.stops[-1], follower.slowings[-1].s
+    stop = leader.stops[-1]
     first = stop.start + 0.2
     if stop.reason == "gives_way":
         first = stop.until - _LINGERS - 0.1
@@ -98,14 +101,18 @@ def _stop_at_light(b: ScheduledAgent) -> ScheduledAgent | None:
     return b.edit(stops=(replace(stop, until=stop.start + _RED),))
 
 
-def _brake_late(
-    a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
-) -> ScheduledAgent | None:
+def _find_rear(b: ScheduledAgent, clause: Contact, context: SolverContext) -> float | None:
+    """Find where on its path [m] the follower touches the standing leader; None if it does not."""
     shared = context.find_path_conflict(clause).compute_intervals(0.0)
     standing = np.abs(shared.s_b[shared.j] - b.stops[-1].s) < 0.3
     if not standing.any():
         return None
-    touch = float(shared.s_a[shared.i[standing]].min())
+    return float(shared.s_a[shared.i[standing]].min())
+
+
+def _brake_late(
+    a: ScheduledAgent, touch: float, clause: Contact, context: SolverContext
+) -> ScheduledAgent:
     speed = clause.speed or float(context.rng.uniform(3.0, 5.5))
     braking = _RIDER_BRAKING if a.candidate.shape.type in RIDERS else 5.5
     return a.edit(stops=a.stops, slowings=(Slowing(touch, speed, braking),))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import NoReturn, cast
 
 from scenewright.backends.builtin.clock import read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
@@ -37,6 +37,7 @@ from scenewright.backends.builtin.scope import build_not_english, build_nothing_
 from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
+from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion, VehicleMotion
 from scenewright.scene.track import EMERGENCY
 
@@ -94,6 +95,7 @@ _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IG
 _NOBODY = re.compile(
     r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
 )
+_CORNER = re.compile(r"corner|sidewalk|pavement|footpath|footway|kerb|curb", re.IGNORECASE)
 _SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
 _BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b", re.IGNORECASE)
 _TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er|s)?\b|\b([LR])T\b", re.IGNORECASE)
@@ -156,8 +158,8 @@ class Interpretation:
     Attributes:
         braking: agents that brake hard; times: spans that say the time of day; first: those that
             say which agent passes first; behind: those that say this or which one follows; roads:
-            those that name a street; absent: those that say that a class is not in the scene at
-            all.
+            those that name a street; places: those that name another place; absent: those that say
+            that a class is not in the scene at all.
         eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time; settling: whether all spans have been read.
@@ -175,6 +177,7 @@ class Interpretation:
     roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
     numbers: list[ReadSpan] = field(default_factory=list)
+    places: list[ReadSpan] = field(default_factory=list)
     spans: tuple[ReadSpan, ...] = ()
     eventful: bool = False
     changing: bool = False
@@ -302,6 +305,8 @@ def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
     }
     for number, index in reading.users.items():
         span = reading.spans[index]
+        if span.tag not in MENTIONS:
+            continue  # a thing that only says where somebody moves: "blocks the box"
         if span.negated:
             _deny_class(result, span)
         elif _get_class(span) is None and number not in eventful:
@@ -444,7 +449,29 @@ def _refuse_condition(_: Interpretation, span: ReadSpan) -> None:
     )
 
 
-def _refuse_place(_: Interpretation, span: ReadSpan) -> None:
+def _keep_place(result: Interpretation, span: ReadSpan) -> None:
+    result.places.append(span)
+
+
+def _settle_places(result: Interpretation) -> None:
+    """Two on foot may meet beside the road, at a corner; scenes have no other places."""
+    walking = [e for e in result.draft.relations if e.from_.type == e.to.type == "pedestrian"]
+    known: dict[str, str] = {
+        pattern.relation: pattern.id
+        for pattern in load_patterns()
+        if pattern.zone == "sidewalk" and any(e.type == pattern.relation for e in walking)
+    }
+    for span in result.places:
+        if not known or not _CORNER.search(span.words):
+            _refuse_place(span)
+        for edge in walking:
+            edge.pattern = known.get(edge.type)
+            pair = [n for n, agent in result.users.items() if agent in (edge.from_, edge.to)]
+            result.enter(span, "relation", pair, edge.type)
+    result.places = []
+
+
+def _refuse_place(span: ReadSpan) -> NoReturn:
     raise Refused(
         "out_of_scope",
         f"Scenes take place at one intersection, not at '{span.words}'; move it there.",
@@ -1049,6 +1076,7 @@ def _settle(result: Interpretation) -> None:
     _read_numbers(result)
     _read_severity(result)
     _read_overtaking(result)
+    _settle_places(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
@@ -1234,7 +1262,7 @@ _RULES: dict[str, Rule] = {
     "red": _run_red,
     "brake": _brake,
     "cond": _refuse_condition,
-    "place": _refuse_place,
+    "place": _keep_place,
     "ref": _refer,
     "del": _note("retracted"),
     "light": _note("signals"),

@@ -13,7 +13,7 @@ from scenewright.backends.builtin.graph_making import (
     place_impacts,
 )
 from scenewright.backends.builtin.impacts import read_impacts
-from scenewright.backends.builtin.reader.annotation import SEPARATOR
+from scenewright.backends.builtin.reader.annotation import EVENTS, SEPARATOR
 from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.groups import join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
@@ -74,7 +74,8 @@ def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
     reading = read_reactions(correct_manoeuvres(join_groups(merge_mentions(reading))))
     reading = orient_orders(read_unmarked(reading))
-    spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
+    silent = ("manner", "ref") if _asks_for_contact(reading) else ("manner", "ref", "no contact")
+    spans = [span.confidence for span in reading.spans if _get_part(span) not in silent]
     confidence = min([reading.kind_confidence, *spans])
     if reading.kind in ("scene", "edit") and (find_passed_over(reading) or _is_no_change(reading)):
         confidence = 0.0
@@ -90,6 +91,24 @@ def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
         return LearnedPlan(refusal, reading, None, confidence)
     return LearnedPlan(plan, reading, interpretation, confidence)
+
+
+_DENIES = re.compile(
+    r"\b(?:no|not|never|without|nothing|nobody|neither|none|cannot)\b|n't\b", re.IGNORECASE
+)
+
+
+def _get_part(span: ReadSpan) -> str:
+    """The tag of a span, or "no contact": beside what does happen, nothing hangs on who is meant,
+    as no scene has a contact that the text does not ask for."""
+    denies = span.tag == "hit" and span.negated and _DENIES.search(span.words)
+    return "no contact" if denies else span.tag
+
+
+def _asks_for_contact(reading: Reading) -> bool:
+    """Whether the reading has a contact, or no event at all."""
+    events = [each for each in reading.spans if each.tag in EVENTS and not each.negated]
+    return not events or any(each.tag == "hit" for each in events)
 
 
 def _is_no_change(reading: Reading) -> bool:

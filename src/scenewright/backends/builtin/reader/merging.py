@@ -39,6 +39,18 @@ _ON_FOOT = re.compile(
     r"\b(?:ped\w*|walker|jogger|runner|m[ae]n|wom[ae]n|girl|boy|kid|child|lady|person|student)\b",
     re.IGNORECASE,
 )
+_WALKER = re.compile(
+    r"\b(?:pedestrians?|peds?|walkers?|joggers?|passers?-?by|couple)$", re.IGNORECASE
+)
+"""Nouns of those who are on foot, never of drivers."""
+
+_ON_THE = re.compile(
+    r"(?: (?:riding|rides|going|crossing))?(?: (?:on|over|across|along|in)(?: (?:the|a))?)? ?",
+    re.IGNORECASE,
+)
+"""Between a rider and the crosswalk that it rides on."""
+
+_SURELY = 0.95
 _ANOTHER_INSIDE = re.compile(
     rf"\b(?:another|a second|a different) (?:{_ON_FOOT.pattern}|(?:car|van|taxi|cab|bus|truck|"
     r"lorry|vehicle|motorcycle|motorbike|suv|sedan|pickup)\b)$",
@@ -60,6 +72,8 @@ def merge_mentions(reading: Reading) -> Reading:
     "Another pedestrian" is the other way round: a new agent where the encoder sees a known one.
     """
     reading = _drop_function_words(reading)
+    reading = replace(reading, spans=tuple(map(_let_walk, reading.spans)))
+    reading = replace(reading, spans=tuple(_let_ride(span, reading) for span in reading.spans))
     for at, span in enumerate(reading.spans):
         if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
             reading = _introduce_user(reading, at)
@@ -70,6 +84,27 @@ def merge_mentions(reading: Reading) -> Reading:
         if kept in reading.users and dropped in reading.users:
             reading = _merge(reading, kept, dropped)
     return reading
+
+
+def _let_walk(span: ReadSpan) -> ReadSpan:
+    """The mention as one of a pedestrian where its noun can be nothing else."""
+    if span.tag == "veh" and _WALKER.search(span.words) and find_subtype(span.words) is None:
+        return replace(span, tag="ped", confidence=max(span.confidence, _SURELY))
+    return span
+
+
+def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
+    """A crosswalk said right after the rider who opens the text, or who alone could be on it, is
+    where that one rides."""
+    riders = [each for each in reading.spans if each.tag in ("cyc", "scoot")]
+    before = [each for each in riders if _ON_THE.fullmatch(reading.text[each.end : span.start])]
+    if span.tag not in ("cw", "cross") or len(before) != 1 or len(before[0].subjects) != 1:
+        return span
+    events = [each for each in reading.spans if each.tag in EVENTS and each.start < span.start]
+    if events and any(each.tag == "ped" for each in reading.spans):
+        return span
+    sure = max(span.confidence, _SURELY)
+    return replace(span, subjects=before[0].subjects, objects=(), confidence=sure)
 
 
 def _drop_function_words(reading: Reading) -> Reading:
@@ -186,13 +221,13 @@ def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
     spans = tuple(_renumber_span(span, kept, dropped) for span in reading.spans)
     at_kept, at_dropped = reading.users[kept], reading.users[dropped]
     gone = replace(second, tag="ref", value=None, subjects=(kept,))
-    words = first.words
     if _SPEAKER.match(first.words):
-        words = second.words
+        first = replace(first, words=second.words)
     elif not reading.text[second.end : first.start].strip(" -"):
-        words = reading.text[second.start : first.end]
+        whole = reading.text[second.start : first.end]
+        first = replace(first, words=whole, start=second.start)
     spans = tuple(
-        gone if at == at_dropped else replace(first, words=words) if at == at_kept else span
+        gone if at == at_dropped else first if at == at_kept else span
         for at, span in enumerate(spans)
     )
     users = {user: at for user, at in reading.users.items() if user != dropped}
