@@ -445,7 +445,7 @@ def test_the_card_names_licence_tables_and_counts(whole: Path) -> None:
     assert "path: tables/tracks.parquet" in card
     assert "| rows made | 3 |" in card
     assert "path: tables/account.parquet" in card
-    assert "| `agents` | list of int16 | of whom it is said |" in card
+    assert "| `agents` | list of int16 | those it is said of |" in card
     manifest = json.loads((whole / "manifest.json").read_bytes())
     assert manifest["rows"] == {"given": 4, "made": 3, "refused": 1, "failed": 0, "left": 0}
 
