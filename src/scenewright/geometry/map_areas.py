@@ -51,6 +51,9 @@ class MapAreas:
         self._walkable = geos.union_all([_merge_areas(intersection_map.walkable), *crosswalks])
         for area in (self._road, self._walkable):
             geos.prepare(area)
+            if not area.is_empty:
+                # GEOS builds its index at the first question, which threads may not share.
+                geos.contains_xy(area, *area.envelope.centroid.coords[0])
 
     def trim(self, path: Path) -> Path:
         """The path without the ends that lie beyond the edge of the map."""

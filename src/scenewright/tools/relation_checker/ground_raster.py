@@ -48,7 +48,7 @@ class RasterizedArea:
 
 @dataclass(frozen=True, eq=False)
 class CrosswalkArea:
-    """A crosswalk with its prepared polygon; bounds: its west, south, east and north end [m]."""
+    """A crosswalk with its polygon; bounds: its west, south, east and north end [m]."""
 
     crosswalk: Crosswalk
     area: Area
@@ -84,6 +84,8 @@ def rasterize_area(area: Area) -> RasterizedArea:
     boxes = geos.box(x, y[:, None], x + CELL, y[:, None] + CELL)
     cells = np.where(geos.intersects(area, boxes), 2, 0).astype(np.int8)
     cells[geos.contains_properly(area, boxes)] = 1
+    # GEOS builds the index of points at the first question, which threads may not share.
+    geos.intersects_xy(area, (west + east) / 2, (south + north) / 2)
     return RasterizedArea(area, np.array((x[0], y[0])), cells)
 
 
@@ -96,7 +98,7 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
         if known is intersection_map:
             return ground
     road = geos.union_all([_build_polygon(p) for p in intersection_map.road])
-    walks = tuple(_prepare_crosswalk(each) for each in intersection_map.crosswalks)
+    walks = tuple(_build_crosswalk(each) for each in intersection_map.crosswalks)
     walkable = [
         *(_build_polygon(p) for p in intersection_map.walkable),
         *(each.area for each in walks),
@@ -123,9 +125,9 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
     return ground
 
 
-def _prepare_crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
+def _build_crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
+    # Not prepared: threads share it, and what GEOS prepares for lines and polygons is not for that.
     area = geos.Polygon(crosswalk.polygon)
-    geos.prepare(area)
     return CrosswalkArea(crosswalk, area, area.bounds)
 
 
