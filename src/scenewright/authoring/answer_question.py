@@ -291,20 +291,20 @@ def _describe_sides(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
 
 def _describe_story(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     """What happens, in the order of time."""
-    told: list[tuple[float, str]] = []
+    story: list[tuple[float, str]] = []
     for agent in scene.list_named() or about:
         motion, name = scene.move(agent), _name(agent)
         way = f"{agent.entry} to {agent.exit}, {agent.movement}"
-        told.append((float(motion.times[0]), f"{name} comes into the scene ({way})."))
+        story.append((float(motion.times[0]), f"{name} comes into the scene ({way})."))
         if (starts := motion.find_braking_start()) is not None:
-            told.append((starts, f"{name} begins to brake."))
+            story.append((starts, f"{name} begins to brake."))
         for begins, ends in motion.list_stops():
-            told += [(begins, f"{name} stands."), (ends, f"{name} moves again.")]
+            story += [(begins, f"{name} stands."), (ends, f"{name} moves again.")]
         if (visit := motion.find_visit(scene.intersection_map)) is not None:
             where = f"the {agent.crosswalk} crosswalk" if agent.crosswalk else "the junction"
-            told += [(visit[0], f"{name} comes onto {where}."), (visit[1], f"{name} is across.")]
-    told += [(e.time, _describe_event(scene, e).partition(" s ")[2]) for e in scene.proof.events]
-    return [f"{time:4.1f} s: {what}" for time, what in sorted(told)]
+            story += [(visit[0], f"{name} comes onto {where}."), (visit[1], f"{name} is across.")]
+    story += [(e.time, _describe_event(scene, e).partition(" s ")[2]) for e in scene.proof.events]
+    return [f"{time:4.1f} s: {what}" for time, what in sorted(story)]
 
 
 def _explain_what_if(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:

@@ -81,9 +81,9 @@ def _describe(version: Version) -> set[str]:
     for each in graph["agents"]:
         found |= {each["type"], each.get("subtype") or each["type"]}
     found |= {_EVENT_WORDS.get(each["type"], each["type"]) for each in graph["relations"]}
-    told = (graph.get("context") or {}).get("time_of_day")
-    if told:
-        found.add("day" if 7 <= int(str(told)[:2]) < 19 else "night")
+    time_of_day = (graph.get("context") or {}).get("time_of_day")
+    if time_of_day:
+        found.add("day" if 7 <= int(str(time_of_day)[:2]) < 19 else "night")
     return found
 
 

@@ -215,8 +215,8 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     guess, plain = guess_intent(words), words.lower()
     verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
     if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= _LONGEST_FIRST:
-        told = [f"{one} {verb} {other}" for one, other in _PARTIES]
-        return _offer("Who takes part?", told)
+        sentences = [f"{one} {verb} {other}" for one, other in _PARTIES]
+        return _offer("Who takes part?", sentences)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
     if not is_change(guess.intent) or guess.chance < SURE or guess.intent in events:
         return None

@@ -141,7 +141,7 @@ def find_stand_ins(one: Scenario, meeting: EgoConflict, time: float) -> list[tup
 
 def _list_met(drive: Drive) -> frozenset[str]:
     """Names of those whose encounter came about; of none if two others collided."""
-    told = report_drive(drive).to_json()
-    if told["background_collisions"]:
+    report = report_drive(drive).to_json()
+    if report["background_collisions"]:
         return frozenset()
-    return frozenset(row["with"] for row in told["resolved"] if row["came_about"])
+    return frozenset(row["with"] for row in report["resolved"] if row["came_about"])

@@ -432,19 +432,19 @@ def _tell_of_actors(
     """The account of words about those who come.
 
     Raises:
-        ValueError: they are said of nobody.
+        ValueError: they are said of no agent.
     """
     if not own:
-        raise ValueError(f"'{word.match[0]}' is said of nobody")
+        raise ValueError(f"'{word.match[0]}' is said of no agent")
     names = [name for name, _ in own]
     if word.kind == "agent":
         yield word.tell("agent", names, own[0][1].subtype)
         return
-    told = [(became, value) for w, became, value in own[0][1].said if w is word]
-    for became, value in told:
+    meanings = [(became, value) for w, became, value in own[0][1].said if w is word]
+    for became, value in meanings:
         if became != "encounter":
             yield word.tell(became, names, value)
     hows = {each.agent: each.encounter for each in thing.list_meetings()}
-    if not told or told[0][0] == "encounter":
+    if not meanings or meanings[0][0] == "encounter":
         for name in names:
             yield word.tell("encounter", (name,), f"{thing.id} {hows[name]}")

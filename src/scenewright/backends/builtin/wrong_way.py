@@ -76,9 +76,9 @@ def add_wrong_way(graph: SocialGraph, phrases: Sequence[WrongWayPhrase], text: s
             raise Refused("out_of_scope", f"'{phrase.words}': only vehicles drive the wrong way.")
         agents[own] = agents[own].model_copy(update={"motion": "drives_wrong_way"})
         said = [e for e in said if not phrase.start <= e.start < phrase.end or e.became == "agent"]
-        told = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
+        span = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
         value = {"became": "motion", "agents": (name,), "value": "drives_wrong_way"}
-        said.append(SaidSpan.model_validate({**told, **value}))
+        said.append(SaidSpan.model_validate({**span, **value}))
     said.sort(key=lambda each: each.start)
     return graph.model_copy(update={"agents": tuple(agents), "said": tuple(said)})
 
