@@ -2,7 +2,8 @@
 
 `python benchmarks/everyday_requests.py --seeds 2` makes each row of everyday_requests.jsonl from so
 many seeds. The rows were written together with the code, so they are no unseen test. A row is
-satisfied where the scene is verified and shows exactly the events that the row names.
+satisfied where the scene is verified and shows exactly the events that the row names. With
+`--keep FILE` each outcome is a line of that file, and what it holds already is not made again.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import argparse
 import json
 import sys
 from collections import Counter
+from itertools import product
 from math import sqrt
 from pathlib import Path
+from typing import Any
 
 from scenewright import synthesize
 from scenewright.errors import ScenewrightError
@@ -38,19 +41,34 @@ def compute_interval(hits: int, n: int) -> tuple[float, float]:
     return (middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n)
 
 
+def judge_rows(rows: list[dict[str, Any]], seeds: range, kept: Path | None) -> list[dict[str, Any]]:
+    """One outcome of each row and seed; those in the file of earlier ones are taken from there."""
+    lines = kept.read_text("utf-8").splitlines() if kept and kept.exists() else []
+    found = {(each["text"], each["seed"]): each for each in map(json.loads, lines)}
+    for seed, row in product(seeds, rows):
+        key = row["text"], seed
+        if key not in found:
+            outcome, why = judge(row["text"], row["events"], seed)
+            found[key] = {**row, "seed": seed, "outcome": outcome, "why": why}
+            if kept is not None:
+                with kept.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(found[key], ensure_ascii=False) + "\n")
+    return [found[row["text"], seed] for row, seed in product(rows, seeds)]
+
+
 def main() -> None:
     """Print a table; what was not satisfied goes to stderr."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3)
-    seeds = range(parser.parse_args().seeds)
+    parser.add_argument("--keep", type=Path)
+    given = parser.parse_args()
     rows = [json.loads(line) for line in ROWS.read_text("utf-8").splitlines()]
     found: dict[str, Counter[str]] = {}
-    for row in rows:
-        for seed in seeds:
-            outcome, why = judge(row["text"], row["events"], seed)
-            found.setdefault(row["item"], Counter())[outcome] += 1
-            if why:
-                print(row["item"], seed, outcome, row["text"], why, sep=" | ", file=sys.stderr)
+    for each in judge_rows(rows, range(given.seeds), given.keep):
+        found.setdefault(each["item"], Counter())[each["outcome"]] += 1
+        if each["why"]:
+            said = (each[key] for key in ("item", "seed", "outcome", "text", "why"))
+            print(*said, sep=" | ", file=sys.stderr)
     print("| item | rows | satisfied | refused | other |\n|---|---|---|---|---|")
     for item, counts in found.items():
         n, hits = counts.total(), counts["satisfied"]

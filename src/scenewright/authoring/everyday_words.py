@@ -416,7 +416,11 @@ def _replace_by_rider(node: AgentNode, kind: AgentClass, talk: Talk) -> Reading:
     open_ = {"kind": None, "pattern": None, "point_from": None, "point_to": None}
 
     def rename(edge: RelationEdge) -> RelationEdge:
-        ends = {key: name for key in ("from_", "to", "first") if getattr(edge, key) == node.id}
+        ends = {
+            key: name
+            for key in ("from_", "to", "first", "strikes")
+            if getattr(edge, key) == node.id
+        }
         return edge.model_copy(update={**open_, **ends})
 
     related = (Relate(edge=rename(each)) for each in edges)

@@ -14,7 +14,7 @@ Became = Literal[
     "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
     "time_of_day", "density", "background", "normal", "denied", "measure", "impact_point", "order",
     "signals", "road", "retracted", "manoeuvre", "motion", "object", "sight", "constraint",
-    "behavior", "manner", "nothing", "reaction", "encounter",
+    "behavior", "manner", "nothing", "reaction", "encounter", "striker",
 ]  # fmt: skip
 """What words can become.
 

@@ -115,6 +115,13 @@ class Before(_Pair):
     clause: Literal["before"] = "before"
 
 
+class Strikes(_Pair):
+    """Of two that touch, `first` strikes: the other stands, or `first` alone is touched at its
+    front, or it is the faster."""
+
+    clause: Literal["strikes"] = "strikes"
+
+
 class TimeGap(_Range, _Pair):
     """The pair's PET lies in [low, high] [s] (SEMANTICS section 4)."""
 
@@ -309,6 +316,7 @@ PairClause = (
     Near
     | SameLane
     | Before
+    | Strikes
     | TimeGap
     | Headway
     | Contact

@@ -258,11 +258,10 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
                 for edge in graph.relations
             )
-        case "order":
-            return any(
-                {edge.from_, edge.to} == set(entry.agents) and edge.get_first() == entry.agents[0]
-                for edge in graph.relations
-            )
+        case "order" | "striker":
+            edges = [e for e in graph.relations if {e.from_, e.to} == set(entry.agents)]
+            leads = (e.get_first() if entry.became == "order" else e.strikes for e in edges)
+            return entry.agents[0] in leads
         case "manoeuvre":
             return any(
                 edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)

@@ -119,6 +119,7 @@ class RelationRecord(Model):
         manoeuvre: how it is to come about in one lane; written only where the request says so.
         zone: where the event must lie; first: who must pass first, or enter
             the zone of a collision first, as the request or its relation file says.
+        strikes: who must strike the other in a collision; written only where that is asked for.
         within: figure of the event's evidence -> lowest and highest value that prove it.
     """
 
@@ -136,6 +137,7 @@ class RelationRecord(Model):
     point_to: ImpactPoint | None = None
     zone: EventZone | None = None
     first: int | None = None
+    strikes: int | None = Field(default=None, exclude_if=is_left_out)
     within: dict[str, tuple[float, float]] = Field(default_factory=dict)
 
 

@@ -98,6 +98,7 @@ class RelationEdge(Model):
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
         point_from, point_to: where on either vehicle a collision strikes, where the text says so.
         first: the agent that leaves the two's conflict zone first; in a collision, enters it first.
+        strikes: the agent that strikes the other, where the text says so.
     """
 
     type: RelationType
@@ -114,6 +115,7 @@ class RelationEdge(Model):
     point_from: ImpactPoint | None = None
     point_to: ImpactPoint | None = None
     first: AgentId | None = Field(default=None, exclude_if=is_left_out)
+    strikes: AgentId | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _check_two_agents(self) -> Self:
@@ -123,6 +125,8 @@ class RelationEdge(Model):
             raise ValueError(f"braker must be {self.from_} or {self.to}, got {self.braker}")
         if self.first not in (None, self.from_, self.to):
             raise ValueError(f"first must be {self.from_} or {self.to}, got {self.first}")
+        if self.strikes not in (None, self.from_, self.to):
+            raise ValueError(f"strikes must be {self.from_} or {self.to}, got {self.strikes}")
         return self
 
     @property

@@ -136,6 +136,7 @@ class RelationDraft:
         pattern: id of the relation file whose phrase the text uses.
         braker: the agent that brakes hard or late, where the text says so.
         first: the agent that passes first, where the text says so.
+        strikes: the agent that strikes the other, where the text says so.
         manoeuvre: how it comes about in one lane, where the text says so.
     """
 
@@ -150,6 +151,7 @@ class RelationDraft:
     pattern: str | None = None
     braker: AgentDraft | None = None
     first: AgentDraft | None = None
+    strikes: AgentDraft | None = None
     manoeuvre: Manoeuvre | None = None
 
     @property

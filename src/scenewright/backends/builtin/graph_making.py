@@ -209,6 +209,7 @@ def make_edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> Rel
             "point_from": relation.point_from if collision else None,
             "point_to": relation.point_to if collision else None,
             "first": None if relation.first is None else ids[id(relation.first)],
+            "strikes": ids[id(relation.strikes)] if collision and relation.strikes else None,
         }
     )
 

@@ -98,6 +98,7 @@ class _Base:
                     point_to=edge.point_to,
                     pattern=edge.pattern,
                     first=None if edge.first is None else self._agents[edge.first],
+                    strikes=None if edge.strikes is None else self._agents[edge.strikes],
                 ),
                 edge,
             )
@@ -120,6 +121,9 @@ class _Base:
                 if relation.first is not None:
                     swapped = relation.first is relation.from_
                     relation.first = relation.to if swapped else relation.from_
+                if relation.strikes is not None:
+                    swapped = relation.strikes is relation.from_
+                    relation.strikes = relation.to if swapped else relation.from_
         else:
             self._read(plain, chunks, people)
         read_context(draft, chunks, clock)

@@ -16,6 +16,7 @@ from scenewright.nodes.remaining import refuse_unrealised
 from scenewright.nodes.scene_planner.account import complete_account
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
+from scenewright.nodes.scene_planner.striking import name_strikers
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.rejection import Rejection, RejectionCode
@@ -121,12 +122,16 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
     """
     plan = ask(backend, question, PlanReply, stage="scene_planner").root
     # A grammar has filled in what follows, by rules of its own.
-    if isinstance(plan, Refusal) or get_backend_of_task(backend, "plan").deterministic:
+    if isinstance(plan, Refusal):
         return plan
+    text = str(question.facts["instruction"])
+    if get_backend_of_task(backend, "plan").deterministic:
+        return name_strikers(plan, text)
     _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)
     plan = complete_plan(plan, ways)
-    return plan.model_copy(update={"said": complete_account(plan, question)})
+    plan = plan.model_copy(update={"said": complete_account(plan, question)})
+    return name_strikers(plan, text)
 
 
 def _refuse_emptied(plan: SocialGraph, question: Question) -> None:

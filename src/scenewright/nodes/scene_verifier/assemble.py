@@ -24,7 +24,7 @@ from scenewright.scene.record import (
     SignalRecord,
     TieRecord,
 )
-from scenewright.scene.relations import get_pattern
+from scenewright.scene.relations import Pattern, get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import (
     DEFAULT_LEAD,
@@ -264,8 +264,18 @@ def _list_demands(
         "manoeuvre": pattern.manoeuvre,
         "zone": pattern.zone,
         "first": by_file if edge.first is None else numbers[edge.first],
+        **_describe_striker(edge, pattern, roles, numbers),
         "within": {} if severe else pattern.compute_bounds(),
     }
+
+
+def _describe_striker(
+    edge: RelationEdge, pattern: Pattern, roles: dict[str, int], numbers: dict[str, int]
+) -> dict[str, Any]:
+    """Who strikes, where the text or the relation's file says so."""
+    if edge.strikes is not None:
+        return {"strikes": numbers[edge.strikes]}
+    return {} if pattern.striker is None else {"strikes": roles[pattern.striker]}
 
 
 def _find_culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:

@@ -118,6 +118,7 @@ class Pattern(Model):
         entries: how the two entries must lie to one another.
         zone: where the event must lie (docs/relations.md).
         order: the role that passes first; None: either.
+        striker: the role that strikes the other; None: either.
         violator: the role that runs the red light where the two never have green together.
         manoeuvre: how it comes about; such a pattern is drawn only where the request says that.
         weight: how often it is drawn where the text leaves the pattern open.
@@ -136,6 +137,7 @@ class Pattern(Model):
     entries: Literal["any", "same", "opposite", "lateral"] = "any"
     zone: EventZone
     order: RoleName | None = None
+    striker: RoleName | None = None
     violator: RoleName | None = None
     manoeuvre: Manoeuvre | None = None
     weight: float = Field(default=1.0, gt=0.0, le=1000.0, allow_inf_nan=False)
@@ -258,6 +260,8 @@ def _check_place(pattern: Pattern) -> None:
         raise ValueError(f"zone: 'lane' needs a geometry of {_format_alternatives(_ONE_LANE)}")
     if pattern.order is not None and pattern.relation not in ("near_miss", "yield_to"):
         raise ValueError(f"order: there is no order of passing in {pattern.relation}")
+    if pattern.striker is not None and pattern.relation != "collide_at":
+        raise ValueError(f"striker: nobody strikes in {pattern.relation}")
     if pattern.order == "from" and pattern.relation == "yield_to":
         raise ValueError("order: the agent with priority passes first, so it must be 'to'")
 

@@ -26,6 +26,7 @@ from scenewright.scene.constraints import (
     SpeedBetween,
     StopsAtYellow,
     StopsBehind,
+    Strikes,
     TimeGap,
     TurnsBack,
 )
@@ -180,7 +181,7 @@ def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[C
     first = relation.get("first") or (relation[pattern.order] if pattern.order else None)
     if relation["type"] == "collide_at":
         found = [_adapt_contact(e, relation) if isinstance(e, Contact) else e for e in clauses]
-        return [*found, *_list_order(relation)]
+        return [*found, *_list_order(relation), *_list_striker(pattern, relation)]
     if pattern.manoeuvre == "lead_brakes":
         return [_adapt_stop(each, relation) for each in clauses]
     if relation["type"] == "near_miss":
@@ -209,6 +210,15 @@ def _list_order(relation: dict[str, Any]) -> list[Clause]:
         return []
     names.sort(key=lambda name: name != first)
     return [Before(first=names[0], second=names[1])]
+
+
+def _list_striker(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
+    """Which of the two strikes, as the text or the relation's file says."""
+    strikes = relation.get("strikes") or (relation[pattern.striker] if pattern.striker else None)
+    if strikes is None:
+        return []
+    names = sorted((relation["from"], relation["to"]), key=lambda name: name != strikes)
+    return [Strikes(first=names[0], second=names[1])]
 
 
 def _adapt_near_miss(

@@ -20,6 +20,7 @@ from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.orders import (
     can_be_ordered,
     keeps_order,
+    keeps_striker,
     refuse_wrong_orders,
 )
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
@@ -477,7 +478,11 @@ def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, s
     ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
     if pattern.relation in _SYMMETRIC and not is_stated and not ridden:
         orders.append((edge.to, edge.from_))  # no phrase says which agent does it to which
-    return [each for each in orders if keeps_order(edge, pattern, each)]
+    return [
+        each
+        for each in orders
+        if keeps_order(edge, pattern, each) and keeps_striker(edge, pattern, each)
+    ]
 
 
 def can_serve(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:

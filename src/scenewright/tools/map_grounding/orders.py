@@ -29,6 +29,13 @@ def keeps_order(edge: RelationEdge, pattern: Pattern, roles: tuple[str, str]) ->
     return edge.first == roles[("from", "to").index(pattern.order)]
 
 
+def keeps_striker(edge: RelationEdge, pattern: Pattern, roles: tuple[str, str]) -> bool:
+    """Return whether an assignment of the roles lets the agent strike that is said to."""
+    if edge.strikes is None or pattern.striker is None:
+        return True
+    return edge.strikes == roles[("from", "to").index(pattern.striker)]
+
+
 def refuse_wrong_orders(graph: SocialGraph) -> None:
     """Raises Rejected, `ungroundable`, if a relation cannot have the order asked for."""
     for edge in graph.relations:

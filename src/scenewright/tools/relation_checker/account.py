@@ -115,6 +115,7 @@ class _EvidenceFinder:
             "relation": self._find_event,
             "cause": self._find_braking,
             "order": self._find_order,
+            "striker": self._find_striker,
             "manoeuvre": self._find_manoeuvre,
             "motion": self._find_motion,
             "reaction": self._find_reaction,
@@ -263,6 +264,14 @@ class _EvidenceFinder:
                 )
             if order is None and event.to == first and event.type in ("yielding", "follow"):
                 return f"agent {first} goes ahead in the {event.type} at {event.time:.1f} s"
+        return None
+
+    def _find_striker(self, entry: SaidRecord) -> str | None:
+        """That the first agent of the entry strikes the second."""
+        for event in self._events:
+            if event.type == "collision" and (event.from_, event.to) == entry.agents:
+                side = event.evidence.get("side_from") or "body"
+                return f"agent {event.from_} strikes with its {side} at {event.time:.1f} s"
         return None
 
     def _find_braking(self, entry: SaidRecord) -> str | None:

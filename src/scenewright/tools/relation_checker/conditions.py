@@ -41,6 +41,7 @@ def find_unmet_condition(
     return (
         _check_bounds(relation, event)
         or _check_order(relation, event, observed)
+        or _check_striker(relation, event)
         or find_missing_manoeuvre(relation, event, observed)
         or (_check_zone(relation, event, observed, intersection_map))
     )
@@ -67,6 +68,13 @@ def _check_order(relation: RelationRecord, event: Event, observed: SceneObservat
     if order.first == relation.first:
         return None
     return f"{order.first} passes first, {relation.first} was to"
+
+
+def _check_striker(relation: RelationRecord, event: Event) -> str | None:
+    """Why another agent than the one asked for strikes."""
+    if relation.strikes in (None, event.from_):
+        return None
+    return f"{event.from_} strikes, {relation.strikes} was to"
 
 
 def _check_zone(

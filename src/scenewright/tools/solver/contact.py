@@ -54,7 +54,7 @@ def schedule_contacts(
             # Which one strikes depends on 0.1 s where one is short, such as a motorcycle.
             every = _draw_offsets_everywhere(meetings, context)
             failed = yield from _schedule_offsets(clause, schedule, context, (a, b), every)
-            if failed and _may_be_struck(clause, a, b):
+            if failed and context.find_striker(clause) is None and not _needs_striker(clause):
                 yield from _schedule_offsets(clause, schedule, context, (a, b), some, strict=False)
         return
     if clause.cause == "lead_brakes":
@@ -79,7 +79,8 @@ def _schedule_offsets(
     Args:
         strict: the clause's first agent strikes, also where either may.
     """
-    is_wanted = _make_test(clause, strict=strict)
+    striker = context.find_striker(clause)
+    is_wanted = _make_test(clause, striker, strict=strict)
     scheduled = turned_round = False
     # Drawn once: a new draw for every offset would favour slow ones, as those collide.
     drawn = (
@@ -97,7 +98,7 @@ def _schedule_offsets(
             a, found = _brake_to_impact_speed(clause, a, b, found, context)
         if found is None:
             continue
-        fault = _find_fault(found, clause, a, b, strict=strict)
+        fault = _find_fault(found, clause, a, striker, strict=strict)
         if fault is not None:
             reached, words, off = fault
             context.note_miss(clause, reached, words, off=off)
@@ -196,7 +197,7 @@ def _brake_in_last_moment(
     braked, again = _brake_late(a, b, found, speed, context)
     if (
         again is None
-        or _find_fault(again, clause, a, b) is not None
+        or _find_fault(again, clause, a, context.find_striker(clause)) is not None
         or abs(again.time - found.time) > 0.6
     ):
         return a, found
@@ -238,12 +239,12 @@ def _brake_late(
 
 
 def _make_test(
-    clause: Contact, *, strict: bool
+    clause: Contact, striker: int | None, *, strict: bool
 ) -> Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool]:
     """Build a test of whether the contact of two placed agents is the one asked for."""
 
-    def is_wanted(a: ScheduledAgent, b: ScheduledAgent, found: FirstContact) -> bool:
-        return _find_fault(found, clause, a, b, strict=strict) is None
+    def is_wanted(a: ScheduledAgent, _b: ScheduledAgent, found: FirstContact) -> bool:
+        return _find_fault(found, clause, a, striker, strict=strict) is None
 
     return is_wanted
 
@@ -252,17 +253,22 @@ def _find_fault(
     found: FirstContact,
     clause: Contact,
     a: ScheduledAgent,
-    b: ScheduledAgent,
+    striker: int | None,
     *,
     strict: bool = False,
 ) -> tuple[FailureStage, str, float] | None:
-    """Find why a contact is not the one asked for, and by how much; None if it is."""
-    first, second = get_pair(clause)
+    """Find why a contact is not the one asked for, and by how much; None if it is.
+
+    Args:
+        striker: which of the two must strike: 0, 1, or None where that is not asked for.
+    """
+    first, second = pair = get_pair(clause)
     if clause.kind not in (None, found.kind):
         return FailureStage.KIND, f"{first} and {second} touch as {found.kind}", 0.0
-    either = _may_be_struck(clause, a, b)
-    if not (either or found.frontal) or (either and strict and not found.strikes):
-        return FailureStage.ROLES, f"{second} strikes {first}, not the other way round", 0.0
+    if _is_wrong_striker(found, clause, striker, strict=strict):
+        strikes, struck = pair if striker == 1 else pair[::-1]
+        words = f"{strikes} strikes {struck}, not the other way round"
+        return FailureStage.ROLES, words, 0.0
     for name, point, seen in (
         (first, clause.point_first, found.points[0]),
         (second, clause.point_second, found.points[1]),
@@ -286,17 +292,17 @@ def _find_fault(
     return None
 
 
-def _may_be_struck(clause: Contact, a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Return whether the clause's first agent, which strikes where it can, may be struck as well:
-    in a collision side by side or head-on, or by a rider whose way it turns across."""
-    return not _needs_striker(clause) or _turns_across(a, b)
+def _is_wrong_striker(
+    found: FirstContact, clause: Contact, striker: int | None, *, strict: bool
+) -> bool:
+    """Return whether the wrong one of the two strikes.
 
-
-def _turns_across(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Return whether `a` turns across the path of a rider beside it that may then hit its side."""
-    one, two = a.candidate, b.candidate
-    beside = two.shape.type in RIDERS and one.route.entry == two.route.entry
-    return beside and one.route.movement != two.route.movement
+    Where it is not asked for, the clause's first agent does; side by side and head-on it is only
+    preferred.
+    """
+    if striker is not None:
+        return found.strikes == (striker == 1)
+    return not found.frontal if _needs_striker(clause) else strict and not found.strikes
 
 
 def _needs_striker(clause: Contact) -> bool:

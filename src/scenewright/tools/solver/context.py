@@ -41,6 +41,7 @@ class SolverContext:
         red_light_starts: the agents that wait at red before anything happens.
         figures: what is asked for of the agents' motion and of what happens between them.
         reactions: what is asked for of reactions to threats.
+        strikers: of pairs that collide, the agent that strikes and the one that is struck.
     """
 
     def __init__(
@@ -55,7 +56,9 @@ class SolverContext:
         red_light_starts: Mapping[str, ScheduledAgent] | None = None,
         figures: tuple[AgentFigure | PairFigure, ...] = (),
         reactions: ReactionRequests | None = None,
+        strikers: frozenset[Pairing] = frozenset(),
     ) -> None:
+        self.strikers = strikers
         self.figures = figures
         self.reactions = reactions or ReactionRequests(frozenset(), {})
         self.red_light_starts = red_light_starts or {}
@@ -121,6 +124,11 @@ class SolverContext:
             if each.clause == name and of == agents:
                 return each
         return None
+
+    def find_striker(self, clause: PairClause) -> int | None:
+        """Find which of the clause's two agents strikes: 0, 1, or None where either may."""
+        pair = get_pair(clause)
+        return next((k for k in (0, 1) if (pair[k], pair[1 - k]) in self.strikers), None)
 
     def wants_impact_point(self, clause: PairClause) -> bool:
         """Return whether an impact point in per cent is asked for."""

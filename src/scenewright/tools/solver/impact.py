@@ -17,6 +17,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_
 _LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
 """How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
 
+_BUMPER = 0.3
+"""Depth of the front in which a contact belongs to it [m]."""
+
 _CORNER = 0.5
 """How far from both its edges a contact still belongs to a corner [m]; at most a third."""
 
@@ -92,6 +95,7 @@ def _describe(a: ScheduledAgent, b: ScheduledAgent, time: float, left_hand: bool
     spot = _find_contact_point(poses[0][1], poses[1][1], a, b)
     speeds = [float(np.hypot(*each)) for each in velocity]
     sides = [_find_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
+    front = [_is_at_front(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
     turned = abs(float(np.angle(np.exp(1j * (poses[0][1, 2] - poses[1][1, 2])))))
     return FirstContact(
         time=time,
@@ -100,7 +104,7 @@ def _describe(a: ScheduledAgent, b: ScheduledAgent, time: float, left_hand: bool
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         speed=speeds[0],
         frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
-        strikes=_is_striking(speeds, sides),
+        strikes=_is_striking(speeds, front),
         points=(
             _list_certain_points(poses[0][1], a, spot),
             _list_certain_points(poses[1][1], b, spot),
@@ -112,12 +116,11 @@ _STANDS = 0.3
 """An agent slower than this [m/s] strikes no moving one."""
 
 
-def _is_striking(speeds: list[float], sides: list[str]) -> bool:
-    """Whether the first of two strikes the second."""
+def _is_striking(speeds: list[float], front: list[bool]) -> bool:
+    """Whether the first of two strikes the second, given which are touched at the front."""
     still = [speed <= _STANDS for speed in speeds]
     if still[0] != still[1]:
         return still[1]
-    front = [side == "front" for side in sides]
     return front[0] if front[0] != front[1] else speeds[0] > speeds[1]
 
 
@@ -187,6 +190,12 @@ def _find_side(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> str
     if abs(along) >= abs(across):
         return "front" if along > 0 else "rear"
     return "side"
+
+
+def _is_at_front(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> bool:
+    """Return whether a contact lies at the bumper or one of its corners."""
+    along = (spot[0] - pose[0]) * np.cos(pose[2]) + (spot[1] - pose[1]) * np.sin(pose[2])
+    return bool(along >= actor.candidate.shape.length / 2 - _BUMPER)
 
 
 def _find_contact_point(

@@ -44,6 +44,7 @@ from scenewright.scene.constraints import (
     SpeedBetween,
     StopsAtYellow,
     StopsBehind,
+    Strikes,
     TimeGap,
     TurnsBack,
     UnaryClause,
@@ -122,7 +123,7 @@ from scenewright.tools.solver.reservation import (
     Steps,
     find_blocked_offsets,
 )
-from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
 from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
@@ -223,6 +224,7 @@ class Search:
         self._events = _order_clauses([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
+        self._strikers = frozenset(get_pair(c) for c in program.clauses if isinstance(c, Strikes))
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
         self._figures = tuple(c for c in program.clauses if isinstance(c, AgentFigure | PairFigure))
         self._measured = {
@@ -354,7 +356,7 @@ class Search:
         context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
-            figures=self._figures, reactions=self._reactions,
+            figures=self._figures, reactions=self._reactions, strikers=self._strikers,
         )  # fmt: skip
         context.red_light_starts = {
             **context.red_light_starts,

@@ -889,6 +889,8 @@ def _edit(result: Interpretation, span: ReadSpan) -> None:
                 edge.from_, edge.to = edge.to, edge.from_
                 if edge.first is not None:
                     edge.first = edge.to if edge.first is edge.from_ else edge.from_
+                if edge.strikes is not None:
+                    edge.strikes = edge.to if edge.strikes is edge.from_ else edge.from_
     else:
         for agent in result.list_agents(span.subjects):
             agent.subtype = find_subtype(span.words) if agent.type == "vehicle" else None
