@@ -14,7 +14,14 @@ from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
-from scenewright.tools.solver.reactions import find_threat, run_on, sees, slow_down
+from scenewright.tools.solver.reactions import (
+    find_speed,
+    find_threat,
+    find_usual_braking,
+    run_on,
+    sees,
+    slow_down,
+)
 from scenewright.tools.solver.schedule import get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
@@ -236,7 +243,7 @@ def _is_seen(before: ScheduledAgent, after: ScheduledAgent, begin: float, until:
     if before.candidate.shape.type == "pedestrian" or not seen:
         return seen
     since = np.gradient(after.motion.speed, STEP)[:n][times > begin - before.enters]
-    usual = _find_braking(before, begin)[0]
+    usual = find_usual_braking(before, begin, begin)
     return bool(len(since)) and float(since.min()) < -usual - _HARDER
 
 
@@ -247,8 +254,7 @@ def _react(of: ScheduledAgent, how: Reaction, begin: float, keeps: float) -> Sch
         keeps: share of its speed that it keeps.
     """
     kind, onset = of.candidate.shape.type, begin + how.after
-    usual, before = _find_braking(of, onset)
-    usual = max(usual, _find_braking(of, begin)[0])
+    usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
     strength = max(how.strength, _WEAKEST[kind]) + usual
     if how.kind == "runs":
         end = of.candidate.path.length
@@ -259,12 +265,3 @@ def _react(of: ScheduledAgent, how: Reaction, begin: float, keeps: float) -> Sch
     strength = min(strength, max((before - least) / _LASTS, _WEAKEST[kind] + usual))
     kept = of.candidate.path.length
     return slow_down(of, onset=onset, braking=strength, speed=least, kept=kept) or of
-
-
-def _find_braking(of: ScheduledAgent, time: float) -> tuple[float, float]:
-    """Compute how hard it brakes anyway at a time, for a bend or a light [m/s^2], and its speed."""
-    speed = of.motion.speed
-    at = min(max(round((time - of.enters) / STEP), 0), len(speed) - 1)
-    if of.candidate.shape.type == "pedestrian":
-        return 0.0, float(speed[at])
-    return max(float(-np.gradient(speed, STEP)[at]), 0.0), float(speed[at])
