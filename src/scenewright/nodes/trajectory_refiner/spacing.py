@@ -6,7 +6,6 @@ The edited priors keep their distances, as the solver saw to it; the network kno
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
 
 import numpy as np
 
@@ -20,8 +19,8 @@ _CLEARANCE = 0.6
 """Least distance of two footprints, of which one is a vehicle's [m]."""
 _LESS = 0.02
 """By how much it must be less than unrefined to count."""
-_NEAR = 25.0
-"""Centres further apart than this [m] are not near."""
+_NEAR, _NEAR_ON_FOOT = 25.0, 9.0
+"""Centres further apart than this [m] are not near; the second where one is a pedestrian's."""
 _STRIDE = 5
 """Samples from one at which that is looked at to the next."""
 _ASIDE = 0.5
@@ -34,7 +33,7 @@ def find_crowded(
 ) -> frozenset[str]:
     """Find agents that come closer to another than is usual, and closer than unrefined."""
     found: set[str] = set()
-    for one, two in combinations(refined, 2):
+    for one, two in _list_near_pairs(refined, shapes):
         sizes = (shapes[one], shapes[two])
         if all(each.type == "pedestrian" for each in sizes):
             continue
@@ -47,6 +46,25 @@ def find_crowded(
     return frozenset(found)
 
 
+def _list_near_pairs(
+    tracks: Mapping[str, Track], shapes: Mapping[str, Shape]
+) -> list[tuple[str, str]]:
+    """List pairs that are near at some time; looked at every half second."""
+    names, coarse = tuple(tracks), _STRIDE * STEP
+    first = [round(tracks[name].start / coarse) for name in names]
+    parts = [tracks[name].xy[::_STRIDE] for name in names]
+    ends = [begin + len(part) for begin, part in zip(first, parts, strict=True)]
+    places = np.full((len(names), max(ends, default=0), 2), np.nan)
+    for row, begin, part in zip(places, first, parts, strict=True):
+        row[begin : begin + len(part)] = part
+    x, y = places[..., 0], places[..., 1]
+    apart = np.hypot(x[:, None] - x, y[:, None] - y)
+    drives = np.array([shapes[name].type != "pedestrian" for name in names])
+    reach = np.where(drives[:, None] & drives, _NEAR, _NEAR_ON_FOOT)
+    rows = np.argwhere(np.triu((apart <= reach[..., None]).any(axis=2), 1))
+    return [(names[i], names[j]) for i, j in rows.tolist()]
+
+
 def _measure_room(one: Track, two: Track, shapes: tuple[Shape, Shape]) -> FloatArray:
     """[2] least time gap in one lane [s] and least clearance [m] of two; inf where never near."""
     room = np.full(2, np.inf)
@@ -55,8 +73,6 @@ def _measure_room(one: Track, two: Track, shapes: tuple[Shape, Shape]) -> FloatA
     if count < 2:
         return room
     first, second = (_cut(each, begin, count) for each in (one, two))
-    if np.hypot(*(second - first)[::_STRIDE, :2].T).min() > _NEAR:
-        return room
     apart = np.hypot(*(second - first)[:, :2].T)
     if all(each.type != "pedestrian" for each in shapes):
         turned = (shapes[1], shapes[0])
@@ -85,6 +101,8 @@ def _measure_headway(behind: FloatArray, ahead: FloatArray, shapes: tuple[Shape,
     along, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
     beside = (shapes[0].width + shapes[1].width) / 2 + _ASIDE
     in_lane = (along > 0.0) & (aside < beside) & (np.cos(ahead[:, 2] - behind[:, 2]) > _ALONG)
+    if not in_lane.any():
+        return np.inf
     speed = np.hypot(*np.gradient(behind[:, :2], STEP, axis=0).T)
     gap = (along - (shapes[0].length + shapes[1].length) / 2) / np.maximum(speed, _SLOWEST)
-    return float(gap[in_lane].min(initial=np.inf))
+    return float(gap[in_lane].min())
