@@ -165,3 +165,23 @@ def test_who_brakes_too_late_is_seen_braking(text: str, seed: int) -> None:
     driver = agent(scene, "vehicle-1").id
     assert (asked.cause, asked.cause_agent) == ("late_brake", driver)
     assert hit.evidence["late_brake"] == driver
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_struck_car_is_pushed_into_the_one_ahead(seed: int) -> None:
+    scene = synthesize("A truck rear-ends a car and pushes it into the van ahead", seed=seed)
+    truck, car, van = (agent(scene, f"vehicle-{n}").id for n in (1, 2, 3))
+    first, second = (each for each in scene.proof.events if each.type == "collision")
+    assert [(each.kind, each.from_, each.to) for each in (first, second)] == [
+        ("rear_end", truck, car), ("rear_end", car, van),
+    ]  # fmt: skip
+    assert 0.0 < second.time - first.time < 1.0
+    pushes = [each for each in scene.proof.said if each.became == "manoeuvre"]
+    assert [(each.status, each.agents) for each in pushes] == [("realised", (car, van))]
+    track = agent(scene, "vehicle-2")
+    assert second.time <= track.spawn_time + 0.1 * (len(track.trajectory) - 1) <= second.time + 0.2
+
+
+def test_a_motorcycle_pushes_no_truck_into_another() -> None:
+    with pytest.raises(Unsatisfiable, match="pushed on at"):
+        synthesize("A motorcycle rear-ends a truck and pushes it into the car ahead", seed=0)
