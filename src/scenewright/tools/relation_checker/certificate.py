@@ -27,10 +27,16 @@ Pair = frozenset[int]
 
 @dataclass(frozen=True)
 class AgentRoles:
-    """The foreground agents, and the pairs that a relation binds, by ids."""
+    """The foreground agents, and pairs of agents, by ids.
+
+    Attributes:
+        bound: pairs that a relation binds.
+        chained: the first and the last of three in a chain collision, which one more parts.
+    """
 
     foreground: frozenset[int]
     bound: frozenset[Pair]
+    chained: frozenset[Pair] = frozenset()
 
     def involves_foreground(self, pair: Pair) -> bool:
         """Whether a foreground agent is one of the two."""
@@ -56,10 +62,13 @@ def check_interference(
 
 
 def is_incidental(event: Event, roles: AgentRoles) -> bool:
-    """A follow; or, between unbound background agents, a yield or a near miss with PET > 1 s."""
+    """A follow; between unbound background agents, a yield or a near miss with PET > 1 s; between
+    the ends of a chain a near miss."""
     if event.type == "follow":
         return True
     pair = frozenset((event.from_, event.to))
+    if pair in roles.chained:
+        return event.type == "near_miss"
     if roles.involves_foreground(pair) or pair in roles.bound:
         return False
     if event.type == "yielding":

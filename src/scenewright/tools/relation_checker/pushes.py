@@ -36,6 +36,16 @@ def list_pushed(relations: Sequence[RelationRecord]) -> frozenset[int]:
     return frozenset(each.from_ for each in relations if each.manoeuvre == "pushed")
 
 
+def list_chained(relations: Sequence[RelationRecord]) -> frozenset[frozenset[int]]:
+    """Who strikes the pushed agent, and into whom that is pushed."""
+    return frozenset(
+        frozenset((first.from_, second.to))
+        for second in relations
+        for first in relations
+        if second.manoeuvre == "pushed" and first.type == "collision" and first.to == second.from_
+    )
+
+
 def find_strike(agent: int, events: Sequence[Event]) -> Event | None:
     """The collision in which an agent is struck from behind shortly before another one."""
     hits = [e for e in events if e.type == "collision" and agent in (e.from_, e.to)]

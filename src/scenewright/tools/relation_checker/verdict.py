@@ -61,7 +61,11 @@ from scenewright.tools.relation_checker.plausibility import (
     check_vanishing,
     find_extremes,
 )
-from scenewright.tools.relation_checker.pushes import cut_pushed, list_pushed
+from scenewright.tools.relation_checker.pushes import (
+    cut_pushed,
+    list_chained,
+    list_pushed,
+)
 from scenewright.tools.relation_checker.reactions import find_false_reactions, find_reactions
 from scenewright.tools.relation_checker.signals import check_signal_plan
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
@@ -104,6 +108,7 @@ def check(
     roles = AgentRoles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
         frozenset(frozenset(pair) for pair in bound),
+        list_chained(scene.relations),
     )
     observed = observe(
         users, intersection_map=intersection_map, signals=scene.signals, asked=bound,
