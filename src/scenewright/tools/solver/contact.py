@@ -263,7 +263,8 @@ def _find_fault(
     """Find why a contact is not the one asked for, and by how much; None if it is."""
     first, second = get_pair(clause)
     if clause.kind not in (None, found.kind):
-        return FailureStage.KIND, f"{first} and {second} touch as {found.kind}", 0.0
+        kind = found.kind or "none of the kinds for sure"
+        return FailureStage.KIND, f"{first} and {second} touch as {kind}", 0.0
     either = _may_be_struck(clause, a, b)
     if not (either or found.frontal) or (either and strict and not found.strikes):
         return FailureStage.ROLES, f"{second} strikes {first}, not the other way round", 0.0

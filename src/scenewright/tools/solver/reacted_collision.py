@@ -41,6 +41,11 @@ _TOO_LATE = 0.4
 _SEEN = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
 """By how much a reaction must change the speed at least [m/s]."""
 
+_FREEZES = 1.2
+"""Longest standstill of a pedestrian before it is struck [s]: who stands longer has stopped."""
+_STILL = 0.32
+"""Slower than this [m/s] it stands."""
+
 Reacted = tuple[ScheduledAgent, ScheduledAgent, FirstContact]
 
 
@@ -75,9 +80,20 @@ def react_in_vain(
         contact = find_first_contact(*after, left_hand=context.left_hand)
         if contact is None or contact.time - found.time > _SHIFT:
             continue
+        if any(_has_stopped(each, contact.time) for each in after):
+            continue
         if wanted(*after, contact):
             return *after, contact
     return None
+
+
+def _has_stopped(of: ScheduledAgent, time: float) -> bool:
+    """Return whether a pedestrian has stood for long at a time [s], rather than frozen."""
+    if of.candidate.shape.type != "pedestrian":
+        return False
+    last = round((time - of.enters) / STEP)
+    recent = of.motion.speed[max(last - round(_FREEZES / STEP), 0) : last]
+    return bool(len(recent) and recent.max() <= _STILL)
 
 
 def draw_braking_to(
