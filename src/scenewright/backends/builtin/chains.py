@@ -7,11 +7,12 @@ van and the second collision are added to that.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.words import find_subtype
-from scenewright.backends.builtin.standing import VEHICLE
+from scenewright.backends.builtin.standing import VEHICLE, join_any
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
 
@@ -20,17 +21,18 @@ _ACTIVE = (
     r"driv(?:es|ing)|throw(?:s|ing)|send(?:s|ing)"
 )
 _PASSIVE = r"(?:push|shunt|propell|knock|ramm|bump|shov|forc)ed|driven|thrown"
-_ONE = rf"(?:the|that) (?:(?:first|struck|stopped|stationary|standing|waiting|leading) )?{VEHICLE}"
+_WHICH = join_any("first", "struck", "stopped", "stationary", "standing", "waiting", then=" ")
+_ONE = f"(?:(?:the|that) )?(?:{_WHICH})?{VEHICLE}"
 _AHEAD = (
-    r"(?: (?:(?:that|which) (?:is|was) )?(?:stopped |waiting |standing )?(?:ahead|in front)"
-    r"(?: of (?:it|them|him|her|that))?)?"
+    r"(?: (?:(?:that|which) (?:is|was) )?(?:stopped |waiting |standing )?(?:(?:ahead|in front)"
+    r"(?: of (?:it|them|him|her|that))?|at the (?:front|head)(?: of the (?:line|queue))?))?"
 )
 _SAID = re.compile(
     r",?(?: (?:and|then|which|thereby|so|that)\b)*"
     rf"(?: (?:{_ACTIVE}) (?:it|this|that|{_ONE})|"
     rf"(?: {_ONE})?(?: (?:is|was|gets|got|being))?(?: then)? (?:{_PASSIVE}))"
     r"(?: (?:on|along|forwards?|straight|right))? (?:into|onto|against)"
-    r" (?P<third>(?:an?|the|another|a third|a second|the next) "
+    r" (?P<third>(?:(?:an?|the|another|a third|a second|the next) )?"
     rf"(?:(?:stopped|waiting|standing|stationary|next|third|second|parked) )?(?:{VEHICLE}|one)"
     rf"{_AHEAD})(?!\w)",
     re.IGNORECASE,
@@ -58,6 +60,11 @@ class PushPhrase:
     words: str
     stands: tuple[tuple[int, int], ...]
     third: tuple[int, int, str]
+
+    @property
+    def says_where(self) -> bool:
+        """Whether the third vehicle is said to be ahead."""
+        return re.search(r"ahead|front|head", self.third[2]) is not None
 
 
 def take_out_push(text: str) -> tuple[str, PushPhrase | None]:
@@ -94,6 +101,11 @@ def add_push(graph: SocialGraph, phrase: PushPhrase, text: str) -> SocialGraph:
             "out_of_scope",
             f"'{phrase.words}': only a vehicle that another one rear-ends is pushed on, as in "
             "'A truck rear-ends a car and pushes it into the car ahead'.",
+        )
+    if not phrase.says_where and _is_named(phrase.third[2], graph, hits[0]):
+        raise Refused(
+            "out_of_scope",
+            f"'{phrase.words}': it is not clear whether that is one more; say 'the car ahead'.",
         )
     name = f"vehicle-{sum(kind == 'vehicle' for kind in kinds.values()) + 1}"
     subtype = find_subtype(phrase.third[2])
@@ -137,6 +149,50 @@ def _account_for(
         )
         for (a, b), became, agents, value in said
     ]  # fmt: skip
+
+
+def _is_named(words: str, graph: SocialGraph, hit: RelationEdge) -> bool:
+    """Whether "the bus" may be one that the rest of the text names."""
+    kind = find_subtype(words)
+    others = [each for each in graph.agents if each.id not in (hit.from_, hit.to)]
+    return words.lower().startswith("the ") and any(each.subtype == kind for each in others)
+
+
+def link_collisions(graph: SocialGraph) -> SocialGraph:
+    """The graph in which who is struck from behind and strikes a third is pushed into that.
+
+    "A van hits a taxi and the taxi hits a bus": the taxi's motion ends with its first collision,
+    unless that leads to the second.
+    """
+    kinds = {agent.id: agent.type for agent in graph.agents}
+    hits = [edge for edge in graph.relations if _may_be_linked(edge, kinds)]
+    struck = {edge.to: edge.from_ for edge in hits}
+    second = [e for e in hits if e.from_ in struck and struck[e.from_] != e.to]
+    linked = {each.from_ for each in second} | {struck[each.from_] for each in second}
+    edges = sorted(
+        (
+            edge.model_copy(
+                update={"kind": "rear_end", "manoeuvre": "pushed" if edge in second else None}
+            )
+            if edge in hits and edge.from_ in linked
+            else edge
+            for edge in graph.relations
+        ),
+        key=lambda edge: edge.manoeuvre == "pushed",
+    )
+    return graph.model_copy(update={"relations": tuple(edges)}) if second else graph
+
+
+def _may_be_linked(edge: RelationEdge, kinds: Mapping[str, str]) -> bool:
+    """Whether it is a collision of two vehicles that may be one from behind."""
+    return (
+        edge.type == "collide_at"
+        and {kinds[edge.from_], kinds[edge.to]} == {"vehicle"}
+        and edge.kind in (None, "rear_end")
+        and edge.manoeuvre is None
+        and edge.pattern is None
+        and edge.cause is None
+    )
 
 
 def _restore(span: SaidSpan, text: str) -> SaidSpan:

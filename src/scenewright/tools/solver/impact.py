@@ -32,7 +32,7 @@ _STRIKES = 2.3
 """Least speed of a vehicle that strikes a pedestrian [m/s]: 2 m/s, and what is measured apart."""
 
 _UNSURE, _UNSURE_DEPTH = np.radians(3.0), 0.12
-"""How far an angle [rad], and the depth of a contact [m], may be measured apart from the proof's."""
+"""How far an angle [rad], and the depth of a contact [m], may be measured off the proof's."""
 
 _CORNERS: dict[tuple[str, str], ImpactPoint] = {
     ("front", "left"): "front_left",
