@@ -110,18 +110,24 @@ def find_encounters(
     *,
     horizon: float | None = 8.5,
     asked: Collection[tuple[int, int]] = (),
+    among: IntArray | None = None,
 ) -> tuple[Encounter, ...]:
     """All encounters with a lag of at most `horizon` seconds.
 
     Args:
         asked: pairs of ids; of two pedestrians, only these are looked at.
+        among: [M, 2] positions of the pairs that are looked at, in order; None means all.
     """
     if len(tracks) < 2:
         return ()
     occupancies = _tabulate_occupancies(tracks)
-    pairs = _drop_shared_lanes(
-        occupancies, tracks, _find_touching(occupancies, tracks, horizon, asked)
+    among = np.stack(np.triu_indices(len(tracks), 1), axis=1) if among is None else among
+    first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
+    longest = np.inf if horizon is None else horizon
+    touching = _find_touching_pairs(
+        first, second, occupancies.origin, occupancies.reach, occupancies.table, longest
     )
+    pairs = _drop_shared_lanes(occupancies, tracks, _OccupancyPairs(*touching))
     found = _resolve_encounters(occupancies, *_group_by_encounter(occupancies, pairs))
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
 
@@ -134,39 +140,22 @@ def _tabulate_occupancies(tracks: tuple[Trajectory, ...]) -> _Occupancies:
     return _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
 
 
-def _find_touching(
-    occupancies: _Occupancies,
-    tracks: tuple[Trajectory, ...],
-    horizon: float | None,
-    asked: Collection[tuple[int, int]],
-) -> _OccupancyPairs:
-    """Pairs of places that may touch within the horizon, blocks of places looked at first."""
-    first, second = np.nonzero(_find_overlapping_boxes(tracks, asked))
-    longest = np.inf if horizon is None else horizon
-    return _OccupancyPairs(
-        *_find_touching_pairs(
-            first, second, occupancies.origin, occupancies.reach, occupancies.table, longest
-        )
-    )
-
-
 def _find_overlapping_boxes(
-    tracks: tuple[Trajectory, ...], asked: Collection[tuple[int, int]]
+    tracks: tuple[Trajectory, ...], asked: Collection[tuple[int, int]], pairs: IntArray
 ) -> BoolArray:
-    """[N, N] whether the boxes of two tracks overlap, above the diagonal."""
+    """[M] whether the boxes of the two tracks overlap, and one of them drives or they are asked."""
     west, south, east, north = np.array([m.bounds for m in tracks]).T
     reach = np.array([m.reach for m in tracks])
-    result = np.ones((len(tracks), len(tracks)), dtype=np.bool_)
+    i, j = pairs.T
+    drives = np.array([m.is_vehicle for m in tracks])
+    result = drives[i] | drives[j]
+    if asked:
+        index = {m.id: k for k, m in enumerate(tracks)}
+        wanted = np.sort([(index[a], index[b]) for a, b in asked])
+        result |= np.isin(i * len(tracks) + j, wanted[:, 0] * len(tracks) + wanted[:, 1])
     for low, high in ((west - reach, east + reach), (south - reach, north + reach)):
-        result &= (low[:, None] <= high) & (low <= high[:, None])
-    wanted = np.array([m.is_vehicle for m in tracks])
-    wanted = wanted | wanted[:, None]
-    index = {m.id: k for k, m in enumerate(tracks)}
-    for pair in asked:
-        i, j = (index[each] for each in pair)
-        wanted[i, j] = wanted[j, i] = True
-    result &= wanted
-    return np.triu(result, 1)
+        result &= (low[i] <= high[j]) & (low[j] <= high[i])
+    return np.asarray(result)
 
 
 def _drop_shared_lanes(
@@ -179,15 +168,16 @@ def _drop_shared_lanes(
     cos, sin = occupancies.table[_COS], occupancies.table[_SIN]
     parallel = cos[pairs.p] * cos[pairs.q] + sin[pairs.p] * sin[pairs.q] >= np.cos(SHARED)
     keep = np.ones(len(pair), dtype=np.bool_)
-    codes = np.flatnonzero(np.bincount(pair[parallel & (alike[a] == alike[b])]))
+    codes = np.unique(pair[parallel & (alike[a] == alike[b])])
     first, second = np.divmod(codes, len(tracks))
-    for code, one, two in zip(codes, *_find_shared_lanes(tracks, first, second), strict=True):
-        rows = np.flatnonzero(pair == code)
+    # The places of a pair stand together, and pairs are in order.
+    begin, end = np.searchsorted(pair, codes), np.searchsorted(pair, codes, side="right")
+    lanes = _find_shared_lanes(tracks, first, second)
+    for i, j, one, two in zip(begin.tolist(), end.tolist(), *lanes, strict=True):
         if one is not None and two is not None:
-            in_lane = one.contains(occupancies.s[pairs.p[rows]]) | two.contains(
-                occupancies.s[pairs.q[rows]]
-            )
-            keep[rows[in_lane]] = False
+            in_lane = one.contains(occupancies.s[pairs.p[i:j]])
+            in_lane |= two.contains(occupancies.s[pairs.q[i:j]])
+            keep[i:j] = ~in_lane
     return pairs[keep]
 
 
