@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +11,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
+    Box,
     IntArray,
     Pose,
     compute_corners,
@@ -23,7 +23,11 @@ from scenewright.tools.relation_checker.footprints import (
     make_pose,
 )
 from scenewright.tools.relation_checker.planar import Area, geos
-from scenewright.tools.relation_checker.trajectory import Trajectory, concatenate_samples
+from scenewright.tools.relation_checker.trajectory import (
+    Trajectory,
+    concatenate_samples,
+    interpolate_samples,
+)
 
 EXACT_BELOW = 1.2
 """Clearances below this are exact [m], others lower bounds."""
@@ -80,41 +84,6 @@ def find_first_contact(first: Trajectory, second: Trajectory) -> FirstContact | 
     divided by the fastest possible approach, so it cannot jump over a contact; it ends within 1 mm.
     """
     return measure_pair_gaps(build_pair_grid((first, second))).contacts.get(0)
-
-
-def _find_contact_in_step(first: Trajectory, second: Trajectory, start: float) -> float | None:
-    """The first contact within the step that begins at a sample time [s], None if there is none."""
-    ends = start + np.array((0.0, STEP))
-    states = [track.at(ends) for track in (first, second)]
-    dx, dy = np.diff(states[1][0] - states[0][0], axis=0)[0]
-    turn, other_turn = (np.abs(heading[1] - heading[0]) for _, heading in states)
-    bound = float(np.hypot(dx, dy) + first.reach * turn + second.reach * other_turn)
-    part = 0.0
-    for _ in range(200):
-        distance = _compute_gap_within_step(first, second, states, part)
-        if distance <= TOUCH:
-            return start + part * STEP
-        part += max(distance / max(bound, 1e-9), 1e-3)
-        if part > 1.0:
-            break
-    return start + STEP if _compute_gap_within_step(first, second, states, 1.0) <= TOUCH else None
-
-
-def _compute_gap_within_step(
-    first: Trajectory,
-    second: Trajectory,
-    states: Sequence[tuple[FloatArray, FloatArray]],
-    part: float,
-) -> float:
-    """Gap [m] at a part of a step, from positions and headings at its two ends."""
-    (xy, heading), (other_xy, other_heading) = (
-        (xy[0] + part * (xy[1] - xy[0]), heading[0] + part * (heading[1] - heading[0]))
-        for xy, heading in states
-    )
-    return float(compute_gaps(
-        xy, heading, get_extent(first),
-        other_xy=other_xy, other_heading=other_heading, other_size=get_extent(second),
-    ))  # fmt: skip
 
 
 def find_least_clearance(
@@ -291,13 +260,57 @@ def _find_first_contacts(
     for row, col in zip(*(each.tolist() for each in closing), strict=True):
         if row not in found:
             first, second = (grid.tracks[k] for k in grid.pairs[row])
-            time = _find_contact_in_step(first, second, float(grid.times[col]))
-            if time is not None:
+            time = _find_contact_in_step(
+                _get_states(first), _get_states(second), float(grid.times[col])
+            )
+            if np.isfinite(time):
                 found[row] = FirstContact(time, False)
     return dict(sorted(found.items()))
 
 
+State = tuple[float, FloatArray, FloatArray, float, Box]
+"""Start [s], positions [T, 2] [m] and headings [T] of a track, its reach [m] and its size."""
+
+
+def _get_states(track: Trajectory) -> State:
+    size = track.half_length, track.half_width, track.radius
+    return track.start, track.xy, track.heading, track.reach, size
+
+
 # ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _find_contact_in_step(a: State, b: State, start: float) -> float:
+    """The first contact within the step that begins at a sample time [s], inf if there is none."""
+    ends = start + np.array((0.0, STEP))
+    xy, heading = interpolate_samples(ends, a[0], a[1], a[2])
+    other_xy, other_heading = interpolate_samples(ends, b[0], b[1], b[2])
+    dx = (other_xy[1, 0] - xy[1, 0]) - (other_xy[0, 0] - xy[0, 0])
+    dy = (other_xy[1, 1] - xy[1, 1]) - (other_xy[0, 1] - xy[0, 1])
+    bound = np.hypot(dx, dy) + a[3] * abs(heading[1] - heading[0])
+    bound += b[3] * abs(other_heading[1] - other_heading[0])
+    part = 0.0
+    for _ in range(200):
+        one, two = _compute_pose(xy, heading, part), _compute_pose(other_xy, other_heading, part)
+        gap = compute_gap(one, a[4], two, b[4])
+        if gap <= TOUCH:
+            return start + part * STEP
+        part += max(gap / max(bound, 1e-9), 1e-3)
+        if part > 1.0:
+            break
+    one, two = _compute_pose(xy, heading, 1.0), _compute_pose(other_xy, other_heading, 1.0)
+    return start + STEP if compute_gap(one, a[4], two, b[4]) <= TOUCH else np.inf
+
+
+@compiled
+def _compute_pose(xy: FloatArray, heading: FloatArray, part: float) -> Pose:
+    """A part of the way from the first to the second of two positions [2, 2] and headings [2]."""
+    return make_pose(
+        xy[0, 0] + part * (xy[1, 0] - xy[0, 0]),
+        xy[0, 1] + part * (xy[1, 1] - xy[0, 1]),
+        heading[0] + part * (heading[1] - heading[0]),
+    )
 
 
 @compiled
