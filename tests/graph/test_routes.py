@@ -162,10 +162,13 @@ def test_the_planners_refusals_cost_no_sample() -> None:
     assert led("scene_verifier", refused, model=False) == "agent_generator"
 
 
-def refused_after(refinement: Refinement, refusals: int, *, model: bool) -> str:
+def refused_after(
+    refinement: Refinement, refusals: int, *, model: bool, repairable: bool = True
+) -> str:
     """Where the run goes on after the verifier has refused refined tracks."""
     code: RejectionCode = "background_interferes"
-    found = [Rejection(stage="scene_verifier", code=code, detail="so")] * refusals
+    fault = Rejection(stage="scene_verifier", code=code, detail="so", repairable=repairable)
+    found = [fault] * refusals
     state: SceneState = {"refused": found[-1], "rejections": found, "refinement": refinement}
     context = SimpleNamespace(backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS)
     return str(routes.route_after_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
@@ -188,6 +191,12 @@ def test_refined_tracks_that_are_refused_are_refined_less_within_the_budget(*, m
 
 def test_where_nothing_was_refined_there_is_nothing_to_refine_less() -> None:
     assert refused_after(refinement(0.0, attempt=1), 1, model=False) == "agent_generator"
+
+
+def test_tracks_that_are_no_scene_unrefined_are_sampled_afresh_at_once() -> None:
+    tried = refinement(0.5, attempt=1)
+    assert refused_after(tried, 1, model=False) == "trajectory_refiner"
+    assert refused_after(tried, 1, model=False, repairable=False) == "agent_generator"
 
 
 def test_refining_less_costs_no_sample() -> None:

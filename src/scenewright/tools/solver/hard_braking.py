@@ -16,6 +16,7 @@ import numpy as np
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import BrakesFor, TimeGap
+from scenewright.scene.reaction_behavior import sample_reaction
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext, compute_excess
@@ -23,6 +24,7 @@ from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import PathConflict, compute_gap
 from scenewright.tools.solver.path_ttc import PathTtc, compute_path_ttc
+from scenewright.tools.solver.reactions import find_threat, run_on
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.yielding import compute_passage, find_conflict_zone
@@ -171,6 +173,28 @@ class _HardBraking:
         """Schedule the whole maneuver, driving on after the other has passed; None if no near
         miss."""
         free, b = self.schedule.place(self.clause, self.a, self.b, delta)
+        ways = dict.fromkeys((self.hurry(free, b), b))
+        return next(filter(None, (self.schedule_passage(how, free, each) for each in ways)), None)
+
+    def hurry(self, free: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
+        """Return a pedestrian running out of the way, as it perceives the other; else as it is."""
+        context, name = self.context, str(self.clause.second)
+        bound = name in self.schedule.actors or not context.reactions.may_react(name)
+        if b.candidate.shape.type != "pedestrian" or bound or b.slowings:
+            return b
+        meets = find_least_clearance(free, b)[1]
+        threat = find_threat(context.find_path_conflict(self.clause), free, b, until=meets)
+        how = sample_reaction("pedestrian", context.rng, kind="runs")
+        if threat is None or threat[0] + how.after > meets:
+            return b
+        beyond = float(self.zone.s_b[self.zone.j].max()) + 1.0
+        onset = threat[0] + how.after
+        return run_on(b, onset=onset, acceleration=how.strength, until=beyond) or b
+
+    def schedule_passage(
+        self, how: _BrakingManeuver, free: ScheduledAgent, b: ScheduledAgent
+    ) -> PartialSchedule | None:
+        """Schedule the maneuver with the other moving like this; None if no near miss."""
         _, b_out = compute_passage(b.motion, self.zone.s_b[self.zone.j])
         a = self.release(free, b, how, b.enters + b_out + float(self.context.rng.uniform(0.3, 1.0)))
         near = self.compute_path_ttc(a, b)
