@@ -98,17 +98,17 @@ def _check_contacts(observed: SceneObservation) -> Iterator[Finding]:
 
 
 def _check_clearances(observed: SceneObservation, roles: AgentRoles) -> Iterator[Finding]:
-    least = observed.near.gaps.min(axis=1, initial=np.inf)
-    for row in np.flatnonzero(least < MIN_CLEARANCE - ROUNDING):
+    near = observed.near
+    for row in np.flatnonzero(near.least < MIN_CLEARANCE - ROUNDING).tolist():
         first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
         walking = not (first.is_vehicle or second.is_vehicle)
         pair = frozenset((first.id, second.id))
-        if walking or pair in roles.bound or int(row) in observed.near.contacts:
+        if walking or pair in roles.bound or row in near.contacts:
             continue
-        k = int(np.argmin(observed.near.gaps[row]))
+        k = int(observed.grid.common[row, 0] + np.argmin(near.get_gaps(row)))
         yield _report_measured(
             "clearance", (first, second), time=float(observed.grid.times[k]),
-            value=float(least[row]), limit=MIN_CLEARANCE, unit="m apart",
+            value=float(near.least[row]), limit=MIN_CLEARANCE, unit="m apart",
         )  # fmt: skip
 
 
@@ -197,20 +197,19 @@ def check_wreck_clearance(
     wreck: Trajectory, grid: PairGrid, involved: set[int], until: float
 ) -> Iterator[Finding]:
     """Agents that come within 0.5 m of a wreck after its track has ended."""
-    after = (grid.times > wreck.end + 1e-6) & (grid.times <= until + 1e-6)
-    away = grid.xy[:, after] - wreck.xy[-1]
-    near = np.hypot(away[..., 0], away[..., 1]) < (
-        grid.reach[:, None] + wreck.reach + MIN_CLEARANCE
-    )
-    near &= grid.present[:, after]
-    for n in np.flatnonzero(near.any(axis=1)).tolist():
-        other, times = grid.tracks[n], grid.times[after][near[n]]
+    owner = np.repeat(np.arange(len(grid.tracks)), np.diff(grid.origin))
+    times = grid.times[np.arange(len(owner)) - grid.shift[owner]]
+    away = grid.xy - wreck.xy[-1]
+    near = np.hypot(away[:, 0], away[:, 1]) < grid.reach[owner] + wreck.reach + MIN_CLEARANCE
+    near &= (times > wreck.end + 1e-6) & (times <= until + 1e-6)
+    for n in np.unique(owner[near]).tolist():
+        other, there = grid.tracks[n], times[near & (owner == n)]
         if other.id in involved:
             continue
-        gaps = compute_gaps_at(wreck, other, times=times)
+        gaps = compute_gaps_at(wreck, other, times=there)
         k = int(gaps.argmin())
         if gaps[k] < MIN_CLEARANCE - ROUNDING:
             yield _report_measured(
-                "wreck_clearance", (other, wreck), time=float(times[k]),
+                "wreck_clearance", (other, wreck), time=float(there[k]),
                 value=max(float(gaps[k]), 0.0), limit=MIN_CLEARANCE, unit="m from the wreck",
             )  # fmt: skip
