@@ -7,6 +7,7 @@ import pytest
 from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
 from scenewright.backends.builtin.planner import plan as decide_plan
+from scenewright.scene.account import list_unrealised
 from scenewright.scene.social import Refusal, SocialGraph
 
 
@@ -74,10 +75,33 @@ def test_what_no_scene_shows_stands_in_the_account() -> None:
     assert [(each.words, each.became) for each in graph.said] == [("shunts it into", "nothing")]
 
 
-def test_a_chain_is_refused_with_what_would_work() -> None:
-    refused = decide_plan("A truck rear-ends a car and pushes it into the car ahead")
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A truck rear-ends a car and pushes it into the van ahead",
+        "A car is rear-ended by a truck and pushed into the van in front of it",
+        "A truck rear-ends a stopped car, shunting it into the van",
+    ],
+)
+def test_who_is_pushed_on_collides_twice(text: str) -> None:
+    graph = decide_plan(text)
+    assert isinstance(graph, SocialGraph)
+    first, second = graph.relations
+    assert (first.kind, second.kind, second.manoeuvre) == ("rear_end", "rear_end", "pushed")
+    names = (first.from_, first.to, second.from_, second.to)
+    truck, car, again, van = (graph.agent(name).subtype for name in names)
+    assert (truck, car, again, van) == ("truck", "car", "car", "van")
+    assert all(text[each.start : each.end] == each.words for each in graph.said)
+    assert not list_unrealised(graph.said)
+
+
+@pytest.mark.parametrize(
+    "text", ["A three-car pile-up", "A car hits a pedestrian and pushes it into a van"]
+)
+def test_a_chain_of_other_agents_is_refused_with_what_would_work(text: str) -> None:
+    refused = decide_plan(text)
     assert isinstance(refused, Refusal)
-    assert "one collision" in refused.reason
+    assert isinstance(decide_plan(refused.did_you_mean[0]), SocialGraph)
 
 
 def test_words_of_what_happens_are_never_lost() -> None:

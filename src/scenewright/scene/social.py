@@ -24,9 +24,10 @@ Cause = Literal["red_light_run", "late_brake"]
 EntrySide = Literal["same", "other", "opposite", "lateral", "left", "right"]
 """How one entry lies to another: one leg, not that, oncoming, on the cross street, to its left."""
 
-Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
+Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane", "pushed"]
 """How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
-`from` changes into the lane of `to`, ahead of it; or into its side."""
+`from` changes into the lane of `to`, ahead of it; or into its side; `from` stands behind `to` and
+is pushed into it by the vehicle that rear-ends it (a chain collision)."""
 
 PedestrianMotion = Literal["runs", "darts_out", "stops_midway", "turns_back"]
 """How a pedestrian crosses: it runs, runs onto the road at once, stands still on the way, or turns
@@ -310,6 +311,7 @@ class SocialGraph(Model):
                 if name not in ids:
                     known = ", ".join(ids) or "none"
                     raise ValueError(f"{edge.type}: {name} is not among the agents, {known}")
+        self._check_chains()
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
                 raise ValueError("a tie of entries names an agent that is not in the scene")
@@ -318,6 +320,13 @@ class SocialGraph(Model):
             if not {each.agent, each.other or each.agent} <= set(ids):
                 raise ValueError(f"{each.kind} is asked of an agent that is not in the scene")
         return self
+
+    def _check_chains(self) -> None:
+        """Check that who is pushed into another vehicle is struck by a third."""
+        struck = {edge.to for edge in self.relations if edge.type == "collide_at"}
+        for edge in self.relations:
+            if edge.manoeuvre == "pushed" and edge.from_ not in struck:
+                raise ValueError(f"{edge.from_} is pushed into {edge.to}, but no agent strikes it")
 
     def _check_objects(self) -> None:
         names = [each.id for each in self.objects]

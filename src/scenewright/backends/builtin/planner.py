@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 
 from scenewright.backends.builtin.beyond import find_lost_words, note_beyond, refuse_beyond
+from scenewright.backends.builtin.chains import add_push, link_collisions, take_out_push
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
@@ -151,7 +152,8 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         notes = None if previous else read_notes(text)
         if notes is not None:
             return notes
-        lawful, wrong = take_out_wrong_way(text)
+        single, push = (text, None) if previous else take_out_push(text)
+        lawful, wrong = take_out_wrong_way(single)
         plain, met = take_out_encounters(lawful)
         rest, standing = take_out(plain)
         earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]
@@ -166,6 +168,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
             return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found
         found = add_wrong_way(found, wrong, text) if wrong else found
+        found = add_push(found, push, text) if push else link_collisions(found)
         found = note_beyond(add_objects(found, standing, text) if standing else found, rest)
         lost = None if previous else find_lost_words(found, text)
         if lost is not None:

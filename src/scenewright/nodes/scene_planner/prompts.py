@@ -165,7 +165,8 @@ _MEMBERS = "members: how many pedestrians walk together as one agent (a couple: 
 _MANOEUVRES = (
     "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
     "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then. "
-    "tailgates (follow), cuts_in (near_miss), changes_lane (collide_at sideswipe): from does.\n"
+    "tailgates (follow), cuts_in (near_miss), changes_lane (collide_at sideswipe): from does. "
+    "pushed (collide_at rear_end): from, rear-ended by a third, is pushed into to.\n"
 )
 
 

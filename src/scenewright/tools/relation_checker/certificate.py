@@ -11,6 +11,7 @@ from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.contact import PairGrid, compute_gaps_at
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.following import LaneGaps
+from scenewright.tools.relation_checker.pushes import find_strike
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 MIN_CLEARANCE = 0.5
@@ -26,10 +27,16 @@ Pair = frozenset[int]
 
 @dataclass(frozen=True)
 class AgentRoles:
-    """The foreground agents, and the pairs that a relation binds, by ids."""
+    """The foreground agents, and pairs of agents, by ids.
+
+    Attributes:
+        bound: pairs that a relation binds.
+        chained: the first and the last of three in a chain collision, which one more parts.
+    """
 
     foreground: frozenset[int]
     bound: frozenset[Pair]
+    chained: frozenset[Pair] = frozenset()
 
     def involves_foreground(self, pair: Pair) -> bool:
         """Whether a foreground agent is one of the two."""
@@ -55,10 +62,13 @@ def check_interference(
 
 
 def is_incidental(event: Event, roles: AgentRoles) -> bool:
-    """A follow; or, between unbound background agents, a yield or a near miss with PET > 1 s."""
+    """A follow; between unbound background agents, a yield or a near miss with PET > 1 s; between
+    the ends of a chain a near miss."""
     if event.type == "follow":
         return True
     pair = frozenset((event.from_, event.to))
+    if pair in roles.chained:
+        return event.type == "near_miss"
     if roles.involves_foreground(pair) or pair in roles.bound:
         return False
     if event.type == "yielding":
@@ -153,16 +163,21 @@ def _report_measured(
     )  # fmt: skip
 
 
-def check_wrecks(observed: SceneObservation, *, until: float) -> tuple[Finding, ...]:
+def check_wrecks(
+    observed: SceneObservation, *, until: float, pushed: frozenset[int] = frozenset()
+) -> tuple[Finding, ...]:
     """After a collision both tracks end within 0.2 s, and everyone else keeps 0.5 m from them.
 
     Args:
         until: end of the scene [s]; the last footprints stay as obstacles up to then.
+        pushed: agents that a collision pushes into another, which ends them.
     """
     tracks = {m.id: m for m in observed.tracks}
     found: list[Finding] = []
     for event in (e for e in observed.events if e.type == "collision"):
         for n in (event.from_, event.to):
+            if n in pushed and event == find_strike(n, observed.events):
+                continue
             if tracks[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
                 found.append(_report_driving_on(tracks[n], event))
             found += check_wreck_clearance(tracks[n], observed.grid, {event.from_, event.to}, until)

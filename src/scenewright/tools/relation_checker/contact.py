@@ -33,6 +33,8 @@ EXACT_BELOW = 1.2
 """Clearances below this are exact [m], others lower bounds."""
 TOUCH = 1e-3
 """Footprints nearer than this are in contact [m]: the rounding of positions in scene files."""
+IMPACT = 1.5
+"""A velocity that changes by more within 0.1 s [m/s] was changed by an impact, not by driving."""
 NEAR_IN_TIME, NEAR_IN_PLACE = 10.0, 150.0
 """Tracks further apart than this [s, m] have no event: more than the longest PET and look ahead."""
 
@@ -128,7 +130,7 @@ def estimate_velocity_before(track: Trajectory, *, time: float) -> FloatArray:
     """[2] velocity just before a time [m/s].
 
     Linear extrapolation from the last two whole steps before it, so that an abrupt stop at the
-    contact itself does not blur the impact speed.
+    contact itself does not blur the impact speed; from the last alone if an impact lies between.
     """
     k = min(int(np.floor((time - track.start) / STEP + 1e-6)), len(track) - 1)
     if k < 1:
@@ -137,6 +139,8 @@ def estimate_velocity_before(track: Trajectory, *, time: float) -> FloatArray:
     if k < 2:
         return np.asarray(last)
     change = last - (track.xy[k - 1] - track.xy[k - 2]) / STEP
+    if float(np.hypot(*change)) > IMPACT:
+        return np.asarray(last)
     return np.asarray(last + change * ((time - track.start) / STEP - k + 0.5))
 
 

@@ -17,6 +17,7 @@ from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.lead_braking import plan_lead_braking
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
+from scenewright.tools.solver.pushed_collision import schedule_pushed_collisions
 from scenewright.tools.solver.reacted_collision import (
     draw_braking_to,
     draw_later,
@@ -68,6 +69,9 @@ def schedule_contacts(
     clause: Contact, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """List every schedule (lazily) in which the clause's two agents collide as asked."""
+    if clause.cause == "pushed":
+        yield from schedule_pushed_collisions(clause, schedule, context)
+        return
     a, b = context.get_pair(clause, schedule)
     if context.refuse_after_collision(clause, a, b):
         return

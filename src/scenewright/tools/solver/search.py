@@ -243,7 +243,11 @@ class Search:
         self._wrong = {c.agent for c in program.clauses if isinstance(c, DrivesWrongWay)}
         self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
-        self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
+        pushes = [c for c in self._events if isinstance(c, Contact) and c.cause == "pushed"]
+        struck = {c.first for c in pushes}
+        self._chained = struck | {str(c.second) for c in pushes}
+        self._chained |= {c.first for c in self._events if c.second in struck}
+        self._red_first: dict[str, float] = dict.fromkeys((*paced, *self._chained), 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
         alone = sorted(self._stopping | self._blocking)
@@ -936,9 +940,10 @@ class Search:
                 stops=actor.stops,
                 slowings=actor.slowings,
                 contact=actor.contact,
+                push=actor.push,
                 violates=name in self._violators,
                 group=self._leads.get(name),
-                exact=name in self._measured or name in self._to_meet,
+                exact=name in self._measured | self._to_meet.keys() | self._chained,
             )
         events = tuple(
             PlannedEvent(
@@ -1005,12 +1010,14 @@ def _list_green_passes(
 def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
     """Put followers last, after their leader's other events; but before they run into it.
 
-    A collision comes after the other events of its agents, as it ends them. Agents bound to placed
+    A collision comes after the other events of its agents, as it ends them, but before the one into
+    which an agent of it is pushed. Agents bound to placed
     ones come before others, as two that have come independently cannot be brought together.
     """
     later = [each for each in clauses if isinstance(each, Headway) and _comes_last(each, clauses)]
     sooner = [each for each in clauses if each not in later]
     ends = [each for each in sooner if isinstance(each, Contact) and _has_company(each, sooner)]
+    ends.sort(key=lambda each: each.cause == "pushed")
     return _put_connected_first([*(each for each in sooner if each not in ends), *ends, *later])
 
 
