@@ -32,7 +32,7 @@ _SOLVED = 4
 """Offsets that are solved for at once."""
 
 _WAYS: dict[ReactionKind, tuple[tuple[float, float], ...]] = {
-    "brakes": ((1.0, 0.0), (1.0, 0.65), (0.6, 0.75), (0.45, 0.0)),
+    "brakes": ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75)),
     "stops": ((1.0, 0.0), (1.0, 0.5)),
     "runs": ((1.0, 0.0), (0.6, 0.0)),
 }
