@@ -107,3 +107,21 @@ def test_a_chain_of_other_agents_is_refused_with_what_would_work(text: str) -> N
 def test_words_of_what_happens_are_never_lost() -> None:
     text = "A right hook that does not happen. The lorry driver sees the cyclist and waits."
     assert isinstance(decide_plan(text), Refusal)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "manoeuvre"),
+    [
+        ("A van hits the taxi in front of it", "rear_end", None),
+        ("A van crashes into the taxi ahead of it at 8 am", "rear_end", None),
+        ("A van nearly hits the taxi ahead", None, "lead_brakes"),
+        ("A van hits a taxi", None, None),
+    ],
+)
+def test_who_is_hit_ahead_is_hit_from_behind(
+    text: str, kind: str | None, manoeuvre: str | None
+) -> None:
+    graph = decide_plan(text)
+    assert isinstance(graph, SocialGraph)
+    (edge,) = graph.relations
+    assert (edge.kind, edge.manoeuvre, edge.first) == (kind, manoeuvre, None)

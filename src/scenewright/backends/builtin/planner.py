@@ -12,6 +12,7 @@ from scenewright.backends.builtin.chains import add_push, link_collisions, take_
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
+from scenewright.backends.builtin.leaders import read_leaders
 from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.phrases import has_phrase, is_of_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
@@ -168,6 +169,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
             return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found
         found = add_wrong_way(found, wrong, text) if wrong else found
+        found = read_leaders(found, rest)
         found = add_push(found, push, text) if push else link_collisions(found)
         found = note_beyond(add_objects(found, standing, text) if standing else found, rest)
         lost = None if previous else find_lost_words(found, text)
