@@ -29,6 +29,7 @@ from scenewright.errors import (
 )
 from scenewright.files import write_atomically
 from scenewright.geometry.map_areas import MapAreas
+from scenewright.graph.collector import collect_rarely
 from scenewright.graph.written_proof import compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
@@ -200,7 +201,7 @@ def synthesize(
     }
     _load_stages(refined=context.learned is not None)
     try:
-        with limit_time(time_limit):
+        with collect_rarely(), limit_time(time_limit):
             state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
             raise _build_refusal(state)

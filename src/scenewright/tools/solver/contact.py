@@ -19,6 +19,7 @@ from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.pushed_collision import schedule_pushed_collisions
 from scenewright.tools.solver.reacted_collision import (
+    IN_VAIN,
     draw_braking_to,
     draw_later,
     measure_warning,
@@ -33,8 +34,9 @@ from scenewright.tools.solver.rear_end import (
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-_TRIES, _ROUNDS = 6, 3
-"""Offsets that are drawn, and rounds in which some are solved for at which both may react."""
+_TRIES, _ROUNDS, _PROMPT = 6, 5, 2
+"""Offsets that are drawn; rounds in which some are solved for at which both may react; and of these
+the first ones, in which neither reacts long before."""
 
 _SMOOTHED = 0.4
 """How much smoothing keeps a short slowing above its speed [m/s]."""
@@ -56,12 +58,14 @@ class _Trial:
 
     Attributes:
         both: all that perceive the other react; else one of them suffices.
+        within: longest time from the later reaction to their contact [s].
         solved: for those reactions: how they would touch without them does not matter.
     """
 
     delta: float
     drawn: tuple[Reaction, Reaction]
     both: bool
+    within: float = np.inf
     solved: bool = False
 
 
@@ -142,7 +146,9 @@ def _schedule_offsets(
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
-        reacted = react_in_vain(clause, context, (a, b), trial.drawn, found, is_wanted, both=both)
+        reacted = react_in_vain(
+            clause, context, (a, b), trial.drawn, found, is_wanted, both=both, within=trial.within
+        )
         if reacted is None and both:
             failed.append((a, b, found))
         if (reacted is None and both) or (reacted is not None and not is_wanted(*reacted)):
@@ -176,12 +182,13 @@ def _list_trials(
         failed: gets those at which both cannot, from which others are solved for: with the
             reactions drawn, then with later ones.
     """
-    yield from (_Trial(delta, drawn, both=True) for delta in deltas)
+    yield from (_Trial(delta, drawn, both=True, within=IN_VAIN) for delta in deltas)
     reactions = drawn
-    for _ in range(_ROUNDS if failed else 0):
+    for n in range(_ROUNDS if failed else 0):
+        within = IN_VAIN if n < _PROMPT else np.inf
         a, b, found = min(failed, key=lambda each: measure_warning(clause, context, *each))
         solved = solve_offsets(clause, context, (a, b), reactions, found)
-        yield from (_Trial(delta, reactions, both=True, solved=True) for delta in solved)
+        yield from (_Trial(delta, reactions, True, within, solved=True) for delta in solved)
         one, two = reactions
         reactions = draw_later(one, a, context), draw_later(two, b, context)
     yield from (_Trial(delta, drawn, both=False) for delta in deltas)

@@ -63,6 +63,9 @@ _HARDER = 0.95
 _SEEN = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
 """By how much a reaction must change the speed at least [m/s]."""
 
+IN_VAIN = 3.0
+"""Two that both have reacted for longer than this before they touch [s] had time to avoid it."""
+
 _FREEZES = 1.2
 """Longest standstill of a pedestrian before it is struck [s]: who stands longer has stopped."""
 _STILL = 0.32
@@ -80,6 +83,7 @@ def react_in_vain(
     wanted: Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool],
     *,
     both: bool,
+    within: float = np.inf,
 ) -> Reacted | None:
     """Make the two react; return them and their contact; None if no reactions leave it as asked.
 
@@ -88,19 +92,24 @@ def react_in_vain(
         found: their contact if they did not react.
         wanted: whether a contact is the one asked for.
         both: all that perceive the other react; else one of them suffices.
+        within: longest time from the later reaction to their contact [s].
     """
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
     ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
+    onsets = [t + how.after for t, how in zip(threats, drawn, strict=True) if t is not None]
+    latest = max(onsets) + within
     if not both:
         ways = [[*own, each] for own, each in zip(ways, pair, strict=True)]
-    for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
-        after = (ways[0][one], ways[1][two])
+    # The strongest first; those in which one alone reacts last.
+    order = sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum)
+    chosen = [(ways[0][one], ways[1][two]) for one, two in order]
+    for after in sorted(chosen, key=lambda each: pair[0] in each or pair[1] in each):
         if after == pair:
             continue
         contact = find_first_contact(*after, left_hand=context.left_hand)
-        if contact is None or contact.time - found.time > _SHIFT:
+        if contact is None or contact.time > min(found.time + _SHIFT, latest):
             continue
         if any(_has_stopped(each, contact.time) for each in after):
             continue
