@@ -163,10 +163,11 @@ ObjectKind = Literal[
 cabinet or kiosk, a litter bin, a shipping container."""
 
 Encounter = Literal[
-    "goes_round", "waits_behind", "hits", "stops_short", "waits_then_passes", "queues"
+    "goes_round", "waits_behind", "hits", "stops_short", "waits_then_passes", "queues", "doored"
 ]  # fmt: skip
 """What a vehicle or rider does about an object in its way: it also brakes hard and stops just short
-of it, goes round it after a wait, or stands behind who waits there."""
+of it, goes round it after a wait, stands behind who waits there, or rides into the door of a parked
+vehicle that opens just before (dooring)."""
 
 FIGURES: dict[Encounter, tuple[str, str, float, float]] = {
     "goes_round": ("clearance", "m", 0.15, 2.5),
@@ -175,6 +176,7 @@ FIGURES: dict[Encounter, tuple[str, str, float, float]] = {
     "stops_short": ("gap", "m", 0.3, 2.0),
     "waits_then_passes": ("waits", "s", 1.0, 12.0),
     "queues": ("gap", "m", 0.5, 6.0),
+    "doored": ("speed", "m/s", 1.0, 18.0),
 }
 """What may be asked of each: the figure that the checker measures, its unit, least and most."""
 
@@ -246,6 +248,8 @@ class ObjectNode(Model):
             raise ValueError(f"{self.id}: a {self.kind} is in no agent's way")
         if self.encounter is None and (self.figure is not None or self.others):
             raise ValueError(f"{self.id}: figure and others need met_by")
+        if self.encounter == "doored" and self.kind != "parked":
+            raise ValueError(f"{self.id}: only a parked vehicle opens a door, not a {self.kind}")
         if self.encounter == "queues":
             raise ValueError(f"{self.id}: the first behind it waits_behind, the others queue")
         if self.lane is not None and self.kind not in ("stalled", "double_parked"):

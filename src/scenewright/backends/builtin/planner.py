@@ -163,8 +163,9 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         found = decide(readings, site, again)
         if isinstance(found, Refusal) and (met or wrong or _is_motion_alone(readings.learned.plan)):
             # "A car drives" is no scene by itself, but with what it meets or does it is one.
-            found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
-            found = _drop_beyond(found, len(rest))
+            said = rest.rstrip(" .")
+            found = decide(read_twice(f"{said}{_NO_MORE}", earlier, site), site)
+            found = _drop_beyond(found, len(said))
         if isinstance(found, Refusal):
             return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found

@@ -48,7 +48,7 @@ from scenewright.scene.constraints import (
     TurnsBack,
     UnaryClause,
 )
-from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.objects import ObjectRecord, name_door
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
@@ -366,7 +366,12 @@ class Search:
         }
         stage = ForegroundSolver(context)
         self._placer.block_paths(
-            {name: self._meetings[(name, choice[name])].place for name in self._to_meet}
+            {name: self._meetings[(name, choice[name])].place for name in self._to_meet},
+            {
+                name: (met.door, met.opens)
+                for name in self._to_meet
+                if (met := self._meetings[(name, choice[name])]).door is not None
+            },
         )
         count = 0
         scheduled = filter(
@@ -440,7 +445,8 @@ class Search:
             self._placer.get_kept(node.id) if name in self._build_first_schedule().actors else None
         )
         if kept is not None:
-            return ObjectEncounter(node, kept, candidate, 0.0)
+            door = self._placer.get_kept(name_door(node.id))
+            return ObjectEncounter(node, kept, candidate, 0.0, door=door)
         if node.id in self._stands:
             return meet_at(node, self._stands[node.id], candidate, self._ground, self._rng)
         met = find_meeting(node, candidate, self._ground, self._rng)
