@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from scenewright.errors import Unsatisfiable
 from scenewright.graph import routes
+from scenewright.graph.run import synthesize
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets
 from scenewright.scene.refinement import AgentRefinement, Refinement
@@ -82,6 +84,12 @@ def test_a_malformed_reply_is_repaired_within_the_budget(
 def test_a_rule_that_writes_a_malformed_program_is_not_asked_again() -> None:
     refused: list[tuple[Stage, RejectionCode]] = [("waypoint_filter", "malformed_program")]
     assert led("waypoint_filter", refused, model=False) == "give_up"
+
+
+def test_what_no_rule_can_write_is_a_request_that_cannot_be_met() -> None:
+    """A group that does nothing with another agent is no fault of a backend."""
+    with pytest.raises(Unsatisfiable, match="in a group, so it must also do something"):
+        synthesize("Four children cross on the west crosswalk together", refiner="none")
 
 
 @pytest.mark.parametrize("model", [False, True])

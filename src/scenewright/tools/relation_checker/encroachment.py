@@ -341,6 +341,7 @@ def _find_touching_pairs(
     lags: FloatArray = np.empty(256)
     count = 0
     begin, parallel = np.zeros(len(first) + 1, np.intp), np.zeros(len(first), np.bool_)
+    aligned = np.cos(SHARED)
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
         for i in range(origin[a], origin[a + 1], BLOCK):
@@ -357,7 +358,7 @@ def _find_touching_pairs(
                         p[count], q[count], lags[count] = m, n, lag
                         count += 1
                         facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
-                        parallel[pair] |= alike[a] == alike[b] and facing >= np.cos(SHARED)
+                        parallel[pair] |= alike[a] == alike[b] and facing >= aligned
         begin[pair + 1] = count
     return p[:count], q[:count], lags[:count], begin, parallel
 
