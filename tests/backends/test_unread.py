@@ -125,3 +125,24 @@ def test_who_is_hit_ahead_is_hit_from_behind(
     assert isinstance(graph, SocialGraph)
     (edge,) = graph.relations
     assert (edge.kind, edge.manoeuvre, edge.first) == (kind, manoeuvre, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "measure"),
+    [
+        ("A car cuts in ahead of a bus", None),
+        ("A car cuts in ahead of a bus with a headway of 0.6 s", ("headway", 0.45, 0.75)),
+        (
+            "A van changes lanes and cuts in ahead of a taxi, leaving 4 m of space",
+            ("gap", 3.7, 4.3),
+        ),
+    ],
+)
+def test_who_cuts_in_changes_lanes(text: str, measure: tuple[str, float, float] | None) -> None:
+    graph = decide_plan(text)
+    assert isinstance(graph, SocialGraph)
+    (edge,) = graph.relations
+    assert (edge.type, edge.manoeuvre, edge.first) == ("near_miss", "cuts_in", None)
+    found = [(each.kind, each.low, each.high, each.agent) for each in graph.measures]
+    assert found == ([] if measure is None else [(*measure, edge.to)])
+    assert all(text[each.start : each.end] == each.words for each in graph.said)

@@ -9,6 +9,7 @@ from itertools import chain, islice
 
 from scenewright.backends.builtin.beyond import find_lost_words, note_beyond, refuse_beyond
 from scenewright.backends.builtin.chains import add_push, link_collisions, take_out_push
+from scenewright.backends.builtin.cut_ins import add_space, read_cut_ins, take_out_space
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
@@ -154,6 +155,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         if notes is not None:
             return notes
         single, push = (text, None) if previous else take_out_push(text)
+        single, space = (single, None) if previous else take_out_space(single)
         lawful, wrong = take_out_wrong_way(single)
         plain, met = take_out_encounters(lawful)
         rest, standing = take_out(plain)
@@ -170,7 +172,8 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
             return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found
         found = add_wrong_way(found, wrong, text) if wrong else found
-        found = read_leaders(found, rest)
+        found = read_leaders(read_cut_ins(found), rest)
+        found = add_space(found, space) if space else found
         found = add_push(found, push, text) if push else link_collisions(found)
         found = note_beyond(add_objects(found, standing, text) if standing else found, rest)
         lost = None if previous else find_lost_words(found, text)

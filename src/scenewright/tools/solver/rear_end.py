@@ -97,7 +97,8 @@ def _list_standing_leaders(
     if at_light is not None:
         yield at_light
     for share in rng.uniform(*_SUDDEN, 2):
-        hold = StopCommand(share * b.candidate.path.length, 0.0, _SUDDEN_BRAKING)
+        place = b.landmarks.move_off_crosswalks(share * b.candidate.path.length)
+        hold = StopCommand(place, 0.0, _SUDDEN_BRAKING)
         start = b.enters + compute_arrival(b.candidate, hold)
         until = start + _FOR_GOOD
         stop = Stop("stopping_point", hold.s, start, until, "brakes", _SUDDEN_BRAKING)

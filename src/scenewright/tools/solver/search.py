@@ -365,13 +365,10 @@ class Search:
             **draw_pauses(self._pausing, candidates, landmarks, self._rng),
         }
         stage = ForegroundSolver(context)
+        met = {name: self._get_meeting(name, choice) for name in self._to_meet}
         self._placer.block_paths(
-            {name: self._meetings[(name, choice[name])].place for name in self._to_meet},
-            {
-                name: (met.door, met.opens)
-                for name in self._to_meet
-                if (met := self._meetings[(name, choice[name])]).door is not None
-            },
+            {name: each.place for name, each in met.items() if each},
+            {name: (each.door, each.opens) for name, each in met.items() if each and each.door},
         )
         count = 0
         scheduled = filter(
@@ -390,6 +387,15 @@ class Search:
         if not count:
             self._failures[_format_clauses(self._events)] += 1
         return None
+
+    def _get_meeting(self, name: str, choice: Mapping[str, int]) -> ObjectEncounter | None:
+        """Return how an agent meets its object; a fixed one does so where it did."""
+        if name in choice:
+            return self._meetings[(name, choice[name])]
+        node = self._to_meet[name]
+        place, door = (self._placer.get_kept(each) for each in (node.id, name_door(node.id)))
+        candidate = self._pool.agents[name].build(0)
+        return None if place is None else ObjectEncounter(node, place, candidate, 0.0, door=door)
 
     def _build_first_schedule(self) -> PartialSchedule:
         """Build the schedule before anything is placed: empty."""
