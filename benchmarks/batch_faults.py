@@ -247,6 +247,7 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--refiner", default="trajnet")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--time-limit", type=float, default=30.0, help="Seconds for each row.")
     parser.add_argument("--mount", type=int, metavar="MB", help="Size of a file system in memory.")
     asked = parser.parse_args()
     place = asked.folder / "fs"
@@ -260,6 +261,7 @@ def main() -> None:
     rows, out = asked.folder / "rows.jsonl", place / "out"
     write_rows(rows, asked.rows)
     options = ["--workers", str(asked.workers), "--refiner", asked.refiner, "--quiet"]
+    options += ["--time-limit", str(asked.time_limit)]
     happenings = Happenings(asked.folder / "happened.json", asked.rows, asked.kills)
     begin = time.perf_counter()
     given = carry_out(build_command(rows, out, options), out, happenings, clock)

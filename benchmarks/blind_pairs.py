@@ -15,6 +15,7 @@ import argparse
 import json
 import random
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,14 +61,16 @@ def resample(xy: np.ndarray, step: float) -> np.ndarray:
 
 def compute_speed(piece: np.ndarray) -> np.ndarray:
     """[N] speed [m/s]."""
-    return np.linalg.norm(np.gradient(piece, STEP, axis=0), axis=1)
+    return np.asarray(np.linalg.norm(np.gradient(piece, STEP, axis=0), axis=1))
 
 
-def match_pairs(ours: list[np.ndarray], real: list[np.ndarray], count: int, rng: random.Random):
+def match_pairs(
+    ours: list[np.ndarray], real: list[np.ndarray], count: int, rng: random.Random
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Pairs of one of ours and a recorded one not used before, nearest in mean speed."""
     rng.shuffle(ours)
     left = list(real)
-    pairs = []
+    pairs: list[tuple[np.ndarray, np.ndarray]] = []
     for piece in ours:
         if len(pairs) == count or not left:
             break
@@ -77,7 +80,9 @@ def match_pairs(ours: list[np.ndarray], real: list[np.ndarray], count: int, rng:
     return pairs
 
 
-def draw_sheets(pairs, folder: Path, kind: str, rng: random.Random) -> dict[str, str]:
+def draw_sheets(
+    pairs: list[tuple[np.ndarray, np.ndarray]], folder: Path, kind: str, rng: random.Random
+) -> dict[str, str]:
     """The key: number of the pair -> letter of the recorded track."""
     import matplotlib
 
@@ -85,7 +90,7 @@ def draw_sheets(pairs, folder: Path, kind: str, rng: random.Random) -> dict[str,
     from matplotlib import pyplot
 
     folder.mkdir(parents=True, exist_ok=True)
-    key = {}
+    key: dict[str, str] = {}
     for first in range(0, len(pairs), ON_A_SHEET):
         shown = pairs[first : first + ON_A_SHEET]
         figure, axes = pyplot.subplots(len(shown), 4, figsize=(15, 2.6 * len(shown)), squeeze=False)
@@ -105,7 +110,7 @@ def draw_sheets(pairs, folder: Path, kind: str, rng: random.Random) -> dict[str,
     return key
 
 
-def draw_piece(path, speed, piece: np.ndarray, top: float) -> None:
+def draw_piece(path: Any, speed: Any, piece: np.ndarray, top: float) -> None:
     """The path from left to right, with a dot each second, and the speed over time."""
     along = piece[-1] - piece[0]
     c, s = along / np.linalg.norm(along)

@@ -15,8 +15,10 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from driving_others import read_scenarios
@@ -24,11 +26,13 @@ from driving_others import read_scenarios
 from scenewright.driving.api import load_scenario
 from scenewright.driving.policies import NORMAL, DriverParameters, ReplayPolicy, RuleBasedPolicy
 from scenewright.driving.run_drive import run_drive
-from scenewright.driving.scenario import build_scenario_from_tracks
+from scenewright.driving.scenario import Scenario, build_scenario_from_tracks
 from scenewright.driving.summary import describe_rate
 from scenewright.errors import InputError, Unsatisfiable
+from scenewright.scene.base import FloatArray
 from scenewright.tools.relation_checker import RoadUser, find_events
 from scenewright.tools.relation_checker.external_events import ExternalTracks
+from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 INSTRUCTIONS = (
@@ -50,9 +54,10 @@ ROUNDS = ((16, 0.25), (4, 0.25))
 candidates that goes on."""
 
 
-def make_scenarios(count: int, first_seed: int):
+def make_scenarios(count: int, first_seed: int) -> list[Scenario]:
     """Scenes made here, until there are enough."""
-    found, seed = [], first_seed
+    found: list[Scenario] = []
+    seed = first_seed
     while len(found) < count:
         text = INSTRUCTIONS[seed % len(INSTRUCTIONS)]
         try:
@@ -63,7 +68,7 @@ def make_scenarios(count: int, first_seed: int):
     return found
 
 
-def find_real_near_misses(folder: Path):
+def find_real_near_misses(folder: Path) -> list[Scenario]:
     """Near misses and collisions of real vehicles, with the vehicle as ego."""
     found = []
     for recording in read_taf_bw(folder).recordings:
@@ -80,7 +85,7 @@ def find_real_near_misses(folder: Path):
     return found
 
 
-def _cut(tracks, ego, time_of, name):
+def _cut(tracks: ExternalTracks, ego: int, time_of: float, name: str) -> Scenario | None:
     """The stretch around a near miss; None unless the vehicle moves and its replay is clear."""
     user = tracks.users[ego]
     if user.shape.type != "vehicle":
@@ -97,7 +102,9 @@ def _cut(tracks, ego, time_of, name):
     return scenario
 
 
-def measure(parameters: DriverParameters, scenarios):
+def measure(
+    parameters: DriverParameters, scenarios: Sequence[Scenario]
+) -> tuple[BoolArray, FloatArray]:
     """Whether each drive ended in a collision, and the share of the recorded way that was made."""
     hits, shares = [], []
     for scenario in scenarios:
@@ -114,13 +121,15 @@ def draw(rng: np.random.Generator, base: DriverParameters) -> DriverParameters:
     """Parameters near others."""
     names = ("speed", "acceleration", "braking", "headway", "gap", "margin", "horizon", "wider")
     factor = np.exp(rng.normal(0.0, 0.35, len(names)))
-    values = {n: float(getattr(base, n) * f) for n, f in zip(names, factor, strict=True)}
+    values: dict[str, Any] = {
+        n: float(getattr(base, n) * f) for n, f in zip(names, factor, strict=True)
+    }
     values["speed"] = min(values["speed"], 1.0)
     values["horizon"] = min(values["horizon"], 7.0)
     return replace(base, **values, yields_always=bool(rng.random() < 0.5))
 
 
-def tune(scenarios, candidates: int, seed: int) -> DriverParameters:
+def tune(scenarios: Sequence[Scenario], candidates: int, seed: int) -> DriverParameters:
     """The best candidate: all are tried on few scenes, those that do well on more, then on all."""
     rng = np.random.default_rng(seed)
     field = [NORMAL, *(draw(rng, NORMAL) for _ in range(candidates - 1))]
@@ -129,7 +138,7 @@ def tune(scenarios, candidates: int, seed: int) -> DriverParameters:
     return rank(field, scenarios)[0]
 
 
-def rank(field: list[DriverParameters], scenarios) -> list[DriverParameters]:
+def rank(field: list[DriverParameters], scenarios: Sequence[Scenario]) -> list[DriverParameters]:
     """Candidates by their collisions, those that make too little way last."""
     field = [NORMAL, *(each for each in field if each != NORMAL)]
     least, costs = None, []
@@ -144,7 +153,7 @@ def rank(field: list[DriverParameters], scenarios) -> list[DriverParameters]:
     return [field[k] for k in np.argsort(costs, kind="stable")]
 
 
-def compare(name: str, tuned: DriverParameters, scenarios) -> dict:
+def compare(name: str, tuned: DriverParameters, scenarios: Sequence[Scenario]) -> dict[str, Any]:
     """Both policies on the same drives; the interval of the difference by resampling drives."""
     if not scenarios:
         return {"on": name, "n": 0}

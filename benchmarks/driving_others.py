@@ -16,20 +16,22 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, Literal
 
 from scenewright.driving.api import load_policy, load_scenario
 from scenewright.driving.rehearsal import rehearse_drive
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
+from scenewright.driving.scenario import Scenario
 from scenewright.driving.summary import describe_rate
 from scenewright.errors import InputError
 
 EGOS = ("constant", "idm", "cautious", "aggressive")
 
 
-def read_scenarios(files: Sequence[Path], count: int, *, bound: bool):
+def read_scenarios(files: Sequence[Path], count: int, *, bound: bool) -> list[Scenario]:
     """The first scenes of files, with `bound` those in which the ego takes part in a relation."""
-    found = []
+    found: list[Scenario] = []
     for file in files:
         if len(found) == count:
             break
@@ -42,7 +44,9 @@ def read_scenarios(files: Sequence[Path], count: int, *, bound: bool):
     return found
 
 
-def run(scenario, ego: str, others: str, seed: int) -> dict:
+def run(
+    scenario: Scenario, ego: str, others: Literal["replay", "reactive", "resolve"], seed: int
+) -> dict[str, Any]:
     """One drive: its report, without the events."""
     policy = load_policy(ego)
     if others == "resolve":
@@ -54,7 +58,7 @@ def run(scenario, ego: str, others: str, seed: int) -> dict:
     told = report_drive(drive, obstacles=obstacles).to_json()
     return {
         "scene": scenario.name, "ego": ego, "end": told["end"], "time": told["time"],
-        "tries": tries, "asked": scenario.record.meta.user_prompt,
+        "tries": tries, "asked": scenario.record and scenario.record.meta.user_prompt,
         "resolved": told.get("resolved", []), "background": told["background_collisions"],
         "hit": told["collision"], "red": told["red_lights"],
         "collisions": [
@@ -63,7 +67,7 @@ def run(scenario, ego: str, others: str, seed: int) -> dict:
     }  # fmt: skip
 
 
-def summarize(rows: list[dict]) -> dict:
+def summarize(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """The encounters of runs, and the collisions that were not asked for."""
     return {
         "runs": len(rows),
@@ -72,7 +76,7 @@ def summarize(rows: list[dict]) -> dict:
     }
 
 
-def summarize_encounters(meetings: list[dict]) -> dict:
+def summarize_encounters(meetings: list[dict[str, Any]]) -> dict[str, Any]:
     """How many asked encounters came about, of all and of those that physics allowed."""
     allowed = [each for each in meetings if each.get("allowed", True)]
     groups = {"came_about": meetings, "where_allowed": allowed}

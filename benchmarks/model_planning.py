@@ -111,7 +111,8 @@ def plan_rows(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[list[di
 
 def _plan(row: dict[str, Any], backend: Backend) -> Plan:
     """As in a run: the same words, and the same number of attempts."""
-    intersection_map, wrong = load_map(DEFAULT_INTERSECTION), ()
+    intersection_map = load_map(DEFAULT_INTERSECTION)
+    wrong: tuple[str, ...] = ()
     ways, text, previous = describe_routes(intersection_map), row["text"], row.get("previous")
     facts = {
         "instruction": text,

@@ -13,6 +13,7 @@ import argparse
 import time
 from collections import Counter
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,7 @@ def write_requests(place: IntersectionMap, count: int, seed: int = 1) -> list[st
     return made
 
 
-def _write_sentence(chosen: tuple, rng: np.random.Generator) -> str:
+def _write_sentence(chosen: tuple[Any, Route, Route], rng: np.random.Generator) -> str:
     pattern, a, b = chosen
     verb = str(rng.choice(WORDS[pattern.relation]))
     return f"{_describe_agent(a, 'A')} {verb} {_describe_agent(b, 'a')}"
@@ -109,7 +110,8 @@ def main() -> None:
     parser.add_argument("--show", action="store_true", help="print every refusal")
     options = parser.parse_args()
     for name in options.names:
-        begin, good, interference, why = time.perf_counter(), 0, 0, Counter()
+        begin, good, interference = time.perf_counter(), 0, 0
+        why: Counter[str] = Counter()
         texts = write_requests(load_map(name), options.requests, options.seed)
         for i, text in enumerate(texts):
             try:

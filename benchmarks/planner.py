@@ -104,8 +104,8 @@ def test_mangled(rows: list[Row], number: int) -> None:
         slowest = max(slowest, (time.perf_counter() - before, text))
     print(f"{number} mangled texts: {len(failed)} exceptions, the slowest {slowest[0]:.2f} s")
     print(f"  slowest: {slowest[1]!r}")
-    for error, text in failed[:10]:
-        print(f"  {error}: {text!r}")
+    for fault, text in failed[:10]:
+        print(f"  {fault}: {text!r}")
 
 
 def mangle(rng: random.Random, text: str, other: str) -> str:

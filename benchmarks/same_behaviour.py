@@ -83,7 +83,7 @@ def digest(data: bytes) -> str:
 
 def digest_chats(scratch: Path) -> dict[str, str]:
     """Digests of what conversations end with."""
-    found = {}
+    found: dict[str, str] = {}
     for number, lines in enumerate(CHATS):
         out = scratch / f"chat-{number}"
         words = ("chat", "--threads", scratch / "threads.sqlite", "--thread", number, "--out", out)

@@ -21,7 +21,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -296,7 +296,7 @@ def is_same(one: float | None, other: float | None) -> bool:
 
 
 def compare(
-    name: str, draw: Callable[[int], Party], n: int, rivals: dict[str, Callable[[Party], Any]]
+    name: str, draw: Callable[[int], Party], n: int, rivals: Mapping[str, Callable[[Party], Any]]
 ) -> None:
     """Assign n parties exactly and by every rival, and print the results."""
     seatings: list[Assignment | str] = []

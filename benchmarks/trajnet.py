@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ FOLDS = (
     "biwi_hotel", "crowds_zara01", "crowds_zara03", "crowds_students003", "lcas", "wildtrack",
     "crowds_students001",
 )  # fmt: skip
-TRAINED = {
+TRAINED: dict[str, dict[str, Any]] = {
     "refiner": {},
     "lstm": {"pooling": False, "goals": False, "mirrored": False, "apart": None},
     "no_goals": {"goals": False},

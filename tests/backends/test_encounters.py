@@ -34,6 +34,15 @@ from scenewright.scene.social import Refusal, SocialGraph
         ),
         ("A stalled car is hit by a motorcycle", ("vehicle-1", "hits", "stalled", "car")),
         ("A car hits a parked car", ("vehicle-1", "hits", "parked", "car")),
+        ("A cyclist is doored by a parked van", ("cyclist-1", "doored", "parked", "van")),
+        (
+            "A cyclist rides into the opening door of a parked taxi on the south leg",
+            ("cyclist-1", "doored", "parked", "taxi"),
+        ),
+        (
+            "The driver of a parked car opens her door in front of an e-scooter rider, who hits it",
+            ("scooter-1", "doored", "parked", "car"),
+        ),
         ("A car nearly hits a stalled van", ("vehicle-1", "stops_short", "stalled", "van")),
         (
             "A van waits for 4 s behind a stalled car, then goes around it",
@@ -207,3 +216,13 @@ def test_a_wrong_way_driver_is_made_and_proven() -> None:
     assert [each.kind for each in scene.record.events] == ["head_on"]
     (told,) = [each for each in scene.proof.said if each.became == "motion"]
     assert "against the lanes" in str(told.evidence)
+
+
+def test_a_door_opens_too_late_for_a_cyclist() -> None:
+    scene = synthesize("A cyclist is doored by a parked van at 15 km/h", seed=1, refiner="none")
+    (van, door) = scene.record.objects
+    assert (van.kind, van.subtype, door.kind) == ("parked", "van", "door")
+    (seen,) = scene.proof.figures["encounters"]
+    assert seen["speed"] == pytest.approx(15 / 3.6, abs=0.5)
+    assert door.since == pytest.approx(seen["time"] - seen["opened"], abs=0.01)
+    assert {each.status for each in scene.proof.said} == {"realised"}

@@ -7,6 +7,7 @@ import pytest
 from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
 from scenewright.backends.builtin.planner import plan as decide_plan
+from scenewright.scene.account import list_unrealised
 from scenewright.scene.social import Refusal, SocialGraph
 
 
@@ -74,12 +75,74 @@ def test_what_no_scene_shows_stands_in_the_account() -> None:
     assert [(each.words, each.became) for each in graph.said] == [("shunts it into", "nothing")]
 
 
-def test_a_chain_is_refused_with_what_would_work() -> None:
-    refused = decide_plan("A truck rear-ends a car and pushes it into the car ahead")
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A truck rear-ends a car and pushes it into the van ahead",
+        "A car is rear-ended by a truck and pushed into the van in front of it",
+        "A truck rear-ends a stopped car, shunting it into the van",
+    ],
+)
+def test_who_is_pushed_on_collides_twice(text: str) -> None:
+    graph = decide_plan(text)
+    assert isinstance(graph, SocialGraph)
+    first, second = graph.relations
+    assert (first.kind, second.kind, second.manoeuvre) == ("rear_end", "rear_end", "pushed")
+    names = (first.from_, first.to, second.from_, second.to)
+    truck, car, again, van = (graph.agent(name).subtype for name in names)
+    assert (truck, car, again, van) == ("truck", "car", "car", "van")
+    assert all(text[each.start : each.end] == each.words for each in graph.said)
+    assert not list_unrealised(graph.said)
+
+
+@pytest.mark.parametrize(
+    "text", ["A three-car pile-up", "A car hits a pedestrian and pushes it into a van"]
+)
+def test_a_chain_of_other_agents_is_refused_with_what_would_work(text: str) -> None:
+    refused = decide_plan(text)
     assert isinstance(refused, Refusal)
-    assert "one collision" in refused.reason
+    assert isinstance(decide_plan(refused.did_you_mean[0]), SocialGraph)
 
 
 def test_words_of_what_happens_are_never_lost() -> None:
     text = "A right hook that does not happen. The lorry driver sees the cyclist and waits."
     assert isinstance(decide_plan(text), Refusal)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "manoeuvre"),
+    [
+        ("A van hits the taxi in front of it", "rear_end", None),
+        ("A van crashes into the taxi ahead of it at 8 am", "rear_end", None),
+        ("A van nearly hits the taxi ahead", None, "lead_brakes"),
+        ("A van hits a taxi", None, None),
+    ],
+)
+def test_who_is_hit_ahead_is_hit_from_behind(
+    text: str, kind: str | None, manoeuvre: str | None
+) -> None:
+    graph = decide_plan(text)
+    assert isinstance(graph, SocialGraph)
+    (edge,) = graph.relations
+    assert (edge.kind, edge.manoeuvre, edge.first) == (kind, manoeuvre, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "measure"),
+    [
+        ("A car cuts in ahead of a bus", None),
+        ("A car cuts in ahead of a bus with a headway of 0.6 s", ("headway", 0.45, 0.75)),
+        (
+            "A van changes lanes and cuts in ahead of a taxi, leaving 4 m of space",
+            ("gap", 3.7, 4.3),
+        ),
+    ],
+)
+def test_who_cuts_in_changes_lanes(text: str, measure: tuple[str, float, float] | None) -> None:
+    graph = decide_plan(text)
+    assert isinstance(graph, SocialGraph)
+    (edge,) = graph.relations
+    assert (edge.type, edge.manoeuvre, edge.first) == ("near_miss", "cuts_in", None)
+    found = [(each.kind, each.low, each.high, each.agent) for each in graph.measures]
+    assert found == ([] if measure is None else [(*measure, edge.to)])
+    assert all(text[each.start : each.end] == each.words for each in graph.said)

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from scenewright.errors import Unsatisfiable
 from scenewright.graph import routes
+from scenewright.graph.run import synthesize
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets
 from scenewright.scene.refinement import AgentRefinement, Refinement
@@ -82,6 +84,12 @@ def test_a_malformed_reply_is_repaired_within_the_budget(
 def test_a_rule_that_writes_a_malformed_program_is_not_asked_again() -> None:
     refused: list[tuple[Stage, RejectionCode]] = [("waypoint_filter", "malformed_program")]
     assert led("waypoint_filter", refused, model=False) == "give_up"
+
+
+def test_what_no_rule_can_write_is_a_request_that_cannot_be_met() -> None:
+    """A group that does nothing with another agent is no fault of a backend."""
+    with pytest.raises(Unsatisfiable, match="in a group, so it must also do something"):
+        synthesize("Four children cross on the west crosswalk together", refiner="none")
 
 
 @pytest.mark.parametrize("model", [False, True])
@@ -162,10 +170,13 @@ def test_the_planners_refusals_cost_no_sample() -> None:
     assert led("scene_verifier", refused, model=False) == "agent_generator"
 
 
-def refused_after(refinement: Refinement, refusals: int, *, model: bool) -> str:
+def refused_after(
+    refinement: Refinement, refusals: int, *, model: bool, repairable: bool = True
+) -> str:
     """Where the run goes on after the verifier has refused refined tracks."""
     code: RejectionCode = "background_interferes"
-    found = [Rejection(stage="scene_verifier", code=code, detail="so")] * refusals
+    fault = Rejection(stage="scene_verifier", code=code, detail="so", repairable=repairable)
+    found = [fault] * refusals
     state: SceneState = {"refused": found[-1], "rejections": found, "refinement": refinement}
     context = SimpleNamespace(backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS)
     return str(routes.route_after_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
@@ -188,6 +199,12 @@ def test_refined_tracks_that_are_refused_are_refined_less_within_the_budget(*, m
 
 def test_where_nothing_was_refined_there_is_nothing_to_refine_less() -> None:
     assert refused_after(refinement(0.0, attempt=1), 1, model=False) == "agent_generator"
+
+
+def test_tracks_that_are_no_scene_unrefined_are_sampled_afresh_at_once() -> None:
+    tried = refinement(0.5, attempt=1)
+    assert refused_after(tried, 1, model=False) == "trajectory_refiner"
+    assert refused_after(tried, 1, model=False, repairable=False) == "agent_generator"
 
 
 def test_refining_less_costs_no_sample() -> None:

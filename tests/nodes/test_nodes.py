@@ -23,6 +23,7 @@ from scenewright.nodes.scene_verifier import verify_scene
 from scenewright.nodes.scene_verifier.assemble import assemble, compute_scene_id
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.scene.behavior import BehaviorProgram, Segment
+from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
 
@@ -191,6 +192,19 @@ def test_the_verifier_refuses_what_is_not_the_scene_asked_for(run):
     assert rejection.code == "relation_not_realised"
     assert set(rejection.agents) == {CAR, OTHER}
     assert rejection.detail.endswith(f"1 is {CAR}; 2 is {OTHER})")
+
+
+def test_refused_tracks_are_worth_refining_less_if_they_are_a_scene_unrefined(run):
+    """Here the car that is to give way goes on as it came, in one of the two."""
+    segments = dict(run["behavior"].segments)
+    segments[CAR] = (Segment(start=0, end=run["selection"].duration, anchor="goal", status="keep"),)
+    state = run | {"behavior": BehaviorProgram(segments=segments)}
+    goes_on = refine_trajectories(state, runtime=runtime())["refined"]
+    tried = Refinement(refiner="trajnet", note="so", agents={CAR: AgentRefinement(share=0.5)})
+    state = run | {"refined": goes_on, "refinement": tried}
+    assert refused(verify_scene, state, load_backend("builtin")).repairable
+    state |= {"edited": goes_on}
+    assert not refused(verify_scene, state, load_backend("builtin")).repairable
 
 
 def test_a_record_holds_what_the_stages_made(run):

@@ -343,3 +343,14 @@ def test_a_new_agent_joins_and_leaves(talk: Conversation) -> None:
     assert events(fresh) == ["follow"]
     talk.session.undo()
     assert talk.now.scene_json == calm.scene_json
+
+
+@pytest.mark.parametrize(
+    "text", ["A car goes around a stalled van", "A cyclist is doored by a parked van"]
+)
+def test_who_meets_an_object_still_does_at_another_hour(text: str, talk: Conversation) -> None:
+    first = talk.made(text)
+    later = talk.made("make it 5 pm")
+    assert later.record.meta.time_of_day == "17:00"
+    assert later.record.objects == first.record.objects
+    assert same(first, later) == set(agents(first))

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 import pytest
 
+from checker_tracks import list_rules
 from scenewright import synthesize
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
+from scenewright.backends.builtin.planner import plan
 from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import Scene
 from scenewright.intersections import load_map
 from scenewright.scene.record import AgentRecord
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.relation_checker import check
 
 OPPOSITE = {"north": "south", "south": "north", "east": "west", "west": "east"}
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
@@ -134,7 +138,7 @@ def test_who_is_said_to_run_red_does_and_no_other_agent(text: str, who: str, see
     ("text", "given"),
     [
         ("Two pedestrians are hit by one car on the north crosswalk.", "2 collisions"),
-        ("A car rear-ends a truck which rear-ends a bus.", "2 collisions"),
+        ("A car hits a truck head-on and the truck hits a bus head-on.", "2 collisions"),
         (
             "A pedestrian on the north crosswalk waits for a car from the south, and that car then "
             "hits a second pedestrian on the north crosswalk.",
@@ -165,3 +169,50 @@ def test_who_brakes_too_late_is_seen_braking(text: str, seed: int) -> None:
     driver = agent(scene, "vehicle-1").id
     assert (asked.cause, asked.cause_agent) == ("late_brake", driver)
     assert hit.evidence["late_brake"] == driver
+
+
+@cache
+def make_chain(seed: int) -> Scene:
+    return synthesize("A truck rear-ends a car and pushes it into the van ahead", seed=seed)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_struck_car_is_pushed_into_the_one_ahead(seed: int) -> None:
+    scene = make_chain(seed)
+    truck, car, van = (agent(scene, f"vehicle-{n}").id for n in (1, 2, 3))
+    first, second = (each for each in scene.proof.events if each.type == "collision")
+    assert [(each.kind, each.from_, each.to) for each in (first, second)] == [
+        ("rear_end", truck, car), ("rear_end", car, van),
+    ]  # fmt: skip
+    assert 0.0 < second.time - first.time < 1.0
+    pushes = [each for each in scene.proof.said if each.became == "manoeuvre"]
+    assert [(each.status, each.agents) for each in pushes] == [("realised", (car, van))]
+    track = agent(scene, "vehicle-2")
+    assert second.time <= track.spawn_time + 0.1 * (len(track.trajectory) - 1) <= second.time + 0.2
+
+
+def test_a_chain_without_its_push_is_none() -> None:
+    record = make_chain(0).record
+    push = record.relations[1]
+    plain = (record.relations[0], push.model_copy(update={"manoeuvre": None}))
+    forged = record.model_copy(update={"relations": plain})
+    assert "wreck_drives_on" in list_rules(check(forged, load_map("amsterdam_120")))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A car rear-ends a truck which rear-ends a bus.",
+        "A car collided with a second car, causing the latter to strike the rear of a taxi.",
+    ],
+)
+def test_who_is_struck_and_strikes_is_pushed(text: str) -> None:
+    graph = plan(text)
+    assert isinstance(graph, SocialGraph)
+    first, second = graph.relations
+    assert (first.to, second.manoeuvre, second.kind) == (second.from_, "pushed", "rear_end")
+
+
+def test_a_motorcycle_pushes_no_truck_into_another() -> None:
+    with pytest.raises(Unsatisfiable, match="pushed on at"):
+        synthesize("A motorcycle rear-ends a truck and pushes it into the car ahead", seed=0)

@@ -16,10 +16,10 @@ from scenewright.geometry.driving_profile import (
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
 from scenewright.scene.behavior import Segment
-from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Slowing, Stop
+from scenewright.scene.selection import PlannedEvent, Push, SelectedAgent, Selection, Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import summarise
-from scenewright.tools.segment_editor import edit, end_motion
+from scenewright.tools.segment_editor import edit, end_motion, push_motion
 from solver_agents import (
     EAST,
     SOUTH,
@@ -296,3 +296,11 @@ def test_who_rolls_keeps_and_proceeds_without_a_stop():
     for told in (segments, asked_to_stop):
         speed = np.gradient(along(edit(agent, told, places, duration=DURATION), ROAD)[0], STEP)
         assert 1.0 < speed[20:150].min() < 3.5
+
+
+def test_a_push_moves_who_stands_until_it_stands_again():
+    stop = StopCommand(20.0, 30.0)
+    motion = push_motion(compute_motion(ROAD, holds=(stop,)), Push(15.04, 6.0, 5.0))
+    times = np.array([15.0, 15.1, 15.5, 17.0])
+    moved = [0.0, 6.0 * 0.06 - 2.5 * 0.06**2, 6.0 * 0.46 - 2.5 * 0.46**2, 3.6]
+    assert motion.compute_positions(times) == pytest.approx(20.0 + np.array(moved), abs=1e-6)

@@ -445,6 +445,8 @@ def _find_fault(scene: _SceneFacts, event: Event) -> str:
             return f"{_name(agent)} crossed away from the crosswalks."
     if event.type == "yielding":
         return "Neither: one gave way to the other."
+    if any(r.manoeuvre == "pushed" and r.from_ == event.from_ for r in scene.record.relations):
+        return f"{_name(scene.get_agent(event.from_))} stood there, and was pushed into it."
     if event.kind == "rear_end" or event.type == "follow":
         return f"{_name(scene.get_agent(event.from_))} drove behind and had to keep its distance."
     turning = [

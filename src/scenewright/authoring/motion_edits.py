@@ -67,7 +67,9 @@ def move_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
         for each in agent.stops
     )
     contact = None if agent.contact is None else agent.contact + seconds
-    return replace(agent, enters=round(agent.enters + seconds, 1), stops=stops, contact=contact)
+    push = None if agent.push is None else agent.push.shift(seconds)
+    enters = round(agent.enters + seconds, 1)
+    return replace(agent, enters=enters, stops=stops, contact=contact, push=push)
 
 
 def _remove_light_stop(agent: SelectedAgent) -> SelectedAgent:

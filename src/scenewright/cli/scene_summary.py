@@ -160,11 +160,16 @@ def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> st
         for figure in seen
     )
     met = "".join(
-        f"; {names[figure['agent']]} {figure['how'].replace('_', ' ')} it at {figure['time']:.1f} s"
+        f"; {names[figure['agent']]} {_MEETS.get(figure['how'], figure['how'].replace('_', ' '))} "
+        f"it at {figure['time']:.1f} s"
         for figure in proof.figures.get("encounters", ())
         if figure["object"] == each.id
     )
-    return f"{each.id} ({what}) stands at ({each.x:.1f}, {each.y:.1f}){hides}{met}"
+    stands = "stands" if each.since is None else f"opens at {each.since:.1f} s"
+    return f"{each.id} ({what}) {stands} at ({each.x:.1f}, {each.y:.1f}){hides}{met}"
+
+
+_MEETS = {"doored": "is doored by"}
 
 
 def _describe_background(scene: SceneRecord) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import format_one_line, render_table
+from scenewright.cli.console import format_columns, format_one_line
 from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 
@@ -92,18 +92,9 @@ def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
 
 def format_tracks_report(checked: CheckedTracks) -> str:
     """What was read, a table of the events, then the ids of agents and those off the ground."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("event", "from", "to"):
-        table.add_column(title, overflow="fold")
-    for title in ("time", "place"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("evidence", overflow="fold")
-    for event in checked.events:
-        table.add_row(*_build_row(event, checked.tracks))
-    listed = render_table(table) if checked.events else ""
+    titles = ("event", "from", "to", "time", "place", "evidence")
+    rows = [_build_row(event, checked.tracks) for event in checked.events]
+    listed = format_columns(titles, rows, right={"time", "place"}) if rows else ""
     below = [*_format_legend(checked), *(finding.detail for finding in checked.findings)]
     return (
         _format_headline(checked) + listed + "".join(format_one_line(line) + "\n" for line in below)
@@ -121,18 +112,16 @@ def _format_headline(checked: CheckedTracks) -> str:
     return format_one_line(f"{checked.path}: {what}: {found}") + "\n"
 
 
-def _build_row(event: Event, tracks: ExternalTracks) -> tuple[Any, ...]:
-    from rich.text import Text
-
+def _build_row(event: Event, tracks: ExternalTracks) -> tuple[str, ...]:
     more = "".join(f", {each.replace('_', ' ')}" for each in (event.kind, event.cause) if each)
     x, y = event.location
     return (
-        Text(event.type.replace("_", " ") + more),
-        Text(_name_agent(event.from_, tracks)),
-        Text(_name_agent(event.to, tracks)),
-        Text(f"{event.time:.1f} s"),
-        Text(f"({x:.1f}, {y:.1f})"),
-        Text(_format_evidence(event)),
+        event.type.replace("_", " ") + more,
+        _name_agent(event.from_, tracks),
+        _name_agent(event.to, tracks),
+        f"{event.time:.1f} s",
+        f"({x:.1f}, {y:.1f})",
+        _format_evidence(event),
     )
 
 

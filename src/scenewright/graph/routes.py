@@ -68,8 +68,8 @@ def route_after_reasoner(
 def route_after_verifier(
     state: SceneState, runtime: Runtime[RunContext]
 ) -> Literal["end", "trajectory_refiner", "agent_generator", "scene_planner", "give_up"]:
-    """Done if proven; else plan again where only that can mend it; else refine less; else sample
-    afresh; else stop."""
+    """Done if proven; else plan again where only that can mend it; else refine less, where the
+    tracks are a scene unrefined; else sample afresh; else stop."""
     refused = state.get("refused")
     if refused is None:
         return "end"
@@ -81,7 +81,8 @@ def route_after_verifier(
             state, "scene_verifier", *MISPLANNED
         )
         return "scene_planner" if asked <= budgets.planner else "give_up"
-    if refinement is not None and refinement.may_retry and refinement.attempt <= budgets.refiner:
+    mendable = refused.repairable and refinement is not None and refinement.may_retry
+    if mendable and refinement is not None and refinement.attempt <= budgets.refiner:
         return "trajectory_refiner"
     return _sample_afresh(state, budgets.generator)
 

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 
-from scenewright.backends import Backend, Call, Named, load_backend
+from scenewright.backends import Backend, Call, Named, get_backend_of_task, load_backend
 from scenewright.errors import (
     BackendFault,
     InputError,
@@ -29,6 +29,7 @@ from scenewright.errors import (
 )
 from scenewright.files import write_atomically
 from scenewright.geometry.map_areas import MapAreas
+from scenewright.graph.collector import collect_rarely
 from scenewright.graph.written_proof import compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
@@ -200,10 +201,11 @@ def synthesize(
     }
     _load_stages(refined=context.learned is not None)
     try:
-        with limit_time(time_limit):
+        with collect_rarely(), limit_time(time_limit):
             state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
-            raise _build_refusal(state)
+            rule = get_backend_of_task(context.backend, "constraints").deterministic
+            raise _build_refusal(state, rule=rule)
     except ScenewrightError as error:
         error.models = sum_costs_by_task(calls)
         raise
@@ -501,15 +503,16 @@ def check_time_limit(seconds: float | None) -> None:
         )
 
 
-def _build_refusal(state: SceneState) -> InputError | Unsatisfiable | BackendFault:
+def _build_refusal(state: SceneState, *, rule: bool) -> InputError | Unsatisfiable | BackendFault:
+    """The error that ends a run; what a rule wrote in vain is a request that cannot be met."""
     rejections: tuple[Rejection, ...] = tuple(state.get("rejections", []))
     last = rejections[-1]
     if last.code == "out_of_scope":
         return InputError(last.detail)
-    if last.code in ("malformed_reply", "malformed_program"):
+    if last.code in ("malformed_reply", "malformed_program") and not rule:
         asked = f"{last.stage.replace('_', ' ')} got no usable answer; last: {last.detail}"
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
-    if last.stage == "scene_planner":
+    if last.stage == "scene_planner" or last.code == "malformed_program":
         return Unsatisfiable(last.detail, rejections)
     reason = _choose_best_reason(rejections)
     return Unsatisfiable(

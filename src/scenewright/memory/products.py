@@ -23,7 +23,7 @@ from scenewright.scene.frozen_agents import PreviousAgent, PreviousVersion
 from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.map import Route
 from scenewright.scene.objects import ObjectRecord
-from scenewright.scene.selection import PlannedEvent, SelectedAgent, Slowing, Stop
+from scenewright.scene.selection import PlannedEvent, Push, SelectedAgent, Slowing, Stop
 from scenewright.scene.track import Shape, Track
 
 _VERSION = 1
@@ -88,6 +88,7 @@ def _serialize_agent(each: PreviousAgent) -> dict[str, Any]:
         "slowings": [asdict(slowing) for slowing in agent.slowings],
         "contact": agent.contact,
         "violates": agent.violates,
+        "push": None if agent.push is None else asdict(agent.push),
         "segments": [segment.model_dump(mode="json") for segment in each.segments],
         "track": {
             "xy": _serialize_array(each.track.xy),
@@ -122,6 +123,7 @@ def _read_agent(value: Mapping[str, Any]) -> PreviousAgent:
             slowings=tuple(Slowing(**each) for each in value["slowings"]),
             contact=_parse_optional(value["contact"]),
             violates=bool(value["violates"]),
+            push=None if value.get("push") is None else Push(**value["push"]),
         ),
         segments=tuple(Segment.model_validate(each) for each in value["segments"]),
         track=Track(

@@ -143,7 +143,8 @@ class Contact(_Pair):
 
     Attributes:
         point_first, point_second: where on either vehicle the contact lies.
-        cause: `first` brakes hard, but too late; or `second`, driving ahead of it, brakes hard.
+        cause: `first` brakes hard, but too late; `second`, driving ahead of it, brakes hard; or
+            `first`, standing behind `second`, is pushed into it by the vehicle that strikes it.
     """
 
     clause: Literal["contact"] = "contact"
@@ -151,7 +152,7 @@ class Contact(_Pair):
     speed: float | None = Field(default=None, gt=0, le=20)
     point_first: ImpactPoint | None = None
     point_second: ImpactPoint | None = None
-    cause: Literal["late_brake", "lead_brakes"] | None = None
+    cause: Literal["late_brake", "lead_brakes", "pushed"] | None = None
 
     @model_validator(mode="after")
     def _check_vehicles(self) -> Self:

@@ -14,6 +14,7 @@ OBJECT_SIZES: dict[str, tuple[float, float]] = {
     "box": (1.6, 1.0),
     "bin": (0.7, 0.7),
     "container": (6.06, 2.44),
+    "door": (0.95, 0.12),
 }
 """Length and width [m] of what is no vehicle."""
 
@@ -29,10 +30,11 @@ class ObjectRecord(Model):
         length, width: of its footprint [m], a rectangle centred on (x, y) [m].
         heading: direction of its length [rad], counter-clockwise from east.
         lane: the outermost lane that it was to stand in.
+        since: when it is there [s]; None: all the time. Of a `door`, which is opened.
     """
 
     id: str
-    kind: ObjectKind
+    kind: ObjectKind | Literal["door"]
     subtype: str | None = None
     height: Literal["low", "high"]
     length: float
@@ -41,6 +43,7 @@ class ObjectRecord(Model):
     y: float
     heading: float
     lane: Literal["left", "right"] | None = Field(default=None, exclude_if=is_left_out)
+    since: float | None = Field(default=None, exclude_if=is_left_out)
 
 
 class SightRecord(Model):
@@ -70,6 +73,11 @@ class EncounterRecord(Model):
     object: str
     how: Encounter
     figure: tuple[float, float] | None = Field(default=None, exclude_if=is_left_out)
+
+
+def name_door(vehicle: str) -> str:
+    """The id of the door of a standing vehicle."""
+    return f"{vehicle}-door"
 
 
 def get_subtype(node: ObjectNode) -> str | None:

@@ -19,6 +19,7 @@ _MANOEUVRES = {
     ("lead_brakes", "collide_at"): "{1} brakes hard and {0} rear-ends it",
     ("lead_brakes", "near_miss"): "{1} brakes hard and {0} nearly runs into it",
     ("lead_brakes", "follow"): "{1} brakes hard and {0} behind it stops in time",
+    ("pushed", "collide_at"): "{0} is pushed into {1}",
     ("tailgates", "follow"): "{0} tailgates {1}",
     ("changes_lane", "collide_at"): "{0} changes lanes and sideswipes {1}",
     ("cuts_in", "near_miss"): "{0} changes lanes and cuts in ahead of {1}",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from scenewright.scene.base import Point
@@ -60,6 +60,24 @@ class Slowing:
     kept: float = 0.0
 
 
+@dataclass(frozen=True)
+class Push:
+    """What a collision from behind does to a standing vehicle: a speed, then braking.
+
+    Attributes:
+        time: of the impact [s].
+        speed: just after it [m/s]; braking: from then on [m/s^2].
+    """
+
+    time: float
+    speed: float
+    braking: float
+
+    def shift(self, seconds: float) -> Push:
+        """The same push, later."""
+        return replace(self, time=self.time + seconds)
+
+
 @dataclass(frozen=True, eq=False)
 class SelectedAgent:
     """One agent of the selection.
@@ -69,6 +87,7 @@ class SelectedAgent:
         stops, slowings: edits of its free time law under which every clause holds.
         contact: scene time [s] of the collision that ends it; None if it is in none.
         violates: it is the one that runs its red light.
+        push: a collision that it stood in the way of before the one that ends it.
         group: leader of its group of pedestrians; None without a group and for a leader.
         exact: figures of its motion are asked for, so that it is not refined.
     """
@@ -82,6 +101,7 @@ class SelectedAgent:
     slowings: tuple[Slowing, ...] = ()
     contact: float | None = None
     violates: bool = False
+    push: Push | None = None
     group: str | None = None
     exact: bool = False
 

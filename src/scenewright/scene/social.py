@@ -24,9 +24,10 @@ Cause = Literal["red_light_run", "late_brake"]
 EntrySide = Literal["same", "other", "opposite", "lateral", "left", "right"]
 """How one entry lies to another: one leg, not that, oncoming, on the cross street, to its left."""
 
-Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
+Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane", "pushed"]
 """How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
-`from` changes into the lane of `to`, ahead of it; or into its side."""
+`from` changes into the lane of `to`, ahead of it; or into its side; `from` stands behind `to` and
+is pushed into it by the vehicle that rear-ends it (a chain collision)."""
 
 PedestrianMotion = Literal["runs", "darts_out", "stops_midway", "turns_back"]
 """How a pedestrian crosses: it runs, runs onto the road at once, stands still on the way, or turns
@@ -166,10 +167,11 @@ ObjectKind = Literal[
 cabinet or kiosk, a litter bin, a shipping container."""
 
 Encounter = Literal[
-    "goes_round", "waits_behind", "hits", "stops_short", "waits_then_passes", "queues"
+    "goes_round", "waits_behind", "hits", "stops_short", "waits_then_passes", "queues", "doored"
 ]  # fmt: skip
 """What a vehicle or rider does about an object in its way: it also brakes hard and stops just short
-of it, goes round it after a wait, or stands behind who waits there."""
+of it, goes round it after a wait, stands behind who waits there, or rides into the door of a parked
+vehicle that opens just before (dooring)."""
 
 FIGURES: dict[Encounter, tuple[str, str, float, float]] = {
     "goes_round": ("clearance", "m", 0.15, 2.5),
@@ -178,6 +180,7 @@ FIGURES: dict[Encounter, tuple[str, str, float, float]] = {
     "stops_short": ("gap", "m", 0.3, 2.0),
     "waits_then_passes": ("waits", "s", 1.0, 12.0),
     "queues": ("gap", "m", 0.5, 6.0),
+    "doored": ("speed", "m/s", 1.0, 18.0),
 }
 """What may be asked of each: the figure that the checker measures, its unit, least and most."""
 
@@ -249,6 +252,8 @@ class ObjectNode(Model):
             raise ValueError(f"{self.id}: a {self.kind} is in no agent's way")
         if self.encounter is None and (self.figure is not None or self.others):
             raise ValueError(f"{self.id}: figure and others need met_by")
+        if self.encounter == "doored" and self.kind != "parked":
+            raise ValueError(f"{self.id}: only a parked vehicle opens a door, not a {self.kind}")
         if self.encounter == "queues":
             raise ValueError(f"{self.id}: the first behind it waits_behind, the others queue")
         if self.lane is not None and self.kind not in ("stalled", "double_parked"):
@@ -314,6 +319,7 @@ class SocialGraph(Model):
                 if name not in ids:
                     known = ", ".join(ids) or "none"
                     raise ValueError(f"{edge.type}: {name} is not among the agents, {known}")
+        self._check_chains()
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
                 raise ValueError("a tie of entries names an agent that is not in the scene")
@@ -322,6 +328,13 @@ class SocialGraph(Model):
             if not {each.agent, each.other or each.agent} <= set(ids):
                 raise ValueError(f"{each.kind} is asked of an agent that is not in the scene")
         return self
+
+    def _check_chains(self) -> None:
+        """Check that who is pushed into another vehicle is struck by a third."""
+        struck = {edge.to for edge in self.relations if edge.type == "collide_at"}
+        for edge in self.relations:
+            if edge.manoeuvre == "pushed" and edge.from_ not in struck:
+                raise ValueError(f"{edge.from_} is pushed into {edge.to}, but no agent strikes it")
 
     def _check_objects(self) -> None:
         names = [each.id for each in self.objects]

@@ -26,6 +26,20 @@ VEHICLE_SIZES: dict[str, tuple[float, float]] = {
 }
 """Length and width [m] by vehicle subtype."""
 
+VEHICLE_MASSES: dict[str, float] = {
+    "car": 1500.0,
+    "van": 2200.0,
+    "taxi": 1600.0,
+    "truck": 9000.0,
+    "bus": 12000.0,
+    "motorcycle": 280.0,
+    "emergency": 4000.0,
+    "ambulance": 4000.0,
+    "fire_engine": 14000.0,
+    "police_car": 1700.0,
+}
+"""Usual mass [kg], with its driver, by vehicle subtype; decides how far a collision pushes one."""
+
 EMERGENCY = frozenset({"emergency", "ambulance", "fire_engine", "police_car"})
 """Subtypes that may pass a red light while others give way (SEMANTICS section 8)."""
 

@@ -11,13 +11,13 @@ braking before a Stop and the start after it are the agent's own time law.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenewright.geometry.driving_profile import Motion, StopCommand, compute_motion, sample_track
 from scenewright.scene.behavior import Segment
-from scenewright.scene.selection import SelectedAgent, Slowing, Stop
+from scenewright.scene.selection import Push, SelectedAgent, Slowing, Stop
 from scenewright.scene.track import STEP, Track
 
 _STAYS_ON = 5.0
@@ -32,6 +32,7 @@ class MotionEdits:
     holds: tuple[StopCommand, ...]
     slowings: tuple[Slowing, ...]
     end: float | None
+    push: Push | None = None
 
 
 def make_stop_command(stop: Stop, enters: float) -> StopCommand:
@@ -43,7 +44,12 @@ def get_motion_edits(agent: SelectedAgent) -> MotionEdits:
     """The edits that the solver found for a selected agent."""
     holds = tuple(make_stop_command(stop, agent.enters) for stop in agent.stops)
     end = None if agent.contact is None else agent.contact - agent.enters
-    return MotionEdits(holds, agent.slowings, end)
+    return MotionEdits(holds, agent.slowings, end, _get_local_push(agent))
+
+
+def _get_local_push(agent: SelectedAgent) -> Push | None:
+    """The push in the time of the agent (0 = it enters the map)."""
+    return None if agent.push is None else agent.push.shift(-agent.enters)
 
 
 def edit(
@@ -75,7 +81,23 @@ def compute_edited_motion(
     """The same as motion along the path, from where the agent enters the map to where it ends."""
     editing = _build_edits(agent, segments, anchors, duration)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
+    if editing.push is not None:
+        motion = push_motion(motion, editing.push)
     return motion if editing.end is None else end_motion(motion, editing.end)
+
+
+def push_motion(motion: Motion, push: Push) -> Motion:
+    """The motion of a vehicle that is pushed on from where it stands, until it stands again.
+
+    Args:
+        push: its time is local [s].
+    """
+    times = STEP * np.arange(len(motion.s))
+    since = np.clip(times - push.time, 0.0, push.speed / push.braking)
+    moved = push.speed * since - 0.5 * push.braking * since**2
+    stands = float(motion.compute_positions(np.array([push.time]))[0])
+    s = np.where(times < push.time, motion.s, np.minimum(stands + moved, motion.path.length))
+    return replace(motion, s=s)
 
 
 def end_motion(motion: Motion, time: float) -> Motion:
@@ -106,7 +128,7 @@ def _build_edits(
             holds.append(StopCommand(s, lasts - agent.enters, braking))
         if segment.status == "terminate":
             end = segment.start - agent.enters
-    return MotionEdits(tuple(holds), agent.slowings, end)
+    return MotionEdits(tuple(holds), agent.slowings, end, _get_local_push(agent))
 
 
 def _find_stop(agent: SelectedAgent, s: float) -> Stop | None:

@@ -133,6 +133,8 @@ def describe_object(record: ObjectRecord) -> str:
     """What an object is, in words: a parked truck, a bus at its stop."""
     if record.kind == "bus_stop":
         return "bus at its stop"
+    if record.kind == "door":
+        return f"door, opens at {record.since or 0.0:.1f} s"
     return f"{record.kind.replace('_', '-')} {record.subtype or ''}".strip()
 
 
@@ -206,8 +208,15 @@ def find_light_colours(scene: SceneRecord, time: float) -> dict[str, Colour]:
 
 
 def find_main_time(scene: SceneRecord) -> float:
-    """The time to show when there is only one picture [s]: the first event, else the fullest."""
+    """The time to show when there is only one picture [s]: the first event, else the first agent
+    that drives into an object, else the fullest."""
     times = [event.time for event in scene.events if event.time is not None]
+    ended = {each.agent for each in scene.encounters if each.how in ("hits", "doored")}
+    times += [
+        each.spawn_time + scene.meta.step * (len(each.trajectory) - 1)
+        for each in scene.agents
+        if each.id in ended
+    ]
     if times:
         return min(times)
     grid = np.arange(0.0, scene.meta.duration + 1e-6, 0.5)

@@ -94,6 +94,7 @@ def build_player_data(
             {
                 "name": describe_object(each),
                 "high": each.height == "high",
+                "since": each.since or 0.0,
                 "outline": _round(outline_object(each)),
             }
             for each in scene.objects

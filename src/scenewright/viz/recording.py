@@ -292,7 +292,7 @@ def _send(
 
 
 def _log_object(stream: rr.RecordingStream, record: ObjectRecord) -> None:
-    """Log a standing object as a static box."""
+    """Log a standing object as a box: static, or from when it is there."""
     import rerun as rr
 
     usual = 1.1 if record.height == "low" else 2.0
@@ -304,7 +304,10 @@ def _log_object(stream: rr.RecordingStream, record: ObjectRecord) -> None:
         colors=[parse_colour(STANDING)], fill_mode=rr.components.FillMode.Solid,
         labels=[f"{record.id}: {describe_object(record)}"],
     )  # fmt: skip
-    stream.log(join_entity_path("objects", record.id), box, static=True)
+    if record.since is not None:
+        stream.set_time(TIMELINE, duration=record.since)
+    stream.log(join_entity_path("objects", record.id), box, static=record.since is None)
+    stream.reset_time()
 
 
 def _log_body(stream: rr.RecordingStream, motion: DrawnMotion) -> None:

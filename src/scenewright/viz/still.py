@@ -131,7 +131,9 @@ def draw_objects(axes: Axes, scene: SceneRecord) -> None:
     for each in scene.objects:
         axes.add_patch(
             Polygon(
-                outline_object(each), closed=True, facecolor=STANDING, edgecolor="white", lw=0.9,
+                outline_object(each), closed=True, facecolor=STANDING, lw=0.9,
+                # A white rim would leave nothing of a door.
+                edgecolor=STANDING if each.kind == "door" else "white",
                 hatch="////" if each.height == "high" else None, zorder=9.5,
             )
         )  # fmt: skip

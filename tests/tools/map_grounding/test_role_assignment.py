@@ -150,7 +150,7 @@ def test_lights_are_at_odds_where_one_who_obeys_cannot_meet_another():
         (edge("collide_at", CAR, OTHER), edge("collide_at", OTHER, THIRD)),
     ],
 )
-def test_nobody_collides_twice(hits):
+def test_no_agent_collides_twice_unless_it_is_pushed(hits):
     everybody = (node(each) for each in (CAR, OTHER, THIRD, WALKER, SECOND))
     told = refusal(graph(*everybody, *hits))
     assert "would be in 2 collisions, but its track ends at the first" in told

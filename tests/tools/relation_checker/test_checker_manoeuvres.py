@@ -135,3 +135,40 @@ def test_a_group_walks_within_a_step_and_a_half(aside: float, seen: bool) -> Non
     users = [line(n, each, NORTH, s, shape=PEDESTRIAN) for n, each in enumerate(places, start=1)]
     records = [record(1, None), record(2, 1), record(3, 1)]
     assert (not check_groups(records, observe(users))) == seen
+
+
+def chain(speed: float, pushed: float, *, rolls: float = 0.0) -> list[RoadUser]:
+    """A car strikes one that stands (or rolls) 1 m behind a third, and pushes it on from 3 s."""
+    times = 0.1 * np.arange(38)
+    since = np.clip(times - 3.0, 0.0, None)
+    striker = line(1, (-4.6 - 3.0 * speed, 0.0), EAST, speed * times[:32])
+    moved = pushed * since - 3.0 * since**2 + rolls * np.minimum(times - 3.0, 0.0)
+    struck = line(2, (0.0, 0.0), EAST, moved[: int(np.argmax(moved > 1.0)) + 1])
+    return [striker, struck, line(3, (4.6 + 1.0, 0.0), EAST, np.zeros(38))]
+
+
+def describe_chain(users: list[RoadUser]) -> str | None:
+    observed = observe(users)
+    hits = [each for each in observed.events if each.type == "collision"]
+    assert [(each.from_, each.to, each.kind) for each in hits] == [
+        (1, 2, "rear_end"), (2, 3, "rear_end"),
+    ]  # fmt: skip
+    wanted = RelationRecord.model_validate(
+        {"type": "collision", "from": 2, "to": 3, "manoeuvre": "pushed"}
+    )
+    return find_missing_manoeuvre(wanted, hits[1], observed)
+
+
+@pytest.mark.parametrize(
+    ("speed", "pushed", "rolls", "explained"),
+    [
+        (9.0, 5.0, 0.0, True),  # 4.5 m/s without restitution, 5.9 with 0.3
+        (9.0, 9.0, 0.0, False),
+        (16.0, 4.0, 0.0, False),
+        (9.0, 5.0, 1.0, False),
+    ],
+)
+def test_a_push_is_what_the_masses_explain(
+    speed: float, pushed: float, rolls: float, explained: bool
+) -> None:
+    assert (describe_chain(chain(speed, pushed, rolls=rolls)) is None) == explained

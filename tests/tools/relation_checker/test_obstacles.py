@@ -8,6 +8,7 @@ import shapely
 
 from checker_tracks import EAST, along, distance, line, mirrored, moved, resampled, scene
 from scenewright.scene.objects import Encounter, EncounterRecord, ObjectRecord
+from scenewright.scene.track import get_rider_shape
 from scenewright.tools.relation_checker import RoadUser, build_trajectory
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.obstacles import check_encounters
@@ -167,4 +168,48 @@ def test_who_queues_stands_behind_another_who_waits() -> None:
     assert not findings
     assert figures[1]["gap"] == pytest.approx(1.5, abs=0.02)
     alone = made.model_copy(update={"encounters": asked[1:]})
-    assert "nobody else" in check_encounters(alone, observe([first, second]))[1][0].detail
+    assert "no agent stands" in check_encounters(alone, observe([first, second]))[1][0].detail
+
+
+PARKED = ObjectRecord(
+    id="object-1", kind="parked", subtype="car", height="high",
+    length=4.6, width=1.85, x=0.0, y=-2.0, heading=0.0,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("since", "y", "fault"),
+    [
+        (3.5, -0.6, None),
+        (None, -0.6, "from the beginning"),
+        (1.0, -0.6, "before"),
+        (3.5, 1.0, "never touches"),
+        (4.2, -0.6, "never touches"),
+    ],
+)
+def test_a_door_opens_too_late_for_who_rides_into_it(
+    since: float | None, y: float, fault: str | None
+) -> None:
+    """Eastward at 6 m/s: the front is at the door, 0.4 m ahead of the middle, after 4 s."""
+    rider = line(
+        1,
+        (0.4 - 0.06 - 0.9 - 24.0, y),
+        EAST,
+        distance(6.0, (0, 4.1)),
+        shape=get_rider_shape("cyclist"),
+    )
+    door = ObjectRecord(
+        id="object-1-door", kind="door", height="low", length=0.95, width=0.12,
+        x=0.4, y=-2.0 + 0.925 + 0.02 + 0.475, heading=np.pi / 2, since=since,
+    )  # fmt: skip
+    asked = EncounterRecord(agent=1, object="object-1", how="doored")
+    made = scene([rider], duration=6.0).model_copy(
+        update={"objects": (PARKED, door), "encounters": (asked,)}
+    )
+    measured, findings = check_encounters(made, observe([rider]))
+    if fault is None:
+        assert not findings
+        assert measured[0]["speed"] == pytest.approx(6.0, abs=0.05)
+        assert measured[0]["opened"] == pytest.approx(0.5, abs=0.05)
+    else:
+        assert fault in findings[0].detail

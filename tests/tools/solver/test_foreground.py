@@ -106,6 +106,17 @@ def test_a_pedestrian_is_struck_by_a_moving_car():
         assert 2.0 <= speed <= 10.0 + 1e-6
 
 
+@pytest.mark.parametrize(
+    ("degrees", "kind"), [(10, "sideswipe"), (28, None), (32, None), (60, "angle")]
+)
+def test_a_contact_between_two_kinds_has_none_for_sure(degrees, kind):
+    """The second drives ahead at an acute angle into the lane of the first."""
+    turn = np.radians(degrees)
+    start = (-60.0 * np.cos(turn), 2.0 - 60.0 * np.sin(turn))
+    found = find_first_contact(actor(EASTWARDS), actor(candidate(straight(start, turn, 120.0))))
+    assert found.kind == kind
+
+
 def test_a_first_contact_is_described_as_seen():
     """The walker is in the middle of the lane as the car comes there, at its own speed."""
     car = actor(EASTWARDS)

@@ -113,11 +113,18 @@ def test_the_least_path_ttc_is_as_asked_and_the_braking_hard(second, target, see
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_driven_on_the_two_would_have_collided(seed):
+def test_driven_and_walked_on_the_two_would_have_collided(seed):
     found, _, _ = staged(WALKER, 0.8, 1.2, seed=seed)
     for schedule in found:
         unbraked = actor(EASTWARDS, enters=schedule.actors[CAR_1].enters)
-        assert clearances(unbraked, schedule.actors[WALKER])[1].min() <= 0.1
+        walks_on = actor(ON_FOOT, enters=schedule.actors[WALKER].enters)
+        assert clearances(unbraked, walks_on)[1].min() <= 0.1
+
+
+def test_a_pedestrian_for_whom_a_car_brakes_runs():
+    found, _, _ = staged(WALKER, 0.8, 1.2, seed=0)
+    usual = float(actor(ON_FOOT).motion.speed.max())
+    assert any(float(each.actors[WALKER].motion.speed.max()) > usual + 0.5 for each in found)
 
 
 def test_both_a_stop_and_a_slowing_are_found():

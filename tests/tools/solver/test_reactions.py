@@ -91,6 +91,22 @@ def test_a_near_miss_is_missed_because_of_the_reaction(seed: int) -> None:
     assert 0.3 <= compute_gap(reacted, delta) <= 1.2
 
 
+@pytest.mark.parametrize("clause", [
+    TimeGap(first=CAR, second=OTHER, low=0.3, high=1.2),
+    Contact(first=CAR, second=OTHER, kind="angle"),
+])  # fmt: skip
+def test_both_react_who_perceive_one_another(clause: TimeGap | Contact) -> None:
+    people = {CAR: EASTWARDS, OTHER: NORTHWARDS}
+    reacted = []
+    for seed in range(4):
+        context = SolverContext(
+            people, dict.fromkeys(people, BARE), np.random.default_rng(seed), lenient=False
+        )
+        staged = next(ForegroundSolver(context).schedule_all((clause,), PartialSchedule()))
+        reacted += [bool(staged.actors[name].slowings) for name in people]
+    assert sum(reacted) >= 7
+
+
 def test_who_does_not_react_keeps_its_motion() -> None:
     people = {CAR: EASTWARDS, OTHER: NORTHWARDS}
     context = SolverContext(

@@ -11,7 +11,7 @@ _BEYOND = (
     (
         r"\b(?:push(?:es|ed|ing)?|shov(?:es|ed|ing)|shunt(?:s|ed|ing)?) (?:it |her |him )?into\b|"
         r"\bpile-?up\b|\bchain reaction\b",
-        "agents of a collision stay there; ask for one collision of each",
+        "say which vehicle is pushed into which, as in 'pushes it into the car ahead'",
     ),
 )  # fmt: skip
 _COMPILED = tuple((re.compile(words, re.IGNORECASE), note) for words, note in _BEYOND)
@@ -41,14 +41,17 @@ _CHAIN = re.compile(
     re.IGNORECASE,
 )
 _NO_CHAIN = (
-    "Who is in a collision ends there, so nobody is pushed on into another; ask for one collision, "
-    "'A truck rear-ends a car', and for others that follow."
+    "It is not clear which vehicle is pushed into which; say who rear-ends it, and into which "
+    "vehicle it is pushed."
 )
+_A_CHAIN = "A truck rear-ends a car and pushes it into the car ahead."
 
 
 def refuse_beyond(refusal: Refusal, text: str) -> Refusal:
     """The refusal with what would work, where the words ask for a chain of collisions."""
-    return refusal.model_copy(update={"reason": _NO_CHAIN}) if _CHAIN.search(text) else refusal
+    if not _CHAIN.search(text):
+        return refusal
+    return refusal.model_copy(update={"reason": _NO_CHAIN, "did_you_mean": (_A_CHAIN,)})
 
 
 _NEVER_LOST = re.compile(

@@ -157,6 +157,8 @@ class RelationDraft:
     @property
     def ahead(self) -> AgentDraft | None:
         """The agent that comes first by the type of the relation; None where that is left open."""
+        if self.manoeuvre == "cuts_in":
+            return self.from_
         in_one_lane = self.kind == "rear_end" or self.manoeuvre is not None
         return self.to if self.type in ("yield_to", "follow") or in_one_lane else None
 

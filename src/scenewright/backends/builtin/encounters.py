@@ -193,6 +193,51 @@ _THEN = {
     )
     for how, verb in VERBS.items()
 }
+_DOOR = join_any("(?:driver|passenger|front|car|taxi|van)(?:'s)?(?:[- ]side)? ", "") + "door"
+_PARKED = f"{THE}(?:parked |stationary )?{VEHICLE}"
+_OPEN = join_any("suddenly ", "") + join_any("opened", "opening", "open", "flung open")
+_OPENS = join_any("suddenly ", "") + join_any(
+    "opens?", "opened", "is opened", "is flung open", "swings? open", "flies open", "throws? open",
+    "flings? open",
+)  # fmt: skip
+_ITS = join_any("his", "her", "its", "their", "the", "a")
+_SOMEONE = join_any(
+    f"{THE}(?:driver|passenger|person|man|woman|occupant|someone|somebody)(?: (?:of|in|inside) "
+    f"(?P<object>{_PARKED}))?",
+    "someone", "somebody",
+)  # fmt: skip
+_INTO = join_any(
+    "(?:right |directly |straight )?in front of", "(?:in)?to the (?:path|way) of", "into", "on",
+    "(?:right )?ahead of",
+)  # fmt: skip
+_RUNS_INTO = (
+    f"(?P<verb>(?:{VERBS['hits']})|(?:rid(?:es?|ing)|rode|cycl(?:es?|ing)) (?:straight )?into|"
+    "(?:is|gets|was) (?:hit|struck) by)"
+)
+_DOORED = tuple(
+    re.compile(_HAS_TO + words + PLACE, re.IGNORECASE)
+    for words in (
+        rf"(?P<verb>(?:(?:is|gets|was|being) )?doored)(?: by (?P<object>{_PARKED}))?",
+        rf"{_RUNS_INTO} (?:{THE}|{_ITS} )(?:{_OPEN} )?{_DOOR}(?: {_OPEN})?"
+        rf"(?: (?:of|on) (?P<object>{_PARKED}))?",
+    )
+)
+"""Words of who rides into a door, after the agent."""
+_OPENED_FOR = re.compile(
+    rf"(?:{_SOMEONE}(?: (?:suddenly|carelessly))? (?:{_OPENS}) (?:{_ITS} )(?:{_DOOR})"
+    rf"(?: of (?P<theirs>{_PARKED}))?"
+    rf"|(?:{THE}|a )(?:{_DOOR}) of (?P<vehicle>{_PARKED}) (?:{_OPENS})"
+    rf"|(?P<owner>{_PARKED}) (?:{_OPENS}) (?:{_ITS} )(?:{_DOOR})"
+    rf"|(?P<whose>{_PARKED})'s (?:{_DOOR}) (?:{_OPENS}))"
+    rf"{PLACE} (?:{_INTO})(?= )",
+    re.IGNORECASE,
+)
+"""Words of a door that opens, before the agent."""
+_WHO_HITS = re.compile(
+    rf",? (?:and |who |which |so )*(?:(?:he|she|it|the \w+) )?(?:{VERBS['hits']}|is doored|is hit)"
+    rf"(?: (?:by )?(?:it|the (?:opened |open |opening )?{_DOOR}))?(?=[ .,;]|$)",
+    re.IGNORECASE,
+)
 _EXIT = re.compile(
     r"\bexit\b|\b(?:after|past|beyond) the (?:junction|intersection)\b", re.IGNORECASE
 )
@@ -225,6 +270,7 @@ class EncounterPhrase:
         agent_follows: whether the agent that meets it is named after the words, not before.
         named: characters of the words that name the object elsewhere in the text.
         figure: bounds of the speed, where one is said [m/s].
+        also: characters of words elsewhere that say the same once more.
     """
 
     start: int
@@ -235,6 +281,7 @@ class EncounterPhrase:
     agent_follows: bool = False
     named: tuple[int, int] | None = None
     figure: tuple[float, float] | None = None
+    also: tuple[int, int] | None = None
 
 
 _HIDES = re.compile(r"\s*(?:by|behind)\b", re.IGNORECASE)
@@ -248,6 +295,7 @@ def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
         Refused: the words ask for more than can be had.
     """
     found: list[EncounterPhrase] = []
+    text = _take_doors(text, found)
     for how in _IN_TURN:
         for pattern in (_MET_FIRST[how], _ACTIVE[how]):
             for match in pattern.finditer(text):
@@ -263,6 +311,37 @@ def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
     if not found:
         text = _take_later(text, found)
     return text, tuple(sorted(found, key=lambda each: each.start))
+
+
+def _take_doors(text: str, found: list[EncounterPhrase]) -> str:
+    """ "A cyclist is doored by a parked taxi", "a driver opens the door in front of a cyclist"."""
+    for pattern in _DOORED:
+        for match in pattern.finditer(text):
+            if not _NOT.search(text[: match.start("verb")]):
+                found.append(_read_figure(_read_door(match, agent_follows=False), text))
+                text = _put(text, match, "rides" if len(match[0]) >= len("rides") else "")
+                text = _blank(text, match.end(), found[-1].end)
+    for match in _OPENED_FOR.finditer(text):
+        after = _WHO_HITS.search(text, match.end())
+        phrase = _read_door(match, agent_follows=True)
+        text = _put(text, match, "there is".rjust(len(match[0])))
+        if after is not None:
+            phrase = replace(phrase, also=after.span())
+            text = _blank(text, *after.span())
+        found.append(phrase)
+    return text
+
+
+def _read_door(match: re.Match[str], *, agent_follows: bool) -> EncounterPhrase:
+    groups = match.groupdict()
+    named = (groups.get(each) for each in ("object", "vehicle", "owner", "whose", "theirs"))
+    words = match[0].strip(" ,")
+    start = match.start() + match[0].index(words)
+    thing = next(filter(None, named), None) or "car"
+    place = match[0][match[0].find(thing) + len(thing) :] if thing in match[0] else ""
+    return EncounterPhrase(
+        start, start + len(words), words, f"parked {thing}{place}", "doored", agent_follows
+    )
 
 
 def _take_later(text: str, found: list[EncounterPhrase]) -> str:
@@ -309,7 +388,7 @@ def _read_figure(phrase: EncounterPhrase, text: str) -> EncounterPhrase:
     waits = _WAITED.search(phrase.words) if phrase.how == "waits_then_passes" else None
     if waits is not None:
         return replace(phrase, figure=_widen(float(waits[1]), WAITING_TOLERANCE))
-    match = _SPEED.match(text, phrase.end) if phrase.how == "hits" else None
+    match = _SPEED.match(text, phrase.end) if phrase.how in ("hits", "doored") else None
     if match is None:
         return phrase
     value = float(match["speed"]) * TO_METRES[match["unit"].lower().replace(" ", "")]
@@ -353,6 +432,10 @@ def add_encounters(
         said.append(SaidSpan.model_validate({**thing, "became": "object", "value": value}))
         meets = {"became": "encounter", "agents": (name,), "value": f"{node.id} {phrase.how}"}
         said.append(SaidSpan.model_validate({**fields, **meets}))
+        if phrase.also is not None:
+            start, end = phrase.also
+            again = {"start": start, "end": end, "words": text[start:end]}
+            said.append(SaidSpan.model_validate({**again, **meets}))
         nodes.append(node)
     said.sort(key=lambda each: each.start)
     parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
@@ -408,6 +491,8 @@ def find_kind(words: str, how: Encounter) -> ObjectKind:
     """What stands in the way is in a lane; what is hit may also stand at the kerb."""
     low = words.lower()
     in_lane = re.search(r"\b(?:lane|way|path|road)\b", low) is not None
+    if how == "doored":
+        return "parked"
     if re.search(r"double[- ]?parked|unloading", low):
         return "double_parked"
     if "parked" in low:

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from itertools import chain, islice
 
 from scenewright.backends.builtin.beyond import find_lost_words, note_beyond, refuse_beyond
+from scenewright.backends.builtin.chains import add_push, link_collisions, take_out_push
+from scenewright.backends.builtin.cut_ins import add_space, read_cut_ins, take_out_space
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
+from scenewright.backends.builtin.leaders import read_leaders
 from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.phrases import has_phrase, is_of_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
@@ -151,7 +154,9 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         notes = None if previous else read_notes(text)
         if notes is not None:
             return notes
-        lawful, wrong = take_out_wrong_way(text)
+        single, push = (text, None) if previous else take_out_push(text)
+        single, space = (single, None) if previous else take_out_space(single)
+        lawful, wrong = take_out_wrong_way(single)
         plain, met = take_out_encounters(lawful)
         rest, standing = take_out(plain)
         earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]
@@ -160,12 +165,16 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         found = decide(readings, site, again)
         if isinstance(found, Refusal) and (met or wrong or _is_motion_alone(readings.learned.plan)):
             # "A car drives" is no scene by itself, but with what it meets or does it is one.
-            found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
-            found = _drop_beyond(found, len(rest))
+            said = rest.rstrip(" .")
+            found = decide(read_twice(f"{said}{_NO_MORE}", earlier, site), site)
+            found = _drop_beyond(found, len(said))
         if isinstance(found, Refusal):
             return refuse_beyond(found, rest)
         found = add_encounters(found, met, text) if met else found
         found = add_wrong_way(found, wrong, text) if wrong else found
+        found = read_leaders(read_cut_ins(found), rest)
+        found = add_space(found, space) if space else found
+        found = add_push(found, push, text) if push else link_collisions(found)
         found = note_beyond(add_objects(found, standing, text) if standing else found, rest)
         lost = None if previous else find_lost_words(found, text)
         if lost is not None:

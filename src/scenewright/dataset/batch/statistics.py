@@ -18,7 +18,7 @@ _MOVING = 0.5
 """Slower than this an agent stands [m/s]."""
 _MEASURES: Mapping[str, tuple[str, str]] = {
     "pet": ("post-encroachment time", "s"),
-    "ttc": ("least time to collision", "s"),
+    "ttc_2d": ("least time to collision straight on", "s"),
     "path_ttc": ("least time to collision along paths", "s"),
     "drac": ("deceleration needed to avoid the crash", "m/s²"),
     "relative_speed": ("closing speed at contact", "m/s"),
@@ -52,6 +52,8 @@ class Statistics:
         kinds = [agent["type"] for agent in files.scene["agents"]]
         for kind in ("vehicle", "pedestrian"):
             self._add(f"seen in a scene: {kind}s [agents]", kinds.count(kind))
+        for kind in sorted({*kinds} & {"cyclist", "scooter"}):
+            self._add(f"seen in a scene that has any: {kind}s [agents]", kinds.count(kind))
         for agent in files.scene["agents"]:
             speed = _compute_mean_speed(agent, files.scene["meta"]["step"])
             if speed is not None:

@@ -146,7 +146,7 @@ def _flatten(about: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in about.items():
         if isinstance(value, Mapping):
             found.update({f"{key}: {inner}": str(each) for inner, each in value.items()})
-        else:
+        elif value is not None:
             found[key] = str(value)
     return found
 

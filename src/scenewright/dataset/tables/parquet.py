@@ -43,7 +43,7 @@ SCHEMAS: Mapping[str, Fields] = {
         "text": ("string", "the instruction"),
         "asked": ("string", "event that an order wants here; null where rows were given"),
         "voice": ("string", "who worded the instruction; null where unknown"),
-        "split": ("string", "train, validation or test; see `splits.py` for the rule"),
+        "split": ("string", "train, validation or test, by the rule above"),
         "seed": ("int64", "of the scene"),
         "intersection": ("string", "where it happens"),
         "backend": ("string", "who planned and reasoned"),
@@ -86,6 +86,9 @@ SCHEMAS: Mapping[str, Fields] = {
         "length": ("float64", "[m]"),
         "width": ("float64", "[m]"),
         "violates_signal": ("bool", "whether it runs a red light as asked for"),
+        "reaction": ("string", "how it is to react to a threat; null where not asked for"),
+        "motion": ("string", "how it is to cross or drive; null where not asked for"),
+        "group": ("int16", "agent whose group it belongs to; null if none, or its own"),
         "segments": ("string", "behaviour, as JSON"),
     },
     "tracks": {
@@ -239,6 +242,9 @@ def _build_agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[st
         "length": agent["length"],
         "width": agent["width"],
         "violates_signal": agent["violates_signal"],
+        "reaction": agent.get("reaction"),
+        "motion": agent.get("motion"),
+        "group": agent.get("group"),
         "segments": _format_json(agent["segments"]),
     }
 

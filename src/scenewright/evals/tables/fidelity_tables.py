@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.evals.tables.likelihood import (
+    CLASSES,
     READINGS,
     AgentScore,
     Gap,
@@ -24,7 +25,6 @@ from scenewright.evals.tables.reading import Dataset
 from scenewright.scene.base import AgentClass
 from scenewright.tools.gmm_sampler import load_priors
 
-CLASSES: tuple[AgentClass, ...] = ("pedestrian", "vehicle")
 ROLES: tuple[Role, ...] = ("foreground", "background")
 EVENTS = ("collision", "yielding", "near_miss", "follow")
 

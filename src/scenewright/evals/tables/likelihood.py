@@ -38,6 +38,8 @@ from scenewright.tools.gmm_sampler import (
 Reading = Literal["track", "path", "drawn"]
 READINGS: tuple[Reading, ...] = ("track", "path")
 """Those of the paper's tables."""
+CLASSES: tuple[AgentClass, ...] = ("pedestrian", "vehicle")
+"""Those that the corpus has, so that there is a prior of how they go."""
 Role = Literal["foreground", "background"]
 _AT_AN_END, _THE_SAME = 1e-3, 2e-3
 """Positions have millimetres [m]."""
@@ -69,13 +71,23 @@ class AgentScore:
 
 @dataclass(frozen=True)
 class UnscoredAgents:
-    """Agents without a score: on routes without tracks in the corpus, or that stand all along."""
+    """Agents without a score.
+
+    Attributes:
+        assumed: on routes without tracks in the corpus; standing: that stand all along.
+        riders: on bicycles and e-scooters, on routes whose prior is that of cars or pedestrians.
+    """
 
     assumed: int = 0
     standing: int = 0
+    riders: int = 0
 
     def __add__(self, other: UnscoredAgents) -> UnscoredAgents:
-        return UnscoredAgents(self.assumed + other.assumed, self.standing + other.standing)
+        return UnscoredAgents(
+            self.assumed + other.assumed,
+            self.standing + other.standing,
+            self.riders + other.riders,
+        )
 
 
 @dataclass(frozen=True)
@@ -83,7 +95,7 @@ class Gap:
     """One cell of Table 1, 4 or 5: agents of one class and role in scenes of one event.
 
     Attributes:
-        nll: mean [nats per ten waypoints]; normal: that of the reference.
+        nll: mean [nats per ten waypoints]; normal: that of the reference; median: of the agents.
         s2r: Eq. 8 as printed, with its sign; its size is what the paper's tables show.
         delta: (nll - normal) / 10 [nats per waypoint], free of the unit of length.
         s2r_interval, delta_interval: 95 %, scenes drawn anew with replacement.
@@ -93,6 +105,7 @@ class Gap:
     scenes: int
     nll: float
     normal: float
+    median: float
     s2r: float
     delta: float
     s2r_interval: tuple[float, float]
@@ -105,6 +118,9 @@ def score_scene(
     """The likelihood of every agent of a scene."""
     scores, left = [], UnscoredAgents()
     for agent in scene.agents:
+        if agent.type not in CLASSES:
+            left += UnscoredAgents(riders=1)
+            continue
         prior = priors.waypoints.get(agent.route)
         if prior is None or prior.tracks == 0:
             left += UnscoredAgents(assumed=1)
@@ -196,6 +212,7 @@ def compute_gap(
         scenes=len(ours),
         nll=float(nll),
         normal=float(base),
+        median=float(np.median([each.nll[reading] for each in scores])),
         s2r=float((base - nll) / base),
         delta=float((nll - base) / K),
         s2r_interval=compute_interval((against - again) / against),

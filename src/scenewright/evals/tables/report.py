@@ -140,14 +140,15 @@ def _format_fidelity(tables: Tables) -> Iterator[str]:
         cells = [cell for cell in found.cells if cell.backend == backend]
         yield f"### Backend `{backend}`"
         yield format_table(
-            ["event", "agents", "class", "reading", "agents / scenes", "NLL", "S2R, signed",
-             "size of S2R", "ΔNLL", *(f"paper: {name}" for name in paper.GAPS)],
+            ["event", "agents", "class", "reading", "agents / scenes", "NLL", "median",
+             "S2R, signed", "size of S2R", "ΔNLL", *(f"paper: {name}" for name in paper.GAPS)],
             [_format_cell(cell) for cell in cells],
         )  # fmt: skip
     yield (
         f"Without a score: {found.left.assumed} agents on routes whose prior is assumed "
-        f"(jaywalking), {found.left.standing} that stand all along; {found.mixed} scenes with "
-        "events of several kinds are left out."
+        f"(jaywalking), {found.left.standing} that stand all along, {found.left.riders} on "
+        "bicycles and e-scooters, whom the corpus does not have; "
+        f"{found.mixed} scenes with events of several kinds are left out."
     )
 
 
@@ -160,10 +161,11 @@ def _format_cell(cell: FidelityCell) -> list[str]:
 
 def _format_gap(gap: Gap | None) -> list[str]:
     if gap is None:
-        return ["0"] + ["–"] * 4
+        return ["0"] + ["–"] * 5
     return [
         f"{gap.agents} / {gap.scenes}",
         f"{gap.nll:.2f}",
+        f"{gap.median:.2f}",
         f"{gap.s2r:+.3f} {_format_interval(gap.s2r_interval, 3)}",
         f"{abs(gap.s2r):.3f}",
         f"{gap.delta:+.3f} {_format_interval(gap.delta_interval, 3)}",
@@ -181,7 +183,8 @@ def _format_robustness(tables: Tables) -> Iterator[str]:
     yield (
         "Scenes that the checker confirms / instructions given; a refusal counts as a failure. "
         "95 % Wilson intervals. *overall* is collisions and yields, as in the paper, whose "
-        "validity was judged by hand."
+        "validity was judged by hand. *all* leaves out what was refused as no request for a "
+        "scene, or not understood; *given* has it."
     )
     rows = [
         [

@@ -17,7 +17,8 @@ class RobustnessRate:
     """ISR of one backend: verified scenes / instructions given (SEMANTICS section 6).
 
     Attributes:
-        event: `overall` is collisions and yields, `all` every instruction.
+        event: `overall` is collisions and yields, `all` every instruction in scope, `given` those
+            out of scope, or not understood, as well.
     """
 
     backend: str
@@ -26,12 +27,13 @@ class RobustnessRate:
 
 
 def compute_robustness(dataset: Dataset) -> tuple[RobustnessRate, ...]:
-    """A rate for each backend and event; every instruction counts, retries of an order too."""
+    """A rate for each backend and event; retries of an order count too."""
     return tuple(rate for backend in dataset.backends for rate in _compute_rates(dataset, backend))
 
 
 def _compute_rates(dataset: Dataset, backend: str) -> Iterator[RobustnessRate]:
-    mine = [row for row in dataset.rows if row.backend == backend and row.scope]
+    given = [row for row in dataset.rows if row.backend == backend]
+    mine = [row for row in given if row.scope]
     events = dict.fromkeys(row.event or "unknown" for row in mine)
     for event in events:
         rows = [row for row in mine if (row.event or "unknown") == event]
@@ -47,8 +49,12 @@ def _compute_rates(dataset: Dataset, backend: str) -> Iterator[RobustnessRate]:
         yield RobustnessRate(
             backend, "all", PlanningShare(sum(row.verified for row in mine), len(mine))
         )
+    if len(given) > len(mine):
+        yield RobustnessRate(
+            backend, "given", PlanningShare(sum(row.verified for row in given), len(given))
+        )
 
 
 def count_out_of_scope(dataset: Dataset) -> int:
-    """Instructions that were refused as no request for a scene; they count nowhere."""
+    """Instructions that were refused as no request for a scene; they count under `given` alone."""
     return sum(not row.scope for row in dataset.rows)

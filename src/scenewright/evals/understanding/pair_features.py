@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,12 @@ from scenewright.evals.understanding.interaction_graph import (
 )
 from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.evals.understanding.time_gaps import NEVER, TimeGaps
-from scenewright.evals.understanding.zone_features import IN_ZONE, OF_ZONE, compute_zone_features
+from scenewright.evals.understanding.zone_features import (
+    IN_ZONE,
+    OF_ZONE,
+    compute_median,
+    compute_zone_features,
+)
 from scenewright.scene.base import FloatArray
 
 OF_BOTH = ("at_once", "close", "within_1", "within_2", "within_3", "alone_1", "best", "best_share",
@@ -80,12 +85,27 @@ class _Conflict:
 
 
 @dataclass(frozen=True, eq=False)
+class _AgentFeatures:
+    """What has to do with no other agent.
+
+    Attributes:
+        values: `delay` to `walks` of `OF_EACH`; turns: by movement, which futures make it.
+        line: `line_needs` and `line_late` of `OF_EACH`.
+    """
+
+    values: Sequence[float]
+    turns: Mapping[str, BoolArray]
+    line: Sequence[float]
+
+
+@dataclass(frozen=True, eq=False)
 class _SceneFeatures:
     """What is known of all pairs before any of them is described.
 
     Attributes:
         worst: the conflict of each pair; busy: how much each pair conflicts; cause: how much the
-            first would have conflicted with the second, had it not slowed down.
+            first would have conflicted with the second, had it not slowed down; agents: of each
+            agent, what has to do with no other.
     """
 
     forecast: SceneForecast
@@ -94,6 +114,7 @@ class _SceneFeatures:
     worst: Mapping[AgentPair, _Conflict]
     busy: Mapping[AgentPair, float]
     cause: Mapping[AgentPair, float]
+    agents: Sequence[_AgentFeatures]
 
 
 def compute_pair_features(forecast: SceneForecast, window: float) -> list[PairFeatures]:
@@ -110,7 +131,8 @@ def compute_pair_features(forecast: SceneForecast, window: float) -> list[PairFe
         pair: _share_within(gaps, graph.beliefs[pair] * graph.beliefs[pair[::-1]], 2.1)
         for pair, gaps in graph.unslowed_gaps.items()
     }
-    scene = _SceneFeatures(forecast, graph, window, worst, busy, cause)
+    agents = [_describe_alone(forecast, n) for n in range(len(forecast.agents))]
+    scene = _SceneFeatures(forecast, graph, window, worst, busy, cause, agents)
     return [_describe_pair(scene, pair) for pair in pairs]
 
 
@@ -151,6 +173,19 @@ def _describe_zone(
     return compute_zone_features(one, two, mine)
 
 
+def _describe_alone(forecast: SceneForecast, n: int) -> _AgentFeatures:
+    future, agent = forecast.futures[n], forecast.agents[n]
+    routes, v = forecast.posteriors[n].components.routes, float(agent.speed[-1])
+    movement = np.array([route.movement for route in routes])[future.component]
+    values = (
+        float(forecast.delay[n]), _measure_least_delay(future, v), v,
+        float(agent.speed.max()) - v, _measure_acceleration(agent, 8),
+        _measure_acceleration(agent, 20), _measure_standstill(agent), float(not agent.is_vehicle),
+    )  # fmt: skip
+    turns = {turn: movement == turn for turn in ("straight", "jaywalking", "left", "right")}
+    return _AgentFeatures(values, turns, _measure_line(future, v))
+
+
 def _describe_agent(
     scene: _SceneFeatures,
     pair: AgentPair,
@@ -166,9 +201,10 @@ def _describe_agent(
     future, agent = forecast.futures[n], forecast.agents[n]
     late, belief = graph.unslowed_gaps.get((n, m)), graph.beliefs[n, m]
     slowed = forecast.unslowed[n] is not future
-    part = graph.maneuvers[n] == (worst if worst.score else wide).maneuvers[which]
-    routes = forecast.posteriors[n].components.routes
-    movement = np.array([routes[c].movement for c in future.component.tolist()])
+    part, own = (
+        graph.maneuvers[n] == (worst if worst.score else wide).maneuvers[which],
+        scene.agents[n],
+    )
     reach = wide.reach[which]
     if slowed and late is not None:
         reach = _measure_reach(forecast.unslowed[n], late, agent, np.abs(late.gap) <= 2.1, reach)
@@ -176,21 +212,18 @@ def _describe_agent(
     return [
         float(weight[(gap < -0.3) & (gap >= -3.1)].sum()),
         *(_share_within(late, weight, limit) for limit in (0.3, 1.0, 2.1)),
-        float(forecast.delay[n]), _measure_least_delay(future, v), v,
-        float(agent.speed.max()) - v, _measure_acceleration(agent, 8),
-        _measure_acceleration(agent, 20), _measure_standstill(agent),
-        float(not agent.is_vehicle), float(belief[future.held].sum()),
+        *own.values, float(belief[future.held].sum()),
         float(belief[future.runs].sum()), float(belief[part].sum()),
         float(future.weight[part].sum()),
-        float(belief[movement == "straight"].sum()),
-        float(belief[movement == "jaywalking"].sum()), float(slowed),
+        float(belief[own.turns["straight"]].sum()),
+        float(belief[own.turns["jaywalking"]].sum()), float(slowed),
         scene.window - agent.start, reach,
         min(v * v / (2.0 * max(reach - agent.length / 2 - 0.5, 0.5)), 12.0),
         max((x for p, x in scene.busy.items() if n in p and p != pair), default=0.0),
         max((x for (p, q), x in scene.cause.items() if p == n and q != m), default=0.0),
-        *(float(taken[movement == turn].sum() / max(float(taken.sum()), 1e-9))
+        *(float(taken[own.turns[turn]].sum() / max(float(taken.sum()), 1e-9))
           for turn in ("left", "right")),
-        agent.length, *_measure_line(future, v),
+        agent.length, *own.line,
     ]  # fmt: skip
 
 
@@ -258,8 +291,8 @@ def _find_conflict(
     a, b = (_measure_reach(forecast.futures[n], gaps, forecast.agents[n], mine, _FAR) for n in pair)
     return _Conflict(
         float(score[top]), float(conflicts[top]), float(probability[top]),
-        float((gaps.gap[both == top] == 0.0).mean()), float(np.median(gaps.time[mine])),
-        float(np.median(gaps.angle[mine])), (top // wide, top % wide), (a, b),
+        float((gaps.gap[both == top] == 0.0).mean()), compute_median(gaps.time[mine]),
+        compute_median(gaps.angle[mine]), (top // wide, top % wide), (a, b),
     )  # fmt: skip
 
 
@@ -272,4 +305,4 @@ def _measure_reach(
         return default
     ticks = np.clip(np.round(gaps.time[rows] / DT).astype(np.intp), 0, TICKS - 1)
     away = future.xy[rows, ticks] - agent.xy[-1]
-    return float(np.median(np.hypot(away[:, 0], away[:, 1])))
+    return compute_median(np.hypot(away[:, 0], away[:, 1]))

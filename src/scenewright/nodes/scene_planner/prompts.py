@@ -165,7 +165,8 @@ _MEMBERS = "members: how many pedestrians walk together as one agent (a couple: 
 _MANOEUVRES = (
     "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
     "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then. "
-    "tailgates (follow), cuts_in (near_miss), changes_lane (collide_at sideswipe): from does.\n"
+    "tailgates (follow), cuts_in (near_miss), changes_lane (collide_at sideswipe): from does. "
+    "pushed (collide_at rear_end): from, rear-ended by a third, is pushed into to.\n"
 )
 
 
@@ -177,9 +178,12 @@ _ENCOUNTERS = (
     "of one in the way of a vehicle or rider: met_by, encounter: goes_round, waits_behind, hits, "
     "stops_short (brakes hard, nearly hits it), waits_then_passes; figure, if told, least and most:"
     " clearance m, gap m, speed m/s, gap m, waits s; lane: left or right; others: who else meets "
-    "it, by agent and encounter; queues: behind one that waits.\n"
+    "it, by agent and encounter; queues: behind one that waits; doored: rides into the opening door"
+    " of one parked.\n"
 )
-_IN_THE_WAY = re.compile(r"stalled|double|broken|abandoned|disabled|round|past|pass|hit|into", re.I)
+_IN_THE_WAY = re.compile(
+    r"stalled|double|broken|abandoned|disabled|round|past|pass|hit|into|door", re.I
+)
 
 
 def describe_objects(words: str) -> str:

@@ -62,7 +62,8 @@ _PARTS = re.compile(
     re.IGNORECASE,
 )
 _IN_LANE = re.compile(
-    r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv",
+    r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv|"
+    r"push|shov|shunt|knock|propel|pile-?up|chain",
     re.IGNORECASE,
 )
 _IN_ORDER = re.compile(

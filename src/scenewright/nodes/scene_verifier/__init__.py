@@ -18,6 +18,7 @@ from scenewright.scene.digest import digest_scene
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
+from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.remaining import AddedClauses, AddedStops
 from scenewright.scene.selection import Selection
@@ -35,7 +36,9 @@ class VerifierReads(TypedDict):
     candidates: CandidateSet
     selection: Selection
     behavior: BehaviorProgram
+    edited: Tracks
     refined: Tracks
+    refinement: NotRequired[Refinement]
     pinned: FrozenAgents | None
     added_clauses: NotRequired[AddedClauses]
     added_stops: NotRequired[AddedStops]
@@ -51,24 +54,42 @@ class VerifierWrites(TypedDict):
 def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> VerifierWrites:
     """Assembles the scene and proves it, or says with evidence why it is none."""
     context = runtime.context
-    scene = assemble(
+    scene = _assemble(state, state["refined"], context)
+    proof = check(scene, context.intersection)
+    if not proof.verified:
+        misplanned = find_wrong_braker(state["social_graph"], scene, proof)
+        fault = misplanned or _build_rejection(proof, scene)
+        mendable = fault.repairable and _can_refining_less_mend(state, context)
+        raise Rejected(fault.model_copy(update={"repairable": mendable}))
+    context.log("scene_verifier", f"verified: {len(proof.events)} events")
+    scene = add_events(scene, proof)
+    return {"scene": scene, "proof": proof.model_copy(update={"scene_digest": digest_scene(scene)})}
+
+
+def _assemble(state: VerifierReads, tracks: Tracks, context: RunContext) -> SceneRecord:
+    """Assemble the scene with these tracks."""
+    return assemble(
         state["instruction"],
         _close_account(state),
         state["candidates"],
         state["selection"],
         state["behavior"],
-        state["refined"],
+        tracks,
         intersection_map=context.intersection,
         seed=context.seed,
         pins=state.get("pinned"),
     )
-    proof = check(scene, context.intersection)
-    if not proof.verified:
-        misplanned = find_wrong_braker(state["social_graph"], scene, proof)
-        raise Rejected(misplanned or _build_rejection(proof, scene))
-    context.log("scene_verifier", f"verified: {len(proof.events)} events")
-    scene = add_events(scene, proof)
-    return {"scene": scene, "proof": proof.model_copy(update={"scene_digest": digest_scene(scene)})}
+
+
+def _can_refining_less_mend(state: VerifierReads, context: RunContext) -> bool:
+    """Return whether the tracks are a scene unrefined; looked at where they are refused first."""
+    refinement = state.get("refinement")
+    if refinement is None or not refinement.may_retry or refinement.attempt > 1:
+        return True
+    pins = state.get("pinned")
+    same = {name: state["refined"][name] for name in (pins.same if pins else ())}
+    unrefined = _assemble(state, {**state["edited"], **same}, context)
+    return check(unrefined, context.intersection).verified
 
 
 def _close_account(state: VerifierReads) -> SocialGraph:

@@ -19,6 +19,7 @@ from scenewright.geometry.driving_profile import Motion, sample_track
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.trajectory_refiner.guides import build_guides
+from scenewright.nodes.trajectory_refiner.spacing import find_crowded
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -162,9 +163,12 @@ def _refine_motions(
     rolled = _roll_out_agents(guides, refusals, before, state, context) | even
     agents: dict[str, AgentRefinement] = {}
     tracks: dict[str, Track] = {}
-    for name, guide in guides.items():
-        settled = last or name in even or (name in named and recurs)
-        most = 0.0 if settled else SHARES[min(refusals[name], len(SHARES) - 1)]
+    shares = {name: SHARES[min(refusals[name], len(SHARES) - 1)] for name in guides}
+    shares |= {n: 0.0 for n in guides if last or n in even or (n in named and recurs)}
+    shapes = {name: each.candidate.shape for name, each in state["selection"].agents.items()}
+
+    def refine(name: str) -> None:
+        guide, most = guides[name], shares[name]
         s, share = limit_deviation(
             guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most
         )
@@ -172,6 +176,16 @@ def _refine_motions(
         tracks[name] = edited[name] if track is None or most == 0.0 else track
         free = ~guide.kept & guide.is_within(state["selection"].duration)
         agents[name] = _build_refinements(share[free], most, refusals[name], state.get("refused"))
+
+    changed = list(guides)
+    while changed:
+        for name in changed:
+            refine(name)
+        # Who would come too close to another gets less, as both keep their distance unrefined.
+        crowded = find_crowded(tracks, edited, shapes)
+        changed = [name for name in guides if name in crowded and shares[name] > 0.0]
+        shares |= {name: max(each for each in SHARES if each < shares[name]) for name in changed}
+    for name in guides:
         if state["selection"].agents[name].candidate.shape.type in RIDERS:
             agents[name] = agents[name].model_copy(update={"reason": NOT_TRAINED})
         elif name in even:

@@ -54,7 +54,7 @@ _WORDS = {
     "RIDER": "a rider such as cyclist-1",
     "KIND": "a kind of collision such as angle",
     "POINT": "a point of impact such as front_left",
-    "LATE": "'late_brake' or 'lead_brakes'",
+    "LATE": "'late_brake', 'lead_brakes' or 'pushed'",
     "_WITH": "'with'",
     "_ON": "'on'",
     "COMPASS": "a direction such as north",

@@ -78,6 +78,7 @@ ROAD_USERS: dict[str, RoadUserNames] = {
     "box": _BOX,
     "bin": replace(_BOX, height=1.1, tracks="bin"),
     "container": replace(_BOX, height=2.6, tracks="container"),
+    "door": replace(_BOX, height=1.2),
 }
 """Names by kind."""
 

@@ -662,17 +662,18 @@ def _report_no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rej
 
 
 def _refuse_two_collisions(graph: SocialGraph) -> None:
-    """Refuse a graph in which an agent collides twice."""
+    """Refuse a graph in which an agent collides twice, unless it is pushed into the second."""
     hits: dict[str, list[RelationEdge]] = {}
     for edge in graph.relations:
         if edge.type == "collide_at":
             hits.setdefault(edge.from_, []).append(edge)
             hits.setdefault(edge.to, []).append(edge)
     for name, edges in hits.items():
-        if len(edges) > 1:
+        pushed = any(edge.manoeuvre == "pushed" and edge.from_ == name for edge in edges)
+        if len(edges) > 1 + pushed:
             detail = (
                 f"{name} would be in {len(edges)} collisions, but its track ends at the first; "
-                "ask for one collision of each agent"
+                "ask for one collision of each agent, or for one that pushes it into the next"
             )
             raise Rejected(_report_relation_failure(edges[1], detail))
 

@@ -16,6 +16,7 @@ from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord, SegmentRecord
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.obstacles import HITTING
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import IntArray, Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
@@ -44,7 +45,7 @@ def find_false_behavior(
 ) -> tuple[Finding, ...]:
     """Agents whose waypoints, crosswalk or segments their track does not bear out."""
     collided = {n for e in events if e.type == "collision" for n in (e.from_, e.to)}
-    collided |= {each.agent for each in scene.encounters if each.how == "hits"}
+    collided |= {each.agent for each in scene.encounters if each.how in HITTING}
     return tuple(
         Finding(rule=rule, agents=(agent.id,), detail=f"{agent.type} {agent.id}: {reason}")
         for agent, track in zip(scene.agents, tracks, strict=True)

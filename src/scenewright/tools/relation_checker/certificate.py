@@ -11,6 +11,7 @@ from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.contact import PairGrid, compute_gaps_at
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.following import LaneGaps
+from scenewright.tools.relation_checker.pushes import find_strike
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 MIN_CLEARANCE = 0.5
@@ -26,10 +27,16 @@ Pair = frozenset[int]
 
 @dataclass(frozen=True)
 class AgentRoles:
-    """The foreground agents, and the pairs that a relation binds, by ids."""
+    """The foreground agents, and pairs of agents, by ids.
+
+    Attributes:
+        bound: pairs that a relation binds.
+        chained: the first and the last of three in a chain collision, which one more parts.
+    """
 
     foreground: frozenset[int]
     bound: frozenset[Pair]
+    chained: frozenset[Pair] = frozenset()
 
     def involves_foreground(self, pair: Pair) -> bool:
         """Whether a foreground agent is one of the two."""
@@ -55,10 +62,13 @@ def check_interference(
 
 
 def is_incidental(event: Event, roles: AgentRoles) -> bool:
-    """A follow; or, between unbound background agents, a yield or a near miss with PET > 1 s."""
+    """A follow; between unbound background agents, a yield or a near miss with PET > 1 s; between
+    the ends of a chain a near miss."""
     if event.type == "follow":
         return True
     pair = frozenset((event.from_, event.to))
+    if pair in roles.chained:
+        return event.type == "near_miss"
     if roles.involves_foreground(pair) or pair in roles.bound:
         return False
     if event.type == "yielding":
@@ -88,17 +98,17 @@ def _check_contacts(observed: SceneObservation) -> Iterator[Finding]:
 
 
 def _check_clearances(observed: SceneObservation, roles: AgentRoles) -> Iterator[Finding]:
-    least = observed.near.gaps.min(axis=1, initial=np.inf)
-    for row in np.flatnonzero(least < MIN_CLEARANCE - ROUNDING):
+    near = observed.near
+    for row in np.flatnonzero(near.least < MIN_CLEARANCE - ROUNDING).tolist():
         first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
         walking = not (first.is_vehicle or second.is_vehicle)
         pair = frozenset((first.id, second.id))
-        if walking or pair in roles.bound or int(row) in observed.near.contacts:
+        if walking or pair in roles.bound or row in near.contacts:
             continue
-        k = int(np.argmin(observed.near.gaps[row]))
+        k = int(observed.grid.common[row, 0] + np.argmin(near.get_gaps(row)))
         yield _report_measured(
             "clearance", (first, second), time=float(observed.grid.times[k]),
-            value=float(least[row]), limit=MIN_CLEARANCE, unit="m apart",
+            value=float(near.least[row]), limit=MIN_CLEARANCE, unit="m apart",
         )  # fmt: skip
 
 
@@ -153,16 +163,21 @@ def _report_measured(
     )  # fmt: skip
 
 
-def check_wrecks(observed: SceneObservation, *, until: float) -> tuple[Finding, ...]:
+def check_wrecks(
+    observed: SceneObservation, *, until: float, pushed: frozenset[int] = frozenset()
+) -> tuple[Finding, ...]:
     """After a collision both tracks end within 0.2 s, and everyone else keeps 0.5 m from them.
 
     Args:
         until: end of the scene [s]; the last footprints stay as obstacles up to then.
+        pushed: agents that a collision pushes into another, which ends them.
     """
     tracks = {m.id: m for m in observed.tracks}
     found: list[Finding] = []
     for event in (e for e in observed.events if e.type == "collision"):
         for n in (event.from_, event.to):
+            if n in pushed and event == find_strike(n, observed.events):
+                continue
             if tracks[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
                 found.append(_report_driving_on(tracks[n], event))
             found += check_wreck_clearance(tracks[n], observed.grid, {event.from_, event.to}, until)
@@ -182,20 +197,19 @@ def check_wreck_clearance(
     wreck: Trajectory, grid: PairGrid, involved: set[int], until: float
 ) -> Iterator[Finding]:
     """Agents that come within 0.5 m of a wreck after its track has ended."""
-    after = (grid.times > wreck.end + 1e-6) & (grid.times <= until + 1e-6)
-    away = grid.xy[:, after] - wreck.xy[-1]
-    near = np.hypot(away[..., 0], away[..., 1]) < (
-        grid.reach[:, None] + wreck.reach + MIN_CLEARANCE
-    )
-    near &= grid.present[:, after]
-    for n in np.flatnonzero(near.any(axis=1)).tolist():
-        other, times = grid.tracks[n], grid.times[after][near[n]]
+    owner = np.repeat(np.arange(len(grid.tracks)), np.diff(grid.origin))
+    times = grid.times[np.arange(len(owner)) - grid.shift[owner]]
+    away = grid.xy - wreck.xy[-1]
+    near = np.hypot(away[:, 0], away[:, 1]) < grid.reach[owner] + wreck.reach + MIN_CLEARANCE
+    near &= (times > wreck.end + 1e-6) & (times <= until + 1e-6)
+    for n in np.unique(owner[near]).tolist():
+        other, there = grid.tracks[n], times[near & (owner == n)]
         if other.id in involved:
             continue
-        gaps = compute_gaps_at(wreck, other, times=times)
+        gaps = compute_gaps_at(wreck, other, times=there)
         k = int(gaps.argmin())
         if gaps[k] < MIN_CLEARANCE - ROUNDING:
             yield _report_measured(
-                "wreck_clearance", (other, wreck), time=float(times[k]),
+                "wreck_clearance", (other, wreck), time=float(there[k]),
                 value=max(float(gaps[k]), 0.0), limit=MIN_CLEARANCE, unit="m from the wreck",
             )  # fmt: skip

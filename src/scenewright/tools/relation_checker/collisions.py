@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from scenewright.scene.base import FloatArray
 from scenewright.scene.social import CollisionKind, ImpactPoint
 from scenewright.tools.relation_checker.contact import estimate_velocity_before, find_contact_point
 from scenewright.tools.relation_checker.footprints import compute_angle_between
@@ -54,41 +55,38 @@ def measure_impact(first: Trajectory, second: Trajectory, *, time: float) -> Imp
     """Speeds, sides and angle of a contact at a time [s]."""
     place = find_contact_point(first, second, time=time)
     one, two = (estimate_velocity_before(m, time=time) for m in (first, second))
-    angle = compute_angle_between(first.at(np.array([time]))[1], second.at(np.array([time]))[1])
+    poses = [m.at(np.array([time])) for m in (first, second)]
+    where = [_locate(place, *pose) for pose in poses]
     return Impact(
         place=place,
         speeds=(float(np.hypot(*one)), float(np.hypot(*two))),
         relative_speed=float(np.hypot(*(one - two))),
-        sides=(
-            find_contact_side(first, place, time=time),
-            find_contact_side(second, place, time=time),
-        ),
-        points=(
-            find_impact_point(first, place, time=time),
-            find_impact_point(second, place, time=time),
-        ),
-        angle=float(angle[0]),
+        sides=(_find_contact_side(first, *where[0]), _find_contact_side(second, *where[1])),
+        points=(_find_impact_point(first, *where[0]), _find_impact_point(second, *where[1])),
+        angle=float(compute_angle_between(poses[0][1], poses[1][1])[0]),
     )
 
 
-def find_contact_side(track: Trajectory, place: tuple[float, float], *, time: float) -> Side | None:
+def _locate(place: tuple[float, float], xy: FloatArray, heading: FloatArray) -> tuple[float, float]:
+    """How far along a heading, and to the left of it, a place lies from a position [m]."""
+    (x, y), (cos, sin) = xy[0].tolist(), (float(np.cos(heading[0])), float(np.sin(heading[0])))
+    east, north = place[0] - x, place[1] - y
+    return east * cos + north * sin, north * cos - east * sin
+
+
+def _find_contact_side(track: Trajectory, along: float, _across: float) -> Side | None:
     """The side of a vehicle at which a point of contact lies; None for a pedestrian.
 
     Front and rear are the outer 0.3 m of the length, corners included; the rest is side.
     """
     if not track.is_vehicle:
         return None
-    xy, heading = track.at(np.array([time]))
-    delta = np.array(place) - xy[0]
-    along = float(delta[0] * np.cos(heading[0]) + delta[1] * np.sin(heading[0]))
     if along >= track.half_length - BUMPER:
         return "front"
     return "rear" if along <= BUMPER - track.half_length else "side"
 
 
-def find_impact_point(
-    track: Trajectory, place: tuple[float, float], *, time: float
-) -> ImpactPoint | None:
+def _find_impact_point(track: Trajectory, along: float, across: float) -> ImpactPoint | None:
     """The corner, end or side of a vehicle that a point of contact is at; None for a pedestrian.
 
     A corner lies within 0.5 m of an end and of a side (a third of a small vehicle); front and rear
@@ -96,10 +94,6 @@ def find_impact_point(
     """
     if not track.is_vehicle:
         return None
-    xy, heading = track.at(np.array([time]))
-    delta, turn = np.array(place) - xy[0], float(heading[0])
-    along = float(delta @ (np.cos(turn), np.sin(turn)))
-    across = float(delta @ (-np.sin(turn), np.cos(turn)))
     from_end = track.half_length - abs(along) - min(CORNER, track.length / 3)
     from_side = track.half_width - abs(across) - min(CORNER, track.width / 3)
     end: Literal["front", "rear"] = "front" if along > 0 else "rear"

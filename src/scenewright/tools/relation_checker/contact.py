@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +11,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
-    BoolArray,
+    Box,
     IntArray,
     Pose,
     compute_corners,
@@ -24,12 +23,18 @@ from scenewright.tools.relation_checker.footprints import (
     make_pose,
 )
 from scenewright.tools.relation_checker.planar import Area, geos
-from scenewright.tools.relation_checker.trajectory import Trajectory, concatenate_samples
+from scenewright.tools.relation_checker.trajectory import (
+    Trajectory,
+    concatenate_samples,
+    interpolate_samples,
+)
 
 EXACT_BELOW = 1.2
 """Clearances below this are exact [m], others lower bounds."""
 TOUCH = 1e-3
 """Footprints nearer than this are in contact [m]: the rounding of positions in scene files."""
+IMPACT = 1.5
+"""A velocity that changes by more within 0.1 s [m/s] was changed by an impact, not by driving."""
 NEAR_IN_TIME, NEAR_IN_PLACE = 10.0, 150.0
 """Tracks further apart than this [s, m] have no event: more than the longest PET and look ahead."""
 
@@ -83,41 +88,6 @@ def find_first_contact(first: Trajectory, second: Trajectory) -> FirstContact | 
     return measure_pair_gaps(build_pair_grid((first, second))).contacts.get(0)
 
 
-def _find_contact_in_step(first: Trajectory, second: Trajectory, start: float) -> float | None:
-    """The first contact within the step that begins at a sample time [s], None if there is none."""
-    ends = start + np.array((0.0, STEP))
-    states = [track.at(ends) for track in (first, second)]
-    dx, dy = np.diff(states[1][0] - states[0][0], axis=0)[0]
-    turn, other_turn = (np.abs(heading[1] - heading[0]) for _, heading in states)
-    bound = float(np.hypot(dx, dy) + first.reach * turn + second.reach * other_turn)
-    part = 0.0
-    for _ in range(200):
-        distance = _compute_gap_within_step(first, second, states, part)
-        if distance <= TOUCH:
-            return start + part * STEP
-        part += max(distance / max(bound, 1e-9), 1e-3)
-        if part > 1.0:
-            break
-    return start + STEP if _compute_gap_within_step(first, second, states, 1.0) <= TOUCH else None
-
-
-def _compute_gap_within_step(
-    first: Trajectory,
-    second: Trajectory,
-    states: Sequence[tuple[FloatArray, FloatArray]],
-    part: float,
-) -> float:
-    """Gap [m] at a part of a step, from positions and headings at its two ends."""
-    (xy, heading), (other_xy, other_heading) = (
-        (xy[0] + part * (xy[1] - xy[0]), heading[0] + part * (heading[1] - heading[0]))
-        for xy, heading in states
-    )
-    return float(compute_gaps(
-        xy, heading, get_extent(first),
-        other_xy=other_xy, other_heading=other_heading, other_size=get_extent(second),
-    ))  # fmt: skip
-
-
 def find_least_clearance(
     first: Trajectory, second: Trajectory, *, within: tuple[float, float] | None = None
 ) -> tuple[float, float] | None:
@@ -160,7 +130,7 @@ def estimate_velocity_before(track: Trajectory, *, time: float) -> FloatArray:
     """[2] velocity just before a time [m/s].
 
     Linear extrapolation from the last two whole steps before it, so that an abrupt stop at the
-    contact itself does not blur the impact speed.
+    contact itself does not blur the impact speed; from the last alone if an impact lies between.
     """
     k = min(int(np.floor((time - track.start) / STEP + 1e-6)), len(track) - 1)
     if k < 1:
@@ -169,6 +139,8 @@ def estimate_velocity_before(track: Trajectory, *, time: float) -> FloatArray:
     if k < 2:
         return np.asarray(last)
     change = last - (track.xy[k - 1] - track.xy[k - 2]) / STEP
+    if float(np.hypot(*change)) > IMPACT:
+        return np.asarray(last)
     return np.asarray(last + change * ((time - track.start) / STEP - k + 0.5))
 
 
@@ -178,9 +150,9 @@ class PairGrid:
 
     Attributes:
         tracks: N of them; times: [T] [s].
-        xy: [N, T, 2] and heading: [N, T], held outside of a track's own time.
-        present: [N, T] bool; first: [N] column of each track's first sample.
-        origin: [N+1] where each track's samples begin when all are concatenated.
+        xy: [S, 2] and heading: [S] of all samples, track after track.
+        origin: [N+1] where each track's samples begin, the last entry being S.
+        first: [N] column of each track's first sample on the grid.
         pairs: [M, 2] indices of all pairs, or of those that may have to do with one another.
     """
 
@@ -188,10 +160,23 @@ class PairGrid:
     times: FloatArray
     xy: FloatArray
     heading: FloatArray
-    present: BoolArray
-    first: IntArray
     origin: IntArray
+    first: IntArray
     pairs: IntArray
+
+    @cached_property
+    def common(self) -> IntArray:
+        """[M, 2] first column at which both of a pair are present, and how many there are."""
+        last = self.first + np.diff(self.origin)
+        a, b = self.pairs.T
+        begin = np.maximum(self.first[a], self.first[b])
+        count = np.maximum(np.minimum(last[a], last[b]) - begin, 0)
+        return np.stack((begin, count), axis=1)
+
+    @cached_property
+    def shift(self) -> IntArray:
+        """[N] what a column of the grid is short of its sample, where the mover is present."""
+        return np.asarray(self.origin[:-1] - self.first)
 
     @cached_property
     def sizes(self) -> FloatArray:
@@ -216,15 +201,12 @@ def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) 
     times = np.asarray(start + STEP * np.arange(round((end - start) / STEP) + 1), dtype=np.float64)
     xy, heading, origin = concatenate_samples(tracks)
     first = np.array([round((m.start - start) / STEP) for m in tracks], dtype=np.intp)
-    sample = np.arange(len(times)) - first[:, None]
-    last = np.diff(origin)[:, None] - 1
-    held = np.minimum(np.maximum(sample, 0), last)
-    rows = origin[:-1, None] + held
-    pairs = np.stack(np.triu_indices(len(tracks), 1), axis=1)
     if near_only:
         spans = np.array([(m.start, m.end) for m in tracks])
         pairs = find_near_pairs(spans, np.array([m.bounds for m in tracks]))
-    return PairGrid(tracks, times, xy[rows], heading[rows], held == sample, first, origin, pairs)
+    else:
+        pairs = np.stack(np.triu_indices(len(tracks), 1), axis=1)
+    return PairGrid(tracks, times, xy, heading, origin, first, pairs)
 
 
 def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
@@ -233,93 +215,162 @@ def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
     Args:
         spans: [N, 2] start and end [s]; bounds: [N, 4] west, south, east and north [m].
     """
-    first, second = np.triu_indices(len(spans), 1)
-    start, end = spans.reshape(-1, 2).T
-    west, south, east, north = bounds.reshape(-1, 4).T
-    pause = np.maximum(start[first], start[second]) - np.minimum(end[first], end[second])
-    apart = [
-        np.maximum(low[first], low[second]) - np.minimum(high[first], high[second])
-        for low, high in ((west, east), (south, north))
-    ]
-    near = (pause <= NEAR_IN_TIME) & (np.maximum(*apart) <= NEAR_IN_PLACE)
-    return np.stack((first[near], second[near]), axis=1)
+    return np.stack(_find_near_pairs(spans.reshape(-1, 2), bounds.reshape(-1, 4)), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class PairGaps:
-    """Gaps of all pairs at all times.
+    """Gaps of all pairs at all times at which both are present.
 
     Attributes:
-        gaps: [M, T] signed distance [m], exact below `EXACT_BELOW`, else a lower bound; inf where
-            one of the two is absent.
+        gaps: [G] signed distances [m], pair after pair, exact below `EXACT_BELOW`, else a lower
+            bound; begin: [M+1] where those of each pair begin.
+        least: [M] least gap of each pair [m]; inf where they are never both present.
         contacts: first contact of each pair that has one, by row of `PairGrid.pairs`.
     """
 
     gaps: FloatArray
+    begin: IntArray
+    least: FloatArray
     contacts: dict[int, FirstContact]
+
+    def get_gaps(self, row: int) -> FloatArray:
+        """Gaps [m] of a pair from the first to the last time at which both are present."""
+        return self.gaps[self.begin[row] : self.begin[row + 1]]
 
 
 def measure_pair_gaps(grid: PairGrid) -> PairGaps:
     """Clearances and first contacts of all pairs; exact footprints only where centres are near."""
-    gaps = _compute_all_gaps(
-        grid.pairs, grid.xy, grid.heading, grid.present, grid.reach, grid.sizes
-    )  # fmt: skip
-    return PairGaps(gaps, _find_first_contacts(grid, gaps))
+    begin = np.cumsum([0, *grid.common[:, 1].tolist()])
+    gaps, least = _compute_all_gaps(
+        grid.pairs, grid.common, begin, grid.shift, grid.xy, grid.heading, grid.reach, grid.sizes
+    )
+    return PairGaps(gaps, begin, least, _find_first_contacts(grid, gaps, begin, least))
 
 
-def _find_first_contacts(grid: PairGrid, gaps: FloatArray) -> dict[int, FirstContact]:
+def _find_first_contacts(
+    grid: PairGrid, gaps: FloatArray, begin: IntArray, least: FloatArray
+) -> dict[int, FirstContact]:
     """By row of `PairGrid.pairs`; steps in which a gap may close get the continuous search."""
     found: dict[int, FirstContact] = {}
-    for row in np.flatnonzero((gaps <= TOUCH).any(axis=1)).tolist():
+    for row in np.flatnonzero(least <= TOUCH).tolist():
         first, second = (grid.tracks[k] for k in grid.pairs[row])
-        begin = int(np.argmax(np.isfinite(gaps[row])))
-        if gaps[row, begin] <= TOUCH:
+        if gaps[begin[row]] <= TOUCH:
             found[row] = FirstContact(max(first.start, second.start), True)
     closing = _find_closing_steps(
-        grid.pairs, gaps, grid.xy, grid.heading, grid.reach, grid.sizes
+        grid.pairs, grid.common, begin, gaps, grid.shift, grid.xy, grid.heading, grid.reach,
+        grid.sizes,
     )  # fmt: skip
     for row, col in zip(*(each.tolist() for each in closing), strict=True):
         if row not in found:
             first, second = (grid.tracks[k] for k in grid.pairs[row])
-            time = _find_contact_in_step(first, second, float(grid.times[col]))
-            if time is not None:
+            time = _find_contact_in_step(
+                _get_states(first), _get_states(second), float(grid.times[col])
+            )
+            if np.isfinite(time):
                 found[row] = FirstContact(time, False)
     return dict(sorted(found.items()))
+
+
+State = tuple[float, FloatArray, FloatArray, float, Box]
+"""Start [s], positions [T, 2] [m] and headings [T] of a track, its reach [m] and its size."""
+
+
+def _get_states(track: Trajectory) -> State:
+    size = track.half_length, track.half_width, track.radius
+    return track.start, track.xy, track.heading, track.reach, size
 
 
 # ---- as machine code ----------------------------------------------------------------------------
 
 
 @compiled
+def _find_contact_in_step(a: State, b: State, start: float) -> float:
+    """The first contact within the step that begins at a sample time [s], inf if there is none."""
+    ends = start + np.array((0.0, STEP))
+    xy, heading = interpolate_samples(ends, a[0], a[1], a[2])
+    other_xy, other_heading = interpolate_samples(ends, b[0], b[1], b[2])
+    dx = (other_xy[1, 0] - xy[1, 0]) - (other_xy[0, 0] - xy[0, 0])
+    dy = (other_xy[1, 1] - xy[1, 1]) - (other_xy[0, 1] - xy[0, 1])
+    bound = np.hypot(dx, dy) + a[3] * abs(heading[1] - heading[0])
+    bound += b[3] * abs(other_heading[1] - other_heading[0])
+    part = 0.0
+    for _ in range(200):
+        one, two = _compute_pose(xy, heading, part), _compute_pose(other_xy, other_heading, part)
+        gap = compute_gap(one, a[4], two, b[4])
+        if gap <= TOUCH:
+            return start + part * STEP
+        part += max(gap / max(bound, 1e-9), 1e-3)
+        if part > 1.0:
+            break
+    one, two = _compute_pose(xy, heading, 1.0), _compute_pose(other_xy, other_heading, 1.0)
+    return start + STEP if compute_gap(one, a[4], two, b[4]) <= TOUCH else np.inf
+
+
+@compiled
+def _compute_pose(xy: FloatArray, heading: FloatArray, part: float) -> Pose:
+    """A part of the way from the first to the second of two positions [2, 2] and headings [2]."""
+    return make_pose(
+        xy[0, 0] + part * (xy[1, 0] - xy[0, 0]),
+        xy[0, 1] + part * (xy[1, 1] - xy[0, 1]),
+        heading[0] + part * (heading[1] - heading[0]),
+    )
+
+
+@compiled
+def _find_near_pairs(spans: FloatArray, bounds: FloatArray) -> tuple[IntArray, IntArray]:
+    first: IntArray = np.empty(64, np.intp)
+    second: IntArray = np.empty(64, np.intp)
+    count = 0
+    for a in range(len(spans)):
+        for b in range(a + 1, len(spans)):
+            pause = max(spans[a, 0], spans[b, 0]) - min(spans[a, 1], spans[b, 1])
+            aside = max(bounds[a, 0], bounds[b, 0]) - min(bounds[a, 2], bounds[b, 2])
+            along = max(bounds[a, 1], bounds[b, 1]) - min(bounds[a, 3], bounds[b, 3])
+            if pause > NEAR_IN_TIME or max(aside, along) > NEAR_IN_PLACE:
+                continue
+            if count == len(first):
+                first, second = double_room(first), double_room(second)
+            first[count], second[count] = a, b
+            count += 1
+    return first[:count], second[:count]
+
+
+@compiled
 def _compute_all_gaps(
     pairs: IntArray,
+    common: IntArray,
+    begin: IntArray,
+    shift: IntArray,
     xy: FloatArray,
     heading: FloatArray,
-    present: BoolArray,
     reach: FloatArray,
     sizes: FloatArray,
-) -> FloatArray:
-    """[M, T] `PairGaps.gaps` of movers [N, T] and their sizes [3, N]."""
-    gaps = np.full((len(pairs), xy.shape[1]), np.inf)
+) -> tuple[FloatArray, FloatArray]:
+    """[G] `PairGaps.gaps` and [M] the least of each pair."""
+    gaps, least = np.empty(begin[-1]), np.full(len(pairs), np.inf)
     for row in range(len(pairs)):
         a, b = pairs[row, 0], pairs[row, 1]
-        for k in range(xy.shape[1]):
-            if not (present[a, k] and present[b, k]):
-                continue
-            dx, dy = xy[b, k, 0] - xy[a, k, 0], xy[b, k, 1] - xy[a, k, 1]
-            compute_gaps = np.sqrt(dx * dx + dy * dy) - (reach[a] + reach[b])
-            if compute_gaps < EXACT_BELOW:
-                one = make_pose(xy[a, k, 0], xy[a, k, 1], heading[a, k])
-                two = make_pose(xy[b, k, 0], xy[b, k, 1], heading[b, k])
-                compute_gaps = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
-            gaps[row, k] = compute_gaps
-    return gaps
+        for k in range(common[row, 1]):
+            i, j = shift[a] + common[row, 0] + k, shift[b] + common[row, 0] + k
+            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            gap = np.sqrt(dx * dx + dy * dy) - (reach[a] + reach[b])
+            if gap < EXACT_BELOW:
+                one = make_pose(xy[i, 0], xy[i, 1], heading[i])
+                two = make_pose(xy[j, 0], xy[j, 1], heading[j])
+                gap = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
+            gaps[begin[row] + k] = gap
+            least[row] = min(least[row], gap)
+    return gaps, least
 
 
 @compiled
 def _find_closing_steps(
     pairs: IntArray,
+    common: IntArray,
+    begin: IntArray,
     gaps: FloatArray,
+    shift: IntArray,
     xy: FloatArray,
     heading: FloatArray,
     reach: FloatArray,
@@ -331,38 +382,35 @@ def _find_closing_steps(
     count = 0
     for pair in range(len(pairs)):
         a, b = pairs[pair, 0], pairs[pair, 1]
-        for k in range(gaps.shape[1] - 1):
-            before, after = gaps[pair, k], gaps[pair, k + 1]
-            if before + after == np.inf:
-                continue
-            most = _bound_motion(a, k, xy, heading, reach) + _bound_motion(b, k, xy, heading, reach)
+        for k in range(common[pair, 1] - 1):
+            before, after = gaps[begin[pair] + k], gaps[begin[pair] + k + 1]
+            column = common[pair, 0] + k
+            i, j = shift[a] + column, shift[b] + column
+            most = _bound_motion(i, xy, heading, reach[a]) + _bound_motion(j, xy, heading, reach[b])
             if before + after > most:
                 continue
-            one, two = (
-                _compute_pose_halfway(a, k, xy, heading),
-                _compute_pose_halfway(b, k, xy, heading),
-            )
+            one, two = _compute_pose_halfway(i, xy, heading), _compute_pose_halfway(j, xy, heading)
             middle = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
             if min(middle, middle + min(before, after) - most / 2) <= 0:
                 if count == len(row):
                     row, col = double_room(row), double_room(col)
-                row[count], col[count] = pair, k
+                row[count], col[count] = pair, column
                 count += 1
     return row[:count], col[:count]
 
 
 @compiled
-def _bound_motion(n: int, k: int, xy: FloatArray, heading: FloatArray, reach: FloatArray) -> float:
-    """Most that any point of a footprint moves within a step [m], with some room."""
-    dx, dy = xy[n, k + 1, 0] - xy[n, k, 0], xy[n, k + 1, 1] - xy[n, k, 1]
-    turn = reach[n] * abs(heading[n, k + 1] - heading[n, k])
+def _bound_motion(k: int, xy: FloatArray, heading: FloatArray, reach: float) -> float:
+    """Most that any point of a footprint moves up to the next sample [m], with some room."""
+    dx, dy = xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1]
+    turn = reach * abs(heading[k + 1] - heading[k])
     return float(np.sqrt(dx * dx + dy * dy) + turn + 2 * TOUCH)
 
 
 @compiled
-def _compute_pose_halfway(n: int, k: int, xy: FloatArray, heading: FloatArray) -> Pose:
+def _compute_pose_halfway(k: int, xy: FloatArray, heading: FloatArray) -> Pose:
     return make_pose(
-        (xy[n, k, 0] + xy[n, k + 1, 0]) / 2,
-        (xy[n, k, 1] + xy[n, k + 1, 1]) / 2,
-        (heading[n, k] + heading[n, k + 1]) / 2,
+        (xy[k, 0] + xy[k + 1, 0]) / 2,
+        (xy[k, 1] + xy[k + 1, 1]) / 2,
+        (heading[k] + heading[k + 1]) / 2,
     )

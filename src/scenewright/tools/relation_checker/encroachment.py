@@ -85,14 +85,20 @@ class _Occupancies:
 
 @dataclass(frozen=True, eq=False)
 class _OccupancyPairs:
-    """Pairs of places that may touch, with a lower bound of their lag [s]."""
+    """Pairs of places that may touch, one pair of movers after another.
+
+    Attributes:
+        p, q: [C] the places; lag: [C] a lower bound of their lag [s], infinite where they do not
+            count.
+        begin: [M+1] where those of each pair of movers begin.
+        parallel: [M] whether a pair of one class is somewhere heading the same way.
+    """
 
     p: IntArray
     q: IntArray
     lag: FloatArray
-
-    def __getitem__(self, rows: IntArray | BoolArray) -> _OccupancyPairs:
-        return _OccupancyPairs(self.p[rows], self.q[rows], self.lag[rows])
+    begin: IntArray
+    parallel: BoolArray
 
 
 def compute_pet(first: Trajectory, second: Trajectory) -> float | None:
@@ -110,19 +116,26 @@ def find_encounters(
     *,
     horizon: float | None = 8.5,
     asked: Collection[tuple[int, int]] = (),
+    among: IntArray | None = None,
 ) -> tuple[Encounter, ...]:
     """All encounters with a lag of at most `horizon` seconds.
 
     Args:
         asked: pairs of ids; of two pedestrians, only these are looked at.
+        among: [M, 2] positions of the pairs that are looked at, in order; None means all.
     """
     if len(tracks) < 2:
         return ()
     occupancies = _tabulate_occupancies(tracks)
-    pairs = _drop_shared_lanes(
-        occupancies, tracks, _find_touching(occupancies, tracks, horizon, asked)
-    )
-    found = _resolve_encounters(occupancies, *_group_by_encounter(occupancies, pairs))
+    among = np.stack(np.triu_indices(len(tracks), 1), axis=1) if among is None else among
+    first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
+    alike = np.array([m.is_vehicle for m in tracks])
+    pairs = _OccupancyPairs(*_find_touching_pairs(
+        first, second, alike, occupancies.origin, occupancies.reach, occupancies.table,
+        np.inf if horizon is None else horizon,
+    ))  # fmt: skip
+    _drop_shared_lanes(occupancies, tracks, pairs, first, second)
+    found = _resolve_encounters(occupancies, pairs)
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
 
 
@@ -134,61 +147,40 @@ def _tabulate_occupancies(tracks: tuple[Trajectory, ...]) -> _Occupancies:
     return _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
 
 
-def _find_touching(
-    occupancies: _Occupancies,
-    tracks: tuple[Trajectory, ...],
-    horizon: float | None,
-    asked: Collection[tuple[int, int]],
-) -> _OccupancyPairs:
-    """Pairs of places that may touch within the horizon, blocks of places looked at first."""
-    first, second = np.nonzero(_find_overlapping_boxes(tracks, asked))
-    longest = np.inf if horizon is None else horizon
-    return _OccupancyPairs(
-        *_find_touching_pairs(
-            first, second, occupancies.origin, occupancies.reach, occupancies.table, longest
-        )
-    )
-
-
 def _find_overlapping_boxes(
-    tracks: tuple[Trajectory, ...], asked: Collection[tuple[int, int]]
+    tracks: tuple[Trajectory, ...], asked: Collection[tuple[int, int]], pairs: IntArray
 ) -> BoolArray:
-    """[N, N] whether the boxes of two tracks overlap, above the diagonal."""
+    """[M] whether the boxes of the two tracks overlap, and one of them drives or they are asked."""
     west, south, east, north = np.array([m.bounds for m in tracks]).T
     reach = np.array([m.reach for m in tracks])
-    result = np.ones((len(tracks), len(tracks)), dtype=np.bool_)
+    i, j = pairs.T
+    drives = np.array([m.is_vehicle for m in tracks])
+    result = drives[i] | drives[j]
+    if asked:
+        index = {m.id: k for k, m in enumerate(tracks)}
+        wanted = np.sort([(index[a], index[b]) for a, b in asked])
+        result |= np.isin(i * len(tracks) + j, wanted[:, 0] * len(tracks) + wanted[:, 1])
     for low, high in ((west - reach, east + reach), (south - reach, north + reach)):
-        result &= (low[:, None] <= high) & (low <= high[:, None])
-    wanted = np.array([m.is_vehicle for m in tracks])
-    wanted = wanted | wanted[:, None]
-    index = {m.id: k for k, m in enumerate(tracks)}
-    for pair in asked:
-        i, j = (index[each] for each in pair)
-        wanted[i, j] = wanted[j, i] = True
-    result &= wanted
-    return np.triu(result, 1)
+        result &= (low[i] <= high[j]) & (low[j] <= high[i])
+    return np.asarray(result)
 
 
 def _drop_shared_lanes(
-    occupancies: _Occupancies, tracks: tuple[Trajectory, ...], pairs: _OccupancyPairs
-) -> _OccupancyPairs:
-    """Drops contacts of two of one class that are behind one another in one lane."""
-    a, b = occupancies.owner[pairs.p], occupancies.owner[pairs.q]
-    pair = a * len(tracks) + b
-    alike = np.array([m.is_vehicle for m in tracks])
-    cos, sin = occupancies.table[_COS], occupancies.table[_SIN]
-    parallel = cos[pairs.p] * cos[pairs.q] + sin[pairs.p] * sin[pairs.q] >= np.cos(SHARED)
-    keep = np.ones(len(pair), dtype=np.bool_)
-    codes = np.flatnonzero(np.bincount(pair[parallel & (alike[a] == alike[b])]))
-    first, second = np.divmod(codes, len(tracks))
-    for code, one, two in zip(codes, *_find_shared_lanes(tracks, first, second), strict=True):
-        rows = np.flatnonzero(pair == code)
+    occupancies: _Occupancies,
+    tracks: tuple[Trajectory, ...],
+    pairs: _OccupancyPairs,
+    first: IntArray,
+    second: IntArray,
+) -> None:
+    """Makes contacts of two of one class that are behind one another in one lane count no more."""
+    rows = np.flatnonzero(pairs.parallel)
+    begin, end = pairs.begin[rows].tolist(), pairs.begin[rows + 1].tolist()
+    lanes = _find_shared_lanes(tracks, first[rows], second[rows])
+    for i, j, one, two in zip(begin, end, *lanes, strict=True):
         if one is not None and two is not None:
-            in_lane = one.contains(occupancies.s[pairs.p[rows]]) | two.contains(
-                occupancies.s[pairs.q[rows]]
-            )
-            keep[rows[in_lane]] = False
-    return pairs[keep]
+            in_lane = one.contains(occupancies.s[pairs.p[i:j]])
+            in_lane |= two.contains(occupancies.s[pairs.q[i:j]])
+            pairs.lag[i:j][in_lane] = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,83 +244,26 @@ def _skip_merge(
     return float(begin), float(s[j] + track.nose + 1.0)
 
 
-def _group_by_encounter(
-    occupancies: _Occupancies, pairs: _OccupancyPairs
-) -> tuple[_OccupancyPairs, IntArray]:
-    """Cells in the order of encounters, most promising first, and where each encounter begins.
+def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> list[Encounter]:
+    """Exact least lag of every encounter, to 4 ms.
 
     A pair's contacts are split into encounters at gaps along the first one's path.
     """
-    if len(pairs.p) == 0:
-        return pairs, np.zeros(1, dtype=np.intp)
-    order = np.lexsort((pairs.p, occupancies.owner[pairs.q], occupancies.owner[pairs.p]))
-    p, q = pairs.p[order], pairs.q[order]
-    new = (np.diff(occupancies.owner[q]) != 0) | (np.diff(occupancies.owner[p]) != 0)
-    new |= np.diff(occupancies.s[p]) > SPLIT
-    group = np.concatenate(([0], np.cumsum(new)))
-    by_lag = np.lexsort((pairs.lag[order], group))
-    begin = np.searchsorted(group, np.arange(group[-1] + 2))
-    return pairs[order[by_lag]], begin
-
-
-def _resolve_encounters(
-    occupancies: _Occupancies, pairs: _OccupancyPairs, begin: IntArray
-) -> list[Encounter]:
-    """Exact least lag of every encounter: a few cells at a time, until none can be better."""
-    count = len(begin) - 1
-    best = np.full((count, 3), np.inf)
-    place = np.full((count, 3), 0)
-    done = np.zeros(count, dtype=np.intp)
-    open_ = np.arange(count)
-    while len(open_):
-        rows = (begin[open_] + done[open_])[:, None] + np.arange(BATCH)
-        inside = rows < begin[open_ + 1][:, None]
-        group = np.broadcast_to(open_[:, None], rows.shape)[inside]
-        lag, part = _compute_lags(occupancies, pairs[rows[inside]], *_WHOLE)
-        order = np.lexsort((lag[:, 0], group))
-        first = order[np.searchsorted(group[order], open_)]
-        better = lag[first, 0] < best[open_, 0]
-        best[open_[better]] = lag[first[better]]
-        place[open_[better]] = np.column_stack((rows[inside], part))[first[better]]
-        done[open_] += BATCH
-        left = open_[begin[open_] + done[open_] < begin[open_ + 1]]
-        open_ = left[pairs.lag[begin[left] + done[left]] < best[left, 0]]
-    best = _refine_lags(occupancies, pairs, best, place)
-    owner = occupancies.owner
-    return [
-        Encounter(int(owner[pairs.p[k]]), int(owner[pairs.q[k]]), *(float(v) for v in row))
-        for k, row in zip(begin[:-1], best, strict=True)
-        if np.isfinite(row[0])
-    ]
-
-
-def _refine_lags(
-    occupancies: _Occupancies, pairs: _OccupancyPairs, best: FloatArray, place: IntArray
-) -> FloatArray:
-    """The least lags to 4 ms, by trying the surroundings of the best pairs of parts."""
-    found = np.isfinite(best[:, 0]) & (best[:, 0] > 0)
-    if not found.any():
-        return best
+    table = occupancies.table
+    best = _find_best_places(
+        pairs.p, pairs.q, pairs.lag, pairs.begin, occupancies.s, table, *_WHOLE
+    )
+    p, q = pairs.p[best], pairs.q[best]
+    lag, place = _find_least_lags(p, q, table, *_WHOLE)
+    apart = lag[:, 0] > 0
+    # The surroundings of the best pairs of parts are tried.
     step = 1.0 / (SUBSTEPS - 1)
-    fine = np.linspace(-step, step, 2 * FINER + 1)
-    parts = [np.clip(place[found, k, None] * step + fine, 0.0, 1.0) for k in (1, 2)]
-    lag, _ = _compute_lags(occupancies, pairs[place[found, 0]], *parts)
-    best[found] = np.where(lag[:, :1] < best[found, :1], lag, best[found])
-    return best
-
-
-def _compute_lags(
-    occupancies: _Occupancies, pairs: _OccupancyPairs, part: FloatArray, other_part: FloatArray
-) -> tuple[FloatArray, IntArray]:
-    """Least lag of pairs of places and the two times [n, 3] [s], inf where they do not touch.
-
-    Args:
-        part, other_part: [n or 1, k] parts of the way to the next place that are tried.
-
-    Returns:
-        The lags, and [n, 2] which of the parts give them.
-    """
-    return _find_least_lags(pairs.p, pairs.q, occupancies.table, part, other_part)
+    around = np.linspace(-step, step, 2 * FINER + 1)
+    parts = [np.clip(place[apart, k, None] * step + around, 0.0, 1.0) for k in (0, 1)]
+    finer, _ = _find_least_lags(p[apart], q[apart], table, *parts)
+    lag[apart] = np.where(finer[:, :1] < lag[apart, :1], finer, lag[apart])
+    owners = zip(occupancies.owner[p].tolist(), occupancies.owner[q].tolist(), strict=True)
+    return [Encounter(*pair, *row) for pair, row in zip(owners, lag.tolist(), strict=True)]
 
 
 # ---- as machine code, on the table of places ----------------------------------------------------
@@ -393,17 +328,20 @@ def _find_occupancies(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArr
 def _find_touching_pairs(
     first: IntArray,
     second: IntArray,
+    alike: BoolArray,
     origin: IntArray,
     reach: FloatArray,
     table: FloatArray,
     horizon: float,
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Pairs of places of pairs of movers that may touch, and a lower bound of their lag [s]."""
+) -> tuple[IntArray, IntArray, FloatArray, IntArray, BoolArray]:
+    """What `_OccupancyPairs` holds, of pairs of movers; blocks of places are looked at first."""
     blocks = _bound_blocks(origin, reach, table)
     p: IntArray = np.empty(256, np.intp)
     q: IntArray = np.empty(256, np.intp)
     lags: FloatArray = np.empty(256)
     count = 0
+    begin, parallel = np.zeros(len(first) + 1, np.intp), np.zeros(len(first), np.bool_)
+    aligned = np.cos(SHARED)
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
         for i in range(origin[a], origin[a + 1], BLOCK):
@@ -419,7 +357,10 @@ def _find_touching_pairs(
                             p, q, lags = double_room(p), double_room(q), double_room(lags)
                         p[count], q[count], lags[count] = m, n, lag
                         count += 1
-    return p[:count], q[:count], lags[:count]
+                        facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
+                        parallel[pair] |= alike[a] == alike[b] and facing >= aligned
+        begin[pair + 1] = count
+    return p[:count], q[:count], lags[:count], begin, parallel
 
 
 @compiled
@@ -479,31 +420,149 @@ def _get_swept_footprint(table: FloatArray, i: int) -> tuple[Pose, Box]:
 
 
 @compiled
+def _find_best_places(
+    p: IntArray,
+    q: IntArray,
+    lag: FloatArray,
+    begin: IntArray,
+    s: FloatArray,
+    table: FloatArray,
+    part: FloatArray,
+    other_part: FloatArray,
+) -> IntArray:
+    """[E] of every encounter the pair of places with the least lag.
+
+    The most promising are tried first, a few at a time, until no other can be better.
+    """
+    found: IntArray = np.empty(64, np.intp)
+    count = longest = 0
+    for pair in range(len(begin) - 1):
+        longest = max(longest, begin[pair + 1] - begin[pair])
+    group, heap = np.full(len(s), -1), np.empty(longest, np.intp)
+    for pair in range(len(begin) - 1):
+        rows = begin[pair], begin[pair + 1]
+        for k in range(_label_encounters(p, lag, s, rows, group)):
+            size = _fill_heap(heap, p, q, lag, rows, group, k)
+            least, best, tried = np.inf, -1, 0
+            while size > 0 and (tried % BATCH > 0 or lag[heap[0]] < least):
+                row, tried = heap[0], tried + 1
+                near = _find_least_lag(p[row], q[row], table, part[0], other_part[0])[0]
+                if near < least:
+                    least, best = near, row
+                size -= 1
+                heap[0] = heap[size]
+                _sift_down(heap, 0, size, p, q, lag)
+            if best >= 0:
+                if count == len(found):
+                    found = double_room(found)
+                found[count] = best
+                count += 1
+        for row in range(rows[0], rows[1]):
+            group[p[row]] = -1
+    return found[:count]
+
+
+@compiled
+def _label_encounters(
+    p: IntArray, lag: FloatArray, s: FloatArray, rows: tuple[int, int], group: IntArray
+) -> int:
+    """Writes in which encounter every place of a pair's first is; returns how many there are."""
+    low, high = len(s), -1
+    for row in range(rows[0], rows[1]):
+        if lag[row] < np.inf:
+            group[p[row]] = 0
+            low, high = min(low, p[row]), max(high, p[row])
+    count, last = 0, -1
+    for place in range(low, high + 1):
+        if group[place] >= 0:
+            if last < 0 or s[place] - s[last] > SPLIT:
+                count += 1
+            group[place], last = count - 1, place
+    return count
+
+
+@compiled
+def _fill_heap(
+    heap: IntArray,
+    p: IntArray,
+    q: IntArray,
+    lag: FloatArray,
+    rows: tuple[int, int],
+    group: IntArray,
+    wanted: int,
+) -> int:
+    """Writes a heap of the rows of one encounter, least lag on top; returns how many there are."""
+    size = 0
+    for row in range(rows[0], rows[1]):
+        if lag[row] < np.inf and group[p[row]] == wanted:
+            heap[size] = row
+            size += 1
+    for k in range(size // 2 - 1, -1, -1):
+        _sift_down(heap, k, size, p, q, lag)
+    return size
+
+
+@compiled
+def _sift_down(
+    heap: IntArray, k: int, size: int, p: IntArray, q: IntArray, lag: FloatArray
+) -> None:
+    while 2 * k + 1 < size:
+        child = 2 * k + 1
+        if child + 1 < size and _comes_before(heap[child + 1], heap[child], p, q, lag):
+            child += 1
+        if not _comes_before(heap[child], heap[k], p, q, lag):
+            break
+        heap[k], heap[child] = heap[child], heap[k]
+        k = child
+
+
+@compiled
+def _comes_before(row: int, other: int, p: IntArray, q: IntArray, lag: FloatArray) -> bool:
+    """Whether a pair of places is to be tried before another: by lag, then in order of places."""
+    if lag[row] != lag[other]:
+        return bool(lag[row] < lag[other])
+    return bool(p[row] < p[other] or (p[row] == p[other] and q[row] < q[other]))
+
+
+@compiled
 def _find_least_lags(
     p: IntArray, q: IntArray, table: FloatArray, part: FloatArray, other_part: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """See `_compute_lags`."""
+    """Least lag of pairs of places and the two times [n, 3] [s], inf where they do not touch.
+
+    Args:
+        part, other_part: [n or 1, k] parts of the way to the next place that are tried.
+
+    Returns:
+        The lags, and [n, 2] which of the parts give them.
+    """
     best, where = np.empty((len(p), 3)), np.zeros((len(p), 2), np.intp)
     for k in range(len(p)):
-        i, j = p[k], q[k]
-        least = np.inf
         mine, others = part[min(k, len(part) - 1)], other_part[min(k, len(other_part) - 1)]
-        for m in range(len(mine)):
-            place, begin, end = _compute_footprint_underway(table, i, mine[m])
-            for n in range(len(others)):
-                other, other_begin, other_end = _compute_footprint_underway(table, j, others[n])
-                lag = max(begin - other_end, other_begin - end, 0.0)
-                first = m == 0 and n == 0
-                hit = lag < least and is_in_touch(
-                    place, _get_size(table, i), other, _get_size(table, j), TOUCH
-                )
-                if hit or first:
-                    least = lag if hit else np.inf
-                    where[k, 0], where[k, 1] = m, n
-                    best[k, 0] = least
-                    best[k, 1] = min(max(other_begin, begin), end)
-                    best[k, 2] = min(max(begin, other_begin), other_end)
+        lag, time, other_time, m, n = _find_least_lag(p[k], q[k], table, mine, others)
+        best[k, 0], best[k, 1], best[k, 2] = lag, time, other_time
+        where[k, 0], where[k, 1] = m, n
     return best, where
+
+
+@compiled
+def _find_least_lag(
+    i: int, j: int, table: FloatArray, part: FloatArray, other_part: FloatArray
+) -> tuple[float, float, float, int, int]:
+    """`_find_least_lags` of one pair of places."""
+    least, time, other_time, first, second = np.inf, 0.0, 0.0, 0, 0
+    for m in range(len(part)):
+        place, begin, end = _compute_footprint_underway(table, i, part[m])
+        for n in range(len(other_part)):
+            other, other_begin, other_end = _compute_footprint_underway(table, j, other_part[n])
+            lag = max(begin - other_end, other_begin - end, 0.0)
+            if lag < least and is_in_touch(
+                place, _get_size(table, i), other, _get_size(table, j), TOUCH
+            ):
+                least, first, second = lag, m, n
+                time = min(max(other_begin, begin), end)
+                other_time = min(max(begin, other_begin), other_end)
+    return least, time, other_time, first, second
 
 
 @compiled

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.compiled import compiled
+from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SignalRecord
@@ -43,7 +45,7 @@ from scenewright.tools.relation_checker.following import (
     find_followings,
     measure_lane_gaps,
 )
-from scenewright.tools.relation_checker.footprints import BoolArray
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.overtaking import find_close_overtaking
 from scenewright.tools.relation_checker.planar import geos
@@ -161,7 +163,7 @@ def observe(
     """
     grid = build_pair_grid(build_trajectories(list(users)), near_only=near_only)
     near = measure_pair_gaps(grid)
-    encounters = find_encounters(grid.tracks, asked=asked)
+    encounters = find_encounters(grid.tracks, asked=asked, among=grid.pairs)
     lanes = measure_lane_gaps(grid)
     lights = SignalPlan(signals, intersection_map)
     lights.find_all_crossings(grid.tracks)
@@ -230,7 +232,8 @@ class _EventSearch:
         """Collisions, yields and near misses."""
         found: list[Event] = []
         braked = self._find_braked_pairs()
-        for row, (i, j) in enumerate(self.grid.pairs.tolist()):
+        for row in self._list_rows(braked):
+            i, j = self.grid.pairs[row].tolist()
             pair = self.grid.tracks[i], self.grid.tracks[j]
             if row in self.near.contacts:
                 found += self._find_collision(row, *pair)
@@ -238,6 +241,17 @@ class _EventSearch:
                 full = pair[0].id in detailed or pair[1].id in detailed
                 found += self._find_encounter_events(row, (i, j), braked.get(row, ()), full)
         return found
+
+    def _list_rows(self, braked: Collection[int]) -> list[int]:
+        """Rows of the pairs that may have an event; many others never have to do with another."""
+        i, j = self.grid.pairs.T
+        meet = [pair in self.by_pair for pair in zip(i.tolist(), j.tolist(), strict=True)]
+        waits = np.array(self._cut_off, dtype=np.bool_)
+        rides = np.array([m.is_rider for m in self.tracks], dtype=np.bool_)
+        wanted = np.array(meet, dtype=np.bool_) | waits[i] | waits[j]
+        wanted |= (rides[i] != rides[j]) & np.isfinite(self.near.least)
+        wanted[[*self.near.contacts, *braked]] = True
+        return np.flatnonzero(wanted).tolist()
 
     def _is_asked(self, pair: tuple[Trajectory, Trajectory]) -> bool:
         """Whether a relation binds the two; unasked, people on foot may pass closely."""
@@ -310,7 +324,7 @@ class _EventSearch:
         return None
 
     def _find_yield(self, row: int, encounter: Encounter) -> YieldEvent | None:
-        if encounter.pet > MAX_PET or float(self.near.gaps[row].min()) < YIELD_CLEARANCE:
+        if encounter.pet > MAX_PET or self.near.least[row] < YIELD_CLEARANCE:
             return None
         later = encounter.second_time > encounter.first_time
         i, j = (encounter.second, encounter.first) if later else (encounter.first, encounter.second)
@@ -341,8 +355,9 @@ class _EventSearch:
         self, zone: PathConflictZone, giver: Trajectory, other: Trajectory, stay: ZoneOccupancy
     ) -> YieldContext:
         brink = float(np.interp(stay.enter, giver.times, giver.s)) + giver.nose
-        others = [m for m in self.grid.tracks if m.id not in (giver.id, other.id)]
-        real = next(m for m in self.grid.tracks if m.id == giver.id)
+        k = self._index[giver.id]
+        real = self.tracks[k]
+        others = [self.tracks[m] for m in self._neighbours[k] if self.tracks[m].id != other.id]
 
         def has_leader(time: float) -> bool:
             return any(is_leading(real, m, time=time, before=brink) for m in others)
@@ -367,10 +382,24 @@ class _EventSearch:
         """Whether a light that is not green holds the giver at some time of a span [s]."""
         return self.lights.is_held(giver, since=since, until=until)
 
+    @cached_property
+    def _index(self) -> dict[int, int]:
+        """Position of every mover, by id."""
+        return {m.id: k for k, m in enumerate(self.tracks)}
+
+    @cached_property
+    def _neighbours(self) -> dict[int, list[int]]:
+        """Movers that each may have to do with, by position."""
+        table: dict[int, list[int]] = {}
+        for i, j in self.grid.pairs.tolist():
+            table.setdefault(i, []).append(j)
+            table.setdefault(j, []).append(i)
+        return table
+
     def _waits_for_another(self, giver: Trajectory, other: Trajectory, time: float) -> bool:
         """Whether the giver waits for yet another agent that a relation binds it to."""
         partners = {a if b == giver.id else b for a, b in self.asked if giver.id in (a, b)}
-        for encounter in self.encounters:
+        for encounter in self.encounters if partners else ():
             ends = [
                 (self.grid.tracks[encounter.first].id, encounter.first_time),
                 (self.grid.tracks[encounter.second].id, encounter.second_time),
@@ -392,19 +421,19 @@ class _EventSearch:
 
     @cached_property
     def _crossed(self) -> BoolArray:
-        """[N, N] whether the second crosses the way ahead of the first, which was cut off."""
-        return _find_crossers_ahead(self.grid, [k for k, cut in enumerate(self._cut_off) if cut])
+        """[M, 2] whether a pair's second crosses the way of its cut-off first, and the reverse."""
+        return _find_crossers_ahead(self.grid, self._cut_off)
 
     def _find_unfinished_yield(self, row: int, pair: Pair, full: bool) -> list[Event]:
         """A yield whose giver still waits when the scene, or a collision, ends its track."""
         found: list[Event] = []
-        for i, j in (pair, pair[::-1]):
+        for side, (i, j) in enumerate((pair, pair[::-1])):
             giver, other = self.grid.tracks[i], self.grid.tracks[j]
             asked = (giver.id, other.id) in self.asked
             onwards = 25.0 if asked else ONWARDS[giver.type]
-            if not self._cut_off[i] or not (asked or self._crossed[i, j]):
+            if not self._cut_off[i] or not (asked or self._crossed[row, side]):
                 continue
-            if float(self.near.gaps[row].min()) < YIELD_CLEARANCE:
+            if self.near.least[row] < YIELD_CLEARANCE:
                 continue
             further = extend_straight(
                 giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0
@@ -473,9 +502,11 @@ class _EventSearch:
         """By row of pairs: times of path TTC <= 1.5 s while one of the two brakes hard."""
         found: dict[int, list[float]] = {}
         hard = [m.is_vehicle and (m.acceleration < -NEAR_MISS_BRAKING).any() for m in self.tracks]
-        for row, (i, j) in enumerate(self.grid.pairs.tolist()):
-            if not (hard[i] or hard[j]) or row in self.near.contacts:
+        brakes = np.array(hard, dtype=np.bool_)[self.grid.pairs].any(axis=1)
+        for row in np.flatnonzero(brakes & np.isfinite(self.near.least)).tolist():
+            if row in self.near.contacts:
                 continue
+            i, j = self.grid.pairs[row].tolist()
             times = self._find_hard_braking_times(row, self.tracks[i], self.tracks[j])
             if len(times):
                 ttc = compute_path_ttc(
@@ -496,9 +527,8 @@ class _EventSearch:
         times = find_common_times(first, second)
         i, j = first.find_indices(times), second.find_indices(times)
         hard = np.minimum(first.acceleration[i], second.acceleration[j]) < -NEAR_MISS_BRAKING
-        k = np.round((times - self.grid.times[0]) / 0.1).astype(np.intp)
         reach = (first.speed[i] + second.speed[j]) * NEAR_MISS_TTC + 1.0
-        return np.asarray(times[hard & (self.near.gaps[row, k] <= reach)])
+        return np.asarray(times[hard & (self.near.get_gaps(row) <= reach)])
 
 
 def _slows(giver: Trajectory, *, until: float) -> bool:
@@ -508,34 +538,60 @@ def _slows(giver: Trajectory, *, until: float) -> bool:
     return bool(((peak >= LIMITS[giver.type].moving) & (speed <= 0.6 * peak)).any())
 
 
-def _find_crossers_ahead(grid: PairGrid, givers: Sequence[int]) -> BoolArray:
-    """[N, N] whether the second crosses the way straight ahead of a giver's last place.
+def _find_crossers_ahead(grid: PairGrid, cut_off: Sequence[bool]) -> BoolArray:
+    """[M, 2] whether the second of a pair crosses the way straight ahead of the first's last place.
 
-    Cheap and necessary for a yield. And late enough: an agent standing at the end has not
-    done so for more than 4 s since.
+    And the first that of the second; only of those that were cut off. Cheap and necessary for a
+    yield. And late enough: an agent standing at the end has not done so for more than 4 s since.
     """
-    ahead = np.zeros((len(grid.tracks),) * 2, dtype=np.bool_)
-    if not givers:
-        return ahead
-    tracks = [grid.tracks[k] for k in givers]
     still = [RESUME_WITHIN + 1.0 if m.speed[-1] <= LIMITS[m.type].resumed else MAX_PET
-             for m in tracks]  # fmt: skip
-    since = np.array([m.end for m in tracks]) - still
-    late = slice(int(np.searchsorted(grid.times, since.min() - 1e-6)), None)
-    x, y, facing, way = np.array(
-        [(*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type]) for m in tracks]
-    ).T[..., None, None]
-    east, north = grid.xy[:, late, 0] - x, grid.xy[:, late, 1] - y
-    cos, sin, turn = np.cos(facing), np.sin(facing), grid.heading[:, late] - facing
-    alike = np.array([m.is_vehicle for m in grid.tracks])
-    half = np.array([(m.half_width + m.radius, m.half_length) for m in grid.tracks])
-    room = half[:, :1] + half[givers, :1, None] + half[:, 1:] * np.abs(np.sin(turn))
-    along = cos * east + sin * north
-    inside = (along >= 0) & (along <= way) & (np.abs(cos * north - sin * east) <= room)
-    inside &= (np.cos(turn) < np.cos(SHARED)) | (alike[givers, None] != alike)[..., None]
-    inside &= grid.present[:, late] & (grid.times[late] >= since[:, None, None])
-    ahead[givers] = inside.any(axis=2)
-    return ahead
+             for m in grid.tracks]  # fmt: skip
+    table = np.array([
+        (*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type], m.end - since, cut,
+         m.is_vehicle, m.half_width + m.radius, m.half_length)
+        for m, since, cut in zip(grid.tracks, still, cut_off, strict=True)
+    ])  # fmt: skip
+    sides = [
+        _search_crossers_ahead(
+            np.ascontiguousarray(pairs), table, grid.xy, grid.heading, grid.origin, grid.times,
+            grid.shift,
+        )
+        for pairs in (grid.pairs, grid.pairs[:, ::-1])
+    ]  # fmt: skip
+    return np.stack(sides, axis=1)
+
+
+@compiled
+def _search_crossers_ahead(
+    pairs: IntArray,
+    table: FloatArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    origin: IntArray,
+    times: FloatArray,
+    shift: IntArray,
+) -> BoolArray:
+    found = np.zeros(len(pairs), np.bool_)
+    for row in range(len(pairs)):
+        giver, other = pairs[row, 0], pairs[row, 1]
+        x, y, facing, onwards, since, cut = table[giver, :6]
+        alike = table[giver, 6] == table[other, 6]
+        if not cut:
+            continue
+        for k in range(origin[other], origin[other + 1]):
+            east, north, turn = xy[k, 0] - x, xy[k, 1] - y, heading[k] - facing
+            along = np.cos(facing) * east + np.sin(facing) * north
+            aside = abs(np.cos(facing) * north - np.sin(facing) * east)
+            room = table[giver, 7] + table[other, 7] + table[other, 8] * abs(np.sin(turn))
+            if (
+                times[k - shift[other]] >= since
+                and 0 <= along <= onwards
+                and aside <= room
+                and (np.cos(turn) < np.cos(SHARED) or not alike)
+            ):
+                found[row] = True
+                break
+    return found
 
 
 def _find_nearest_zone(

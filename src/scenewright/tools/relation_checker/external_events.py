@@ -95,11 +95,13 @@ def _fits(users: Sequence[RoadUser]) -> bool:
 
 
 def _count_near_pair_samples(users: Sequence[RoadUser]) -> float:
-    """The same of the pairs that may have to do with one another, for which room is taken."""
+    """Those of the pairs that may have to do with one another, while both are there."""
     spans = np.array([(u.track.start, u.track.end) for u in users])
     bounds = np.array([(*u.track.xy.min(axis=0), *u.track.xy.max(axis=0)) for u in users])
-    span = spans[:, 1].max() - spans[:, 0].min()
-    return len(find_near_pairs(spans, bounds)) * float(span / STEP + 1)
+    first, second = find_near_pairs(spans, bounds).T
+    (start, end), (other_start, other_end) = spans[first].T, spans[second].T
+    together = np.minimum(end, other_end) - np.maximum(start, other_start)
+    return float((np.maximum(together / STEP, 0.0) + 1.0).sum())
 
 
 def _search_windows(

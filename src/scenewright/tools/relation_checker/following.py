@@ -6,17 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import PairGrid
-from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, compute_angle_between
+from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
+    IntArray,
+    compute_angle_between,
+    double_room,
+)
 from scenewright.tools.relation_checker.track_path import project_each
 from scenewright.tools.relation_checker.trajectory import get_lane_table
 
 LOOK_AHEAD = 60.0
 ROOM = 1_000_000
-"""Pairs times samples that are looked at in one go."""
-STRIDE = 2
+"""Samples of followers that are looked at in one go."""
+STRIDE, SPARSE = 2, 4
+"""Every so many samples it is measured who leads whom, and looked who may."""
 MIN_DURATION = 3.0
 HEADWAY = (0.5, 4.0)
 STANDING_GAP = (0.5, 5.0)
@@ -66,77 +73,129 @@ class Following:
 
 def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
     """Leaders and gaps of all movers that have another ahead at some time."""
-    followers, others = np.nonzero(_may_lead(grid))
+    followers, others = _list_possible_leaders(grid)
     if len(followers) == 0:
         return ()
-    # Portion by portion, for the memory's sake; a follower's pairs stay together.
-    begin = np.searchsorted(followers, followers)
-    cuts = np.flatnonzero(np.diff(begin // max(ROOM // len(grid.times), 1))) + 1
-    found: list[LaneGaps | None] = []
-    for part in np.split(np.arange(len(followers)), cuts):
-        n, k = followers[part], others[part]
-        gaps = _measure_gaps(grid, n, k)
-        found += [
-            _find_nearest_leader(grid, m, k[n == m], gaps[n == m])
-            for m in dict.fromkeys(n.tolist())
-        ]
+    least = np.full(len(grid.xy), np.inf)
+    leader = np.full(len(grid.xy), -1, dtype=np.intp)
+    # Portion by portion, for the memory's sake.
+    size = np.cumsum(np.diff(grid.origin)[followers])
+    for part in np.split(np.arange(len(size)), np.flatnonzero(np.diff(size // ROOM)) + 1):
+        _measure_gaps(grid, followers[part], others[part], least, leader)
+    found = (_build_lane_gaps(grid, n, least, leader) for n in dict.fromkeys(followers.tolist()))
     return tuple(lane for lane in found if lane is not None)
 
 
-def _may_lead(grid: PairGrid) -> BoolArray:
-    """[N, N] whether k is somewhere ahead of n and heads roughly the same way; generous."""
+def _list_possible_leaders(grid: PairGrid) -> tuple[IntArray, IntArray]:
+    """Pairs of movers, in order, of which the second is at some time ahead of the first.
+
+    Generous: within 60 m, and heading roughly the same way.
+    """
     vehicle = np.array([m.is_vehicle for m in grid.tracks])
-    n, k = grid.pairs[vehicle[grid.pairs[:, 0]] == vehicle[grid.pairs[:, 1]]].T
-    xy, heading, here = (a[:, ::4] for a in (grid.xy, grid.heading, grid.present))
-    x, y, cos, sin = xy[..., 0], xy[..., 1], np.cos(heading), np.sin(heading)
-    dx, dy = x[k] - x[n], y[k] - y[n]
-    together = here[n] & here[k] & (dx * dx + dy * dy <= LOOK_AHEAD**2)
-    together &= cos[n] * cos[k] + sin[n] * sin[k] >= 0.5
-    result = np.zeros((len(vehicle), len(vehicle)), dtype=np.bool_)
-    result[n, k] = (together & (dx * cos[n] + dy * sin[n] > 0)).any(axis=1)
-    result[k, n] = (together & (dx * cos[k] + dy * sin[k] < 0)).any(axis=1)
-    return result
+    alike = vehicle[grid.pairs[:, 0]] == vehicle[grid.pairs[:, 1]]
+    pairs = grid.pairs[alike]
+    cos, sin = np.cos(grid.heading), np.sin(grid.heading)
+    ahead, behind = _find_possible_leaders(
+        pairs, grid.common[alike], grid.shift, grid.xy, cos, sin
+    ).T
+    both = np.concatenate((pairs[ahead], pairs[behind][:, ::-1]))
+    order = np.lexsort((both[:, 1], both[:, 0]))
+    return both[order, 0], both[order, 1]
 
 
-def _measure_gaps(grid: PairGrid, followers: IntArray, others: IntArray) -> FloatArray:
-    """[M, T] gap of each follower to the other on the common time grid, inf where it is not ahead.
+def _measure_gaps(
+    grid: PairGrid, followers: IntArray, others: IntArray, least: FloatArray, leader: IntArray
+) -> None:
+    """Notes where another is the nearest ahead so far of a follower, and its gap, by sample [S].
 
     Looked at every 0.2 s from each follower's start.
     """
-    gaps = np.full((len(followers), len(grid.times)), np.inf)
-    sample = np.arange(len(grid.times)) - grid.first[followers, None]
-    away = grid.xy[others] - grid.xy[followers]
-    near = np.square(away[..., 0]) + np.square(away[..., 1]) <= LOOK_AHEAD**2
-    near &= grid.present[followers] & grid.present[others] & (sample % STRIDE == 0)
-    row, column = np.nonzero(near)
-    if len(row) == 0:
-        return gaps
+    row, mine, theirs = _list_near_samples(followers, others, grid.origin, grid.shift, grid.xy)
     n, k = followers[row], others[row]
     nose, width = np.array([(m.nose, m.width) for m in grid.tracks]).T
-    driven = np.concatenate([m.s for m in grid.tracks])[grid.origin[n] + sample[row, column]]
+    driven = np.concatenate([m.s for m in grid.tracks])[mine]
     beside = (width[n] + width[k]) / 2
     lanes = get_lane_table(grid.tracks)
-    foot = project_each(grid.xy[k, column], lanes, n, within=beside)
+    foot = project_each(grid.xy[theirs], lanes, n, within=beside)
     gap = foot.s - driven - nose[n] - nose[k]
     inside = (foot.lateral < beside) & (gap > -nose[n]) & (foot.s > driven)
-    inside &= compute_angle_between(grid.heading[k, column], foot.direction) <= np.deg2rad(30.0)
-    gaps[row[inside], column[inside]] = gap[inside]
-    return gaps
+    inside &= compute_angle_between(grid.heading[theirs], foot.direction) <= np.deg2rad(30.0)
+    _keep_least(mine[inside], k[inside], gap[inside], least, leader)
 
 
-def _find_nearest_leader(
-    grid: PairGrid, n: int, others: IntArray, gaps: FloatArray
+def _build_lane_gaps(
+    grid: PairGrid, n: int, least: FloatArray, leader: IntArray
 ) -> LaneGaps | None:
-    """The nearest of the others ahead of mover n; None if none of them ever is."""
-    track, first = grid.tracks[n], int(grid.first[n])
-    gaps = gaps[:, first : first + len(track) : STRIDE]
-    nearest = gaps.argmin(axis=0)
-    gap = gaps[nearest, np.arange(gaps.shape[1])]
-    ahead = np.isfinite(gap)
-    if not ahead.any():
+    """What was noted of mover n; None if none of the others is ever ahead of it."""
+    track, own = grid.tracks[n], slice(grid.origin[n], grid.origin[n + 1], STRIDE)
+    if (leader[own] < 0).all():
         return None
-    leader = np.where(ahead, others[nearest], -1)
-    return LaneGaps(n, track.times[::STRIDE], leader, gap, track.speed[::STRIDE])
+    return LaneGaps(n, track.times[::STRIDE], leader[own], least[own], track.speed[::STRIDE])
+
+
+@compiled
+def _find_possible_leaders(
+    pairs: IntArray,
+    common: IntArray,
+    shift: IntArray,
+    xy: FloatArray,
+    cos: FloatArray,
+    sin: FloatArray,
+) -> BoolArray:
+    """[M, 2] whether the second is ahead of the first every 0.4 s, and the first of the second."""
+    found = np.zeros((len(pairs), 2), np.bool_)
+    for row in range(len(pairs)):
+        a, b = pairs[row, 0], pairs[row, 1]
+        begin, end = common[row, 0], common[row, 0] + common[row, 1]
+        for column in range(begin + -begin % SPARSE, end, SPARSE):
+            i, j = shift[a] + column, shift[b] + column
+            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            apart = dx * dx + dy * dy > LOOK_AHEAD**2
+            if apart or not cos[i] * cos[j] + sin[i] * sin[j] >= 0.5:
+                continue
+            found[row, 0] |= dx * cos[i] + dy * sin[i] > 0
+            found[row, 1] |= dx * cos[j] + dy * sin[j] < 0
+    return found
+
+
+@compiled
+def _list_near_samples(
+    followers: IntArray,
+    others: IntArray,
+    origin: IntArray,
+    shift: IntArray,
+    xy: FloatArray,
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Rows, samples of the follower and of the other, while they are within 60 m of one another."""
+    row: IntArray = np.empty(64, np.intp)
+    mine: IntArray = np.empty(64, np.intp)
+    theirs: IntArray = np.empty(64, np.intp)
+    count = 0
+    for k in range(len(followers)):
+        a, b = followers[k], others[k]
+        end = origin[b + 1]
+        for i in range(origin[a], origin[a + 1], STRIDE):
+            j = i - shift[a] + shift[b]
+            if not origin[b] <= j < end:
+                continue
+            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            if dx * dx + dy * dy > LOOK_AHEAD**2:
+                continue
+            if count == len(row):
+                row, mine, theirs = double_room(row), double_room(mine), double_room(theirs)
+            row[count], mine[count], theirs[count] = k, i, j
+            count += 1
+    return row[:count], mine[:count], theirs[:count]
+
+
+@compiled
+def _keep_least(
+    sample: IntArray, other: IntArray, gap: FloatArray, least: FloatArray, leader: IntArray
+) -> None:
+    """Writes the least gap of every sample, and whose it is; of equals the first."""
+    for k in range(len(sample)):
+        if gap[k] < least[sample[k]]:
+            least[sample[k]], leader[sample[k]] = gap[k], other[k]
 
 
 def find_followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:

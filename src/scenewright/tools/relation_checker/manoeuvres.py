@@ -10,6 +10,7 @@ from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.following import CREEP, LOOK_AHEAD
 from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.pushes import describe_push
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 HARD = 4.5
@@ -54,6 +55,8 @@ def describe_manoeuvre(
             return _describe_cut_in(first, second, event, observed)
         case "changes_lane":
             return _describe_lane_change(first, second, event)
+        case "pushed":
+            return describe_push(first, event, observed.tracks, observed.events)
         case None:
             return None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.objects import ObjectRecord, SightRecord
+from scenewright.scene.objects import ObjectRecord, SightRecord, name_door
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import Extent, compute_gaps, get_extent
@@ -23,6 +23,8 @@ from scenewright.tools.relation_checker.trajectory import FARTHEST, Trajectory
 CONTACT = 1e-3
 FINE = 0.02
 """Steps [s] at which a track near an object is looked at, so that it cuts no corner unseen."""
+AT_SIDE = 0.1
+"""How far a door may be from the side of its vehicle [m]."""
 HIDDEN = 0.5
 """Least time that a hidden agent is out of sight [s]."""
 LEAD_SLACK = 0.02
@@ -42,6 +44,8 @@ def read_objects(scene: SceneRecord) -> tuple[ObjectRecord, ...]:
         figures = (each.length, each.width, each.x, each.y, each.heading)
         if not all(math.isfinite(value) and abs(value) <= FARTHEST for value in figures):
             raise InputError(f"{each.id}: a position or size is no usable number")
+        if each.since is not None and not 0.0 <= each.since <= scene.meta.duration:
+            raise InputError(f"{each.id}: it opens at {each.since:g} s, outside of the scene")
         if not (0.1 <= each.width <= 30.0 and 0.1 <= each.length <= 30.0):
             raise InputError(f"{each.id}: length and width must be 0.1 to 30 m")
     known = {agent.id for agent in scene.agents}
@@ -95,6 +99,9 @@ def find_contact(each: ObjectRecord, track: Trajectory) -> float | None:
         return None
     times = np.arange(track.times[near[0]] - 0.1, track.times[near[-1]] + 0.1, FINE)
     times = times[(times >= track.start - 1e-9) & (times <= track.end + 1e-9)]
+    times = times if each.since is None else times[times >= each.since]
+    if not len(times):
+        return None
     xy, heading = track.at(times)
     gaps = compute_gaps(
         xy, heading, get_extent(track),
@@ -127,9 +134,19 @@ def check_places(
             found.append(_report_place(each, "stands on a crosswalk"))
         elif outline.intersection(ground).area < 0.95 * outline.area:
             found.append(_report_place(each, "stands off the road and the sidewalks"))
+        elif each.kind == "door" and not _is_at_vehicle(each, objects, outlines):
+            found.append(_report_place(each, "is at no parked vehicle"))
         elif each.lane is not None and not _is_outermost(each, intersection_map):
             found.append(_report_place(each, f"does not stand in the {each.lane} lane"))
     return tuple(found)
+
+
+def _is_at_vehicle(
+    door: ObjectRecord, objects: Sequence[ObjectRecord], outlines: Mapping[str, Any]
+) -> bool:
+    """Whether a door stands out from the side of a parked vehicle."""
+    vehicles = [o for o in objects if o.kind == "parked" and door.id == name_door(o.id)]
+    return any(outlines[o.id].distance(outlines[door.id]) <= AT_SIDE for o in vehicles)
 
 
 def _is_outermost(each: ObjectRecord, intersection_map: IntersectionMap) -> bool:

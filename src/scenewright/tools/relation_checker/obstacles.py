@@ -10,7 +10,7 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
-from scenewright.scene.objects import EncounterRecord, ObjectRecord
+from scenewright.scene.objects import EncounterRecord, ObjectRecord, name_door
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import FIGURES, Encounter
 from scenewright.tools.relation_checker.certificate import WRECK_ENDS_WITHIN, check_wreck_clearance
@@ -46,6 +46,11 @@ PULLS_OUT_GAP = (0.3, 12.0)
 STANDS_BEHIND: tuple[Encounter, ...] = ("waits_behind", "queues", "stops_short")
 """Encounters after which an agent stands, so that others can queue behind it."""
 
+HITTING: tuple[Encounter, ...] = ("hits", "doored")
+"""Encounters that end an agent."""
+OPENS = (0.2, 1.5)
+"""How long before the contact the door of a dooring opens [s]."""
+
 Measured = dict[str, Any]
 
 
@@ -60,6 +65,8 @@ def check_encounters(
     for each in scene.encounters:
         track, until = tracks[each.agent], scene.meta.duration
         things = [objects[each.object]]
+        if each.how == "doored":
+            things = [o for o in scene.objects if o.id == name_door(each.object)]
         if each.how == "queues":
             others = [o for o in scene.encounters if o.object == each.object and o != each]
             standing = [tracks[o.agent] for o in others if o.how in STANDS_BEHIND]
@@ -70,14 +77,14 @@ def check_encounters(
             findings.append(_report(each, found))
             continue
         figures.append({"agent": each.agent, "object": each.object, "how": each.how, **found})
-        if each.how == "hits":
+        if each.how in HITTING:
             findings += check_wreck_clearance(track, observed.grid, {track.id}, scene.meta.duration)
     return figures, tuple(findings)
 
 
 def _pick(found: Iterable[Measured | str]) -> Measured | str:
     """The first that was measured, else the last fault."""
-    fault = "nobody else stands behind it"
+    fault = "no agent stands, or no door opens, that it could meet"
     for each in found:
         if not isinstance(each, str):
             return each
@@ -107,7 +114,9 @@ def _make_last_outline(track: Trajectory) -> ObjectRecord:
 
 def list_asked_hits(scene: SceneRecord) -> frozenset[tuple[int, str]]:
     """Agents and the objects that they are to hit."""
-    return frozenset((each.agent, each.object) for each in scene.encounters if each.how == "hits")
+    hits = ((each.agent, each.object) for each in scene.encounters if each.how == "hits")
+    doored = (each for each in scene.encounters if each.how == "doored")
+    return frozenset((*hits, *((each.agent, name_door(each.object)) for each in doored)))
 
 
 def _report(each: EncounterRecord, fault: str) -> Finding:
@@ -121,6 +130,7 @@ _WORDS = {
     "goes_round": "should go round", "waits_behind": "should wait behind", "hits": "should hit",
     "stops_short": "should stop just short of", "queues": "should queue behind who waits at",
     "waits_then_passes": "should wait behind, then go round",
+    "doored": "should ride into an opening door of",
 }  # fmt: skip
 
 
@@ -228,10 +238,23 @@ def _measure_hit(track: Trajectory, thing: ObjectRecord, _: float) -> Measured |
     return {"time": round(time, 3), "speed": round(speed, 3)}
 
 
+def _measure_dooring(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
+    """A door opens beside its way, clear of it, and it rides into that at once."""
+    hit = _measure_hit(track, thing, until)
+    if isinstance(hit, str):
+        return hit
+    if thing.since is None:
+        return "the door stands open from the beginning"
+    opened = hit["time"] - thing.since
+    if not OPENS[0] <= opened <= OPENS[1]:
+        return f"the door opens {opened:.1f} s before; {OPENS[0]:g} to {OPENS[1]:g} s are too late"
+    return {**hit, "opened": round(opened, 3)}
+
+
 _ENCOUNTERS: dict[Encounter, Callable[[Trajectory, ObjectRecord, float], Measured | str]] = {
     "goes_round": _measure_passing, "waits_behind": _measure_waiting, "hits": _measure_hit,
     "stops_short": _measure_short_stop, "waits_then_passes": _measure_late_passing,
-    "queues": _measure_waiting,
+    "queues": _measure_waiting, "doored": _measure_dooring,
 }  # fmt: skip
 
 
@@ -278,7 +301,7 @@ def describe_encounter(
         if each["agent"] in agents and each["object"] == asked[0] and each["how"] == asked[-1]:
             seen = {k: v for k, v in each.items() if k not in ("agent", "object", "how", "time")}
             shown = ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in seen.items())
-            does = each["how"].replace("_", " ")
+            does = "is doored by" if each["how"] == "doored" else each["how"].replace("_", " ")
             return (
                 f"agent {each['agent']} {does} {each['object']} at {each['time']:.1f} s ({shown})"
             )

@@ -20,6 +20,7 @@ from scenewright.tools.relation_checker.contact import find_common_times
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.line_of_sight import find_blocked_views
+from scenewright.tools.relation_checker.pushes import list_pushed
 from scenewright.tools.relation_checker.surrogates import compute_path_ttc
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import compute_free_speed_profile
@@ -76,6 +77,7 @@ def find_reactions(
         `reacted_at` [s], `how` and `strength` [m/s^2], or `why_not`.
     """
     tracks = {track.id: track for track in observed.tracks}
+    pushed = list_pushed(scene.relations)
     excluded = {each.id for each in scene.agents if each.reaction == "none"}
     rows = []
     for event in events:
@@ -83,6 +85,8 @@ def find_reactions(
             others = [t for t in observed.tracks if t.id not in (agent, other) and _blocks(t)]
             blocked = _Sight(scene, others, left_hand)
             row = _measure(tracks[agent], tracks[other], event, blocked)
+            if agent in pushed and event.from_ == agent:
+                row = {"why_not": "is pushed into it"}
             if agent in excluded and "reacted_at" not in row and "perceptible_from" in row:
                 row["why_not"] = "the text says that it does not"
             rows.append(

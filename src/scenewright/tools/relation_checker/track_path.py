@@ -296,8 +296,32 @@ def _find_foot(
 
 def sample_path(path: TrackPath, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points [..., 2] and directions [...] at arc lengths, straight beyond the end of the path."""
-    beyond = np.maximum(s - path.s[-1], 0.0)
-    xy = np.stack([np.interp(s, path.s, path.xy[:, k]) for k in (0, 1)], axis=-1)
     last = path.direction[-1]
-    xy += beyond[..., None] * np.array((np.cos(last), np.sin(last)))
-    return xy, np.asarray(np.interp(s, path.s, path.direction))
+    xy, direction = _sample_path(
+        s.ravel(), path.s, path.xy, path.direction, (np.cos(last), np.sin(last))
+    )
+    return xy.reshape(*s.shape, 2), direction.reshape(s.shape)
+
+
+@compiled
+def _sample_path(
+    at: FloatArray,
+    s: FloatArray,
+    xy: FloatArray,
+    direction: FloatArray,
+    onwards: tuple[float, float],
+) -> tuple[FloatArray, FloatArray]:
+    """Linear between the points, held before the first."""
+    points, facing, last, k = np.empty((len(at), 2)), np.empty(len(at)), len(s) - 1, 0
+    for n in range(len(at)):
+        k = k if s[k] <= at[n] else 0
+        while k < last and s[k + 1] <= at[n]:
+            k += 1
+        between = k < last and at[n] > s[k]
+        apart, beyond = at[n] - s[k], max(at[n] - s[last], 0.0)
+        for axis in range(2):
+            slope = (xy[k + 1, axis] - xy[k, axis]) / (s[k + 1] - s[k]) if between else 0.0
+            points[n, axis] = slope * apart + xy[k, axis] + beyond * onwards[axis]
+        slope = (direction[k + 1] - direction[k]) / (s[k + 1] - s[k]) if between else 0.0
+        facing[n] = slope * apart + direction[k]
+    return points, facing

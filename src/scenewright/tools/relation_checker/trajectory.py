@@ -189,14 +189,15 @@ class Trajectory:
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [..., 2] and headings [...] at times [s], linear in between, held outside."""
-        xy, heading = _interpolate_samples(times.ravel(), self.start, self.xy, self.heading)
+        xy, heading = interpolate_samples(times.ravel(), self.start, self.xy, self.heading)
         return xy.reshape(*times.shape, 2), heading.reshape(times.shape)
 
 
 @compiled
-def _interpolate_samples(
+def interpolate_samples(
     times: FloatArray, start: float, xy: FloatArray, heading: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
+    """`Trajectory.at` of samples from a start [s] on, for other machine code to call."""
     there, turned, last = np.empty((len(times), 2)), np.empty(len(times)), len(xy) - 1
     for n in range(len(times)):
         f = min(max((times[n] - start) / STEP, 0.0), float(last))

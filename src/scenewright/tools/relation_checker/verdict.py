@@ -61,6 +61,11 @@ from scenewright.tools.relation_checker.plausibility import (
     check_vanishing,
     find_extremes,
 )
+from scenewright.tools.relation_checker.pushes import (
+    cut_pushed,
+    list_chained,
+    list_pushed,
+)
 from scenewright.tools.relation_checker.reactions import find_false_reactions, find_reactions
 from scenewright.tools.relation_checker.signals import check_signal_plan
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
@@ -103,6 +108,7 @@ def check(
     roles = AgentRoles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
         frozenset(frozenset(pair) for pair in bound),
+        list_chained(scene.relations),
     )
     observed = observe(
         users, intersection_map=intersection_map, signals=scene.signals, asked=bound,
@@ -167,7 +173,7 @@ def _build_proof(
     )
     unasked = (
         *check_interference(observed, roles, expected=matched),
-        *check_wrecks(observed, until=scene.meta.duration),
+        *check_wrecks(observed, until=scene.meta.duration, pushed=list_pushed(scene.relations)),
         *check_contacts(scene.objects, observed.tracks, asked=list_asked_hits(scene)),
     )
     motion = (
@@ -394,9 +400,8 @@ def _check_motion(
 ) -> tuple[Finding, ...]:
     found: list[Finding] = []
     exceptions = [_list_exceptions(agent, observed.events) for agent in scene.agents]
-    for track, broken in zip(
-        observed.tracks, check_motion_limits(observed.tracks, exceptions), strict=True
-    ):
+    driven = cut_pushed(observed.tracks, observed.events, list_pushed(scene.relations))
+    for track, broken in zip(observed.tracks, check_motion_limits(driven, exceptions), strict=True):
         found += broken
         found += _check_time_span(track, scene.meta.duration)
     if intersection_map is not None:
@@ -510,10 +515,11 @@ def _collect_figures(
     pairs = [(r.from_, r.to) for r in scene.relations]
     pet = {f"{a}-{b}": observed.pet((a, b)) for a, b in pairs}
     unasked = _list_unasked_red_runs(scene, observed)
+    driven = cut_pushed(observed.tracks, observed.events, list_pushed(scene.relations))
     return {
         "agents": len(scene.agents),
         "map_checked": intersection_map is not None,
         "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
         "red_light_runs": _list_red_runs(observed),
-        "extremes": find_extremes(observed.tracks),
+        "extremes": find_extremes(driven),
     } | ({"unasked_red_light_runs": unasked} if unasked else {})

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 
 from scenewright.scene.base import RIDERS
 from scenewright.scene.constraints import Contact
+from scenewright.scene.reaction_behavior import Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
@@ -16,7 +17,15 @@ from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.lead_braking import plan_lead_braking
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
-from scenewright.tools.solver.reacted_collision import draw_braking_to, react_in_vain
+from scenewright.tools.solver.pushed_collision import schedule_pushed_collisions
+from scenewright.tools.solver.reacted_collision import (
+    IN_VAIN,
+    draw_braking_to,
+    draw_later,
+    measure_warning,
+    react_in_vain,
+    solve_offsets,
+)
 from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
 from scenewright.tools.solver.rear_end import (
     compute_passing_time,
@@ -25,7 +34,10 @@ from scenewright.tools.solver.rear_end import (
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-_TRIES = 6
+_TRIES, _ROUNDS, _PROMPT = 6, 5, 2
+"""Offsets that are drawn; rounds in which some are solved for at which both may react; and of these
+the first ones, in which neither reacts long before."""
+
 _SMOOTHED = 0.4
 """How much smoothing keeps a short slowing above its speed [m/s]."""
 
@@ -36,10 +48,34 @@ _SPEED_OFF = 0.4
 """How far the speed at impact may lie from the one asked for [m/s]."""
 
 
+_Failed = tuple[ScheduledAgent, ScheduledAgent, FirstContact]
+"""Two that would touch, but not if both reacted."""
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """An offset o_b - o_a [s] to try, and how the two react.
+
+    Attributes:
+        both: all that perceive the other react; else one of them suffices.
+        within: longest time from the later reaction to their contact [s].
+        solved: for those reactions: how they would touch without them does not matter.
+    """
+
+    delta: float
+    drawn: tuple[Reaction, Reaction]
+    both: bool
+    within: float = np.inf
+    solved: bool = False
+
+
 def schedule_contacts(
     clause: Contact, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """List every schedule (lazily) in which the clause's two agents collide as asked."""
+    if clause.cause == "pushed":
+        yield from schedule_pushed_collisions(clause, schedule, context)
+        return
     a, b = context.get_pair(clause, schedule)
     if context.refuse_after_collision(clause, a, b):
         return
@@ -87,9 +123,9 @@ def _schedule_offsets(
         context.reactions.draw(pair[0], context.rng),
         context.reactions.draw(pair[1], context.rng),
     )
-    taken = set[float]()
-    # First where both can react, then where at least one can.
-    for both, delta in product((True, False), deltas):
+    taken, failed = set[float](), list[_Failed]()
+    for trial in _list_trials(clause, context, deltas, drawn, failed):
+        both, delta = trial.both, trial.delta
         if delta in taken:
             continue
         a, b = schedule.place(clause, *pair, delta)
@@ -99,7 +135,7 @@ def _schedule_offsets(
         if found is None:
             continue
         fault = _find_fault(found, clause, a, striker, strict=strict)
-        if fault is not None:
+        if fault is not None and not trial.solved:
             reached, words, off = fault
             context.note_miss(clause, reached, words, off=off)
             turned_round |= reached is FailureStage.ROLES
@@ -111,8 +147,12 @@ def _schedule_offsets(
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
-        reacted = react_in_vain(clause, context, (a, b), drawn, found, is_wanted, both=both)
+        reacted = react_in_vain(
+            clause, context, (a, b), trial.drawn, found, is_wanted, both=both, within=trial.within
+        )
         if reacted is None and both:
+            failed.append((a, b, found))
+        if (reacted is None and both) or (reacted is not None and not is_wanted(*reacted)):
             continue
         if reacted is None and not context.lenient:
             words = f"{clause.first} and {clause.second} would not touch so if they reacted"
@@ -128,6 +168,31 @@ def _schedule_offsets(
         taken.add(delta)
         yield schedule.add_event(event, end_a, end_b)
     return turned_round and not scheduled
+
+
+def _list_trials(
+    clause: Contact,
+    context: SolverContext,
+    deltas: list[float],
+    drawn: tuple[Reaction, Reaction],
+    failed: list[_Failed],
+) -> Iterator[_Trial]:
+    """List what to try: both react, or, last, at least one of them.
+
+    Args:
+        failed: gets those at which both cannot, from which others are solved for: with the
+            reactions drawn, then with later ones.
+    """
+    yield from (_Trial(delta, drawn, both=True, within=IN_VAIN) for delta in deltas)
+    reactions = drawn
+    for n in range(_ROUNDS if failed else 0):
+        within = IN_VAIN if n < _PROMPT else np.inf
+        a, b, found = min(failed, key=lambda each: measure_warning(clause, context, *each))
+        solved = solve_offsets(clause, context, (a, b), reactions, found)
+        yield from (_Trial(delta, reactions, True, within, solved=True) for delta in solved)
+        one, two = reactions
+        reactions = draw_later(one, a, context), draw_later(two, b, context)
+    yield from (_Trial(delta, drawn, both=False) for delta in deltas)
 
 
 def _draw_offsets_inside(
@@ -264,7 +329,8 @@ def _find_fault(
     """
     first, second = pair = get_pair(clause)
     if clause.kind not in (None, found.kind):
-        return FailureStage.KIND, f"{first} and {second} touch as {found.kind}", 0.0
+        kind = found.kind or "none of the kinds for sure"
+        return FailureStage.KIND, f"{first} and {second} touch as {kind}", 0.0
     if _is_wrong_striker(found, clause, striker, strict=strict):
         strikes, struck = pair if striker == 1 else pair[::-1]
         words = f"{strikes} strikes {struck}, not the other way round"

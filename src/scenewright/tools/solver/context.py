@@ -22,6 +22,9 @@ from scenewright.tools.solver.reactions import ReactionRequests
 from scenewright.tools.solver.schedule import Pairing, PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
+QUEUED_BEHIND = 1.5
+"""Gap [m] of a vehicle that stands behind another and is pushed into it, at most."""
+
 _APART = (-9.0, 9.0)
 """How much later than others a pair without earlier events comes [s]."""
 
@@ -64,6 +67,7 @@ class SolverContext:
         self.red_light_starts = red_light_starts or {}
         self.yielding_model: YieldingModel = {} if yielding_model is None else yielding_model
         self.busy: frozenset[str] = frozenset()
+        self.pushed: Mapping[str, str] = {}
         self.candidates = candidates
         self.lenient = lenient
         self.rng = rng
@@ -79,7 +83,20 @@ class SolverContext:
             return schedule.actors[name]
         if name in self.red_light_starts:
             return self.red_light_starts[name]
+        return self.build_free(name)
+
+    def build_free(self, name: str) -> ScheduledAgent:
+        """Build the agent with its free motion, entering at time 0."""
         return ScheduledAgent.build_unplaced(self.candidates[name], self._marks[name])
+
+    def find_room_ahead(self, name: str) -> float:
+        """Find how far behind its place a vehicle stands that is pushed into another [m]; else
+        0."""
+        ahead = self.pushed.get(name)
+        if ahead is None:
+            return 0.0
+        lengths = (self.candidates[each].shape.length for each in (name, ahead))
+        return sum(lengths) / 2 + QUEUED_BEHIND
 
     def get_pair(
         self, clause: PairClause, schedule: PartialSchedule

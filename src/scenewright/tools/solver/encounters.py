@@ -2,7 +2,8 @@
 
 The object is placed on the agent's own path. Who goes round gets a path that leads past it, and may
 wait first; who waits stops behind it for good, gently or at the last moment, and others queue
-behind; who hits it brakes too late and ends there.
+behind; who hits it brakes too late and ends there. Who is doored passes close beside a parked
+vehicle, whose door opens too late for any reaction.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
-from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord, name_door
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.social import Encounter, ObjectNode
 from scenewright.scene.track import STEP
@@ -63,6 +64,10 @@ _STRIKES, _BRAKES = (3.0, 7.0), (3.5, 6.5)
 _EXACT = 0.3
 """How far inside the bounds asked for a figure lies, as a share of their distance."""
 
+_BESIDE, _OPENS, _HINGE = (0.2, 0.6), (0.4, 0.9), 0.1
+"""How near a parked vehicle who is doored passes [m]; how long before the contact the door opens
+[s]; and where the door is, ahead of the middle, as a share of the length."""
+
 _SCRAPES = (0.15, 0.45)
 """How far an agent drifts into an object beside its path [m]."""
 
@@ -90,6 +95,7 @@ class ObjectEncounter:
         touch: arc length of its centre [m] at which it touches the object; where it goes round,
             at which it is beside it.
         waits_at: where it waits before it goes round.
+        door: the door of the object that it rides into; opens: how long before that [s].
     """
 
     node: ObjectNode
@@ -97,6 +103,8 @@ class ObjectEncounter:
     candidate: Candidate
     touch: float
     waits_at: float | None = None
+    door: ObjectRecord | None = None
+    opens: float = 0.0
 
     @property
     def how(self) -> Encounter | None:
@@ -144,6 +152,8 @@ def meet_at(
     rng: np.random.Generator,
 ) -> ObjectEncounter | None:
     """Let the candidate meet the object where it stands; None if it does not fit there."""
+    if node.encounter == "doored":
+        return _meet_door(node, place, candidate, rng)
     own = candidate
     if node.encounter == "hits" and node.kind in ("parked", "bus_stop"):
         drifting = _draw_drift(place, candidate, rng)
@@ -165,6 +175,62 @@ def meet_at(
         case _:
             return meeting
     return None if aside is None else replace(meeting, candidate=aside)
+
+
+def _meet_door(
+    node: ObjectNode, place: ObjectRecord, candidate: Candidate, rng: np.random.Generator
+) -> ObjectEncounter | None:
+    """Let the candidate pass close beside a parked vehicle, whose door then opens."""
+    own = _pass_close(place, candidate, rng)
+    if own is None:
+        return None
+    door = _open_door(place, own)
+    touch = _find_touch(own, door)
+    if touch is None or touch < _COMES:
+        return None
+    return ObjectEncounter(node, place, own, touch, door=door, opens=float(rng.uniform(*_OPENS)))
+
+
+def _pass_close(
+    place: ObjectRecord, candidate: Candidate, rng: np.random.Generator
+) -> Candidate | None:
+    """The candidate on a path as near to the vehicle beside it as riders pass; None if it does not
+    pass beside it."""
+    s = sample_evenly(candidate.path.length, 200)
+    gaps = make_sweep(candidate, place, s)
+    k = int(gaps.argmin())
+    if not 0.0 < gaps[k] < _WIDEST / 2 or s[k] < _COMES + _RUN[0]:
+        return None
+    wanted = float(rng.uniform(*_BESIDE))
+    if _BESIDE[0] <= gaps[k] <= _BESIDE[1]:
+        return candidate
+    wide = _find_side(place, candidate, s[k]) * float(gaps[k] - wanted)
+    ends = s[k] + place.length
+    return follow_path(candidate, shift_aside(candidate.path, wide, s[k], ends, run=_RUN[0]))
+
+
+def _find_side(place: ObjectRecord, candidate: Candidate, s: float) -> float:
+    """1 where an object is to the left of a path at arc length `s` [m], else -1."""
+    x, y = candidate.path.xy[int(np.searchsorted(candidate.path.s, s))].tolist()
+    heading = float(np.interp(s, candidate.path.s, candidate.path.heading))
+    return float(np.sign(np.cos(heading) * (place.y - y) - np.sin(heading) * (place.x - x)))
+
+
+def _open_door(place: ObjectRecord, candidate: Candidate) -> ObjectRecord:
+    """The open front door of a vehicle, on the side by which a candidate passes."""
+    near = candidate.path.xy[
+        int(np.hypot(*(candidate.path.xy - (place.x, place.y)).T).argmin())
+    ] - (place.x, place.y)
+    cos, sin = np.cos(place.heading), np.sin(place.heading)
+    side = float(np.sign(cos * near[1] - sin * near[0]))
+    length, width = OBJECT_SIZES["door"]
+    ahead, aside = _HINGE * place.length, side * (place.width / 2 + 0.02 + length / 2)
+    return ObjectRecord(
+        id=name_door(place.id), kind="door", height="low", length=length, width=width,
+        x=round(float(place.x + ahead * cos - aside * sin), 3),
+        y=round(float(place.y + ahead * sin + aside * cos), 3),
+        heading=round(float(place.heading + np.pi / 2), 4),
+    )  # fmt: skip
 
 
 def _find_touch(candidate: Candidate, place: ObjectRecord) -> float | None:
@@ -216,9 +282,7 @@ def _draw_drift(
     k = int(gaps.argmin())
     if not 0.0 < gaps[k] < _WIDEST / 2 or s[k] < _COMES + _RUN[0]:
         return None
-    x, y = candidate.path.xy[int(np.searchsorted(candidate.path.s, s[k]))].tolist()
-    heading = float(np.interp(s[k], candidate.path.s, candidate.path.heading))
-    side = np.sign(np.cos(heading) * (place.y - y) - np.sin(heading) * (place.x - x))
+    side = _find_side(place, candidate, s[k])
     wide = float(side * (gaps[k] + rng.uniform(*_SCRAPES)))
     return follow_path(candidate, shift_aside(candidate.path, wide, s[k], s[k] + 8.0, run=_RUN[0]))
 
@@ -303,9 +367,21 @@ def _act(
             return _wait_first(actor, meeting, rng)
         case "hits":
             return _brake_too_late(actor, meeting, rng)
+        case "doored":
+            return _ride_into_door(actor, meeting, rng)
         case "goes_round":
             return actor, actor.motion.find_time_at(meeting.touch)
     return None
+
+
+def _ride_into_door(
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
+) -> tuple[ScheduledAgent, float] | None:
+    """End it at the door, at its own speed or at the one asked for."""
+    if meeting.node.figure is not None:
+        return _brake_too_late(actor, meeting, rng)
+    touches = actor.motion.find_time_at(meeting.touch)
+    return (actor.end_at(touches), touches) if np.isfinite(touches) else None
 
 
 def _wait(

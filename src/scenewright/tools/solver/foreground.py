@@ -66,6 +66,11 @@ class ForegroundSolver:
         order."""
         gaps = [each for each in clauses if isinstance(each, TimeGap)]
         self._context.pets = {get_pair(each): each for each in gaps}
+        self._context.pushed = {
+            each.first: each.second
+            for each in clauses
+            if isinstance(each, Contact) and each.cause == "pushed"
+        }
         named = Counter(name for each in clauses for name in get_pair(each))
         self._context.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for besides another relation of the two is checked when that one is placed.

@@ -270,6 +270,8 @@ def rebuild_agent(agent: SelectedAgent, landmarks: Landmarks) -> ScheduledAgent:
         actor = actor.hold_at_lights(lights)
     if agent.stops or agent.slowings:
         actor = actor.edit(stops=agent.stops, slowings=agent.slowings)
+    if agent.push is not None:
+        actor = actor.push_on(agent.push)
     return actor if agent.contact is None else actor.end_at(agent.contact)
 
 

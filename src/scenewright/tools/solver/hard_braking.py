@@ -16,6 +16,7 @@ import numpy as np
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import BrakesFor, TimeGap
+from scenewright.scene.reaction_behavior import sample_reaction
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext, compute_excess
@@ -23,6 +24,7 @@ from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import PathConflict, compute_gap
 from scenewright.tools.solver.path_ttc import PathTtc, compute_path_ttc
+from scenewright.tools.solver.reactions import find_speed, find_threat, run_on, slow_down
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.yielding import compute_passage, find_conflict_zone
@@ -57,6 +59,9 @@ _SEEN = 5.5
 
 _AT_ONCE = 2.8
 """How long before the two come closest the braking may end [s]."""
+
+_HESITATES, _SOFTLY = 0.45, 1.4
+"""Share of its speed that a pedestrian keeps who hesitates, and its braking [m/s^2]."""
 
 _BEYOND = 1.5
 """How far above the range a path TTC is still measured, so that a miss can be reported [s]."""
@@ -171,6 +176,44 @@ class _HardBraking:
         """Schedule the whole maneuver, driving on after the other has passed; None if no near
         miss."""
         free, b = self.schedule.place(self.clause, self.a, self.b, delta)
+        ways = (self.schedule_passage(how, free, each) for each in self.list_reactions(free, b))
+        return next(filter(None, ways), None)
+
+    def list_reactions(self, free: ScheduledAgent, b: ScheduledAgent) -> Iterator[ScheduledAgent]:
+        """List a pedestrian running out of the way or hesitating, as it perceives the other, and
+        last as it is."""
+        context, name = self.context, str(self.clause.second)
+        bound = name in self.schedule.actors or not context.reactions.may_react(name)
+        if b.candidate.shape.type == "pedestrian" and not bound and not b.slowings:
+            meets = find_least_clearance(free, b)[1]
+            threat = find_threat(context.find_path_conflict(self.clause), free, b, until=meets)
+            how = sample_reaction("pedestrian", context.rng, kind="runs")
+            onset = np.inf if threat is None else threat[0] + how.after
+            if onset < meets:
+                beyond = float(self.zone.s_b[self.zone.j].max()) + 1.0
+                runs = run_on(b, onset=onset, acceleration=how.strength, until=beyond)
+                less = _HESITATES * find_speed(b, onset)
+                slows = slow_down(b, onset=onset, braking=_SOFTLY, speed=less, kept=0.5)
+                for each in (runs, slows):
+                    yield from () if each is None else self.list_shifts(free, b, each)
+        yield b
+
+    def list_shifts(
+        self, free: ScheduledAgent, b: ScheduledAgent, reacted: ScheduledAgent
+    ) -> Iterator[ScheduledAgent]:
+        """List the pedestrian reacting, later or sooner by what that gains or costs, and as it is;
+        unreacting the two would collide."""
+        meetings = self.context.find_meeting_intervals(self.clause, self.a, self.b)
+        first = float(self.zone.s_b[self.zone.j].min())
+        gained = round(b.motion.find_time_at(first) - reacted.motion.find_time_at(first), 1)
+        for late in (gained, 0.0):
+            if compute_gap(meetings, b.enters + late - free.enters) == 0.0:
+                yield reacted.shift(late)
+
+    def schedule_passage(
+        self, how: _BrakingManeuver, free: ScheduledAgent, b: ScheduledAgent
+    ) -> PartialSchedule | None:
+        """Schedule the maneuver with the other moving like this; None if no near miss."""
         _, b_out = compute_passage(b.motion, self.zone.s_b[self.zone.j])
         a = self.release(free, b, how, b.enters + b_out + float(self.context.rng.uniform(0.3, 1.0)))
         near = self.compute_path_ttc(a, b)

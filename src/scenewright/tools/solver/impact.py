@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -14,8 +15,9 @@ from scenewright.scene.track import Shape
 from scenewright.tools.solver.path_conflict import Half, compute_axis_gap, compute_clearance
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
-_LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
-"""How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
+_LEFT, _LEFT_OF_HEAD_ON = np.radians(15.0), np.radians(25.0)
+"""How far a vehicle must have turned left for its collision to count as a left turn's [rad]; the
+second where the fronts meet."""
 
 _BUMPER = 0.3
 """Depth of the front in which a contact belongs to it [m]."""
@@ -25,6 +27,15 @@ _CORNER = 0.5
 
 _SURE = 0.2
 """How far a contact may be displaced [m] and still be at the named impact point."""
+
+_BUMPER = 0.3
+"""Depth of front and rear for the kind of a collision [m] (SEMANTICS 4)."""
+
+_STRIKES = 2.3
+"""Least speed of a vehicle that strikes a pedestrian [m/s]: 2 m/s, and what is measured apart."""
+
+_UNSURE, _UNSURE_DEPTH = np.radians(3.0), 0.12
+"""How far an angle [rad], and the depth of a contact [m], may be measured off the proof's."""
 
 _CORNERS: dict[tuple[str, str], ImpactPoint] = {
     ("front", "left"): "front_left",
@@ -39,6 +50,7 @@ class FirstContact:
     """When [s], where and how two actors first touch.
 
     Attributes:
+        kind: None where it is none, or another one if measured a little apart.
         closing: relative speed; speed: of the first actor [m/s].
         frontal: the first actor strikes with its front; where both fronts touch, it is the faster.
         strikes: the first actor strikes: the other stands; or it alone is touched at the front; or
@@ -96,11 +108,11 @@ def _describe(a: ScheduledAgent, b: ScheduledAgent, time: float, left_hand: bool
     speeds = [float(np.hypot(*each)) for each in velocity]
     sides = [_find_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
     front = [_is_at_front(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
-    turned = abs(float(np.angle(np.exp(1j * (poses[0][1, 2] - poses[1][1, 2])))))
+    at = (poses[0][1], poses[1][1])
     return FirstContact(
         time=time,
         location=(float(spot[0]), float(spot[1])),
-        kind=_classify_contact(a, b, time, turned, sides, -1.0 if left_hand else 1.0),
+        kind=_classify_contact((a, b), at, time, spot, speeds, -1.0 if left_hand else 1.0),
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         speed=speeds[0],
         frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
@@ -160,17 +172,53 @@ def name_impact_points(along: float, across: float, *, shape: Shape) -> tuple[Im
 
 
 def _classify_contact(
-    a: ScheduledAgent, b: ScheduledAgent, time: float, turned: float, sides: list[str], sign: float
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    at: tuple[FloatArray, FloatArray],
+    time: float,
+    spot: FloatArray,
+    speeds: list[float],
+    sign: float,
 ) -> CollisionKind | None:
-    walkers = [actor.candidate.shape.type for actor in (a, b)].count("pedestrian")
-    if walkers:
-        return "pedestrian_strike" if walkers == 1 else None
+    """Find the kind of a contact; None where it is another one if measured a little apart."""
+    on_wheels = [of.candidate.shape.type != "pedestrian" for of in pair]
+    driven = [v for v, wheels in zip(speeds, on_wheels, strict=True) if wheels]
+    if len(driven) < 2:
+        return "pedestrian_strike" if driven and driven[0] >= _STRIKES else None
+    turned = abs(float(np.angle(np.exp(1j * (at[0][2] - at[1][2])))))
+    left = max(_compute_left_turn(actor, time, sign) for actor in pair)
+    ends = [
+        [_find_end(pose, of, spot, _BUMPER + more) for pose, of in zip(at, pair, strict=True)]
+        for more in (-_UNSURE_DEPTH, _UNSURE_DEPTH)
+    ]
+    apart = (-_UNSURE, _UNSURE)
+    kinds = {
+        _name_kind(turned + more, left + further, each)
+        for more, further, each in product(apart, apart, ends)
+    }
+    return kinds.pop() if len(kinds) == 1 else None
+
+
+def _name_kind(turned: float, left: float, ends: list[str]) -> CollisionKind:
+    """Name the kind of a collision of two vehicles (SEMANTICS 4).
+
+    Args:
+        turned: between their headings [rad]; left: the larger left turn of the two [rad].
+        ends: at which end of each they touch.
+    """
     if turned <= np.radians(30):
-        return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
-    left = max(_compute_left_turn(actor, time, sign) for actor in (a, b))
-    if turned >= np.radians(135) and sides == ["front", "front"]:
+        return "rear_end" if set(ends) == {"front", "rear"} else "sideswipe"
+    if turned >= np.radians(135) and ends == ["front", "front"]:
         return "left_turn" if left >= _LEFT_OF_HEAD_ON else "head_on"
     return "left_turn" if left >= _LEFT else "angle"
+
+
+def _find_end(pose: FloatArray, of: ScheduledAgent, spot: FloatArray, depth: float) -> str:
+    """Find the end of a vehicle within which, to that depth [m], a place lies; else `side`."""
+    dx, dy = spot - pose[:2]
+    along = float(dx * np.cos(pose[2]) + dy * np.sin(pose[2]))
+    if abs(along) < of.candidate.shape.length / 2 - depth:
+        return "side"
+    return "front" if along > 0 else "rear"
 
 
 def _compute_left_turn(actor: ScheduledAgent, time: float, sign: float) -> float:

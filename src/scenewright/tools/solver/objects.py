@@ -65,6 +65,7 @@ class ObjectPlacer:
         own = (each for each in nodes if each.met_by is None)
         self._nodes = sorted(own, key=lambda each: (each.hides is None, each.beyond is None))
         self._met: dict[str, ObjectRecord] = {}
+        self._doors: dict[str, tuple[ObjectRecord, float]] = {}
         self._kept: dict[str, ObjectRecord] = {}
         self._places: dict[tuple[str, Compass, Side], tuple[ObjectRecord, ...]] = {}
 
@@ -76,9 +77,17 @@ class ObjectPlacer:
         """Return where an object of an earlier version stood."""
         return self._kept.get(name)
 
-    def block_paths(self, met: Mapping[str, ObjectRecord]) -> None:
-        """Place these objects where agents, by name, meet them."""
-        self._met = dict(met)
+    def block_paths(
+        self,
+        met: Mapping[str, ObjectRecord],
+        doors: Mapping[str, tuple[ObjectRecord, float]],
+    ) -> None:
+        """Place these objects where agents, by name, meet them.
+
+        Args:
+            doors: doors that agents ride into, and how long before that they open [s].
+        """
+        self._met, self._doors = dict(met), dict(doors)
 
     def place(self, schedule: PartialSchedule) -> tuple[ObjectRecord, ...] | str:
         """The objects, in the plan's order; or which of them finds no place, in words."""
@@ -98,7 +107,23 @@ class ObjectPlacer:
             if not found:
                 return _describe_failure(node)
             placed += found
+        for door in self._list_doors(schedule):
+            for name, actor in schedule.actors.items():
+                if self._doors.get(name, (None,))[0] is None and is_in_way(
+                    actor.candidate, (door,)
+                ):
+                    return f"{door.id} opens in the way of {name}"
+            placed.append(door)
         return tuple(sorted(placed, key=lambda each: each.id))
+
+    def _list_doors(self, schedule: PartialSchedule) -> Iterator[ObjectRecord]:
+        """List the doors, each from when it opens."""
+        for name, (door, opens) in self._doors.items():
+            contact = schedule.actors[name].contact if name in schedule.actors else None
+            if door.since is not None:
+                yield door
+            elif contact is not None:
+                yield door.model_copy(update={"since": round(contact - opens, 2)})
 
     def _find_free(
         self,

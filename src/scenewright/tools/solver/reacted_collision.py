@@ -13,15 +13,34 @@ from scenewright.scene.reaction_behavior import REACTION_TIME, Reaction, Reactio
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
-from scenewright.tools.solver.reactions import find_threat, run_on, sees, slow_down
+from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
+from scenewright.tools.solver.reactions import (
+    find_speed,
+    find_threat,
+    find_usual_braking,
+    run_on,
+    sees,
+    slow_down,
+)
 from scenewright.tools.solver.schedule import get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _DRAWS = 5
 """Reaction times that are drawn for a braking down to a speed."""
 
-_SHARES = (1.0, 0.7, 0.45)
-"""Shares of the braking drawn: too weak a braking may be why the two collide."""
+_SOLVED = 4
+"""Offsets that are solved for at once."""
+
+_WAYS: dict[ReactionKind, tuple[tuple[float, float], ...]] = {
+    "brakes": ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75)),
+    "stops": ((1.0, 0.0), (1.0, 0.5)),
+    "runs": ((1.0, 0.0), (0.6, 0.0)),
+}
+"""Share of the strength drawn, and of its speed that it keeps: too weak or too short a reaction may
+be why the two collide."""
+
+_LASTS = 0.45
+"""Shortest time in which an agent slows down [s]."""
 
 _WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
 """Braking below this [m/s^2] is hardly a reaction."""
@@ -38,8 +57,19 @@ _BRAKINGS = (1.0, 7.6)
 _TOO_LATE = 0.4
 """A reaction that would begin later than this before the contact [s] does not count."""
 
+_HARDER = 0.95
+"""By how much who brakes anyway must brake harder to be seen to react [m/s^2]."""
+
 _SEEN = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
 """By how much a reaction must change the speed at least [m/s]."""
+
+IN_VAIN = 3.0
+"""Two that both have reacted for longer than this before they touch [s] had time to avoid it."""
+
+_FREEZES = 1.2
+"""Longest standstill of a pedestrian before it is struck [s]: who stands longer has stopped."""
+_STILL = 0.32
+"""Slower than this [m/s] it stands."""
 
 Reacted = tuple[ScheduledAgent, ScheduledAgent, FirstContact]
 
@@ -53,6 +83,7 @@ def react_in_vain(
     wanted: Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool],
     *,
     both: bool,
+    within: float = np.inf,
 ) -> Reacted | None:
     """Make the two react; return them and their contact; None if no reactions leave it as asked.
 
@@ -61,23 +92,86 @@ def react_in_vain(
         found: their contact if they did not react.
         wanted: whether a contact is the one asked for.
         both: all that perceive the other react; else one of them suffices.
+        within: longest time from the later reaction to their contact [s].
     """
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
     ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
+    onsets = [t + how.after for t, how in zip(threats, drawn, strict=True) if t is not None]
+    latest = max(onsets) + within
     if not both:
         ways = [[*own, each] for own, each in zip(ways, pair, strict=True)]
-    for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
-        after = (ways[0][one], ways[1][two])
+    # The strongest first; those in which one alone reacts last.
+    order = sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum)
+    chosen = [(ways[0][one], ways[1][two]) for one, two in order]
+    for after in sorted(chosen, key=lambda each: pair[0] in each or pair[1] in each):
         if after == pair:
             continue
         contact = find_first_contact(*after, left_hand=context.left_hand)
-        if contact is None or contact.time - found.time > _SHIFT:
+        if contact is None or contact.time > min(found.time + _SHIFT, latest):
+            continue
+        if any(_has_stopped(each, contact.time) for each in after):
             continue
         if wanted(*after, contact):
             return *after, contact
     return None
+
+
+def solve_offsets(
+    clause: Contact,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    drawn: tuple[Reaction, Reaction],
+    found: FirstContact,
+) -> list[float]:
+    """Find offsets o_b - o_a [s] at which the two touch unreacting and reacting, if they react as
+    they would at their offset now; the strongest reactions first."""
+    threats = _find_threats(clause, context, pair, found)
+    ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
+    unreacted = context.find_meeting_intervals(clause, *pair)
+    conflict, offsets = context.find_path_conflict(clause), list[float]()
+    for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
+        after = (ways[0][one], ways[1][two])
+        if after == pair:
+            return []
+        motions = (after[0].motion, after[1].motion)
+        reacted = find_conflict_intervals(conflict, *motions, c=0.0, exact=True)
+        offsets += [float(context.rng.uniform(*each)) for each in _intersect(unreacted, reacted)]
+    return list(dict.fromkeys(round(each, 1) for each in offsets))[:_SOLVED]
+
+
+def _intersect(one: Intervals, two: Intervals) -> list[tuple[float, float]]:
+    """List the parts that two lists of intervals share, if not too short."""
+    shared = [(max(a, c), min(b, d)) for a, b in one.tolist() for c, d in two.tolist()]
+    return [(low, high) for low, high in shared if high - low > STEP]
+
+
+def measure_warning(
+    clause: Contact,
+    context: SolverContext,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    found: FirstContact,
+) -> float:
+    """Measure for how long [s] the two perceive one another before they touch; inf if never."""
+    begins = [each for each in _find_threats(clause, context, (a, b), found) if each is not None]
+    return found.time - min(begins, default=-np.inf)
+
+
+def draw_later(drawn: Reaction, of: ScheduledAgent, context: SolverContext) -> Reaction:
+    """Draw another reaction, no sooner: of those who collide more reacted late."""
+    again = context.reactions.draw(of, context.rng)
+    return replace(again, after=max(again.after, drawn.after))
+
+
+def _has_stopped(of: ScheduledAgent, time: float) -> bool:
+    """Return whether a pedestrian has stood for long at a time [s], rather than frozen."""
+    if of.candidate.shape.type != "pedestrian":
+        return False
+    last = round((time - of.enters) / STEP)
+    recent = of.motion.speed[max(last - round(_FREEZES / STEP), 0) : last]
+    return bool(len(recent) and recent.max() <= _STILL)
 
 
 def draw_braking_to(
@@ -130,7 +224,7 @@ def _find_threats(
 def _list_ways(
     of: ScheduledAgent, begin: float | None, drawn: Reaction, until: float
 ) -> list[ScheduledAgent]:
-    """List the agent reacting as drawn, then more weakly, then, on foot, in the other way.
+    """List the agent reacting as drawn, then less, then, on foot, in the other way.
 
     Args:
         begin: when it perceives the other [s], if it does; until: when they touch [s].
@@ -141,38 +235,42 @@ def _list_ways(
     if of.candidate.shape.type == "pedestrian":
         kinds.append("stops" if drawn.kind == "runs" else "runs")
     ways = [
-        _react(of, replace(drawn, kind=kind), begin, share) for kind in kinds for share in _SHARES
+        _react(of, replace(drawn, kind=kind, strength=share * drawn.strength), begin, keeps)
+        for kind in kinds
+        for share, keeps in _WAYS[kind]
     ]
-    return [each for each in ways if _is_seen(of, each, until)]
+    return [each for each in ways if _is_seen(of, each, begin, until)]
 
 
-def _is_seen(before: ScheduledAgent, after: ScheduledAgent, until: float) -> bool:
-    """Return whether a reaction changes the speed visibly by a time [s]."""
+def _is_seen(before: ScheduledAgent, after: ScheduledAgent, begin: float, until: float) -> bool:
+    """Return whether a reaction to what is perceptible from `begin` on shows by a time [s]."""
     clock = STEP * np.arange(min(len(before.motion.s), len(after.motion.s)))
     times = clock[clock <= until - before.enters]
     n = len(times)
     most = float(np.abs(after.motion.speed[:n] - before.motion.speed[:n]).max(initial=0.0))
-    return most >= _SEEN[before.candidate.shape.type]
+    seen = most >= _SEEN[before.candidate.shape.type]
+    if before.candidate.shape.type == "pedestrian" or not seen:
+        return seen
+    since = np.gradient(after.motion.speed, STEP)[:n][times > begin - before.enters]
+    usual = find_usual_braking(before, begin, begin)
+    return bool(len(since)) and float(since.min()) < -usual - _HARDER
 
 
-def _react(of: ScheduledAgent, how: Reaction, begin: float, share: float) -> ScheduledAgent:
-    """Apply the agent's reaction; the same agent where that changes nothing."""
+def _react(of: ScheduledAgent, how: Reaction, begin: float, keeps: float) -> ScheduledAgent:
+    """Apply the agent's reaction; the same agent where that changes nothing.
+
+    Args:
+        keeps: share of its speed that it keeps.
+    """
     kind, onset = of.candidate.shape.type, begin + how.after
-    strength = max(share * how.strength, _WEAKEST[kind]) + _find_braking(of, onset)
+    usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
+    strength = max(how.strength, _WEAKEST[kind]) + usual
     if how.kind == "runs":
         end = of.candidate.path.length
         runner = run_on(of, onset=onset, acceleration=strength, until=end)
         if runner is not None:
             return runner
-    least = _STANDS if kind == "pedestrian" else _LEFT
+    least = max(_STANDS if kind == "pedestrian" else _LEFT, keeps * before)
+    strength = min(strength, max((before - least) / _LASTS, _WEAKEST[kind] + usual))
     kept = of.candidate.path.length
     return slow_down(of, onset=onset, braking=strength, speed=least, kept=kept) or of
-
-
-def _find_braking(of: ScheduledAgent, time: float) -> float:
-    """Compute how hard it brakes anyway at a time, for a bend or a light [m/s^2]."""
-    if of.candidate.shape.type == "pedestrian":
-        return 0.0
-    change = np.gradient(of.motion.speed, STEP)
-    at = min(max(round((time - of.enters) / STEP), 0), len(change) - 1)
-    return max(float(-change[at]), 0.0)

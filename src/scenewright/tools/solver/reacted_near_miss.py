@@ -1,14 +1,14 @@
 """Near misses with a reaction: on present courses the two would touch (SEMANTICS 8).
 
 One of the two responds to the threat a reaction time after it is perceptible; the time that it
-loses or gains is why they miss. Their entry times are shifted so that the PET asked for comes
-about including the reaction.
+loses or gains is why they miss. The other responds as well, unless it is over long before. Their
+entry times are shifted so that the PET asked for comes about including the reactions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
 from scenewright.tools.solver.reactions import (
     SEEN_BEFORE,
+    find_speed,
     find_threat,
+    find_usual_braking,
     run_on,
     sees,
     slow_down,
@@ -28,14 +30,27 @@ from scenewright.tools.solver.reactions import (
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-_TRIES, _STEPS, _MOST = 20, 4, 2
-"""Reactions that are drawn; steps towards the PET with each; and schedules that are offered."""
+_TRIES, _ALONE, _STEPS, _MOST = 24, 10, 4, 2
+"""Reactions that are drawn, and of these with one agent reacting alone; steps towards the PET with
+each; and schedules that are offered."""
 
 _KEEPS, _KEEPS_LITTLE = (0.58, 0.75), (0.25, 0.55)
 """Share of its speed that an agent keeps which slows: below half it would have given way,"""
 
 _HARSH, _NARROW = 5.3, 0.44
 """but for braking harder than this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
+
+_KEEPS_FIRST, _KEEPS_ON_FOOT = (0.6, 0.8), (0.4, 0.55)
+"""The same for an agent that slows and still passes first; the second for pedestrians."""
+
+_HARDER = 1.1
+"""By how much an agent that passes first brakes harder at least than it would anyway [m/s^2]."""
+
+_CALLED_OFF = 0.7
+"""A reaction that would begin later than this after the threat has ended is called off [s]."""
+
+_LASTS = 0.45
+"""Shortest time in which an agent slows down [s]."""
 
 _LEAST_CLEARANCE = 0.05
 """Least clearance of two that pass without touching [m]."""
@@ -49,11 +64,14 @@ _CLOSEST = 0.3
 
 @dataclass(frozen=True)
 class _Attempt:
-    """One reaction: of which agent (0 or 1), how, down to which share of its speed."""
+    """Reaction of the agent (0 or 1) that parts the two, down to which share of its speed; and,
+    unless it reacts alone, of the other one."""
 
     by: int
     how: Reaction
     keeps: float
+    other: Reaction | None
+    other_keeps: float
 
     @property
     def first(self) -> int:
@@ -98,8 +116,11 @@ def schedule_reacted_time_gaps(
     if not can_react(clause, schedule, context, pair, meetings):
         return
     offered = 0
-    for _ in range(_TRIES):
+    for n in range(_TRIES):
         attempt = _draw(willing, pair, context)
+        bound = names[1 - attempt.by] in schedule.actors or bool(pair[1 - attempt.by].slowings)
+        if n >= _TRIES - _ALONE or bound or 1 - attempt.by not in willing:
+            attempt = replace(attempt, other=None)
         if names[attempt.by] in schedule.actors:
             continue  # it is bound already by earlier events
         scheduled = _schedule_reaction(clause, schedule, context, pair, meetings, attempt)
@@ -118,7 +139,16 @@ def _draw(
     by = willing[int(context.rng.integers(len(willing)))]
     how = context.reactions.draw(pair[by], context.rng)
     keeps = _KEEPS if context.rng.random() < 0.5 else _KEEPS_LITTLE
-    return _Attempt(by, how, float(context.rng.uniform(*keeps)))
+    walks = pair[1 - by].candidate.shape.type == "pedestrian"
+    first = _KEEPS_ON_FOOT if walks else _KEEPS_FIRST
+    other_keeps = _KEEPS if how.kind == "runs" else first
+    return _Attempt(
+        by,
+        how,
+        float(context.rng.uniform(*keeps)),
+        context.reactions.draw(pair[1 - by], context.rng),
+        float(context.rng.uniform(*other_keeps)),
+    )
 
 
 def _schedule_reaction(
@@ -166,7 +196,7 @@ def _react(
     placed: tuple[ScheduledAgent, ScheduledAgent],
     attempt: _Attempt,
 ) -> tuple[ScheduledAgent, ScheduledAgent] | None:
-    """Return the two, one of them reacting; None if it perceives nothing in time."""
+    """Return the two reacting; None if the one that parts them perceives nothing in time."""
     conflict = context.find_path_conflict(clause)
     meets = find_least_clearance(*placed)[1]
     lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
@@ -180,7 +210,51 @@ def _react(
     changed = _change(clause, context, of, attempt, onset)
     if changed is None:
         return None
+    other = _react_as_well(clause, context, (changed, other), attempt, (threat[0], meets))
     return (changed, other) if attempt.by == 0 else (other, changed)
+
+
+def _react_as_well(
+    clause: TimeGap,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    attempt: _Attempt,
+    threat: tuple[float, float],
+) -> ScheduledAgent:
+    """Return the other of the two, reacting unless the first one's reaction is long enough before.
+
+    Args:
+        pair: the one that has reacted, and the other; threat: from when on it is perceptible, and
+            when they would meet [s].
+    """
+    changed, of = pair
+    if attempt.other is None or not sees(of, changed, threat[0]):
+        return of
+    begin, meets = threat
+    placed = pair if attempt.by == 0 else (of, changed)
+    left = find_threat(context.find_path_conflict(clause), *placed, until=meets)
+    onset = begin + attempt.other.after
+    if onset > min(meets - _CLOSEST, (begin if left is None else left[1]) + _CALLED_OFF):
+        return of
+    reaction = _Attempt(1 - attempt.by, attempt.other, attempt.other_keeps, None, 1.0)
+    if attempt.first == attempt.by or attempt.other.kind == "runs":
+        return _change(clause, context, of, reaction, onset) or of
+    return _touch_brakes(of, reaction, begin, onset) or of
+
+
+def _touch_brakes(
+    of: ScheduledAgent, attempt: _Attempt, begin: float, onset: float
+) -> ScheduledAgent | None:
+    """Slow the agent for a moment, visibly; it goes on at once, and passes first.
+
+    Args:
+        begin: when the other is perceptible; onset: when it reacts [s].
+    """
+    before, usual = find_speed(of, onset), find_usual_braking(of, begin, onset)
+    least = usual + _HARDER if usual else 0.0
+    speed = min(attempt.keeps * before, before - _LASTS * least)
+    braking = max(min(attempt.how.strength, (before - speed) / _LASTS), least)
+    return slow_down(of, onset=onset, braking=braking, speed=max(speed, 0.5), kept=1.0)
 
 
 def _change(
@@ -190,6 +264,7 @@ def _change(
     attempt: _Attempt,
     onset: float,
 ) -> ScheduledAgent | None:
+    """Apply the reaction of `attempt.by` from `onset` [s] on; None where it changes nothing."""
     conflict, how = context.find_path_conflict(clause), attempt.how
     nodes = (conflict.s_a[conflict.i], conflict.s_b[conflict.j])[attempt.by]
     if how.kind == "runs":
@@ -216,7 +291,8 @@ def _finish(
     conflict = context.find_path_conflict(clause)
     lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
     threat = find_threat(conflict, *reacted, until=time, lead=lead)
-    if threat is None or threat[1] - threat[0] > _IN_TIME:
+    alone = not (reacted[0].slowings and reacted[1].slowings)
+    if threat is None or (alone and threat[1] - threat[0] > _IN_TIME):
         return None
     begins = min(time - 4.0, threat[0] - SEEN_BEFORE)
     event = ScheduledEvent(clause, time, begins, time + 1.0, time + 1.0, place)

@@ -142,6 +142,24 @@ def run_on(
     return runner.edit(stops=of.stops, slowings=(*of.slowings, walks))
 
 
+def find_usual_braking(of: ScheduledAgent, begin: float, onset: float) -> float:
+    """Find how hard [m/s^2] it brakes anyway, for a bend or a light: a reaction must be harder.
+
+    Args:
+        begin: when the other is perceptible; onset: when it would react [s].
+    """
+    if of.candidate.shape.type == "pedestrian":
+        return 0.0
+    rate = np.gradient(of.motion.speed, STEP)
+    at = [min(max(round((time - of.enters) / STEP), 0), len(rate) - 1) for time in (begin, onset)]
+    return max(-float(rate[at].min()), 0.0)
+
+
+def find_speed(of: ScheduledAgent, time: float) -> float:
+    """Find its speed [m/s] at a scene time."""
+    return _find_state(of, time)[1]
+
+
 def _find_state(of: ScheduledAgent, time: float) -> tuple[float, float]:
     """Find arc length [m] and speed [m/s] at a scene time."""
     local = time - of.enters

@@ -25,6 +25,10 @@ _SUDDEN, _SUDDEN_BRAKING = (0.62, 0.82), 3.2
 """Where on its path (share of it) a leader stops without a light, and how hard it brakes
 [m/s^2]."""
 
+_SPEED_LEFT, _PUSHING_SPEED = (3.0, 5.5), (6.5, 9.5)
+"""At contact, where the text names none, after braking too late [m/s]; the second of who pushes
+the one that it strikes into another."""
+
 _RIDER_BRAKING = 3.0
 """Of a rider that brakes too late [m/s^2]."""
 
@@ -42,7 +46,8 @@ def plan_rear_ends(
     a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
 ) -> Iterator[tuple[ScheduledAgent, ScheduledAgent, list[float]]]:
     """Plan follower and leader, edited but not yet placed, and offsets at which they meet [s]."""
-    for leader in _list_standing_leaders(b, context.rng):
+    room = context.find_room_ahead(clause.second)
+    for leader in _list_standing_leaders(b, room, context.rng):
         touch = _find_rear(leader, clause, context)
         if touch is not None:
             follower = a
@@ -75,29 +80,36 @@ def compute_passing_time(leader: ScheduledAgent) -> float:
     return leader.stops[-1].until - _LINGERS - 0.2
 
 
-def _list_standing_leaders(b: ScheduledAgent, rng: np.random.Generator) -> Iterator[ScheduledAgent]:
-    """List leaders: standing already; else at its red light; else braked to a stop on its path."""
+def _list_standing_leaders(
+    b: ScheduledAgent, room: float, rng: np.random.Generator
+) -> Iterator[ScheduledAgent]:
+    """List leaders: standing already; else at its red light; else braked to a stop on its path.
+
+    Args:
+        room: how far behind that place another has to stand ahead of it [m].
+    """
     if b.stops:
         lingering = _delay_start(b)
         if lingering is not None:
             yield lingering
         return
-    at_light = _stop_at_light(b)
+    at_light = _stop_at_light(b, room)
     if at_light is not None:
         yield at_light
     for share in rng.uniform(*_SUDDEN, 2):
-        hold = StopCommand(share * b.candidate.path.length, 0.0, _SUDDEN_BRAKING)
+        place = b.landmarks.move_off_crosswalks(share * b.candidate.path.length)
+        hold = StopCommand(place, 0.0, _SUDDEN_BRAKING)
         start = b.enters + compute_arrival(b.candidate, hold)
         until = start + _FOR_GOOD
         stop = Stop("stopping_point", hold.s, start, until, "brakes", _SUDDEN_BRAKING)
         yield b.edit(stops=(stop,))
 
 
-def _stop_at_light(b: ScheduledAgent) -> ScheduledAgent | None:
-    """Stop the leader of a rear-end collision at its red light."""
+def _stop_at_light(b: ScheduledAgent, room: float) -> ScheduledAgent | None:
+    """Stop the leader of a rear-end collision at its red light, or in the queue there."""
     if b.landmarks.line is None or b.landmarks.group is None:
         return None
-    stop = build_red_light_stop(b, b.landmarks.line - STOP_GAP)
+    stop = build_red_light_stop(b, b.landmarks.line - STOP_GAP - room)
     return b.edit(stops=(replace(stop, until=stop.start + _RED),))
 
 
@@ -113,7 +125,8 @@ def _find_rear(b: ScheduledAgent, clause: Contact, context: SolverContext) -> fl
 def _brake_late(
     a: ScheduledAgent, touch: float, clause: Contact, context: SolverContext
 ) -> ScheduledAgent:
-    speed = clause.speed or float(context.rng.uniform(3.0, 5.5))
+    drawn = _PUSHING_SPEED if clause.second in context.pushed else _SPEED_LEFT
+    speed = clause.speed or float(context.rng.uniform(*drawn))
     braking = _RIDER_BRAKING if a.candidate.shape.type in RIDERS else 5.5
     return a.edit(stops=a.stops, slowings=(Slowing(touch, speed, braking),))
 

@@ -11,9 +11,9 @@ from scenewright.geometry.driving_profile import Motion, compute_motion
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
-from scenewright.scene.selection import Slowing, Stop
+from scenewright.scene.selection import Push, Slowing, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.segment_editor import end_motion, make_stop_command
+from scenewright.tools.segment_editor import end_motion, make_stop_command, push_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +24,7 @@ class ScheduledAgent:
         enters: scene time of its motion's first sample [s], a multiple of the step.
         motion: as edited; free: by its driving profile and the lights it waits at alone.
         contact: scene time [s] at which a collision ends it.
+        push: a collision before that one, which pushes it on; `motion` holds it.
     """
 
     candidate: Candidate
@@ -34,6 +35,7 @@ class ScheduledAgent:
     stops: tuple[Stop, ...] = ()
     slowings: tuple[Slowing, ...] = ()
     contact: float | None = None
+    push: Push | None = None
 
     @classmethod
     def build_unplaced(cls, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
@@ -82,7 +84,7 @@ class ScheduledAgent:
         enters = round(self.enters + seconds, 1)
         return ScheduledAgent(
             self.candidate, self.landmarks, enters, self.motion, self.free, stops, self.slowings,
-            contact,
+            contact, None if self.push is None else self.push.shift(seconds),
         )  # fmt: skip
 
     def lead_member(self, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
@@ -100,8 +102,13 @@ class ScheduledAgent:
         motion = Motion(self.motion.candidate, self.motion.s[: steps + 1], self.motion.ended)
         return ScheduledAgent(
             self.candidate, self.landmarks, self.enters, motion, self.free, self.stops,
-            self.slowings, self.contact,
+            self.slowings, self.contact, self.push,
         )  # fmt: skip
+
+    def push_on(self, push: Push) -> ScheduledAgent:
+        """Return the same agent, standing, pushed on by a collision from behind."""
+        local = push.shift(-self.enters)
+        return replace(self, motion=push_motion(self.motion, local), push=push)
 
     def end_at(self, time: float) -> ScheduledAgent:
         """Cut it at the first sample not before scene time `time`, where it stays as a wreck."""

@@ -49,7 +49,7 @@ from scenewright.scene.constraints import (
     TurnsBack,
     UnaryClause,
 )
-from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.objects import ObjectRecord, name_door
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
@@ -245,7 +245,11 @@ class Search:
         self._wrong = {c.agent for c in program.clauses if isinstance(c, DrivesWrongWay)}
         self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
-        self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
+        pushes = [c for c in self._events if isinstance(c, Contact) and c.cause == "pushed"]
+        struck = {c.first for c in pushes}
+        self._chained = struck | {str(c.second) for c in pushes}
+        self._chained |= {c.first for c in self._events if c.second in struck}
+        self._red_first: dict[str, float] = dict.fromkeys((*paced, *self._chained), 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
         alone = sorted(self._stopping | self._blocking)
@@ -363,8 +367,10 @@ class Search:
             **draw_pauses(self._pausing, candidates, landmarks, self._rng),
         }
         stage = ForegroundSolver(context)
+        met = {name: self._get_meeting(name, choice) for name in self._to_meet}
         self._placer.block_paths(
-            {name: self._meetings[(name, choice[name])].place for name in self._to_meet}
+            {name: each.place for name, each in met.items() if each},
+            {name: (each.door, each.opens) for name, each in met.items() if each and each.door},
         )
         count = 0
         scheduled = filter(
@@ -383,6 +389,15 @@ class Search:
         if not count:
             self._failures[_format_clauses(self._events)] += 1
         return None
+
+    def _get_meeting(self, name: str, choice: Mapping[str, int]) -> ObjectEncounter | None:
+        """Return how an agent meets its object; a fixed one does so where it did."""
+        if name in choice:
+            return self._meetings[(name, choice[name])]
+        node = self._to_meet[name]
+        place, door = (self._placer.get_kept(each) for each in (node.id, name_door(node.id)))
+        candidate = self._pool.agents[name].build(0)
+        return None if place is None else ObjectEncounter(node, place, candidate, 0.0, door=door)
 
     def _build_first_schedule(self) -> PartialSchedule:
         """Build the schedule before anything is placed: empty."""
@@ -438,7 +453,8 @@ class Search:
             self._placer.get_kept(node.id) if name in self._build_first_schedule().actors else None
         )
         if kept is not None:
-            return ObjectEncounter(node, kept, candidate, 0.0)
+            door = self._placer.get_kept(name_door(node.id))
+            return ObjectEncounter(node, kept, candidate, 0.0, door=door)
         if node.id in self._stands:
             return meet_at(node, self._stands[node.id], candidate, self._ground, self._rng)
         met = find_meeting(node, candidate, self._ground, self._rng)
@@ -938,9 +954,10 @@ class Search:
                 stops=actor.stops,
                 slowings=actor.slowings,
                 contact=actor.contact,
+                push=actor.push,
                 violates=name in self._violators,
                 group=self._leads.get(name),
-                exact=name in self._measured or name in self._to_meet,
+                exact=name in self._measured | self._to_meet.keys() | self._chained,
             )
         events = tuple(
             PlannedEvent(
@@ -1007,12 +1024,14 @@ def _list_green_passes(
 def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
     """Put followers last, after their leader's other events; but before they run into it.
 
-    A collision comes after the other events of its agents, as it ends them. Agents bound to placed
+    A collision comes after the other events of its agents, as it ends them, but before the one into
+    which an agent of it is pushed. Agents bound to placed
     ones come before others, as two that have come independently cannot be brought together.
     """
     later = [each for each in clauses if isinstance(each, Headway) and _comes_last(each, clauses)]
     sooner = [each for each in clauses if each not in later]
     ends = [each for each in sooner if isinstance(each, Contact) and _has_company(each, sooner)]
+    ends.sort(key=lambda each: each.cause == "pushed")
     return _put_connected_first([*(each for each in sooner if each not in ends), *ends, *later])
 
 

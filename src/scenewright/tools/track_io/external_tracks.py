@@ -110,7 +110,9 @@ class _Table:
         Raises:
             InputError: the agent is of another class, the time is not later than the last one.
         """
-        rows = self.agents.setdefault(who, _AgentRows(subtype))
+        rows = self.agents.get(who)
+        if rows is None:
+            rows = self.agents[who] = _AgentRows(subtype)
         if rows.subtype != subtype:
             self.refuse(line, f"id {_crop(who)} is a {subtype} here and a {rows.subtype} in line "
                         f"{rows.lines[0]}; give each agent an id of its own")  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 _SYNONYMS = {
     "car": "vehicle automobile passenger passenger_car passenger_vehicle van minivan suv taxi "
     "pickup cab agent av others regular_vehicle",
@@ -17,6 +19,7 @@ SUBTYPE_OF_WORD = {
 SUBTYPES = tuple(_SYNONYMS)
 
 
+@lru_cache(maxsize=256)
 def find_subtype(text: str) -> str | None:
     """The subtype that a word such as `Passenger car` means; None where it is unknown."""
     word = "_".join(text.lower().replace("-", " ").replace("_", " ").split())

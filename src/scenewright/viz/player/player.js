@@ -139,9 +139,10 @@ function drawLights() {
     }
 }
 
-/** What stands in the scene; what blocks the line of sight is dark. */
+/** What stands in the scene, doors once they are open; what blocks the line of sight is dark. */
 function drawObjects() {
-  for (const { name, high, outline: ring } of data.objects) {
+  for (const { name, high, since, outline: ring } of data.objects) {
+    if (state.time < since) continue;
     pen.beginPath();
     trace(ring, true);
     pen.fillStyle = readVariable(high ? "--soft" : "--kerb");

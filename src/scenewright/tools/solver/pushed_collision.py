@@ -1,0 +1,144 @@
+"""Chain collisions: a standing vehicle, struck from behind, is pushed into the one ahead of it.
+
+Momentum is conserved along the lane, with a little restitution; then the struck vehicle brakes, as
+its driver's foot is on the brake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.constraints import Contact
+from scenewright.scene.selection import Push, Stop
+from scenewright.scene.track import VEHICLE_MASSES
+from scenewright.tools.solver.context import QUEUED_BEHIND, SolverContext
+from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.nearest_miss import FailureStage
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+
+_TRIES = 6
+_GAP = (1.05, QUEUED_BEHIND)
+"""Between the two that stand [m]; others in a queue keep at least 1 m."""
+
+_RESTITUTION, _BRAKING = (0.1, 0.3), (5.0, 7.0)
+"""Of cars struck at such speeds; and braking after it [m/s^2]."""
+
+_EARLIER = (1.5, 5.0)
+"""How long before the pushed vehicle the one ahead of it has come to stand [s]."""
+
+_LONGEST, _LEAST_CLOSING = 0.8, 1.3
+"""Time between the two contacts [s]; relative speed at the second [m/s]."""
+
+_BESIDE, _TURNED = 0.4, 0.1
+"""How far the one ahead may stand beside the other's axis [m], and be turned [rad]."""
+
+_FOR_GOOD = 60.0
+"""Longer than any scene [s]."""
+
+
+def schedule_pushed_collisions(
+    clause: Contact, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
+    """List schedules in which `first`, struck before, is pushed into `second` ahead of it."""
+    struck = _find_strike(clause.first, schedule)
+    if struck is None or clause.second in schedule.actors:
+        words = f"{clause.first} is not struck from behind while it stands behind {clause.second}"
+        context.note_miss(clause, FailureStage.PATHS, words)
+        return
+    for _ in range(_TRIES):
+        placed = _place_ahead(clause, schedule.actors[clause.first], context)
+        if placed is None:
+            words = f"{clause.second} does not stand in the lane of {clause.first}, ahead of it"
+            context.note_miss(clause, FailureStage.PATHS, words)
+            return
+        pushed, ahead = _push(clause, schedule, struck, context), placed
+        found = find_first_contact(pushed, ahead, left_hand=context.left_hand)
+        if found is None or not _is_pushed_into(found, struck):
+            speed = 0.0 if pushed.push is None else pushed.push.speed
+            words = f"struck so, {clause.first} is pushed on at {speed:.1f} m/s, which is too slow"
+            context.note_miss(clause, FailureStage.MEASURE, words)
+            continue
+        time = found.time
+        event = ScheduledEvent(clause, time, struck.time - 3.0, time, time, found.location)
+        yield schedule.add_event(event, pushed.end_at(time), ahead.end_at(time))
+
+
+def _find_strike(name: str, schedule: PartialSchedule) -> FirstContact | None:
+    """Find the contact in which the agent was struck from behind; None if it was not."""
+    for event in schedule.events:
+        clause = event.clause
+        if isinstance(clause, Contact) and clause.second == name and clause.kind == "rear_end":
+            return find_first_contact(schedule.actors[clause.first], schedule.actors[name])
+    return None
+
+
+def _place_ahead(
+    clause: Contact, behind: ScheduledAgent, context: SolverContext
+) -> ScheduledAgent | None:
+    """Place `second` standing ahead of the other, which came later; None in another lane."""
+    free = context.build_free(clause.second)
+    stop = behind.stops[-1]
+    place = _find_place_ahead(free, behind.get_pose(stop.s), context.rng, behind.candidate)
+    line = free.landmarks.line
+    if place is None or (stop.at_red and (line is None or place > line)):
+        return None
+    start = compute_arrival(free.candidate, StopCommand(place, 0.0, stop.braking))
+    own = Stop(stop.anchor, place, start, start + _FOR_GOOD, stop.reason, stop.braking)
+    earlier = float(context.rng.uniform(*_EARLIER))
+    return free.edit(stops=(own,)).shift(round(stop.start - earlier - start, 1))
+
+
+def _find_place_ahead(
+    free: ScheduledAgent,
+    behind: tuple[float, float, float],
+    rng: np.random.Generator,
+    candidate: Candidate,
+) -> float | None:
+    """Find where on its path [m] it stands a gap ahead of a pose; None if not in one lane."""
+    x, y, heading = behind
+    path = free.candidate.path
+    room = (candidate.shape.length + free.candidate.shape.length) / 2 + float(rng.uniform(*_GAP))
+    aim = np.array((x + room * np.cos(heading), y + room * np.sin(heading)))
+    near = int(np.argmin(np.hypot(*(path.xy - aim).T)))
+    turned = abs(float(np.angle(np.exp(1j * (path.heading[near] - heading)))))
+    place = float(path.s[near])
+    off = np.array(free.get_pose(place)[:2]) - aim
+    across = abs(float(-off[0] * np.sin(heading) + off[1] * np.cos(heading)))
+    if across > _BESIDE or turned > _TURNED:
+        return None
+    along = float(off[0] * np.cos(heading) + off[1] * np.sin(heading))
+    return place - along
+
+
+def _push(
+    clause: Contact, schedule: PartialSchedule, struck: FirstContact, context: SolverContext
+) -> ScheduledAgent:
+    """Return `first` standing until it is struck, and pushed on from then."""
+    agent = schedule.actors[clause.first]
+    striker = next(e.clause.first for e in schedule.events if e.clause.second == clause.first)
+    restitution = float(context.rng.uniform(*_RESTITUTION))
+    one, two = (_get_mass(context.candidates[name]) for name in (striker, clause.first))
+    speed = one * struck.speed * (1.0 + restitution) / (one + two)
+    *before, stop = agent.stops
+    standing = agent.edit(stops=(*before, replace(stop, until=struck.time)))
+    return standing.push_on(Push(struck.time, speed, float(context.rng.uniform(*_BRAKING))))
+
+
+def _get_mass(candidate: Candidate) -> float:
+    """Mass of a vehicle [kg]."""
+    return VEHICLE_MASSES[candidate.subtype or "car"]
+
+
+def _is_pushed_into(found: FirstContact, struck: FirstContact) -> bool:
+    """Return whether the second contact follows at once, from behind and fast enough."""
+    return (
+        found.kind == "rear_end"
+        and found.closing >= _LEAST_CLOSING
+        and found.time - struck.time <= _LONGEST
+    )
