@@ -23,6 +23,7 @@ from scenewright.nodes.scene_verifier import verify_scene
 from scenewright.nodes.scene_verifier.assemble import assemble, compute_scene_id
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.scene.behavior import BehaviorProgram, Segment
+from scenewright.scene.frozen_agents import FrozenAgents, PreviousVersion
 from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
@@ -203,8 +204,13 @@ def test_refused_tracks_are_worth_refining_less_if_they_are_a_scene_unrefined(ru
     tried = Refinement(refiner="trajnet", note="so", agents={CAR: AgentRefinement(share=0.5)})
     state = run | {"refined": goes_on, "refinement": tried}
     assert refused(verify_scene, state, load_backend("builtin")).repairable
-    state |= {"edited": goes_on}
-    assert not refused(verify_scene, state, load_backend("builtin")).repairable
+    unmendable = state | {"edited": goes_on}
+    assert not refused(verify_scene, unmendable, load_backend("builtin")).repairable
+    # the solver left an agent out that was to stay as it was in the version before
+    earlier = PreviousVersion({}, (), hour=12.0, duration=30.0, signal_offset=0.0, events=())
+    kept = FrozenAgents(earlier, background={}, hour=12.0, same=frozenset({"vehicle-9"}))
+    state |= {"pinned": kept}
+    assert refused(verify_scene, state, load_backend("builtin")).repairable
 
 
 def test_a_record_holds_what_the_stages_made(run):

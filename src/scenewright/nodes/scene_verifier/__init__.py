@@ -87,7 +87,9 @@ def _can_refining_less_mend(state: VerifierReads, context: RunContext) -> bool:
     if refinement is None or not refinement.may_retry or refinement.attempt > 1:
         return True
     pins = state.get("pinned")
-    same = {name: state["refined"][name] for name in (pins.same if pins else ())}
+    # Not all that were to stay as they were are in the scene: the solver may leave some out.
+    frozen = pins.same if pins else frozenset()
+    same = {name: track for name, track in state["refined"].items() if name in frozen}
     unrefined = _assemble(state, {**state["edited"], **same}, context)
     return check(unrefined, context.intersection).verified
 
