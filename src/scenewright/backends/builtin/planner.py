@@ -16,6 +16,7 @@ from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.leaders import read_leaders
 from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.phrases import has_phrase, is_of_phrase
+from scenewright.backends.builtin.plurals import count_plurals
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
 from scenewright.backends.builtin.reader.coverage import (
     find_passed_over,
@@ -100,22 +101,26 @@ def _plan_with_streets(choices: Sequence[CompassText], previous: str | None, sit
     for each in choices:
         made = _plan_once(each.text, previous, site)
         if isinstance(made, SocialGraph) and (site.can_serve is None or site.can_serve(made)):
-            return _put_in_words(made, each)
+            return each.restore_plan(made)
         found.append((each, made))
     graphs = (pair for pair in found if isinstance(pair[1], SocialGraph))
     read, plan_ = next(graphs, found[0])
-    return _put_in_words(plan_, read)
-
-
-def _put_in_words(plan: Plan, read: CompassText) -> Plan:
-    """A plan whose account and reasons speak of streets as the text does."""
-    if isinstance(plan, Refusal):
-        return plan.model_copy(update={"reason": read.restore_words(plan.reason)})
-    said = tuple(read.restore_span(each) for each in plan.said)
-    return plan.model_copy(update={"said": said})
+    return read.restore_plan(plan_)
 
 
 def _plan_once(text: str, previous: str | None, site: Site) -> Plan:
+    """The plan of a text; of one refused with plurals in it, that with a number before each."""
+    found = _plan_cached(text, previous, site)
+    counted = count_plurals(text) if isinstance(found, Refusal) and not previous else None
+    if counted is None:
+        return found
+    made = _plan_cached(counted.text, previous, site)
+    # Where nothing happens, plurals say what traffic there is, not who takes part.
+    happens = isinstance(made, SocialGraph) and made.relations
+    return counted.restore_plan(made) if happens else found
+
+
+def _plan_cached(text: str, previous: str | None, site: Site) -> Plan:
     asked = text, previous, site
     return _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
 

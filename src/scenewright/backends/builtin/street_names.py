@@ -14,6 +14,7 @@ from itertools import islice, product
 from rapidfuzz import fuzz
 
 from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import Choice, Clarification
 from scenewright.scene.streets import TYPES, expand_name
@@ -69,55 +70,24 @@ class StreetMention:
 
 
 @dataclass(frozen=True)
-class CompassText:
+class CompassText(RewrittenText):
     """A text with compass names for street names.
 
     Attributes:
-        pieces: (start, end) in this text and (start, end) in the original, of what was replaced.
         left_open: mentions of streets with several legs, of which the text does not say which.
     """
 
-    text: str
-    original: str
-    pieces: tuple[tuple[int, int, int, int], ...]
     left_open: tuple[StreetMention, ...] = ()
 
-    def find_original(self, start: int, end: int) -> tuple[int, int]:
-        """The characters of the original in which a span of this text lies."""
-        return self._shift(start, ends=False), self._shift(end, ends=True)
-
-    def _shift(self, at: int, *, ends: bool) -> int:
-        moved = 0
-        for new_start, new_end, old_start, old_end in self.pieces:
-            if (
-                new_start < at < new_end
-                or (at == new_start and not ends)
-                or (at == new_end and ends)
-            ):
-                return old_end if ends else old_start
-            if at >= new_end:
-                moved = old_end - new_end
-        return at + moved
-
     def restore_span(self, entry: SaidSpan) -> SaidSpan:
-        """An entry of the account in the words of the original."""
-        start, end = self.find_original(entry.start, entry.end)
-        words = self.original[start:end] or entry.words
-        update = {"start": start, "end": end, "words": words}
-        spans = (each for each in self.left_open if each.start < end and start < each.end)
-        if entry.became in _PLACES and (street := next(spans, None)):
-            legs = " and ".join(street.legs)
-            name = self.original[street.start : street.end]
-            update["note"] = f"{name} has the legs {legs}; the words leave open which"
-        return entry.model_copy(update=update)
-
-    def restore_words(self, reason: str) -> str:
-        """A reason that quotes this text, quoting the original."""
-        for new_start, new_end, old_start, old_end in self.pieces:
-            new = self.text[new_start:new_end].strip()
-            old = self.original[old_start:old_end]
-            reason = reason.replace(f"'{new}'", f"'{old}'") if new else reason
-        return reason
+        """An entry of the account in the words of the original; which leg is left open, noted."""
+        own = super().restore_span(entry)
+        spans = (each for each in self.left_open if each.start < own.end and own.start < each.end)
+        if own.became not in _PLACES or (street := next(spans, None)) is None:
+            return own
+        name = self.original[street.start : street.end]
+        note = f"{name} has the legs {' and '.join(street.legs)}; the words leave open which"
+        return own.model_copy(update={"note": note})
 
 
 def list_compass_texts(
@@ -289,15 +259,13 @@ def say_no_such_street(words: str, roads: Sequence[tuple[str, str]]) -> str:
 
 
 def _replace(text: str, found: Sequence[StreetMention], legs: Sequence[str]) -> CompassText:
-    out, pieces, at = "", [], 0
+    replacements, at = [], 0
     for number, (mention, leg) in enumerate(zip(found, legs, strict=True)):
-        start, end, words = _rewrite_leg(text, at, mention, leg, found[number + 1 :])
-        out += text[at:start]
-        pieces.append((len(out), len(out) + len(words), start, end))
-        out += words
-        at = end
+        replacements.append(_rewrite_leg(text, at, mention, leg, found[number + 1 :]))
+        at = replacements[-1][1]
     left_open = tuple(mention for mention in found if len(mention.legs) > 1)
-    return CompassText(out + text[at:], text, tuple(pieces), left_open)
+    worded, pieces = replace_pieces(text, replacements)
+    return CompassText(worded, text, pieces, left_open)
 
 
 def _rewrite_leg(
