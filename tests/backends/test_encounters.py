@@ -111,6 +111,11 @@ def test_who_waits_in_traffic_is_no_object() -> None:
     [
         ("A pedestrian goes around a stalled car", "not clear which"),
         ("A car waits behind a stalled van and hits a pedestrian", "no relation can bind it"),
+        (
+            "He was running to catch the bus, crossing on red, and the van driver had to stand on "
+            "the brakes.",
+            "not clear what 'He'",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(text: str, words: str) -> None:

@@ -39,6 +39,10 @@ def read(text: str) -> SocialGraph:
             [{"id": "object-1", "kind": "double_parked", "subtype": "truck", **HIDES}],
         ),
         (
+            "A parked truck at the kerb hides a child who then runs out in front of a car.",
+            [{"id": "object-1", "kind": "parked", "subtype": "truck", **HIDES}],
+        ),
+        (
             "A stalled bus stands in the south approach and two cars collide",
             [{"id": "object-1", "kind": "stalled", "subtype": "bus", "leg": "south"}],
         ),
@@ -62,9 +66,15 @@ def test_objects_are_read(text: str, objects: list[dict[str, Any]]) -> None:
     [
         "A car comes out from behind a parked bus and hits a pedestrian",
         "A car comes out from behind a parked bus and hits a truck",
+        "Two children emerge from between two parked vans; a car yields to them.",
+        "The bus at the east stop hides a runner. He dashes across the road in front of it and a "
+        "motorcycle nearly hits him.",
+        "A delivery van halted on the north leg blocks the view; a pedestrian walks out past its "
+        "front and a car nearly hits them.",
+        "A pedestrian walks out between stopped cars and a motorcycle hits them.",
     ],
 )
-def test_what_cannot_be_is_refused(text: str) -> None:
+def test_what_hides_no_one_pedestrian_is_refused(text: str) -> None:
     assert isinstance(plan(text), Refusal)
 
 

@@ -55,7 +55,10 @@ def refuse_beyond(refusal: Refusal, text: str) -> Refusal:
 
 
 _NEVER_LOST = re.compile(
-    r"\b(?:sprint(?:s|ing|ed)?|dart(?:s|ed|ing)?(?:[- ]out)?|(?:does|did)(?: not|n't) happen)\b",
+    r"^(?:he|she)\b|"
+    r"\b(?:sprint(?:s|ing|ed)?|dart(?:s|ed|ing)?(?:[- ]out)?|(?:does|did)(?: not|n't) happen|"
+    r"hid(?:es?|den|ing)?|conceal(?:s|ed|ing)?|obscur(?:es?|ed|ing)|occlud(?:es?|ed|ing)|"
+    r"shield(?:s|ed|ing)?|block(?:s|ed|ing)? (?:the|his|her|its|their) (?:view|sight))\b",
     re.IGNORECASE,
 )
 _SELDOM_LOST = re.compile(

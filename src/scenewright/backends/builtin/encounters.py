@@ -257,6 +257,12 @@ _WAITED = re.compile(r"(\d+(?:\.\d+)?) ?s", re.IGNORECASE)
 _RIDER = re.compile(r"(?:cyclist|bicycl\w+|bike|biker|scooter|e-scooter|rider)\b", re.IGNORECASE)
 
 
+_ON_FOOT = re.compile(
+    r"\b(?:pedestrians?|(?:wo)?m[ae]n|child(?:ren)?|boys?|girls?|kids?|people|person|someone|"
+    r"somebody|walkers?|joggers?|runners?|passengers?|cyclists?|riders?)\b",
+    re.IGNORECASE,
+)
+_COMES_FROM = re.compile(r"\b(?:between|behind|by) (?:[\w-]+ ){0,3}[\w-]+$", re.IGNORECASE)
 _IN_TURN: tuple[Encounter, ...] = ("waits_then_passes", *VERBS)
 """Encounters, those first whose words hold those of others."""
 
@@ -351,6 +357,11 @@ def _take_later(text: str, found: list[EncounterPhrase]) -> str:
         match = _THEN[how].search(text, first.end()) if first else None
         if first is None or match is None or _NOT.search(text[: match.start("verb")]):
             continue
+        between = text[first.end() : match.start()]
+        if match[0].lower().endswith("them") and _ON_FOOT.search(between):
+            continue  # "a pedestrian walks out past it and a car hits them"
+        if _COMES_FROM.search(text[: first.end("object")]):
+            continue  # "a pedestrian walks out between stopped cars and a taxi hits them"
         named = first[0].removesuffix(" and").removesuffix(" so").strip(" ,;.:")
         start = first.start() + first[0].index(named)
         phrase = EncounterPhrase(

@@ -100,7 +100,7 @@ _LEAD = allow(
     + allow(f" (?:before|prior to|ahead of) {allow('(?:the|they|it|an?) ')}{_EVENT}")
 )
 _DRIVER = r"(?:driver|car|van|truck|bus|vehicle|taxi|motorcycle|motorcyclist)"
-_WALKER = r"(?:pedestrian|woman|man|child|boy|girl|walker|person|kid)"
+_WALKER = r"(?:pedestrian|woman|man|child|boy|girl|walker|person|kid|jogger|runner)"
 _VIEW = r"(?:view|sight|line of sight|sightline|vision)"
 _HIDDEN = (
     join_any("hidden", "obscured", "occluded", "concealed", "masked", "screened", "blocked",
@@ -148,8 +148,9 @@ _STANDS_FOR_SURE = re.compile(_STANDS, re.IGNORECASE)
 _HIDES = re.compile(
     rf"(?P<object>{_STANDS}){PLACE},? (?:that |which )?"
     + join_any("hides?", "conceals?", "obscures?", "occludes?", "screens?", "masks?", "blocks?",
-           "covers?", "obstructs?")
-    + rf" (?:(?:the|a) {_WALKER}|her|him|them"
+           "covers?", "obstructs?", "shields?")
+    + rf" (?:(?P<walker>an? (?:\w+ )?{_WALKER})(?: (?:who|that)(?: then)?)?"
+    + rf"|the {_WALKER}|her|him|them"
     + rf"|(?:the |his |her |its )?{allow(_DRIVER + '.s ')}{_VIEW})"
     + rf"(?: (?:of|to|from) (?:the (?:{_WALKER}|{_DRIVER})|her|him|{_VIEW})(?:'s {_VIEW})?)*"
     + _LEAD,
@@ -277,6 +278,9 @@ def _fill(match: re.Match[str]) -> str:
     """What takes the place of the words: blanks, or a verb if they are all that an agent does."""
     verb = match.groupdict().get("out")
     whole = match[0]
+    if match.groupdict().get("walker"):  # "hides a child who runs out": it is named only here
+        before, after = match.start("walker") - match.start(), match.end() - match.end("walker")
+        return " " * before + match["walker"] + " " * after
     if verb and not re.match(r",? ?(?:who|that|which)\b", whole, re.IGNORECASE):
         walks = "walking" if verb.strip().endswith("ing") else "walks"
         lead = whole.lower().index(verb.lower())
@@ -383,6 +387,12 @@ def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
             "hits, nearly hits or gives way to can be; say such an event.",
         )
     named = _find_nearest(graph, phrase)
+    if named is not None and _is_one_of_several(graph, named):
+        raise Refused(
+            "out_of_scope",
+            f"'{phrase.words}' seems to hide several, and one pedestrian can be hidden; say one of "
+            "them.",
+        )
     if named is not None and named.startswith("vehicle"):
         raise Refused(
             "out_of_scope",
@@ -395,6 +405,13 @@ def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
             "out_of_scope", f"It is not clear which agent '{phrase.words}' hides; name it."
         )
     return next(pair for pair in pairs if pair[1] == walker)
+
+
+def _is_one_of_several(graph: SocialGraph, name: str) -> bool:
+    """Whether the words for the agent are those for others, too: "two children"."""
+    said = [each for each in graph.said if each.became == "agent"]
+    spans = {(each.start, each.end) for each in said if name in each.agents}
+    return len({a for each in said if (each.start, each.end) in spans for a in each.agents}) > 1
 
 
 def _list_pairs(graph: SocialGraph) -> Iterator[tuple[str, str]]:
