@@ -2,8 +2,9 @@
 
 `python benchmarks/everyday_requests.py --seeds 2` makes each row of everyday_requests.jsonl from so
 many seeds. The rows were written together with the code, so they are no unseen test. A row is
-satisfied where the scene is verified and shows exactly the events that the row names. With
-`--keep FILE` each outcome is a line of that file, and what it holds already is not made again.
+satisfied where the scene is verified and shows exactly the events that the row names, those with
+members of one group counted once. With `--keep FILE` each outcome is a line of that file, and what
+it holds already is not made again.
 """
 
 from __future__ import annotations
@@ -29,9 +30,16 @@ def judge(text: str, wanted: list[str], seed: int) -> tuple[str, str]:
         scene = synthesize(text, seed=seed, refiner="none", time_limit=60)
     except ScenewrightError as error:
         return "refused", str(error)
-    seen = sorted(event.type for event in scene.proof.events)
+    seen = list_events(scene)
     same = scene.proof.verified and seen == sorted(wanted)
     return ("satisfied", "") if same else ("other", f"seen {seen}, asked for {wanted}")
+
+
+def list_events(scene: Any) -> list[str]:
+    """The types of the events, sorted; one with several of a group counts once (SEMANTICS 8)."""
+    parties = {agent.id: agent.group or agent.id for agent in scene.record.agents}
+    events = scene.proof.events
+    return sorted(each for each, *_ in {(e.type, parties[e.from_], parties[e.to]) for e in events})
 
 
 def compute_interval(hits: int, n: int) -> tuple[float, float]:

@@ -32,6 +32,10 @@ from scenewright.scene.social import Refusal, SocialGraph
             "A car comes up behind a stalled taxi and stops",
             ("vehicle-1", "waits_behind", "stalled", "taxi"),
         ),
+        (
+            "A car waits behind a bus at its stop.",
+            ("vehicle-1", "waits_behind", "double_parked", "bus"),
+        ),
         ("A stalled car is hit by a motorcycle", ("vehicle-1", "hits", "stalled", "car")),
         ("A car hits a parked car", ("vehicle-1", "hits", "parked", "car")),
         ("A cyclist is doored by a parked van", ("cyclist-1", "doored", "parked", "van")),
@@ -173,6 +177,12 @@ def test_a_hook_that_nearly_hits_is_a_near_miss(text: str) -> None:
     assert isinstance(graph, SocialGraph)
     (edge,) = graph.relations
     assert (edge.type, edge.pattern) == ("near_miss", "rider_right_hook_near_miss")
+
+
+def test_a_light_passed_on_yellow_is_no_red_light_run() -> None:
+    graph = plan("A car from the east passes the light on yellow.")
+    assert isinstance(graph, SocialGraph)
+    assert [(each.motion, each.runs_red) for each in graph.agents] == [("passes_yellow", False)]
 
 
 @pytest.mark.parametrize(

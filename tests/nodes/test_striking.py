@@ -35,3 +35,18 @@ def find_striker(text: str) -> str | None:
 )
 def test_words_say_who_strikes_or_leave_it_open(text: str, striker: str | None) -> None:
     assert find_striker(text) == striker
+
+
+@pytest.mark.parametrize(
+    ("text", "pattern"),
+    [
+        ("A truck right-hooks a cyclist.", "rider_right_hook_collision"),
+        ("Right hook: a truck turning right hits a cyclist going straight.", None),
+    ],
+)
+def test_a_phrase_yields_to_the_striker_that_is_said(text: str, pattern: str | None) -> None:
+    """In the right hook of the relation files it is the cyclist that strikes."""
+    found = plan(text)
+    assert isinstance(found, SocialGraph), found
+    (edge,) = name_strikers(found, text).relations
+    assert edge.pattern == pattern

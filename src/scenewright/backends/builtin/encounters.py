@@ -14,6 +14,7 @@ from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.backends.builtin.standing import (
     AT_REST,
+    BUS_AT_STOP,
     PLACE,
     STANDING_VEHICLE,
     STATE,
@@ -106,7 +107,7 @@ _AT_LIGHT = (
 _STOOD = join_any(STATE, "stationary", "standing", "stopped", "halted")
 _THING = (
     join_any(
-        _BROKEN, STANDING_VEHICLE, f"{THE}(?:[\\w-]+ ){{0,2}}?{_STOOD} {VEHICLE}",
+        BUS_AT_STOP, _BROKEN, STANDING_VEHICLE, f"{THE}(?:[\\w-]+ ){{0,2}}?{_STOOD} {VEHICLE}",
         f"{THE}{VEHICLE} (?:that (?:is|was) )?{_STOOD}",
     )
     + _AT_LIGHT
@@ -504,7 +505,7 @@ def find_kind(words: str, how: Encounter) -> ObjectKind:
     in_lane = re.search(r"\b(?:lane|way|path|road)\b", low) is not None
     if how == "doored":
         return "parked"
-    if re.search(r"double[- ]?parked|unloading", low):
+    if re.search(rf"double[- ]?parked|unloading|{BUS_AT_STOP}", low):
         return "double_parked"
     if "parked" in low:
         return "double_parked" if in_lane or how != "hits" else "parked"

@@ -54,14 +54,14 @@ _THING = f"(?:{_KIND_OF_THING})*" + join_any(
 THE = allow(join_any("an?", "the", "one", "another", "some", then=" "))
 _ADJECTIVES = r"(?:(?!and\b|of\b|by\b|is\b|hits?\b)[\w-]+,? ){0,2}?"
 _THAT_IS = allow(r" (?:that|which) (?:is|was|has)")
-_BUS_AT_STOP = (
+BUS_AT_STOP = (
     f"{THE}{_ADJECTIVES}(?:bus|coach){_THAT_IS}{allow(' (?:standing|stopped|waiting|stopping)')}"
     " (?:at|in) (?:a|the|its) (?:bus )?(?:stop|bay)"
 )
 STANDING_VEHICLE = join_any(
     f"{THE}{_ADJECTIVES}{STATE} {_ADJECTIVES}{VEHICLE}", f"{THE}{VEHICLE}{_THAT_IS} {STATE}"
 )
-_STANDS = join_any(_BUS_AT_STOP, STANDING_VEHICLE, f"{THE}{_THING}")
+_STANDS = join_any(BUS_AT_STOP, STANDING_VEHICLE, f"{THE}{_THING}")
 _RESTS = join_any(
     _STANDS, f"{THE}{_ADJECTIVES}{AT_REST} {VEHICLE}", f"{THE}{VEHICLE} {AT_REST}",
     f"{THE}{VEHICLE}",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 
 from scenewright.scene.account import SaidSpan
+from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import RelationEdge, SocialGraph
+from scenewright.tools.map_grounding.orders import keeps_striker
 
 _STRIKES = re.compile(
     r"\b(?:hit(?:s|ting)?|str(?:ikes?|uck|iking)|ram(?:s|med|ming)?|clip(?:s|ped|ping)?|"
@@ -26,10 +28,7 @@ def name_strikers(plan: SocialGraph, text: str) -> SocialGraph:
     With a pedestrian it is always the vehicle; with its side or rear no agent strikes.
     """
     said = [(edge, _find_words(edge, plan, text)) for edge in plan.relations]
-    edges = [
-        edge if words is None else edge.model_copy(update={"strikes": edge.from_})
-        for edge, words in said
-    ]
+    edges = [edge if words is None else _let_strike(edge, plan) for edge, words in said]
     added = [
         words.model_copy(
             update={"became": "striker", "agents": (edge.from_, edge.to), "value": None}
@@ -41,6 +40,22 @@ def name_strikers(plan: SocialGraph, text: str) -> SocialGraph:
         return plan
     account = sorted((*plan.said, *added), key=lambda each: each.start)
     return plan.model_copy(update={"relations": tuple(edges), "said": tuple(account)})
+
+
+def _let_strike(edge: RelationEdge, plan: SocialGraph) -> RelationEdge:
+    """The edge whose `from` strikes; without its pattern where in that the other one does."""
+    strikes = edge.model_copy(update={"strikes": edge.from_})
+    pattern = next((each for each in load_patterns() if each.id == edge.pattern), None)
+    if pattern is None:
+        return strikes
+    kinds = {name: plan.agent(name).type for name in (edge.from_, edge.to)}
+    orders = ((edge.from_, edge.to), (edge.to, edge.from_))
+    played = (
+        o for o in orders if pattern.from_.admits(kinds[o[0]]) and pattern.to.admits(kinds[o[1]])
+    )
+    if any(keeps_striker(strikes, pattern, order) for order in played):
+        return strikes
+    return strikes.model_copy(update={"pattern": None, "kind": None})
 
 
 def _find_words(edge: RelationEdge, plan: SocialGraph, text: str) -> SaidSpan | None:

@@ -175,9 +175,11 @@ def _weaken_hooks(spans: list[ReadSpan]) -> None:
 
 
 def _separate_yellow_from_red(spans: list[ReadSpan]) -> None:
-    """An agent that runs a light called yellow runs no red one."""
+    """An agent that runs a light called yellow runs no red one: "passes the light on yellow"."""
+    yellow = {(s.start, s.subjects) for s in spans if s.value == "passes_yellow"}
     for n, span in enumerate(spans):
-        if span.tag == "red" and _CALLED_YELLOW.search(span.words) and not span.negated:
+        called = _CALLED_YELLOW.search(span.words) or (span.end + 1, span.subjects) in yellow
+        if span.tag == "red" and called and not span.negated:
             spans[n] = replace(span, tag="motion", value="passes_yellow")
 
 
