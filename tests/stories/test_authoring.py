@@ -354,3 +354,18 @@ def test_who_meets_an_object_still_does_at_another_hour(text: str, talk: Convers
     assert later.record.meta.time_of_day == "17:00"
     assert later.record.objects == first.record.objects
     assert same(first, later) == set(agents(first))
+
+
+def test_a_group_stays_one_while_another_agent_changes(talk: Conversation) -> None:
+    first = talk.made("A truck turning left waits for a class of six on the west crosswalk.")
+    later = talk.made("stop one metre later")
+    groups = [[a.group for a in each.record.agents if a.group] for each in (first, later)]
+    assert groups == [[agents(first)["pedestrian-1"].id] * 5] * 2
+
+
+def test_a_pedestrian_that_becomes_a_vehicle_is_named_as_one(talk: Conversation) -> None:
+    talk.made("An e-scooter on the east crosswalk collides with a pedestrian.")
+    later = talk.made("make the second one a bus")
+    parties = [each for each in later.record.agents if each.role == "foreground"]
+    assert sorted(each.type for each in parties) == ["scooter", "vehicle"]
+    assert all(each.name.startswith(each.type) for each in parties)

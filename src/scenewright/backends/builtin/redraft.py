@@ -185,7 +185,11 @@ class _Base:
 
     def build_graph(self, clock: Clock) -> SocialGraph:
         """The draft as a social graph in which agents keep their ids."""
-        ids = {id(agent): name for name, agent in self._agents.items()}
+        ids = {
+            id(agent): name
+            for name, agent in self._agents.items()
+            if agent.type == self._before.agent(name).type
+        }
         taken = self._taken | set(self._agents)
         for agent in self._draft.agents:
             if id(agent) not in ids:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -103,24 +103,70 @@ def build_candidates_with_frozen(
         background_size=background_size,
         rng=rng,
     )
-    return replace(fresh, agents=_merge_agents(graph, fresh.agents, pins))
+    groups = _name_members(graph, fresh.groups, pins)
+    return replace(fresh, agents=_merge_agents(graph, fresh, groups, pins), groups=groups)
+
+
+def _name_members(
+    graph: SocialGraph, groups: Mapping[str, tuple[str, ...]], pins: FrozenAgents
+) -> dict[str, tuple[str, ...]]:
+    """The members of each group by leader, with the names they had in the earlier version."""
+    taken = {*(node.id for node in graph.agents), *pins.earlier.agents}
+    found = {}
+    for leader, fresh in groups.items():
+        names = tuple(n for n, a in pins.earlier.agents.items() if a.agent.group == leader)
+        if len(names) != len(fresh):
+            names = ()
+            for _ in fresh:
+                names = (*names, _find_free_name("pedestrian", {*taken, *names}))
+        taken |= {*names}
+        found[leader] = names
+    return found
 
 
 def _merge_agents(
-    graph: SocialGraph, fresh: Mapping[str, AgentCandidates], pins: FrozenAgents
+    graph: SocialGraph,
+    fresh: CandidateSet,
+    groups: Mapping[str, tuple[str, ...]],
+    pins: FrozenAgents,
 ) -> dict[str, AgentCandidates]:
     """The foreground in the order of the graph, earlier background agents, then fresh ones."""
-    found = {node.id: _prefer_earlier(fresh[node.id], pins) for node in graph.agents}
-    foreground = set(found)
+    named = {node.id: node.id for node in graph.agents}
+    found = {name: _prefer_earlier(fresh.agents[name], pins) for name in named}
+    for leader, names in fresh.groups.items():
+        named |= dict(zip(names, groups[leader], strict=True))
+        found |= _merge_members(leader, groups[leader], [fresh.agents[n] for n in names], pins)
+        if not pins.earlier.agents.keys() >= {*groups[leader]}:
+            found[leader] = fresh.agents[leader]  # a group of another size than before
     for name, agent in pins.known.items():
-        if name not in foreground:
+        if name not in found and agent.group is None:
             found[name] = _offer_only(agent, fresh=None)
     taken = {*found, *pins.earlier.agents}
-    for name, candidates in fresh.items():
-        if name not in foreground:
+    for name, candidates in fresh.agents.items():
+        if name not in named:
             new = _find_free_name(candidates.route.type, taken)
             taken.add(new)
             found[new] = replace(candidates, name=new)
+    return found
+
+
+def _merge_members(
+    leader: str,
+    names: tuple[str, ...],
+    fresh: Sequence[AgentCandidates],
+    pins: FrozenAgents,
+) -> dict[str, AgentCandidates]:
+    """The members of a group: their candidates stay or come first where their leader's do."""
+    found = {}
+    for name, candidates in zip(names, fresh, strict=True):
+        found[name] = replace(candidates, name=name)
+        before = pins.earlier.agents.get(name)
+        if before is None:
+            continue
+        if leader in {**pins.placed, **pins.fixed}:
+            found[name] = _offer_only(before.agent, fresh=candidates)
+        elif leader in pins.offered:
+            found[name] = _offer_first(before.agent, found[name])
     return found
 
 

@@ -79,7 +79,10 @@ class FrozenAgentsSearch(Search):
         acting = {name for each in self._events for name in get_pair(each)}
         self._bound = [n for n in self._bound if n in acting or n not in frozen.fixed]
         foreground = {n for n, draws in pool.agents.items() if draws.role == "foreground"}
-        settled = {n: a for n, a in {**frozen.placed, **frozen.fixed}.items() if n in foreground}
+        stay = {**frozen.placed, **frozen.fixed}
+        settled = {
+            n: a for n, a in stay.items() if n in foreground and self._leads.get(n, n) in stay
+        }
         self._settled = {
             name: rebuild_agent(a, self._compute_landmarks(a.candidate))
             for name, a in settled.items()
@@ -193,7 +196,8 @@ class FrozenAgentsSearch(Search):
     def _are_strangers_apart(self, schedule: PartialSchedule) -> bool:
         """Check as for any scene, except fixed agents: they were apart before."""
         for a, b in itertools.permutations(schedule.actors, 2):
-            if {a, b} <= self._pins.same or frozenset((a, b)) in self._related:
+            pair = frozenset((self._leads.get(a, a), self._leads.get(b, b)))
+            if len(pair) == 1 or {a, b} <= self._pins.same or pair in self._related:
                 continue
             first, second = (schedule.actors[name].cut_after(MAX_SECONDS) for name in (a, b))
             delta = (second.enters - first.enters) / STEP

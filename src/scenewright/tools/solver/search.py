@@ -617,7 +617,9 @@ class Search:
         members: dict[str, ScheduledAgent] = {}
         for leader, names in self._pool.groups.items():
             for name in names:
-                built = self._get_candidate(name, choice[leader])
+                if name in schedule.actors:
+                    continue  # it stays as it was in an earlier version
+                built = self._get_candidate(name, choice.get(leader, 0))
                 if built is None:
                     return None
                 members[name] = schedule.actors[leader].lead_member(*built)
