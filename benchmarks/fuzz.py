@@ -5,12 +5,12 @@
 Each part takes honest input (instructions, constraint programs, scene.json, track files of every
 format that we write, map files, files of an intersection, arguments of MCP tools, requests to the
 page), damages it (bytes or words dropped, doubled, exchanged, replaced by odd ones; values of JSON
-replaced by others, of other types or absurd), and hands it to the code that reads it. A case is in
-order if it returns or raises a `ScenewrightError` of one line, within 6 GB of address space and,
-the first of a part and those that make scenes aside, 5 s of processor time; the page must answer
-below 500. Case n of a part depends on the seed and n alone, so `--parts tracks --only 17` runs one
-again. The exit code is 1 if a case fails; the cases are spread over the parts by how long they
-take. `make fuzz` runs 100,000.
+replaced by others, of other types or absurd), and hands it to the code that reads it; the turns of
+conversations are honest, and come in any order. A case is in order if it returns or raises a
+`ScenewrightError` of one line, within 6 GB of address space and, the first of a part and those that
+make scenes aside, 5 s of processor time; the page must answer below 500. Case n of a part depends
+on the seed and n alone, so `--parts tracks --only 17` runs one again. The exit code is 1 if a case
+fails; the cases are spread over the parts by how long they take. `make fuzz` runs 100,000.
 """
 
 from __future__ import annotations
@@ -37,9 +37,11 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
+from everyday_requests import ROWS
 from robustness import REQUESTS
 
 import scenewright
+from authoring import EDITS
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import Scene, encode_scene
 from scenewright.intersections import find_bundle_folder
@@ -394,6 +396,38 @@ def request_page(rng: random.Random, _folder: Path) -> None:
         raise RuntimeError(f"{method} {path!r} {data!r}: {answer.status_code} {answer.text[:200]}")
 
 
+TURNS = (
+    *EDITS, "remove vehicle-3", "remove the last pedestrian", "the van goes first instead", "undo",
+    "redo", "make it a collision at 30 km/h", "turn it into a yield", "remove all pedestrians",
+    "add a parked truck that hides the pedestrian", "add a cyclist from the north", "swap the two",
+    "now the pedestrian crosses on the east crosswalk", "make the second one a bus",
+    "make the first vehicle come from the north", "make it a truck", "he does not react",
+    "make him brake hard", "go back to version 1", "let it happen 3 seconds later", "who yields?",
+    "make it night and add three cars", "add an ambulance that runs a red light", "what happens?",
+    "make it quieter",
+)  # fmt: skip
+
+
+def hold_conversation(rng: random.Random, _folder: Path) -> None:
+    """An everyday request and four turns, which may end in any answer; half of them refined."""
+    from scenewright.authoring.session import Session
+    from scenewright.backends import load_backend
+    from scenewright.memory.threads import Threads
+
+    refiner = rng.choice(("none", "trajnet"))
+    setting: Any = {"intersection": "amsterdam_120", "seed": rng.randrange(99), "refiner": refiner}
+    session = Session(Threads(":memory:"), "talk", backend=load_backend("builtin"), setting=setting)
+    first = rng.choice((*list_texts(), *list_everyday_texts()))
+    for words in (first, *rng.choices(TURNS, k=4)):
+        session.say(words)
+
+
+@cache
+def list_everyday_texts() -> tuple[str, ...]:
+    """The texts of the everyday requests."""
+    return tuple(json.loads(line)["text"] for line in ROWS.read_text("utf-8").splitlines())
+
+
 PARTS: Mapping[str, tuple[Callable[[random.Random, Path], None], float]] = {
     "planner": (plan_text, 0.2),
     "constraints": (parse_program, 0.2),
@@ -404,9 +438,10 @@ PARTS: Mapping[str, tuple[Callable[[random.Random, Path], None], float]] = {
     "exports": (write_export, 0.05),
     "mcp": (call_tool, 0.04),
     "page": (request_page, 0.05),
+    "conversations": (hold_conversation, 0.002),
 }
 """Part -> what one case does, and its share of the cases."""
-MAKE_SCENES = ("bundles", "mcp")
+MAKE_SCENES = ("bundles", "mcp", "conversations")
 """Parts whose cases may take as long as a scene may."""
 
 

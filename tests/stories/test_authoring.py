@@ -369,3 +369,14 @@ def test_a_pedestrian_that_becomes_a_vehicle_is_named_as_one(talk: Conversation)
     parties = [each for each in later.record.agents if each.role == "foreground"]
     assert sorted(each.type for each in parties) == ["scooter", "vehicle"]
     assert all(each.name.startswith(each.type) for each in parties)
+
+
+@pytest.mark.parametrize("words", ["remove vehicle-1", "swap the two"])
+def test_what_would_leave_a_push_without_its_striker_is_refused(
+    words: str, talk: Conversation
+) -> None:
+    talk.made("A truck rear-ends a car and pushes it into the van ahead.")
+    reply = talk.say(words)
+    assert reply["kind"] == "refused"
+    assert "no agent strikes it" in reply["reason"]
+    assert not reply["reason"].startswith("Value error")

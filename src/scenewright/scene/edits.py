@@ -235,7 +235,8 @@ def apply_edits(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise _build_refusal(f"{where}: {first['msg']}" if where else str(first["msg"])) from error
+        words = str(first["msg"]).removeprefix("Value error, ")
+        raise _build_refusal(f"{where}: {words}" if where else words) from error
     return graph.model_copy(update={"said": tuple(e for e in graph.said if still_holds(e, graph))})
 
 

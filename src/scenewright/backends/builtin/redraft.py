@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from pydantic import ValidationError
+
 from scenewright.backends.builtin import edits as grammar_of_edits
 from scenewright.backends.builtin import grammar_plan, graph_making
 from scenewright.backends.builtin.clauses import ClauseReader
@@ -184,7 +186,11 @@ class _Base:
                 setattr(agent, key, each)
 
     def build_graph(self, clock: Clock) -> SocialGraph:
-        """The draft as a social graph in which agents keep their ids."""
+        """The draft as a social graph in which agents keep their ids.
+
+        Raises:
+            Refused: what changes does not fit what stays, such as a push without a collision.
+        """
         ids = {
             id(agent): name
             for name, agent in self._agents.items()
@@ -208,14 +214,15 @@ class _Base:
             if frozenset((each.agent, each.of)) not in given and not {each.agent, each.of} & moved
         ]
         present = {node.id for node in nodes}
-        return SocialGraph(
-            agents=tuple(nodes),
-            relations=tuple(
-                self._build_edge(each, ids, clock) for each in self._draft.relations[:6]
-            ),
-            ties=tuple(t for t in (*kept, *tied) if {t.agent, t.of} <= present),
-            context=self._build_context(),
-        )
+        edges = tuple(self._build_edge(each, ids, clock) for each in self._draft.relations[:6])
+        ties = tuple(t for t in (*kept, *tied) if {t.agent, t.of} <= present)
+        try:
+            return SocialGraph(
+                agents=tuple(nodes), relations=edges, ties=ties, context=self._build_context()
+            )
+        except ValidationError as error:
+            fault = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise Refused("contradictory", f"{fault}; change both, or say it anew.") from error
 
     def _get_entry(self, name: str) -> str | None:
         return self._before.agent(name).entry
