@@ -116,6 +116,10 @@ def test_who_waits_in_traffic_is_no_object() -> None:
         ("A pedestrian goes around a stalled car", "not clear which"),
         ("A car waits behind a stalled van and hits a pedestrian", "no relation can bind it"),
         (
+            "A driver turns left and meets a bus head-on, both stop before hitting each other.",
+            "not clear what 'stop before hitting'",
+        ),
+        (
             "He was running to catch the bus, crossing on red, and the van driver had to stand on "
             "the brakes.",
             "not clear what 'He'",
@@ -177,6 +181,13 @@ def test_a_hook_that_nearly_hits_is_a_near_miss(text: str) -> None:
     assert isinstance(graph, SocialGraph)
     (edge,) = graph.relations
     assert (edge.type, edge.pattern) == ("near_miss", "rider_right_hook_near_miss")
+
+
+def test_a_follower_that_cannot_stop_in_time_hits_the_leader() -> None:
+    graph = plan("The lead car brakes and the follower fails to stop in time.")
+    assert isinstance(graph, SocialGraph)
+    (edge,) = graph.relations
+    assert (edge.type, edge.kind, edge.manoeuvre) == ("collide_at", "rear_end", "lead_brakes")
 
 
 def test_a_light_passed_on_yellow_is_no_red_light_run() -> None:

@@ -43,7 +43,13 @@ def test_plurals_of_a_text_in_which_nothing_happens_are_no_parties(text: str) ->
 
 @pytest.mark.parametrize(
     "text",
-    ["Three blue cars wait", "No other cars are there", "A car between parked cars", "Two vans"],
+    [
+        "Three blue cars wait",
+        "No other cars are there",
+        "A car between parked cars",
+        "Two vans",
+        "Teenagers jaywalk across the south leg in a group of three",
+    ],
 )
 def test_numbered_and_standing_plurals_are_left_alone(text: str) -> None:
     assert count_plurals(text) is None

@@ -69,8 +69,18 @@ _SELDOM_LOST = re.compile(
 """Words of what happens; those of a relation file's phrase are in no account."""
 
 
+_AVOIDED = re.compile(
+    r"\b(?:stop|halt|brak)\w*\b[^.;]{0,30}\bbefore (?:hitting|colliding|touching|crashing)\b",
+    re.IGNORECASE,
+)
+"""Words of a collision that does not come about."""
+
+
 def find_lost_words(graph: SocialGraph, text: str) -> str | None:
     """Words of what happens of which the plan knows nothing; None if there are none."""
+    avoided = _AVOIDED.search(text)
+    if avoided and any(edge.type == "collide_at" for edge in graph.relations):
+        return avoided[0]
     by_phrase = any(edge.pattern for edge in graph.relations)
     for pattern in (_NEVER_LOST,) if by_phrase else (_NEVER_LOST, _SELDOM_LOST):
         for match in pattern.finditer(text):

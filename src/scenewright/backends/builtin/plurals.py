@@ -29,6 +29,11 @@ _NUMBERED = re.compile(
     r"these|those|pair|couple|group|parked|standing|background|between|among)\s+(?:\w+\s+){0,2}$",
     re.IGNORECASE,
 )
+_COUNTED_ELSEWHERE = re.compile(
+    r"\b(?:groups?|pairs?|couples?|rows?|lines?|queues?|party|class) of\b|\bof them\b",
+    re.IGNORECASE,
+)
+"""The number is said apart from the noun: "teenagers cross in a group of three"."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class CountedText(RewrittenText):
 def count_plurals(text: str) -> CountedText | None:
     """The text with "two" (three for "several") before plurals without a number; None if none."""
     matches = [m for m in _COUNTED.finditer(text) if _NUMBERED.search(text[: m.start()]) is None]
-    if not matches:
+    if not matches or _COUNTED_ELSEWHERE.search(text):
         return None
     worded, pieces = replace_pieces(text, ((m.start(), m.end(), _word(m)) for m in matches))
     return CountedText(worded, text, pieces)

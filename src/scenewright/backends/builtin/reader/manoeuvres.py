@@ -138,6 +138,9 @@ _PASSIVE_REAR = re.compile(
     r"rear-?ended)\b(?! by)",
     re.IGNORECASE,
 )
+_CANNOT = re.compile(
+    r"n't\b|n’t\b|\bcannot\b|\bnot\b|\bfail|\bunable\b|\btoo late\b", re.IGNORECASE
+)
 _HOOK = re.compile(r"\bhook|\bcross", re.IGNORECASE)
 _TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)
 _ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
@@ -301,7 +304,10 @@ def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
         return span
     if is_stopping_in_time(span):
         sure = max(span.confidence, _KNOWN)
-        return replace(span, tag="follow", value=None, negated=False, confidence=sure)
+        known = replace(span, negated=False, confidence=sure)
+        if _CANNOT.search(span.words):
+            return replace(known, tag="hit", value="rear")
+        return replace(known, tag="follow", value=None)
     if span.negated:
         return span
     if _NARROWLY.search(span.words) and _STOPS.search(span.words):
