@@ -13,6 +13,9 @@ MENTIONS = ("veh", "ped", "cyc", "scoot", "obj", "other")
 """Tags that introduce a road user or an object; the tag names its class."""
 
 EVENTS = ("hit", "near", "yield", "follow")
+PAIRS = (*EVENTS, "lane", "push", "meet", "door")
+"""Tags that say what one road user does to another, or about an object."""
+
 SIDES = ("from", "to", "heading", "cw")
 """Tags whose words name a leg or a direction of the compass."""
 
@@ -25,6 +28,7 @@ _FACTS = (
     *("wait", "when", "decel", "accel", "point", "density", "time", "bgveh", "bgped", "bgall"),
     *("normal", "weather", "place", "act", "sight", "broken", "cond", "thing", "pace", "manner"),
     *("del", "drop", "swap", "becomes", "ref"),
+    *("seen", "meet", "door", "motion", "lane", "push", "react"),
 )
 TAGS = frozenset((*MENTIONS, *EVENTS, *SIDES, *_FACTS))
 SEPARATOR = " >>> "

@@ -14,8 +14,13 @@ _VALUED = {
     "near": ("cutoff",),
     "density": ("low", "medium", "high", "up", "down"),
     **dict.fromkeys(MENTIONS, ("many",)),
+    "obj": ("many", "parked", "double", "stalled", "stop", "thing"),
+    "meet": ("around", "wait", "short"),
+    "motion": ("runs", "darts", "midway", "back", "yellow", "stopyellow", "box", "wrongway"),
+    "lane": ("cutin", "change", "tailgate"),
+    "react": ("none", "swerve", "back", "run"),
 }
-_ALWAYS_VALUED = frozenset({"density"})
+_ALWAYS_VALUED = frozenset({"density", "meet", "motion", "lane", "react"})
 
 LABELS: tuple[str, ...] = tuple(
     label
