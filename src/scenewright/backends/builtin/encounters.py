@@ -432,8 +432,8 @@ def add_encounters(
         name = _find_agent(graph, phrase)
         node = _make_node(phrase, f"object-{len(nodes) + 1}", name)
         own = next(k for k, each in enumerate(agents) if each.id == name)
-        agents[own] = _reroute_agent(agents[own], node)
-        node = node if node.leg is None else node.model_copy(update=_find_side(agents[own], node))
+        agents[own] = reroute_agent(agents[own], node)
+        node = node if node.leg is None else node.model_copy(update=find_side(agents[own], node))
         fields = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
         value = f"{node.id} {node.kind} {node.subtype or ''}".strip()
         said = [each for each in said if not phrase.start <= each.start < phrase.end]
@@ -512,11 +512,12 @@ def find_kind(words: str, how: Encounter) -> ObjectKind:
     return "stalled"
 
 
-def _find_side(agent: AgentNode, node: ObjectNode) -> dict[str, str]:
+def find_side(agent: AgentNode, node: ObjectNode) -> dict[str, str]:
+    """The side of its leg on which an object stands that an agent meets, as a field of it."""
     return {"side": "entry" if agent.entry == node.leg else "exit"}
 
 
-def _reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
+def reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
     """The agent with a route by the leg on which the object stands.
 
     Raises:

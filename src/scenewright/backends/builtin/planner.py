@@ -154,6 +154,58 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 
 
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
+    """The plan of a text; what stands in it is read by the encoder or by phrases."""
+    by_phrases = _plan_by_phrases(text, previous, site)
+    if previous is not None or not _may_hold_objects(text):
+        return by_phrases
+    try:
+        learned = read_plan(text, site=site)
+    except Refused:
+        return by_phrases
+    if not learned.objects or isinstance(learned.plan, Refusal):
+        return by_phrases
+    sure = learned.confidence >= (SURE if isinstance(by_phrases, Refusal) else SURE_OF_HARD)
+    if not sure or _is_same_with_objects(learned.plan, by_phrases):
+        return by_phrases
+    seconds = (read_again(text, opener, site=site) for opener in OPENERS)
+    if all(_is_same_with_objects(learned.plan, each.plan) for each in seconds):
+        return _refuse_lost_words(link_collisions(read_cut_ins(learned.plan)), text)
+    return by_phrases
+
+
+_STANDING = re.compile(
+    r"park|stall|stop|stand|broke|strand|abandon|unload|bus|bin\b|container|skip\b|kiosk|dumpster|"
+    r"box|door|behind|between|hid|block|obscur|screen|mask|cabinet|booth|hazard",
+    re.IGNORECASE,
+)
+
+
+def _may_hold_objects(text: str) -> bool:
+    """Whether the encoder should look for standing objects, which takes it a reading more."""
+    return _STANDING.search(text) is not None
+
+
+def _is_same_with_objects(first: Plan, second: Plan) -> bool:
+    """Whether two plans are the same, objects included."""
+    if isinstance(first, Refusal) or isinstance(second, Refusal):
+        return False
+    left, right = (
+        [(o.kind, o.leg, o.side, o.hides, o.encounter) for o in each.objects]
+        for each in (first, second)
+    )
+    return left == right and is_same_plan(first, second)
+
+
+def _refuse_lost_words(graph: SocialGraph, text: str) -> Plan:
+    """The graph, or a refusal if it knows nothing of some words of what happens."""
+    lost = find_lost_words(graph, text)
+    if lost is None:
+        return graph
+    reason = f"It is not clear what '{lost}' says; say who does it."
+    return Refusal(code="out_of_scope", reason=reason)
+
+
+def _plan_by_phrases(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
         notes = None if previous else read_notes(text)
@@ -181,10 +233,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         found = add_space(found, space) if space else found
         found = add_push(found, push, text) if push else link_collisions(found)
         found = note_beyond(add_objects(found, standing, text) if standing else found, rest)
-        lost = None if previous else find_lost_words(found, text)
-        if lost is not None:
-            raise Refused("out_of_scope", f"It is not clear what '{lost}' says; say who does it.")
-        return found
+        return found if previous else _refuse_lost_words(found, text)
     except Refused as verdict:
         refused = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
         return refuse_beyond(refused, text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NoReturn, cast
+from typing import NoReturn, cast, get_args
 
 from scenewright.backends.builtin.clock import read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
@@ -25,7 +25,11 @@ from scenewright.backends.builtin.reader.annotation import (
 )
 from scenewright.backends.builtin.reader.asked_numbers import NUMBERS, read_number
 from scenewright.backends.builtin.reader.groups import GROUP
-from scenewright.backends.builtin.reader.manoeuvres import settle_lanes, settle_lead_braking
+from scenewright.backends.builtin.reader.manoeuvres import (
+    read_lanes,
+    settle_lanes,
+    settle_lead_braking,
+)
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.orders import has_order_words
@@ -38,7 +42,12 @@ from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
 from scenewright.scene.relations import load_patterns
-from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion, VehicleMotion
+from scenewright.scene.social import (
+    MOST_BACKGROUND,
+    AskedReaction,
+    PedestrianMotion,
+    VehicleMotion,
+)
 from scenewright.scene.track import EMERGENCY
 
 OPPOSITE = {
@@ -177,6 +186,7 @@ class Interpretation:
     roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
     numbers: list[ReadSpan] = field(default_factory=list)
+    lanes: list[ReadSpan] = field(default_factory=list)
     places: list[ReadSpan] = field(default_factory=list)
     spans: tuple[ReadSpan, ...] = ()
     eventful: bool = False
@@ -498,6 +508,11 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "nothing", span.subjects, note=note)
 
 
+def _leave_out_act(result: Interpretation, span: ReadSpan) -> None:
+    """What no agent can do, or nothing is there to do it to."""
+    _leave_out(result, replace(span, tag="act"))
+
+
 _SIREN = re.compile(
     r"siren|blue lights?|blues and twos|(?:flashing|emergency) lights?|lights? flashing|"
     r"\bon (?:a|an emergency) call\b",
@@ -787,11 +802,39 @@ def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]
 
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
     """How pedestrians cross, and how vehicles pass a light."""
+    motion = _MOTIONS.get(span.value or "", span.value)
     for number in span.subjects:
         agent = result.users.get(number)
-        if agent is not None:
-            agent.motion = cast("PedestrianMotion | VehicleMotion", span.value)
-            result.enter(span, "motion", (number,), span.value)
+        if agent is None or (motion in get_args(PedestrianMotion)) != agent.walks:
+            result.enter(span, "nothing", (number,), note=_BEYOND["act"])
+        else:
+            agent.motion = cast("PedestrianMotion | VehicleMotion", motion)
+            result.enter(span, "motion", (number,), motion)
+
+
+_MOTIONS = {
+    "darts": "darts_out", "midway": "stops_midway", "back": "turns_back", "box": "blocks_junction",
+    "yellow": "passes_yellow", "stopyellow": "stops_at_yellow", "wrongway": "drives_wrong_way",
+}  # fmt: skip
+"""Motions by the value of their tag, where the two differ."""
+
+
+def _react(result: Interpretation, span: ReadSpan) -> None:
+    """How a threatened agent reacts, as far as it can be asked for."""
+    if span.value in get_args(AskedReaction) and not span.negated:
+        _do_not_react(result, span)
+    else:
+        _leave_out_act(result, span)
+
+
+def _push(result: Interpretation, span: ReadSpan) -> None:
+    """An agent that is hit from behind is pushed on into another one."""
+    _relate(result, replace(span, tag="hit", value="rear"))
+
+
+def _keep_lane(result: Interpretation, span: ReadSpan) -> None:
+    """Lane changes and following close up belong to the event of the two."""
+    result.lanes.append(span)
 
 
 def _do_not_react(result: Interpretation, span: ReadSpan) -> None:
@@ -1082,6 +1125,7 @@ def _settle(result: Interpretation) -> None:
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
+    read_lanes(result, _BEYOND["act"])
     settle_lead_braking(result)
     settle_lanes(result)
     for user in result.braking:
@@ -1261,6 +1305,10 @@ _RULES: dict[str, Rule] = {
     "first": _keep_order,
     "motion": _move_so,
     "reaction": _do_not_react,
+    "react": _react,
+    "push": _push,
+    "lane": _keep_lane,
+    **dict.fromkeys(("meet", "door"), _leave_out_act),
     "red": _run_red,
     "brake": _brake,
     "cond": _refuse_condition,

@@ -13,6 +13,11 @@ from scenewright.backends.builtin.graph_making import (
     place_impacts,
 )
 from scenewright.backends.builtin.impacts import read_impacts
+from scenewright.backends.builtin.read_objects import (
+    ReadObject,
+    add_read_objects,
+    take_out_objects,
+)
 from scenewright.backends.builtin.reader.annotation import EVENTS, SEPARATOR
 from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.groups import join_groups
@@ -34,6 +39,7 @@ class LearnedPlan:
     """A plan, what it was made of, and how sure the reading is.
 
     Attributes:
+        objects: what stands in the text, which is part of the plan.
         confidence: the least probability of a choice that the plan rests on; 0 where words are
             passed over that may not be.
     """
@@ -42,6 +48,7 @@ class LearnedPlan:
     reading: Reading
     interpretation: Interpretation | None
     confidence: float
+    objects: tuple[ReadObject, ...] = ()
 
 
 def read_plan(text: str, *, previous: str | None = None, site: Site | None = None) -> LearnedPlan:
@@ -70,27 +77,38 @@ def _shift(span: ReadSpan, characters: int) -> ReadSpan:
     return replace(span, start=span.start + characters, end=span.end + characters)
 
 
-def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
+def plan_reading(whole: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
+    reading, objects = take_out_objects(whole)
     reading = read_reactions(correct_manoeuvres(join_groups(merge_mentions(reading))))
     reading = orient_orders(read_unmarked(reading))
-    silent = ("manner", "ref") if _asks_for_contact(reading) else ("manner", "ref", "no contact")
-    spans = [span.confidence for span in reading.spans if _get_part(span) not in silent]
-    confidence = min([reading.kind_confidence, *spans])
-    if reading.kind in ("scene", "edit") and (find_passed_over(reading) or _is_no_change(reading)):
-        confidence = 0.0
+    confidence = _compute_confidence(reading, whole, objects)
     try:
         interpretation = interpret(reading, site)
         draft = _settle(interpretation, text)
         finished = finish_draft(draft)
         offset = reading.text.find(SEPARATOR) + len(SEPARATOR) if reading.kind == "edit" else 0
-        said = interpretation.build_account(name_agents(finished.agents), offset)
+        names = name_agents(finished.agents)
+        said = interpretation.build_account(names, offset)
         graph = make_graph(finished)
-        plan: Plan = graph.model_copy(update={"said": tuple(_match_plan(e, graph) for e in said)})
+        graph = graph.model_copy(update={"said": tuple(_match_plan(e, graph) for e in said)})
+        users = {n: names[id(a)] for n, a in interpretation.users.items() if id(a) in names}
+        plan: Plan = add_read_objects(graph, objects, users) if objects else graph
     except Refused as verdict:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
-        return LearnedPlan(refusal, reading, None, confidence)
-    return LearnedPlan(plan, reading, interpretation, confidence)
+        return LearnedPlan(refusal, reading, None, confidence, objects)
+    return LearnedPlan(plan, reading, interpretation, confidence, objects)
+
+
+def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObject, ...]) -> float:
+    """The least probability of a choice that the plan rests on; 0 where words are passed over."""
+    silent = ("manner", "ref") if _asks_for_contact(reading) else ("manner", "ref", "no contact")
+    spans = [span.confidence for span in reading.spans if _get_part(span) not in silent]
+    spans += [span.confidence for each in objects for span in each.list_spans()]
+    passed = find_passed_over(whole if objects else reading)
+    if reading.kind in ("scene", "edit") and (passed or _is_no_change(reading)):
+        return 0.0
+    return min([reading.kind_confidence, *spans])
 
 
 _DENIES = re.compile(

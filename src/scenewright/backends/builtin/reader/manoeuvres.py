@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, get_args
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.scene.social import Manoeuvre, PedestrianMotion, VehicleMotion
+from scenewright.scene.social import Manoeuvre, PedestrianMotion, RelationType, VehicleMotion
 
 if TYPE_CHECKING:
     from scenewright.backends.builtin.reader.interpret import Interpretation
@@ -373,6 +373,42 @@ def _find_changed(result: Interpretation, agents: list[AgentDraft]) -> RelationD
 
 _CHANGES: dict[str, Manoeuvre] = {"near_miss": "cuts_in", "collide_at": "changes_lane"}
 """By relation: what a lane change is to it."""
+
+
+def read_lanes(result: Interpretation, note: str) -> None:
+    """Lane changes and following close up, once it is known what else the two do.
+
+    Args:
+        note: why such words become nothing where they are not said of two agents.
+    """
+    for span in result.lanes:
+        users = (*span.subjects[:1], *span.objects[:1])
+        agents = result.list_agents(users)
+        if len(agents) != 2 or span.negated:
+            result.enter(span, "nothing", span.subjects, note=note)
+            continue
+        edge = _find_lane_relation(result, agents, span.value or "")
+        result.enter(span, "manoeuvre", users, edge.manoeuvre)
+    result.lanes = []
+
+
+def _find_lane_relation(
+    result: Interpretation, agents: list[AgentDraft], value: str
+) -> RelationDraft:
+    """The relation of the two as a manoeuvre; a new one where nothing else is said of them."""
+    follows = value == "tailgate"
+    kinds: tuple[RelationType, ...] = ("follow",) if follows else ("near_miss", "collide_at")
+    pair = frozenset(map(id, agents))
+    found = [e for e in result.draft.relations if e.type in kinds and e.pair() == pair]
+    if not found:
+        found = [RelationDraft(kinds[0], agents[0], agents[1])]
+        result.draft.relations += found
+    edge = found[0]
+    edge.from_, edge.to = agents
+    edge.manoeuvre = "tailgates" if follows else _CHANGES[edge.type]
+    if edge.type == "collide_at":
+        edge.kind = "sideswipe"
+    return edge
 
 
 def settle_lead_braking(result: Interpretation) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.annotation import (
-    EVENTS,
     KINDS,
     MENTIONS,
+    PAIRS,
     SEPARATOR,
     AnnotatedText,
 )
@@ -34,6 +34,7 @@ _UNOWNED = frozenset(
         *("density", "time", "bgveh", "bgped", "bgall", "normal", "weather", "place", "broken"),
         *("cond", "thing", "manner", "del", "when", "act", "pace", "sight", "wait", "dist"),
         *("speed", "impact", "pet", "ttc", "gap", "headway", "light", "point", "decel", "accel"),
+        "seen",
     )
 )
 """Tags that need no agent."""
@@ -268,7 +269,7 @@ def _choose(
         free = int(chances[:, 1].argmax())
         sure = min(sure, float(chances[free, 1]))
         picked[free] = 1
-    if (tag in EVENTS or value in _RELATIVE) and not (picked == 2).any() and len(members) > 1:
+    if (tag in PAIRS or value in _RELATIVE) and not (picked == 2).any() and len(members) > 1:
         # The road user that costs least as object, while at least one subject is left.
         cost = chances.max(1) / np.maximum(chances[:, 2], 1e-9)
         if (picked == 1).sum() == 1:

@@ -7,8 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from scenewright.backends.builtin.reader.annotation import (
-    EVENTS,
     MENTIONS,
+    PAIRS,
     AnnotatedText,
     AnnotationError,
     parse_annotation,
@@ -82,7 +82,7 @@ def _find_faults(row: AnnotatedText) -> Iterator[str]:
                 yield f"[{span.tag} {words}] needs a number"
         elif span.tag in _NEEDS_SUBJECT and not span.subjects and not span.negated:
             yield f"[{span.tag} {words}] needs who, as in [{span.tag}:1 {words}]"
-        elif span.tag in EVENTS and not span.negated and not (span.subjects and span.objects):
+        elif span.tag in PAIRS and not span.negated and not (span.subjects and span.objects):
             yield f"[{span.tag} {words}] needs who>whom, as in [{span.tag}:1>2 {words}]"
     said = {number for span in row.spans for number in (*span.subjects, *span.objects)}
     if unknown := sorted(said - set(known)):

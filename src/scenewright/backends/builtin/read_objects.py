@@ -1,0 +1,271 @@
+"""Objects that the encoder reads in a text: what stands where, whom it hides, who meets it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.encounters import find_kind, find_side, reroute_agent
+from scenewright.backends.builtin.reader.interpret import get_side
+from scenewright.backends.builtin.reader.measures import parse_range
+from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.words import find_subtype
+from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.social import (
+    MOST_OBJECTS,
+    STANDING_VEHICLES,
+    AgentNode,
+    Encounter,
+    ObjectKind,
+    ObjectNode,
+    SocialGraph,
+)
+
+_SPEED_TOLERANCE, _TIME_TOLERANCE = 0.5, 0.15
+"""Of a speed [m/s] and a time [s] that are asked for (SEMANTICS 8)."""
+
+_KINDS: dict[str | None, ObjectKind] = {
+    "parked": "parked", "double": "double_parked", "stalled": "stalled", "stop": "bus_stop",
+}  # fmt: skip
+_ENCOUNTERS: dict[tuple[str, str | None], Encounter] = {
+    ("meet", "around"): "goes_round",
+    ("meet", "wait"): "waits_behind",
+    ("meet", "short"): "stops_short",
+    ("door", None): "doored",
+}
+_EVENTS: dict[str, Encounter] = {
+    "hit": "hits", "near": "stops_short", "yield": "waits_behind", "follow": "waits_behind",
+}  # fmt: skip
+_BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
+
+
+@dataclass
+class ReadObject:
+    """A standing object of a text.
+
+    Attributes:
+        mentions: the words that name it; number: its own among the road users.
+        beyond: the number of the second of two, between which a pedestrian comes out.
+        place: where it stands; hidden: the number of whom it hides, `sights` the words for that.
+        seen: the words that say how long before the event the hidden one is seen.
+        met_by: the number of the agent that meets it; meets: the words; figures: their numbers.
+    """
+
+    number: int
+    mentions: list[ReadSpan]
+    beyond: int | None = None
+    place: list[ReadSpan] = field(default_factory=list)
+    hidden: int | None = None
+    sights: list[ReadSpan] = field(default_factory=list)
+    seen: list[ReadSpan] = field(default_factory=list)
+    met_by: int | None = None
+    encounter: Encounter | None = None
+    meets: list[ReadSpan] = field(default_factory=list)
+    figures: list[ReadSpan] = field(default_factory=list)
+
+    def list_spans(self) -> Iterator[ReadSpan]:
+        """All words that are about it."""
+        for part in (self.mentions, self.place, self.sights, self.seen, self.meets, self.figures):
+            yield from part
+
+    def get_figure(self) -> tuple[float, float] | None:
+        """The range of the speed of a hit, or of the wait before it is passed."""
+        tolerance = _TIME_TOLERANCE if self.encounter == "waits_then_passes" else _SPEED_TOLERANCE
+        found = [parse_range(each.words, "", tolerance) for each in self.figures]
+        ranges = [each for each in found if each is not None and each[1] is not None]
+        return (ranges[0][0], ranges[0][1] or 0.0) if ranges else None
+
+
+def take_out_objects(reading: Reading) -> tuple[Reading, tuple[ReadObject, ...]]:
+    """A reading without the spans about standing objects, and these objects."""
+    objects = {
+        number: ReadObject(number, [reading.spans[at]])
+        for number, at in reading.users.items()
+        if reading.spans[at].tag == "obj" and reading.spans[at].value in (*_KINDS, "thing")
+        if reading.spans[at].value is not None and not reading.spans[at].negated
+    }
+    if not objects:
+        return reading, ()
+    for span in reading.spans:
+        _assign_span(span, objects)
+    _assign_figures(reading, objects)
+    taken = {id(span) for each in objects.values() for span in each.list_spans()}
+    kept = [_without(span, objects) for span in reading.spans if id(span) not in taken]
+    places = [n for n, span in enumerate(reading.spans) if id(span) not in taken]
+    users = {u: places.index(at) for u, at in reading.users.items() if at in places}
+    return replace(reading, spans=tuple(kept), users=users), _join_pairs(objects)
+
+
+def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
+    """Give the span to the object that it is about, if it is about one."""
+    subjects = [objects[n] for n in span.subjects if n in objects]
+    things = subjects + [objects[n] for n in span.objects if n in objects]
+    if not things or span.tag == "obj":
+        return
+    agents = [n for n in (*span.subjects, *span.objects) if n not in objects]
+    encounter = _ENCOUNTERS.get((span.tag, span.value)) or _EVENTS.get(span.tag)
+    if span.tag == "ref":
+        things[0].mentions.append(span)
+    elif span.tag in ("from", "to", "cw") and subjects:
+        for each in subjects:
+            each.place.append(span)
+    elif span.tag == "sight" and agents:
+        for each in things:
+            each.hidden = agents[0]
+            each.sights.append(span)
+    elif encounter is not None and agents and not span.negated:
+        things[0].met_by, things[0].encounter = agents[0], _join_meeting(things[0], encounter)
+        things[0].meets.append(span)
+
+
+def _join_meeting(each: ReadObject, encounter: Encounter) -> Encounter:
+    """One that waits and then goes round does both."""
+    both = {each.encounter, encounter} == {"waits_behind", "goes_round"}
+    return "waits_then_passes" if both else encounter
+
+
+def _assign_figures(reading: Reading, objects: Mapping[int, ReadObject]) -> None:
+    """Numbers of a hit, of a wait and of the time at which a hidden agent is seen."""
+    for span in reading.spans:
+        for each in objects.values():
+            own = not span.subjects or each.met_by in span.subjects
+            if span.tag == "seen" and each.hidden is not None:
+                each.seen.append(span)
+            elif span.tag == "impact" and each.encounter in ("hits", "doored") and own:
+                each.figures.append(span)
+            elif span.tag == "wait" and each.encounter in ("waits_behind", "waits_then_passes"):
+                each.figures.append(span) if own else None
+
+
+def _without(span: ReadSpan, objects: Mapping[int, ReadObject]) -> ReadSpan:
+    subjects = tuple(n for n in span.subjects if n not in objects)
+    others = tuple(n for n in span.objects if n not in objects)
+    same = subjects == span.subjects and others == span.objects
+    return span if same else replace(span, subjects=subjects, objects=others)
+
+
+def _join_pairs(objects: Mapping[int, ReadObject]) -> tuple[ReadObject, ...]:
+    """The objects; of two named in one breath, between which an agent comes out, one pair."""
+    found = list(objects.values())
+    for first in found:
+        same = [each for each in found if each.mentions[0] is first.mentions[0]]
+        words = " ".join(span.words for span in first.sights)
+        if len(same) >= 2 and first is same[0] and _BETWEEN.search(words):
+            first.beyond = same[1].number
+    beyond = {each.beyond for each in found}
+    rest = [each for each in found if each.number not in beyond]
+    return tuple(rest)
+
+
+def add_read_objects(
+    graph: SocialGraph, objects: Sequence[ReadObject], names: Mapping[int, str]
+) -> SocialGraph:
+    """The graph with the objects, and the account of their words.
+
+    Args:
+        names: road user by number -> agent of the graph.
+
+    Raises:
+        Refused: what an object is said to do cannot be shown, or there are too many.
+    """
+    nodes: list[ObjectNode] = []
+    said = list(graph.said)
+    agents = list(graph.agents)
+    for each in objects:
+        node = _make_node(each, f"object-{len(nodes) + 1}")
+        if each.hidden is not None:
+            node = node.model_copy(update=_hide(graph, each, names))
+        if each.met_by is not None and each.met_by in names:
+            own = next(n for n, a in enumerate(agents) if a.id == names[each.met_by])
+            agents[own] = reroute_agent(agents[own], node)
+            side = find_side(agents[own], node) if node.leg is not None else {}
+            meeting = {"met_by": agents[own].id, "encounter": each.encounter}
+            node = node.model_copy(update={**side, **meeting, "figure": each.get_figure()})
+        nodes.append(node)
+        said += _list_said(each, node)
+        if each.beyond is not None:
+            # No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it.
+            agents = [_let_jaywalk(agent) if agent.id == node.hides else agent for agent in agents]
+            alone = {"hides": None, "hidden_from": None, "lead": None, "beyond": node.id}
+            nodes.append(node.model_copy(update={"id": f"object-{len(nodes) + 1}", **alone}))
+    if len(nodes) > MOST_OBJECTS:
+        raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
+    said.sort(key=lambda each: each.start)
+    parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
+    try:
+        return SocialGraph.model_validate(graph.model_copy(update=parts).model_dump(by_alias=True))
+    except ValueError as error:
+        words = str(error).split("Value error, ")[-1].split(" [type")[0]
+        raise Refused("out_of_scope", f"'{objects[0].mentions[0].words}': {words}.") from error
+
+
+def _let_jaywalk(agent: AgentNode) -> AgentNode:
+    free = agent.crosswalk is None
+    return agent.model_copy(update={"movement": "jaywalking"}) if free else agent
+
+
+def _make_node(each: ReadObject, name: str) -> ObjectNode:
+    span = each.mentions[0]
+    kind = _KINDS.get(span.value) or _find_thing(span.words)
+    if each.encounter is not None:
+        state = {"double": "double-parked", "stop": "unloading"}.get(span.value or "", span.value)
+        kind = find_kind(f"{span.words} {state}", each.encounter)
+    sides = [place for place in each.place if get_side(place) is not None]
+    vehicle = kind in STANDING_VEHICLES
+    return ObjectNode.model_validate(
+        {
+            "id": name,
+            "kind": kind,
+            "subtype": find_subtype(span.words) if vehicle else None,
+            "leg": get_side(sides[0]) if sides else None,
+            "side": "exit" if sides and sides[0].tag == "to" else None,
+        }
+    )
+
+
+def _find_thing(words: str) -> ObjectKind:
+    if re.search(r"container|skip|dumpster", words, re.IGNORECASE):
+        return "container"
+    return "bin" if re.search(r"\bbins?\b|trash|dustbin", words, re.IGNORECASE) else "box"
+
+
+def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dict[str, object]:
+    """The fields of an object that hides a pedestrian from the vehicle of their event.
+
+    Raises:
+        Refused: another than a pedestrian is hidden, or nothing happens between it and a vehicle.
+    """
+    types = {agent.id: agent.type for agent in graph.agents}
+    walker = names.get(each.hidden or 0)
+    pairs = [(e.from_, e.to) for e in graph.relations if walker in (e.from_, e.to)]
+    drivers = [a if b == walker else b for a, b in pairs]
+    drivers = [name for name in drivers if types[name] == "vehicle"]
+    if walker is None or types[walker] != "pedestrian" or not drivers:
+        raise Refused(
+            "out_of_scope",
+            f"'{each.sights[0].words}' says that something is hidden, and only a pedestrian that a "
+            "vehicle hits, nearly hits or gives way to can be; say such an event.",
+        )
+    found = [parse_range(span.words, "", _TIME_TOLERANCE) for span in each.seen]
+    leads = [(lead[0], lead[1]) for lead in found if lead is not None and lead[1] is not None]
+    return {"hides": walker, "hidden_from": drivers[0], "lead": leads[0] if leads else None}
+
+
+def _list_said(each: ReadObject, node: ObjectNode) -> Iterator[SaidSpan]:
+    """The account of the words about one object."""
+    thing = f"{node.id} {node.kind} {node.subtype or ''}".strip()
+    for span in (*each.mentions, *each.place):
+        yield _say(span, "object", (), thing)
+    pair = (node.hidden_from or "", node.hides or "")
+    for span in (*each.sights, *each.seen):
+        yield _say(span, "sight", pair, node.id)
+    for span in (*each.meets, *each.figures):
+        yield _say(span, "encounter", (node.met_by or "",), f"{node.id} {each.encounter}")
+
+
+def _say(span: ReadSpan, became: Became, agents: tuple[str, ...], value: str) -> SaidSpan:
+    return SaidSpan(
+        start=span.start, end=span.end, words=span.words, became=became, agents=agents, value=value
+    )
