@@ -18,7 +18,7 @@ from scenewright.backends.builtin.read_objects import (
     add_read_objects,
     take_out_objects,
 )
-from scenewright.backends.builtin.reader.annotation import EVENTS, SEPARATOR
+from scenewright.backends.builtin.reader.annotation import SEPARATOR
 from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.groups import join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
@@ -124,9 +124,9 @@ def _get_part(span: ReadSpan) -> str:
 
 
 def _asks_for_contact(reading: Reading) -> bool:
-    """Whether the reading has a contact, or no event at all."""
-    events = [each for each in reading.spans if each.tag in EVENTS and not each.negated]
-    return not events or any(each.tag == "hit" for each in events)
+    """Whether the reading has a contact; without one, a denied contact is between no agents in
+    particular."""
+    return any(each.tag == "hit" and not each.negated for each in reading.spans)
 
 
 def _is_no_change(reading: Reading) -> bool:
