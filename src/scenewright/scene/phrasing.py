@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from scenewright.scene.base import AgentClass
-from scenewright.scene.social import AgentNode, RelationEdge, SceneContext, SocialGraph
+from scenewright.scene.measures import Measure
+from scenewright.scene.social import (
+    AgentNode,
+    ObjectNode,
+    RelationEdge,
+    SceneContext,
+    SocialGraph,
+)
 
 _VERBS = {
     "collide_at": "collides with", "near_miss": "narrowly misses", "yield_to": "yields to",
@@ -43,6 +50,14 @@ _MOTIONS = {
     "stops_at_yellow": "brakes hard for a yellow light", "blocks_junction": "blocks the box",
     "drives_wrong_way": "drives the wrong way",
 }  # fmt: skip
+_STATES = {
+    "parked": "parked ", "double_parked": "double-parked ", "stalled": "stalled ", "bus_stop": "",
+}  # fmt: skip
+_ENCOUNTERS = {
+    "goes_round": "{} goes around {}", "waits_behind": "{} waits behind {}",
+    "queues": "{} waits behind {}", "hits": "{} hits {}", "stops_short": "{} nearly hits {}",
+    "waits_then_passes": "{} waits behind {}, then goes around it", "doored": "{} is doored by {}",
+}  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
 
@@ -56,8 +71,10 @@ def describe_graph(graph: SocialGraph) -> str:
         for tie in graph.ties
         if graph.agent(tie.agent).entry is None or graph.agent(tie.of).entry is None
     ]
-    if not graph.relations:
+    if not graph.relations and not any(each.met_by for each in graph.objects):
         sentences.append("nothing happens")
+    sentences += _describe_objects(graph, names)
+    sentences += [_describe_speed(m, names) for m in graph.measures if m.kind == "speed"]
     sentences += _describe_context(graph.context)
     return ". ".join(each[0].upper() + each[1:] for each in sentences) + "."
 
@@ -102,6 +119,8 @@ def _describe_route(agent: AgentNode) -> Iterator[str]:
         yield _MOTIONS[agent.motion]
     if agent.runs_red:
         yield "runs the red light"
+    if agent.reaction is not None:
+        yield "does not react"
 
 
 def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
@@ -118,6 +137,33 @@ def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
     if edge.first is not None and edge.type != "yield_to":
         words += f", and {names[edge.first]} passes first"
     return words
+
+
+def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str]:
+    """What stands, whom it hides and who meets it."""
+    ends = {each.beyond for each in graph.objects}
+    for node in graph.objects:
+        thing = _name_object(node)
+        for each in node.list_meetings():
+            yield _ENCOUNTERS[each.encounter].format(names[each.agent], thing)
+        if node.hides is not None and node.id in ends:
+            yield f"{names[node.hides]} comes out from between two parked {node.subtype or 'car'}s"
+        elif node.hides is not None:
+            lead = f", seen {sum(node.lead) / 2:g} s before the event" if node.lead else ""
+            yield f"{names[node.hides]} comes out from behind {thing}{lead}"
+        elif node.met_by is None and node.beyond is None:
+            yield f"there is {thing}"
+
+
+def _name_object(node: ObjectNode) -> str:
+    place = f" on the {node.leg} {'exit' if node.side == 'exit' else 'leg'}" if node.leg else ""
+    noun: str = (node.subtype or "car") if node.kind in _STATES else node.kind
+    noun = "bus at its stop" if node.kind == "bus_stop" else noun
+    return f"a {_STATES.get(node.kind, '')}{noun.replace('_', ' ')}{place}"
+
+
+def _describe_speed(measure: Measure, names: dict[str, str]) -> str:
+    return f"{names[measure.agent]} drives at {(measure.low + measure.high) / 2:g} m/s"
 
 
 def _describe_context(context: SceneContext) -> Iterator[str]:

@@ -63,6 +63,7 @@ _TAKEN_BACK = re.compile(
 )
 _DENIED = compile_negations("nor", "instead", "all but", "either")
 MOST_OFFERS = 3
+_OFFERS = " Did you mean: "
 LONGEST_READ_AGAIN = 600
 """Characters of a text that is read again where there is doubt."""
 
@@ -164,13 +165,27 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         return by_phrases
     if not learned.objects or isinstance(learned.plan, Refusal):
         return by_phrases
-    sure = learned.confidence >= (SURE if isinstance(by_phrases, Refusal) else SURE_OF_HARD)
-    if not sure or _is_same_with_objects(learned.plan, by_phrases):
-        return by_phrases
-    seconds = (read_again(text, opener, site=site) for opener in OPENERS)
-    if all(_is_same_with_objects(learned.plan, each.plan) for each in seconds):
+    refused = isinstance(by_phrases, Refusal)
+    sure = learned.confidence >= (SURE if refused else SURE_OF_HARD)
+    seconds = (read_again(text, opener, site=site).plan for opener in OPENERS)
+    if sure and all(_is_same_with_objects(learned.plan, each) for each in seconds):
         return _refuse_lost_words(link_collisions(read_cut_ins(learned.plan)), text)
-    return by_phrases
+    return _offer_with_objects(by_phrases, learned.plan, site) if refused else by_phrases
+
+
+def _offer_with_objects(refusal: Plan, meant: SocialGraph, site: Site) -> Plan:
+    """The refusal with a sentence that says what the encoder reads, objects included."""
+    sentence = describe_graph(meant)
+    if not isinstance(refusal, Refusal) or not _is_understood(sentence, meant, site):
+        return refusal
+    reason = f"{_cut_offers(refusal).reason}{_OFFERS}{sentence!r}?"
+    return refusal.model_copy(update={"reason": reason, "did_you_mean": (sentence,)})
+
+
+def _cut_offers(refusal: Refusal) -> Refusal:
+    """The refusal without sentences that would be understood."""
+    reason = refusal.reason.partition(_OFFERS)[0]
+    return refusal.model_copy(update={"reason": reason, "did_you_mean": ()})
 
 
 _STANDING = re.compile(
@@ -226,7 +241,8 @@ def _plan_by_phrases(text: str, previous: str | None, site: Site) -> Plan:
             found = decide(read_twice(f"{said}{_NO_MORE}", earlier, site), site)
             found = _drop_beyond(found, len(said))
         if isinstance(found, Refusal):
-            return refuse_beyond(found, rest)
+            # What stands is in none of the sentences that are offered for the rest.
+            return refuse_beyond(_cut_offers(found) if met or standing else found, rest)
         found = add_encounters(found, met, text) if met else found
         found = add_wrong_way(found, wrong, text) if wrong else found
         found = read_leaders(read_cut_ins(found), rest)
@@ -445,7 +461,7 @@ def _offer(readings: Readings, again: Sequence[LearnedPlan], site: Site) -> Refu
     passed = find_passed_over(reading)
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
     words = f"'{passed[0]}' says" if passed else words
-    hint = f" Did you mean: {' or '.join(repr(each) for each in offers)}?" if offers else ""
+    hint = f"{_OFFERS}{' or '.join(repr(each) for each in offers)}?" if offers else ""
     for refused in (readings.by_grammar, readings.learned.plan):
         if isinstance(refused, Refusal) and not passed:
             return Refusal(code=refused.code, reason=refused.reason + hint, did_you_mean=offers)
@@ -473,6 +489,8 @@ def _list_sentences(readings: Readings, again: Sequence[LearnedPlan], site: Site
 
 def _is_understood(sentence: str, meant: SocialGraph, site: Site) -> bool:
     """Whether a sentence would be read as it is meant."""
+    if meant.objects:
+        return _is_same_with_objects(_plan_by_phrases(sentence, None, site), meant)
     learned, other = read_plan(sentence, site=site), read_by_grammar(sentence, None, site)
     if not is_same_plan(learned.plan, meant):
         return False

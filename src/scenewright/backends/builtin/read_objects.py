@@ -121,7 +121,9 @@ def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
 
 
 def _join_meeting(each: ReadObject, encounter: Encounter) -> Encounter:
-    """One that waits and then goes round does both."""
+    """One that waits and then goes round does both; one that is doored does not hit as well."""
+    if each.encounter == "doored":
+        return "doored"
     both = {each.encounter, encounter} == {"waits_behind", "goes_round"}
     return "waits_then_passes" if both else encounter
 
@@ -177,6 +179,7 @@ def add_read_objects(
         node = _make_node(each, f"object-{len(nodes) + 1}")
         if each.hidden is not None:
             node = node.model_copy(update=_hide(graph, each, names))
+            agents = [_let_cross(agent) if agent.id == node.hides else agent for agent in agents]
         if each.met_by is not None and each.met_by in names:
             own = next(n for n, a in enumerate(agents) if a.id == names[each.met_by])
             agents[own] = reroute_agent(agents[own], node)
@@ -199,6 +202,11 @@ def add_read_objects(
     except ValueError as error:
         words = str(error).split("Value error, ")[-1].split(" [type")[0]
         raise Refused("out_of_scope", f"'{objects[0].mentions[0].words}': {words}.") from error
+
+
+def _let_cross(agent: AgentNode) -> AgentNode:
+    """Pedestrians that come out from behind something cross the road."""
+    return agent if agent.movement else agent.model_copy(update={"movement": "crossing"})
 
 
 def _let_jaywalk(agent: AgentNode) -> AgentNode:
