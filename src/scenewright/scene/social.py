@@ -215,8 +215,8 @@ class ObjectNode(Model):
         subtype: of a vehicle; a car where the text leaves it open, a bus at a bus stop.
         leg: the arm it stands on; side: that of the approach (`entry`) or of the exit; lane: the
             outermost one on that side, as the traffic there sees it.
-        hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
-            what the two do.
+        hides: the pedestrian or rider that it hides from the vehicle `hidden_from`, up to `lead`
+            before what the two do.
         lead: least and most seconds between the first free line of sight and the event.
         beyond: the object that hides a pedestrian stepping out between it and this one.
         met_by: whose way it is in, and `encounter` what that one does about it, with a `figure`
@@ -351,8 +351,8 @@ class SocialGraph(Model):
                     f"{each.id} hides {each.hides} from {each.hidden_from}, but no relation binds "
                     "the two"
                 )
-            if each.hides is not None and not each.hides.startswith("pedestrian"):
-                raise ValueError(f"{each.id} can hide a pedestrian only, not {each.hides}")
+            if each.hides is not None and each.hides.startswith("vehicle"):
+                raise ValueError(f"{each.id} can hide a pedestrian or rider, not {each.hides}")
         self._check_encounters()
 
     def _check_encounters(self) -> None:

@@ -14,6 +14,7 @@ from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.numbers import TO_TWENTY
 from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.scene.account import SaidSpan
+from scenewright.scene.base import RIDERS
 from scenewright.scene.social import MOST_OBJECTS, ObjectKind, ObjectNode, SocialGraph
 
 
@@ -342,6 +343,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
                 said.append(
                     said[-1].model_copy(update={"start": start, "end": end, "words": words})
                 )
+            graph = _let_cross(graph, walker)
         nodes.append(node)
         if phrase.between:
             beyond = {"hides": None, "hidden_from": None, "lead": None, "beyond": node.id}
@@ -358,7 +360,18 @@ def _let_jaywalk(graph: SocialGraph, walker: str) -> SocialGraph:
     """No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it."""
     agents = tuple(
         each.model_copy(update={"movement": "jaywalking"})
-        if each.id == walker and each.crosswalk is None
+        if each.id == walker and each.crosswalk is None and each.type == "pedestrian"
+        else each
+        for each in graph.agents
+    )
+    return graph.model_copy(update={"agents": agents})
+
+
+def _let_cross(graph: SocialGraph, name: str) -> SocialGraph:
+    """A rider that comes out from behind an object crosses the road, if nothing else is said."""
+    agents = tuple(
+        each.model_copy(update={"movement": "crossing"})
+        if each.id == name and each.type in RIDERS and each.movement is None
         else each
         for each in graph.agents
     )
@@ -383,8 +396,8 @@ def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
     if not walkers:
         raise Refused(
             "out_of_scope",
-            f"'{phrase.words}' says that something is hidden, and only a pedestrian that a vehicle "
-            "hits, nearly hits or gives way to can be; say such an event.",
+            f"'{phrase.words}' says that something is hidden, and only a pedestrian or rider that "
+            "a vehicle hits, nearly hits or gives way to can be; say such an event.",
         )
     named = _find_nearest(graph, phrase)
     if named is not None and _is_one_of_several(graph, named):
@@ -396,7 +409,7 @@ def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
     if named is not None and named.startswith("vehicle"):
         raise Refused(
             "out_of_scope",
-            f"'{phrase.words}' seems to hide {named}, and only pedestrians can be hidden; say "
+            f"'{phrase.words}' seems to hide {named}, and no vehicle can be hidden; say "
             "the agent that comes out: 'a pedestrian steps out from behind a parked truck'.",
         )
     walker = named if named in walkers else next(iter(walkers))
@@ -417,8 +430,8 @@ def _is_one_of_several(graph: SocialGraph, name: str) -> bool:
 def _list_pairs(graph: SocialGraph) -> Iterator[tuple[str, str]]:
     types = {agent.id: agent.type for agent in graph.agents}
     for edge in graph.relations:
-        pair = sorted((edge.from_, edge.to), key=lambda name: types[name] == "pedestrian")
-        if [types[name] for name in pair] == ["vehicle", "pedestrian"]:
+        pair = sorted((edge.from_, edge.to), key=lambda name: types[name] != "vehicle")
+        if [types[name] == "vehicle" for name in pair] == [True, False]:
             yield pair[0], pair[1]
 
 

@@ -1,4 +1,4 @@
-"""On which routes an object can hide a pedestrian from a driver, and where there is none."""
+"""On which routes an object can hide a pedestrian or rider from a driver, and where none is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.base import Compass
+from scenewright.scene.base import RIDERS, Compass
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.objects import is_high
 from scenewright.scene.rejection import Rejection
@@ -19,10 +19,10 @@ from scenewright.tools.map_grounding.object_places import Side, find_places
 def can_hide(
     graph: SocialGraph, routes: Mapping[str, Route], intersection_map: IntersectionMap
 ) -> bool:
-    """Whether pedestrians that are to be hidden come from the kerb where the object stands.
+    """Whether those that are to be hidden come from the kerb where the object stands.
 
-    It stands beside the lanes on which the vehicle comes to the crossing, so the pedestrian must
-    step onto the road from that side: on the leg by which the vehicle enters or, between crossings,
+    It stands beside the lanes on which the vehicle comes to the crossing, so the hidden one must
+    come onto the road from that side: on the leg by which the vehicle enters or, between crossings,
     also on that by which it leaves.
     """
     return all(
@@ -66,10 +66,16 @@ def refuse_unhidden(
     Raises:
         Rejected: `ungroundable`, with the reason.
     """
+    riders = {each.id for each in graph.agents if each.type in RIDERS}
+    hiding_riders = {each.id for each in graph.objects if each.hides in riders}
     for node in graph.objects:
+        if node.beyond in hiding_riders:
+            raise Rejected(_refuse(node, "a rider comes out on a crosswalk, which has a parked "
+                                         "vehicle on one side only; ask for one from behind a "
+                                         "parked vehicle, not between two"))  # fmt: skip
         if node.hides is not None and not is_high(node):
             words = node.subtype or node.kind
-            raise Rejected(_refuse(node, f"a {words} is too low to hide a pedestrian; ask for "
+            raise Rejected(_refuse(node, f"a {words} is too low to hide a road user; ask for "
                                          "something taller, such as a parked truck"))  # fmt: skip
         if not _has_room(node, intersection_map):
             where = f" on the {node.leg} leg" if node.leg else ""
@@ -82,8 +88,8 @@ def refuse_unhidden(
             _refuse(
                 hiding[0],
                 f"nothing can hide {hiding[0].hides} from {hiding[0].hidden_from} there: what "
-                "hides a pedestrian stands at the kerb before the crossing, so the pedestrian "
-                "must step out from that kerb, on the leg by which the vehicle comes",
+                "hides a road user stands at the kerb before the crossing, so the hidden one "
+                "must come from that kerb, on the leg by which the vehicle comes",
             )
         )
 

@@ -1,4 +1,4 @@
-"""When a driver first sees a pedestrian past standing objects (SEMANTICS 8), for the solver."""
+"""When a driver first sees a pedestrian or rider past standing objects (SEMANTICS 8)."""
 
 from __future__ import annotations
 
@@ -35,9 +35,8 @@ def find_lead(
         return None
     times = times[(times > -STEP / 2) & (times <= event)]
     free = ~find_blocked(
-        compute_eyes(driver, times, left_hand=left_hand), walker.get_poses(times)[:, :2], objects,
-        radius=walker.candidate.shape.length / 2,
-    )  # fmt: skip
+        compute_eyes(driver, times, left_hand=left_hand), compute_marks(walker, times), objects
+    )
     steps = round(STAYS_FREE / STEP)
     lasting = np.convolve(free, np.ones(steps + 1))[steps:] > steps + 0.5
     if not lasting.any():
@@ -56,13 +55,27 @@ def compute_eyes(driver: ScheduledAgent, times: FloatArray, *, left_hand: bool) 
     return np.stack((x + ahead * cos - aside * sin, y + ahead * sin + aside * cos), axis=1)
 
 
+def compute_marks(walker: ScheduledAgent, times: FloatArray) -> FloatArray:
+    """Compute what is looked for [N, 5, 2]: the middle, and four points of the rim of a pedestrian
+    or the corners of a rider."""
+    x, y, heading = walker.get_poses(times).T
+    shape = walker.candidate.shape
+    if shape.type == "pedestrian":
+        ends = shape.length / 2 * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+        return np.asarray(np.stack((x, y), axis=1)[:, None, :] + ends)
+    ends = np.array([(0, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)]) / 2
+    ahead, aside = (ends * (shape.length, shape.width)).T
+    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    return np.stack(
+        (x[:, None] + cos * ahead - sin * aside, y[:, None] + sin * ahead + cos * aside), axis=-1
+    )
+
+
 def find_blocked(
-    eyes: FloatArray, walker: FloatArray, objects: Sequence[ObjectRecord], *, radius: float
+    eyes: FloatArray, targets: FloatArray, objects: Sequence[ObjectRecord]
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Return [N] whether a high object blocks every line from the eye to the pedestrian's
-    outline."""
-    around = radius * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)], dtype=np.float64)
-    targets = walker[:, None, :] + around
+    """Return [N] whether a high object blocks every line from the eye [N, 2] to the points looked
+    for [N, M, 2]."""
     met = np.zeros(targets.shape[:2], dtype=np.bool_)
     for each in objects:
         if each.height == "high":
