@@ -77,13 +77,14 @@ def test_agent_meets_what_stands_in_its_way(
     assert thing.figure == pytest.approx(figure, abs=1e-3)
 
 
-def test_hidden_rider_and_unknown_threat_are_refused_in_words() -> None:
-    made = plan_marks(
-        "[cyc:1 A cyclist] [sight:1>2 behind] [obj=thing:2 a kiosk] is "
-        "[hit:3>1 hit by] [veh:3 a car]."
-    )
+def test_hidden_rider_comes_over_the_crosswalk_and_hidden_vehicles_are_refused() -> None:
+    line = "[cyc:1 A {}] [sight:1>2 behind] [obj=thing:2 a kiosk] is [hit:3>1 hit by] [veh:3 a car]"
+    graph = make_graph(line.format("cyclist"))
+    assert graph.objects[0].hides == "cyclist-1"
+    assert graph.agents[0].movement == "crossing"
+    made = plan_marks(line.replace("cyc:1", "veh:1").format("van"))
     assert isinstance(made, Refusal)
-    assert "only a pedestrian" in made.reason
+    assert "only a pedestrian or rider" in made.reason
 
 
 def test_cut_in_tailgating_and_push_are_manoeuvres_of_the_two() -> None:

@@ -205,12 +205,12 @@ def add_read_objects(
 
 
 def _let_cross(agent: AgentNode) -> AgentNode:
-    """Pedestrians that come out from behind something cross the road."""
+    """Pedestrians and riders that come out from behind something cross the road."""
     return agent if agent.movement else agent.model_copy(update={"movement": "crossing"})
 
 
 def _let_jaywalk(agent: AgentNode) -> AgentNode:
-    free = agent.crosswalk is None
+    free = agent.crosswalk is None and agent.type == "pedestrian"
     return agent.model_copy(update={"movement": "jaywalking"}) if free else agent
 
 
@@ -240,21 +240,21 @@ def _find_thing(words: str) -> ObjectKind:
 
 
 def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dict[str, object]:
-    """The fields of an object that hides a pedestrian from the vehicle of their event.
+    """The fields of an object that hides an agent from the vehicle of their event.
 
     Raises:
-        Refused: another than a pedestrian is hidden, or nothing happens between it and a vehicle.
+        Refused: a vehicle is hidden, or nothing happens between the hidden agent and a vehicle.
     """
     types = {agent.id: agent.type for agent in graph.agents}
     walker = names.get(each.hidden or 0)
     pairs = [(e.from_, e.to) for e in graph.relations if walker in (e.from_, e.to)]
     drivers = [a if b == walker else b for a, b in pairs]
     drivers = [name for name in drivers if types[name] == "vehicle"]
-    if walker is None or types[walker] != "pedestrian" or not drivers:
+    if walker is None or types[walker] == "vehicle" or not drivers:
         raise Refused(
             "out_of_scope",
-            f"'{each.sights[0].words}' says that something is hidden, and only a pedestrian that a "
-            "vehicle hits, nearly hits or gives way to can be; say such an event.",
+            f"'{each.sights[0].words}' says that something is hidden, and only a pedestrian or "
+            "rider that a vehicle hits, nearly hits or gives way to can be; say such an event.",
         )
     found = [parse_range(span.words, "", _TIME_TOLERANCE) for span in each.seen]
     leads = [(lead[0], lead[1]) for lead in found if lead is not None and lead[1] is not None]
