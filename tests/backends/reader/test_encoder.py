@@ -98,3 +98,15 @@ def test_weights_of_ones_own_are_used(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_the_packages_weights_are_small() -> None:
     assert sum(each.nbytes for each in load_encoder_weights().values()) <= 30_000_000
     assert load_encoder() is load_encoder()
+
+
+def test_own_weights_for_other_labels_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from safetensors.numpy import save_file
+
+    file = tmp_path / "mine.safetensors"
+    save_file({"label.weight": np.zeros((3, 384), np.float32)}, file)
+    monkeypatch.setenv(OWN_WEIGHTS, str(file))
+    with pytest.raises(InputError, match="train them with"):
+        load_encoder_weights()

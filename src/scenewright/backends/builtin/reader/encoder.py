@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.backends.builtin.reader.labels import LABELS
 from scenewright.errors import InputError
 from scenewright.time_limit import stop_clock
 
@@ -20,6 +21,7 @@ Floats = NDArray[np.float32]
 Ints = NDArray[np.int64]
 HEADS = 12
 SCALE = ".scale"
+_LABEL_TABLE = "label.weight"
 
 
 class Encoder:
@@ -157,6 +159,12 @@ def load_encoder_weights() -> dict[str, NDArray[Any]]:
         folder = files("scenewright.backends.builtin.reader")
         return dict(load(folder.joinpath("reader.safetensors").read_bytes()))
     try:
-        return dict(load(Path(own).read_bytes()))
+        weights = dict(load(Path(own).read_bytes()))
     except (OSError, SafetensorError) as error:
         raise InputError(f"{OWN_WEIGHTS}={own} is no file of planner weights: {error}") from error
+    if len(weights.get(_LABEL_TABLE, ())) != len(LABELS):
+        raise InputError(
+            f"{OWN_WEIGHTS}={own} holds no planner weights for the {len(LABELS)} labels of this "
+            "version; train them with 'scenewright planner train'"
+        )
+    return weights
