@@ -62,6 +62,9 @@ _TAKEN_BACK = re.compile(
     re.IGNORECASE,
 )
 _DENIED = compile_negations("nor", "instead", "all but", "either")
+LEAST_SURE = 0.1
+"""Below, no plan stands, however often it comes out."""
+
 MOST_OFFERS = 3
 _OFFERS = " Did you mean: "
 LONGEST_READ_AGAIN = 600
@@ -155,22 +158,21 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 
 
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
-    """The plan of a text; what stands in it is read by the encoder or by phrases."""
+    """The plan of a text; what the phrases do not know is read by the encoder alone."""
     by_phrases = _plan_by_phrases(text, previous, site)
-    if previous is not None or not _may_hold_objects(text):
+    refused = isinstance(by_phrases, Refusal)
+    if previous is not None or not (refused or _may_hold_objects(text)):
         return by_phrases
     try:
         learned = read_plan(text, site=site)
     except Refused:
         return by_phrases
-    if not learned.objects or isinstance(learned.plan, Refusal):
+    if isinstance(learned.plan, Refusal) or not (learned.objects or refused):
         return by_phrases
-    refused = isinstance(by_phrases, Refusal)
-    sure = learned.confidence >= (SURE if refused else SURE_OF_HARD)
-    seconds = (read_again(text, opener, site=site).plan for opener in OPENERS)
-    if sure and all(_is_same_with_objects(learned.plan, each) for each in seconds):
+    if (refused or learned.confidence >= SURE_OF_HARD) and is_unanimous(learned, site):
         return _refuse_lost_words(link_collisions(read_cut_ins(learned.plan)), text)
-    return _offer_with_objects(by_phrases, learned.plan, site) if refused else by_phrases
+    offered = refused and learned.objects
+    return _offer_with_objects(by_phrases, learned.plan, site) if offered else by_phrases
 
 
 def _offer_with_objects(refusal: Plan, meant: SocialGraph, site: Site) -> Plan:
@@ -291,8 +293,7 @@ def decide(readings: Readings, site: Site, again: Iterable[LearnedPlan] = ()) ->
         return _add_account(_soften_collisions(other, learned.plan), learned)
     if _are_one(learned, other):
         return _fill_plan(learned.plan, other)
-    text = learned.reading.text
-    hard = _TAKEN_BACK.search(text) or _DENIED.search(text)
+    hard = _is_hard(learned.reading.text)
     sure = learned.confidence >= (SURE_OF_HARD if hard else SURE) and not _is_bare(learned.plan)
     if sure and learned.confidence >= SURE_OF_HARD:
         return learned.plan
@@ -303,6 +304,34 @@ def decide(readings: Readings, site: Site, again: Iterable[LearnedPlan] = ()) ->
     if sure and all(is_same_plan(each.plan, learned.plan) for each in seconds):
         return learned.plan
     return _offer(readings, seconds, site)
+
+
+def _is_hard(text: str) -> bool:
+    """Whether a text takes words back or denies them, which turn a scene round if misread."""
+    return _TAKEN_BACK.search(text) is not None or _DENIED.search(text) is not None
+
+
+def is_unanimous(learned: LearnedPlan, site: Site) -> bool:
+    """Whether a plan comes out whatever harmless words stand around the text.
+
+    The encoder's least probability says little where it is low: of 96 such plans of development
+    texts that stood this test 85 were right, of 47 that did not 22.
+    """
+    text, plan_ = learned.reading.text, learned.plan
+    doubtful = learned.confidence < LEAST_SURE or len(text) > LONGEST_READ_AGAIN
+    doubtful = doubtful or learned.reading.kind != "scene" or _is_hard(text)
+    if doubtful or isinstance(plan_, Refusal) or _is_bare(plan_):
+        return False
+    return all(_is_same_with_objects(plan_, each) for each in _read_in_other_forms(text, site))
+
+
+def _read_in_other_forms(text: str, site: Site) -> Iterator[Plan]:
+    """Plans of the text after openers, before thanks, and in other capitals."""
+    for opener in (*OPENERS, "Scenario - "):
+        yield read_again(text, opener, site=site).plan
+    capitals = text.lower() if text != text.lower() else text.capitalize()
+    for form in (f"{text} Thanks.", capitals):
+        yield read_plan(form, site=site).plan
 
 
 def _are_one(learned: LearnedPlan, other: Plan) -> bool:

@@ -180,12 +180,18 @@ def add_read_objects(
         if each.hidden is not None:
             node = node.model_copy(update=_hide(graph, each, names))
             agents = [_let_cross(agent) if agent.id == node.hides else agent for agent in agents]
-        if each.met_by is not None and each.met_by in names:
-            own = next(n for n, a in enumerate(agents) if a.id == names[each.met_by])
+        own = next((n for n, a in enumerate(agents) if a.id == names.get(each.met_by or 0)), None)
+        if own is not None and agents[own].type != "pedestrian":
             agents[own] = reroute_agent(agents[own], node)
             side = find_side(agents[own], node) if node.leg is not None else {}
             meeting = {"met_by": agents[own].id, "encounter": each.encounter}
             node = node.model_copy(update={**side, **meeting, "figure": each.get_figure()})
+        elif each.meets:
+            raise Refused(
+                "out_of_scope",
+                f"It is not clear which vehicle or rider '{each.meets[0].words}' is said of; "
+                "name it first.",
+            )
         nodes.append(node)
         said += _list_said(each, node)
         if each.beyond is not None:

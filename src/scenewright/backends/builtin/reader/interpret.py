@@ -545,10 +545,20 @@ def _read_overtaking(result: Interpretation) -> None:
     if result.eventful or result.draft.relations or len(agents) != 2:
         return
     first, second = agents
-    said = _OVERTAKES.search(text) and _CLOSELY.search(text)
+    said = _OVERTAKES.search(text) and (_CLOSELY.search(text) or _is_within_reach(result))
     if said and first.type == "vehicle" and second.rides and second.drives:
         edge = RelationDraft("near_miss", first, second, pattern="rider_close_overtaking")
         _add_relation(result, edge)
+
+
+_CLOSE_CLEARANCE = 1.5
+"""Below this a rider is overtaken too closely [m] (docs/relations.md)."""
+
+
+def _is_within_reach(result: Interpretation) -> bool:
+    """Whether a clearance is said that is too little to overtake a rider with."""
+    found = (measure_in(span.words) for span in result.numbers if span.tag in ("gap", "dist"))
+    return any(each and each.unit == "m" and each.value < _CLOSE_CLEARANCE for each in found)
 
 
 def get_side(span: ReadSpan) -> str | None:
@@ -1118,9 +1128,9 @@ def _settle(result: Interpretation) -> None:
     _read_behind(result)
     result.settling = False
     _read_order(result)
-    _read_numbers(result)
     _read_severity(result)
     _read_overtaking(result)
+    _read_numbers(result)
     _settle_places(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
@@ -1187,7 +1197,10 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
     ahead, behind = result.users[first], result.users[second]
     pair = frozenset((id(ahead), id(behind)))
     edges = [edge for edge in result.draft.relations if edge.pair() == pair]
-    if not edges:
+    if not edges and _is_close(result, second):
+        edges = [RelationDraft("near_miss", behind, ahead)]
+        result.draft.relations += edges
+    elif not edges:
         edges = [RelationDraft("yield_to", behind, ahead)]
         result.draft.relations += edges
     for edge in edges:
@@ -1208,6 +1221,26 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
         result.enter(span, "order", (first, second))
 
 
+def _is_close(result: Interpretation, second: int) -> bool:
+    """Whether the agent that comes second comes close: it brakes hard, contact is denied, or a PET
+    or TTC is said."""
+    denied = any(span.tag == "hit" for span in result.denied)
+    return denied or second in result.braking or _is_measured(result)
+
+
+_CLOSE_PET = 1.5
+"""At most this is a near miss [s] (SEMANTICS 4)."""
+
+
+def _is_measured(result: Interpretation) -> bool:
+    """Whether a TTC, or a PET of a near miss, is asked for."""
+    for span in result.numbers:
+        figure = measure_in(span.words)
+        if span.tag == "ttc" or (span.tag == "pet" and figure and figure.value <= _CLOSE_PET):
+            return not span.negated
+    return False
+
+
 def _describe_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
     does = {"yield_to": "gives way", "follow": "follows"}.get(edge.type, "runs into the other")
     if edge.ahead is None:
@@ -1219,10 +1252,9 @@ def _describe_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
 
 
 def _read_severity(result: Interpretation) -> None:
-    """A PET or TTC of two agents asks for a near miss where no event is named."""
+    """A TTC, or a PET of a near miss, asks for that where no event of the two is named."""
     draft = result.draft
-    measured = draft.context.pet is not None or draft.context.ttc is not None
-    if measured and not draft.relations and len(draft.agents) == 2:
+    if _is_measured(result) and not draft.relations and len(draft.agents) == 2:
         first, second = draft.agents
         draft.relations.append(RelationDraft("near_miss", first, second))
 
