@@ -1020,6 +1020,7 @@ class Search:
     def _build_rejection(self) -> Rejection:
         most = self._failures.most_common(3)
         detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
+        detail += self._placer.describe_nearest()
         if self._least_off:
             detail = "; ".join(describe_miss(c, off) for c, off in self._least_off.items())
         culprit = None if self._staged else self._shortfalls.find_culprit(self._events)
