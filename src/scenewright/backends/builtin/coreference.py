@@ -53,7 +53,7 @@ _SAME_THING = (
 _ANY_VEHICLE = frozenset({"vehicle", "driver", "motorist", "vehicles", "drivers"})
 _UNITS = frozenset({"unit", "agent", "participant", "party", "road user", "actor"})
 _LABELS = "1234abcd"
-MOST_AGENTS = 8
+MOST_AGENTS = 12
 
 
 class Discourse:

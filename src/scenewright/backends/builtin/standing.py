@@ -321,6 +321,8 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
     """
     if len(phrases) > MOST_OBJECTS:
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
+    for phrase in phrases:
+        graph = _read_as_time(graph, phrase)
     # Not the verbs that stand in for words about objects.
     said = [e for e in graph.said if not any(p.start <= e.start < p.end for p in phrases)]
     nodes = list(graph.objects)
@@ -354,6 +356,22 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
     said.sort(key=lambda each: each.start)
     made = graph.model_copy(update={"objects": tuple(nodes), "said": tuple(said)})
     return SocialGraph.model_validate(made.model_dump(by_alias=True))
+
+
+def _read_as_time(graph: SocialGraph, phrase: StandingPhrase) -> SocialGraph:
+    """The graph in which "until 1.5 s before a car hits her" says when, not who passes first."""
+    begins = range(phrase.end, phrase.end + 2)
+    orders = [e for e in graph.said if e.became == "order" and e.start in begins]
+    if phrase.lead is None or not orders or orders[0].words.lower() != "before":
+        return graph
+    (order, *_), pair = orders, set(orders[0].agents)
+    edges = tuple(
+        e.model_copy(update={"first": None}) if {e.from_, e.to} == pair else e
+        for e in graph.relations
+    )
+    sight = order.model_copy(update={"became": "sight"})
+    said = tuple(sight if each is order else each for each in graph.said)
+    return graph.model_copy(update={"relations": edges, "said": said})
 
 
 def _let_jaywalk(graph: SocialGraph, walker: str) -> SocialGraph:

@@ -27,6 +27,8 @@ CHANGES, MERGES = 6.0, 3.0
 """A lane change may begin so long before an event, and end so long after it [s]."""
 OTHER_LANE, LEAST_CHANGE = 2.2, 0.8
 """How far from the other's way one in the next lane drives, and how far it comes over [m]."""
+GOES_ON = 5.0
+"""How far a way is thought to go on straight beyond the ends of its track [m]."""
 ANSWERS = 8.0
 """Within what time of it the follower must have come down to half its speed [s]."""
 
@@ -105,14 +107,26 @@ def _measure_lane_change(
     Args:
         later: until how long after the event it may still be coming over [s].
     """
-    way = geos.LineString(second.xy)
-    apart = [float(way.distance(geos.Point(each))) for each in first.xy]
-    before = [d for d, t in zip(apart, first.times, strict=True) if time - CHANGES <= t <= time]
-    after = [d for d, t in zip(apart, first.times, strict=True) if abs(t - time) <= later + 0.15]
+    apart = _measure_aside(first, second)
+    before = [d for t, d in apart if time - CHANGES <= t <= time]
+    after = [d for t, d in apart if abs(t - time) <= later + 0.15]
     if not before or not after or max(before) < OTHER_LANE:
         return None
     changed = max(before) - min(after)
     return changed if changed >= LEAST_CHANGE else None
+
+
+def _measure_aside(first: Trajectory, second: Trajectory) -> list[tuple[float, float]]:
+    """Times [s] at which the first is beside the other's way, which goes on a little straight at
+    both ends, and how far from it [m]; who is farther ahead or behind is in no lane of that way."""
+    ends = second.heading[[0, -1]]
+    on = GOES_ON * np.stack((np.cos(ends), np.sin(ends)), axis=1)
+    way = geos.LineString(np.vstack((second.xy[:1] - on[:1], second.xy, second.xy[-1:] + on[1:])))
+    points = geos.points(first.xy)
+    along = geos.line_locate_point(way, points)
+    beside = (along > 1e-6) & (along < way.length - 1e-6)
+    away = geos.distance(way, points)
+    return list(zip(first.times[beside].tolist(), away[beside].tolist(), strict=True))
 
 
 def _describe_lead_braking(

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from scenewright.tools.solver.contact import schedule_contacts
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import START_LAG
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
+from scenewright.tools.solver.independent_events import join_schedules, split_clauses
 from scenewright.tools.solver.lead_braking import schedule_stops_behind
 from scenewright.tools.solver.overtaking import schedule_overtakings
 from scenewright.tools.solver.path_conflict import PathConflict, find_conflict_intervals
@@ -54,7 +56,13 @@ _SLOWS = 5.5
 
 
 class ForegroundSolver:
-    """Schedules pair clauses for one tuple of candidates."""
+    """Schedules pair clauses for one tuple of candidates.
+
+    Attributes:
+        unscheduled: agents of the part that cannot be scheduled, where others share none of them.
+    """
+
+    unscheduled: frozenset[str] = frozenset()
 
     def __init__(self, context: SolverContext) -> None:
         self._context = context
@@ -75,7 +83,20 @@ class ForegroundSolver:
         self._context.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for besides another relation of the two is checked when that one is placed.
         ordered = sorted(clauses, key=lambda each: each in gaps and _is_bound(each, clauses))
-        yield from self._schedule_rest(tuple(ordered), schedule)
+        parts = split_clauses(ordered)
+        if schedule.actors or len(parts) < 2:
+            yield from self._schedule_rest(tuple(ordered), schedule)
+            return
+        found = []
+        for part in parts:
+            schedules = self._schedule_rest(part, schedule)
+            first = next(schedules, None)
+            if first is None:
+                self.unscheduled = frozenset(name for each in part for name in get_pair(each))
+                return
+            found.append(chain((first,), schedules))
+        for each in zip(*found, strict=False):
+            yield join_schedules(each, self._context.rng)
 
     def _schedule_rest(
         self, clauses: tuple[PairClause, ...], schedule: PartialSchedule

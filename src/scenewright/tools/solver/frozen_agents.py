@@ -34,13 +34,12 @@ from scenewright.tools.solver.background_assignment import (
 from scenewright.tools.solver.foreground import list_signal_demands
 from scenewright.tools.solver.objects import is_in_way
 from scenewright.tools.solver.reservation import ReservationTable, find_blocked_offsets
-from scenewright.tools.solver.schedule import PartialSchedule, get_pair
+from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.search import (
     MAX_SECONDS,
     Search,
     TimedSchedule,
-    _find_needed_end,
     add_tuple_count,
 )
 
@@ -135,7 +134,7 @@ class FrozenAgentsSearch(Search):
                 return None
             schedule = moved
         begins = min((each.begins for each in schedule.events), default=0.0)
-        if begins < 0.0 or (schedule.events and _find_needed_end(schedule) > MAX_SECONDS - 0.2):
+        if begins < 0.0 or (schedule.events and find_needed_end(schedule) > MAX_SECONDS - 0.2):
             self._failures["the events do not fit beside those that stay"] += 1
             return None
         return PartialSchedule({**self._settled, **schedule.actors}, schedule.events)
@@ -148,7 +147,7 @@ class FrozenAgentsSearch(Search):
         before = self._pins.earlier.first_event
         drawn_time = (float(self._rng.uniform(6.0, 15.0)) if before is None else before) - first
         earliest = 0.5 - min(each.begins for each in schedule.events)
-        latest = min(MAX_SECONDS - 0.2 - _find_needed_end(schedule), _LATEST_FIRST - first)
+        latest = min(MAX_SECONDS - 0.2 - find_needed_end(schedule), _LATEST_FIRST - first)
         shifts = self._list_lawful_shifts(schedule)
         shifts = shifts[(shifts >= earliest) & (shifts <= latest)]
         if not len(shifts):
@@ -183,7 +182,7 @@ class FrozenAgentsSearch(Search):
     def _compute_duration(self, schedule: PartialSchedule) -> float:
         if not self._pins.lights:
             return super()._compute_duration(schedule)
-        least = _find_needed_end(schedule) if schedule.events else 0.0
+        least = find_needed_end(schedule) if schedule.events else 0.0
         return float(max(self._pins.earlier.duration, np.ceil(min(least, MAX_SECONDS))))
 
     def _find_signal_offset(self, schedule: PartialSchedule, duration: float) -> float | None:

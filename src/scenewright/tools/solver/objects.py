@@ -68,6 +68,7 @@ class ObjectPlacer:
         self._doors: dict[str, tuple[ObjectRecord, float]] = {}
         self._kept: dict[str, ObjectRecord] = {}
         self._places: dict[tuple[str, Compass, Side], tuple[ObjectRecord, ...]] = {}
+        self._nearest: dict[str, float] = {}
 
     def keep_earlier(self, earlier: Sequence[ObjectRecord]) -> None:
         """Keep objects of an earlier version where they stood, if that still fits."""
@@ -105,7 +106,7 @@ class ObjectPlacer:
             partner = next((each for each in self._nodes if each.beyond == node.id), None)
             found = self._find_free(node, schedule, placed, partner)
             if not found:
-                return _describe_failure(node)
+                return self._describe_failure(node)
             placed += found
         for door in self._list_doors(schedule):
             for name, actor in schedule.actors.items():
@@ -115,6 +116,21 @@ class ObjectPlacer:
                     return f"{door.id} opens in the way of {name}"
             placed.append(door)
         return tuple(sorted(placed, key=lambda each: each.id))
+
+    def _describe_failure(self, node: ObjectNode) -> str:
+        if node.hides is None:
+            return f"{node.id} ({node.kind}) finds no place clear of all agents' paths"
+        low, high = node.lead or DEFAULT_LEAD
+        return (
+            f"no place of {node.id} hides {node.hides} from {node.hidden_from} until "
+            f"{low:g} to {high:g} s before"
+        )
+
+    def describe_nearest(self) -> str:
+        """Say how near to what was asked for a pedestrian could be hidden; empty if it could."""
+        near = (self._nearest.get(each.id) for each in self._nodes if each.hides is not None)
+        off = [f"{lead:.1f} s" for lead in near if lead is not None]
+        return f"; the nearest seen was {', '.join(off)}" if off else ""
 
     def _list_doors(self, schedule: PartialSchedule) -> Iterator[ObjectRecord]:
         """List the doors, each from when it opens."""
@@ -226,9 +242,11 @@ class ObjectPlacer:
             driver, walker, (place,), event=min(times), left_hand=self._map.left_hand_traffic
         )
         low, high = node.lead or DEFAULT_LEAD
-        return (
-            found is not None and low + _SPARE <= found[0] <= high - _SPARE and found[1] >= _HIDDEN
-        )
+        if found is None or found[1] < _HIDDEN:
+            return False
+        nearest = self._nearest.get(node.id, np.inf)
+        self._nearest[node.id] = min(found[0], nearest, key=lambda lead: _find_excess(lead, node))
+        return low + _SPARE <= found[0] <= high - _SPARE
 
 
 def is_in_way(
@@ -282,11 +300,7 @@ def _keeps_apart(place: ObjectRecord, others: Sequence[ObjectRecord]) -> bool:
     return all(geos.distance(outline, make_footprint(each)) >= _APART for each in others)
 
 
-def _describe_failure(node: ObjectNode) -> str:
-    if node.hides is None:
-        return f"{node.id} ({node.kind}) finds no place clear of all agents' paths"
+def _find_excess(lead: float, node: ObjectNode) -> float:
+    """Find how far a lead [s] is from the range asked for."""
     low, high = node.lead or DEFAULT_LEAD
-    return (
-        f"no place of {node.id} hides {node.hides} from {node.hidden_from} until "
-        f"{low:g} to {high:g} s before"
-    )
+    return max(low - lead, lead - high, 0.0)

@@ -13,6 +13,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 Pairing = tuple[str, str]
 
+_ENDED = 1.5
+"""How long the scene is visible after an event at least [s]."""
+
 
 @dataclass(frozen=True)
 class ScheduledEvent:
@@ -85,6 +88,14 @@ class PartialSchedule:
         actors = {name: actor.shift(seconds) for name, actor in self.actors.items()}
         events = tuple(each.shift(seconds) for each in self.events)
         return PartialSchedule(actors, events)
+
+
+def find_needed_end(schedule: PartialSchedule) -> float:
+    """Find the scene time [s] by which every event has visibly ended."""
+    ends = [max(each.time, each.ends) + _ENDED for each in schedule.events]
+    for actor in schedule.actors.values():
+        ends += [stop.until + _ENDED for stop in actor.stops if stop.reason == "gives_way"]
+    return max(ends)
 
 
 def get_pair(clause: PairClause) -> Pairing:

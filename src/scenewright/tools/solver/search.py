@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenewright.errors import Rejected
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
@@ -104,6 +105,7 @@ from scenewright.tools.solver.entry_times import (
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
+from scenewright.tools.solver.independent_events import join_names, list_separations
 from scenewright.tools.solver.lone_motions import (
     block_junction,
     draw_reaction,
@@ -123,7 +125,7 @@ from scenewright.tools.solver.reservation import (
     Steps,
     find_blocked_offsets,
 )
-from scenewright.tools.solver.schedule import PartialSchedule, get_pair
+from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
 from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
@@ -141,9 +143,8 @@ _DISCHARGE = 1.0
 form, per second of red. An event keeps many from setting off and none from queueing; in
 traffic both are equally frequent. Chosen on other requests and the validation hours."""
 
-_SIGHT, _ENDED = 0.2, 1.5
-"""How long the scene is visible before the beginning and after the last of an event at least
-[s]."""
+_SIGHT = 0.2
+"""How long the scene is visible before the beginning of an event at least [s]."""
 
 _TUPLES = 14
 _HOPELESS = 7
@@ -272,6 +273,8 @@ class Search:
             raise Rejected(_reject_alone(sorted(self._pausing - {*bound}), "stops on its way"))
         if not self._returning <= {*bound}:
             raise Rejected(_reject_alone(sorted(self._returning - {*bound}), "turns back"))
+        self._parts = join_names((), map(get_pair, self._events))
+        self._varied: frozenset[str] = frozenset()
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._shortfalls = NearestMisses()
@@ -310,11 +313,14 @@ class Search:
             yield {}
             return
         orders = [self._rng.permutation(len(each.nll)) for each in draws]
+        tried = dict.fromkeys(self._bound, 0)
         for n in itertools.count():
+            self._varied = frozenset()
             yield {
-                each.name: int(order[n % len(order)])
+                each.name: int(order[tried[each.name] % len(order)])
                 for each, order in zip(draws, orders, strict=True)
             }
+            tried |= {name: tried[name] + 1 for name in self._varied or self._bound}
             if n and n % len(draws[0].nll) == 0:
                 orders = [self._rng.permutation(len(each.nll)) for each in draws]
 
@@ -322,6 +328,7 @@ class Search:
         check_time()
         built = {name: self._get_candidate(name, m) for name, m in choice.items()}
         if None in built.values():
+            self._vary_only(name for name, pair in built.items() if pair is None)
             return None
         candidates = {name: pair[0] for name, pair in built.items() if pair}
         landmarks = {name: pair[1] for name, pair in built.items() if pair}
@@ -387,6 +394,7 @@ class Search:
             if count >= _STAGINGS_PER_TUPLE or spent:
                 return None
         if not count:
+            self._vary_only(stage.unscheduled)
             self._failures[_format_clauses(self._events)] += 1
         return None
 
@@ -472,12 +480,25 @@ class Search:
             along = np.ptp(pair.s_a[pair.i]) if len(pair.i) else -1.0
             if along < (clause.metres if isinstance(clause, SameLane) else 0.0):
                 self._failures[format_clause(clause)] += 1
+                self._vary_only((clause.first, clause.second))
                 return False
         return True
 
+    def _vary_only(self, names: Iterable[str]) -> None:
+        """Draw other candidates only for these agents and those bound to them; keep the rest.
+
+        All are drawn anew where every relation shares an agent with another.
+        """
+        failed = set(names)
+        if len(self._parts) > 1:
+            groups = (part for part in self._parts if part & failed)
+            self._varied = frozenset(failed.union(*groups) & set(self._bound))
+
     def _finish(self, schedule: PartialSchedule, choice: dict[str, int]) -> Selection | None:
         """Add scene time, lights and all other agents; None if one of these does not fit."""
-        timed = self._time_schedule(schedule, choice)
+        separations = list_separations(schedule, self._rng, self._find_lawful_offsets)
+        found = (self._time_schedule(each, choice) for each in separations)
+        timed = next((each for each in found if each is not None), None)
         if timed is None:
             return None
         assignment = self._assign_background(timed)
@@ -520,7 +541,7 @@ class Search:
             return schedule
         first = min(each.time for each in schedule.events)
         begins = min(each.begins for each in schedule.events)
-        last = MAX_SECONDS - 0.2 - _find_needed_end(schedule)
+        last = MAX_SECONDS - 0.2 - find_needed_end(schedule)
         earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
         latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
         shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
@@ -690,18 +711,8 @@ class Search:
         program = self._ground.intersection_map.signals
         if program is None:
             return None
-        wanted = [
-            demand
-            for name, actor in schedule.actors.items()
-            for demand in list_signal_demands(
-                actor,
-                violates=name in self._violators,
-                until=duration,
-                yellow=name in self._at_yellow,
-            )
-        ]
-        wanted += self._list_lone_demands(schedule)
-        offsets = find_feasible_offsets(program, tuple(wanted))
+        wanted = self._list_signal_demands(schedule, duration)
+        offsets = find_feasible_offsets(program, (*wanted, *self._list_lone_demands(schedule)))
         if not len(offsets):
             return None
         arrivals = [each.route for each in self._pool.agents.values() if each.chance is not None]
@@ -722,6 +733,29 @@ class Search:
             )
             often = often * np.exp(_DISCHARGE * (left.min() - left))
         return float(self._rng.choice(offsets, p=often / often.sum()))
+
+    def _find_lawful_offsets(self, schedule: PartialSchedule) -> NDArray[np.bool_]:
+        """Find which offsets of the programme, on the grid, are lawful for the agents [N]."""
+        program = self._ground.intersection_map.signals
+        if program is None:
+            return np.ones(1, dtype=np.bool_)
+        demands = self._list_signal_demands(schedule, 3 * MAX_SECONDS)
+        return np.isin(find_feasible_offsets(program, ()), find_feasible_offsets(program, demands))
+
+    def _list_signal_demands(
+        self, schedule: PartialSchedule, until: float
+    ) -> tuple[SignalDemand, ...]:
+        """List what the signal plan must show for the agents up to a time [s]."""
+        return tuple(
+            demand
+            for name, actor in schedule.actors.items()
+            for demand in list_signal_demands(
+                actor,
+                violates=name in self._violators,
+                until=until,
+                yellow=name in self._at_yellow,
+            )
+        )
 
     def _get_timing(self, timed: TimedSchedule) -> SceneTiming:
         clock = None
@@ -986,6 +1020,7 @@ class Search:
     def _build_rejection(self) -> Rejection:
         most = self._failures.most_common(3)
         detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
+        detail += self._placer.describe_nearest()
         if self._least_off:
             detail = "; ".join(describe_miss(c, off) for c, off in self._least_off.items())
         culprit = None if self._staged else self._shortfalls.find_culprit(self._events)
@@ -1097,14 +1132,6 @@ def _reject_busy(names: list[str]) -> Rejection:
 def add_tuple_count(selection: Selection, tried: int) -> Selection:
     """Return the selection with the number of tuples tried among its figures."""
     return replace(selection, figures={**selection.figures, "tuples": tried})
-
-
-def _find_needed_end(schedule: PartialSchedule) -> float:
-    """Find the scene time [s] by which every event has visibly ended."""
-    ends = [max(each.time, each.ends) + _ENDED for each in schedule.events]
-    for actor in schedule.actors.values():
-        ends += [stop.until + _ENDED for stop in actor.stops if stop.reason == "gives_way"]
-    return max(ends)
 
 
 def _format_clauses(clauses: tuple[PairClause, ...]) -> str:
