@@ -38,7 +38,12 @@ from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
 from scenewright.scene.relations import load_patterns
-from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion, VehicleMotion
+from scenewright.scene.social import (
+    MOST_BACKGROUND,
+    AskedReaction,
+    PedestrianMotion,
+    VehicleMotion,
+)
 from scenewright.scene.track import EMERGENCY
 
 OPPOSITE = {
@@ -794,13 +799,13 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "motion", (number,), span.value)
 
 
-def _do_not_react(result: Interpretation, span: ReadSpan) -> None:
-    """The agent that does not react to the threat."""
+def _react_so(result: Interpretation, span: ReadSpan) -> None:
+    """How the agent reacts to the threat, or that it does not."""
     for number in span.subjects:
         agent = result.users.get(number)
         if agent is not None:
-            agent.reaction = "none"
-            result.enter(span, "reaction", (number,), "none")
+            agent.reaction = cast("AskedReaction", span.value)
+            result.enter(span, "reaction", (number,), span.value)
 
 
 def _add_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
@@ -1260,7 +1265,7 @@ _RULES: dict[str, Rule] = {
     "time": _set_time,
     "first": _keep_order,
     "motion": _move_so,
-    "reaction": _do_not_react,
+    "reaction": _react_so,
     "red": _run_red,
     "brake": _brake,
     "cond": _refuse_condition,
