@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -77,7 +77,6 @@ def deserialize_version(data: bytes) -> PreviousVersion:
 
 def _serialize_agent(each: PreviousAgent) -> dict[str, Any]:
     agent, candidate = each.agent, each.agent.candidate
-    path = candidate.path
     return {
         "number": each.number,
         "name": agent.name,
@@ -99,12 +98,13 @@ def _serialize_agent(each: PreviousAgent) -> dict[str, Any]:
         "candidate": {
             "route": candidate.route.model_dump(mode="json"),
             "waypoints": _serialize_array(candidate.waypoints),
-            "path": [_serialize_array(a) for a in (path.xy, path.s, path.heading, path.curvature)],
+            "path": _write_path(candidate.path),
             "nll": candidate.nll,
             "time_law": _write_profile(candidate.time_law),
             "time_nll": candidate.time_nll,
             "shape": asdict(candidate.shape),
             "subtype": candidate.subtype,
+            **({} if candidate.unevaded is None else {"unevaded": _write_path(candidate.unevaded)}),
         },
     }
 
@@ -132,17 +132,26 @@ def _read_agent(value: Mapping[str, Any]) -> PreviousAgent:
     )
 
 
+def _write_path(path: Path) -> list[Any]:
+    return [_serialize_array(each) for each in (path.xy, path.s, path.heading, path.curvature)]
+
+
+def _read_path(value: Sequence[Any]) -> Path:
+    xy, s, heading, curvature = (_read_array(each) for each in value)
+    return Path(xy, s, heading, curvature)
+
+
 def _read_candidate(value: Mapping[str, Any]) -> Candidate:
-    xy, s, heading, curvature = (_read_array(each) for each in value["path"])
     return Candidate(
         route=Route.model_validate(value["route"]),
         waypoints=_read_array(value["waypoints"]),
-        path=Path(xy, s, heading, curvature),
+        path=_read_path(value["path"]),
         nll=float(value["nll"]),
         time_law=_read_profile(value["time_law"]),
         time_nll=float(value["time_nll"]),
         shape=Shape(**value["shape"]),
         subtype=value["subtype"],
+        unevaded=_read_path(value["unevaded"]) if "unevaded" in value else None,
     )
 
 

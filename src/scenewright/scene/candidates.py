@@ -83,6 +83,7 @@ class Candidate:
         waypoints: [K, 2] at equal arc length [m].
         nll: -log p_wp of the waypoints [nats].
         time_law: how it moves; time_nll: -log p_time of it [nats].
+        unevaded: its path if it did not evade a threat; None where `path` is that.
     """
 
     route: Route
@@ -93,6 +94,7 @@ class Candidate:
     time_nll: float
     shape: Shape
     subtype: str | None
+    unevaded: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -285,6 +285,21 @@ class NoReaction(Model):
     agent: AgentId
 
 
+class Reacts(Model):
+    """The agent reacts to who threatens it, in this way."""
+
+    clause: Literal["reacts"] = "reacts"
+    agent: AgentId
+    how: Literal["swerves", "steps_back", "jumps_back", "runs"]
+
+    @model_validator(mode="after")
+    def _fit(self) -> Self:
+        walks = self.agent.startswith("pedestrian")
+        if walks == (self.how == "swerves"):
+            raise ValueError(f"{self.agent} is no agent that {self.how.replace('_', ' ')}")
+        return self
+
+
 class NoInteraction(Model):
     """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with all agents."""
 
@@ -312,6 +327,7 @@ UnaryClause = (
     | BlocksJunction
     | DrivesWrongWay
     | NoReaction
+    | Reacts
 )
 PairClause = (
     Near

@@ -108,6 +108,8 @@ class FrozenAgents:
 
 
 def without_edits(agent: SelectedAgent) -> SelectedAgent:
-    """Return the agent as it would move alone: only red lights hold it."""
-    stops = tuple(each for each in agent.stops if each.at_red)
-    return replace(agent, stops=stops, slowings=(), contact=None)
+    """Return the agent as it would move alone: only red lights hold it, and it evades nobody."""
+    stops, candidate = tuple(each for each in agent.stops if each.at_red), agent.candidate
+    if candidate.unevaded is not None:
+        candidate = replace(candidate, path=candidate.unevaded, unevaded=None)
+    return replace(agent, candidate=candidate, stops=stops, slowings=(), contact=None)

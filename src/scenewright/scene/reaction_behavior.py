@@ -20,7 +20,7 @@ import numpy as np
 
 from scenewright.scene.base import AgentClass, FloatArray
 
-ReactionKind = Literal["brakes", "swerves", "stops", "steps_back", "runs"]
+ReactionKind = Literal["brakes", "swerves", "stops", "steps_back", "jumps_back", "runs"]
 """A vehicle or rider brakes or swerves within its lane; a pedestrian does one of the others."""
 
 PERCEPTIBLE_TTC = 3.0
@@ -71,6 +71,16 @@ BRAKING: dict[AgentClass, LogNormal] = {
 
 HURRY = LogNormal(1.5, 0.25, 1.0, 2.6)
 """Acceleration of a pedestrian running out of the way [m/s^2]; stated as for stopping."""
+
+ASIDE = (0.3, 0.5)
+"""How far to a side a driver or rider swerves that stays in its lane [m]; stated: a car of 1.85 m
+in a lane of 3.2 m has 0.67 m on either side."""
+
+BACK: dict[ReactionKind, tuple[float, float]] = {"steps_back": (0.5, 0.8), "jumps_back": (0.8, 1.1)}
+BACKWARDS: dict[ReactionKind, tuple[float, float]] = {
+    "steps_back": (0.7, 0.95), "jumps_back": (1.5, 1.9)
+}  # fmt: skip
+"""How far [m] and how fast [m/s] a pedestrian goes backwards; stated: a step or two, or a jump."""
 
 _SHARES: dict[AgentClass, dict[ReactionKind, float]] = {
     "vehicle": {"brakes": 0.98, "swerves": 0.02},

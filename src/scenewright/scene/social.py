@@ -33,8 +33,10 @@ PedestrianMotion = Literal["runs", "darts_out", "stops_midway", "turns_back"]
 """How a pedestrian crosses: it runs, runs onto the road at once, stands still on the way, or turns
 round there and returns."""
 
-AskedReaction = Literal["none"]
-"""How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""
+EvasionOnFoot = Literal["steps_back", "jumps_back", "runs"]
+AskedReaction = Literal["none", "swerves", "steps_back", "jumps_back", "runs"]
+"""How a threatened agent is to react: not at all; a vehicle or rider swerves within its lane; a
+pedestrian steps or jumps back or runs. Braking hard is a cause of its relation."""
 VehicleMotion = Literal[
     "passes_yellow", "stops_at_yellow", "blocks_junction", "drives_wrong_way"
 ]  # fmt: skip
@@ -82,6 +84,10 @@ class AgentNode(Model):
             raise ValueError(f"{self.id} is no pedestrian; only one of those {self.motion}")
         if self.motion in get_args(VehicleMotion) and self.type == "pedestrian":
             raise ValueError(f"{self.id} is no vehicle; only one of those {self.motion}")
+        if self.reaction in get_args(EvasionOnFoot) and self.type != "pedestrian":
+            raise ValueError(f"{self.id} is no pedestrian; only one of those {self.reaction}")
+        if self.reaction == "swerves" and self.type == "pedestrian":
+            raise ValueError(f"{self.id} is no vehicle; only one of those swerves")
         if self.members is not None and self.type != "pedestrian":
             raise ValueError(f"{self.id} is no pedestrian; only those walk in groups")
         return self

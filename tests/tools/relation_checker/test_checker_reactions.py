@@ -1,8 +1,10 @@
 """Who reacts, when, how strongly, or why not: on straight tracks with reactions known by hand."""
 
+import numpy as np
 import pytest
 
-from checker_tracks import EAST, NORTH, distance, line, scene
+from checker_tracks import EAST, NORTH, along, distance, line, scene, walk
+from scenewright.scene.base import FloatArray
 from scenewright.tools.relation_checker import check
 
 
@@ -55,3 +57,35 @@ def test_scenes_made_before_there_were_reactions_say_nothing_of_them() -> None:
              ((1, ((-40.0, 0.0), EAST)), (2, ((0.0, -41.0), NORTH)))]  # fmt: skip
 
     assert "reactions" not in check(scene(users, ("collision", 1, 2))).figures
+
+
+def _walk_back(back: float) -> FloatArray:
+    """Ways gone every 0.1 s: 1.4 m/s, braking from 1.8 s on, so much backwards in 1 s, standing."""
+    ahead = distance(1.4, (0.0, 1.8), (-2.0, 0.7))
+    backwards = distance(0.0, (4.0 * back, 0.5), (-4.0 * back, 0.5))
+    return np.concatenate((ahead, ahead[-1] - backwards[1:], np.full(14, ahead[-1] - back)))
+
+
+@pytest.mark.parametrize(("back", "how"), [(0.4, "steps_back"), (0.7, "jumps_back")])
+def test_who_goes_backwards_steps_or_jumps_back(back: float, how: str) -> None:
+    car = line(1, (-36.0, 0.0), EAST, distance(10.0, (0.0, 4.2)))
+    on_foot = walk(2, (0.0, -2.2), NORTH, _walk_back(back))
+
+    as_asked = rows(car, on_foot, relation="collision", agent_2=how)
+    otherwise = rows(car, on_foot, relation="collision", agent_2="runs")
+
+    assert as_asked.figures["reactions"][1]["how"] == how
+    assert "reaction_not_seen" not in {each.rule for each in as_asked.missing}
+    assert "reaction_not_seen" in {each.rule for each in otherwise.missing}
+
+
+def test_who_brakes_and_swerves_has_swerved() -> None:
+    x = np.linspace(-40.0, 20.0, 601)
+    y = 0.4 * (0.5 - 0.5 * np.cos(np.pi * np.clip((x + 20.0) / 11.0, 0.0, 1.0)))
+    driven = distance(10.0, (0.0, 2.0), (-2.0, 2.8))
+    swerving = along(1, np.stack((x, y), axis=1), driven)
+    other = line(2, (0.0, -41.0), NORTH, distance(10.0, (0.0, 5.0)))
+
+    first, _ = rows(swerving, other, relation="collision", agent_1="swerves").figures["reactions"]
+
+    assert first["how"] == "swerves"

@@ -78,7 +78,8 @@ _ON_FOOT = re.compile(
 )
 _UNREACTING = re.compile(
     r"\breact|\brespond|\bnotic|\bwithout (?:brak|slow)|\bnot (?:brak|slow)|n['’]t (?:brak|slow)|"
-    r"distract|inattent|asleep|attention|\bphone\b|texting",
+    r"distract|inattent|asleep|attention|\bphone\b|texting|swerv|veer|\bback\b|"
+    r"\b(?:run|ran|jump|leap|dash|sprint)\w* (?:out|clear) of",
     re.IGNORECASE,
 )
 _IN_GROUPS = re.compile(

@@ -192,6 +192,11 @@ def _collect_facts(state: FilterReads) -> dict[str, Any]:
             {"id": agent.id, "motion": agent.motion} for agent in graph.agents if agent.motion
         ],
         "unreacting": [agent.id for agent in graph.agents if agent.reaction == "none"],
+        "reactions": [
+            {"id": agent.id, "how": agent.reaction}
+            for agent in graph.agents
+            if agent.reaction not in (None, "none")
+        ],
         "measures": [each.model_dump() for each in graph.measures],
         "violators": sorted(
             {each.violator for each in played if each.violator}

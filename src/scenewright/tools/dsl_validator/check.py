@@ -17,6 +17,7 @@ from scenewright.scene.constraints import (
     OnWalkable,
     PassesThrough,
     Pauses,
+    Reacts,
     RunsRed,
     RunsYellow,
     SpeedBetween,
@@ -83,7 +84,7 @@ def _find_problem(
             return None if landmarks.group else "there is no red light on its way to run"
         case DrivesWrongWay():
             return None  # its path was made so
-        case NoReaction():
+        case NoReaction() | Reacts():
             return None  # of the motion in the scene, which the checker looks at
         case Pauses() | TurnsBack():
             return None if landmarks.line is not None else "does not cross the road"

@@ -31,6 +31,7 @@ from scenewright.scene.constraints import (
     PairFigure,
     PassesBeside,
     PassesThrough,
+    Reacts,
     SameLane,
     SpeedBetween,
     StopsBehind,
@@ -53,6 +54,7 @@ _WORDS = {
     "PEDESTRIAN": "a pedestrian such as pedestrian-1",
     "RIDER": "a rider such as cyclist-1",
     "KIND": "a kind of collision such as angle",
+    "HOW": "a way of reacting such as swerves",
     "POINT": "a point of impact such as front_left",
     "LATE": "'late_brake', 'lead_brakes' or 'pushed'",
     "_WITH": "'with'",
@@ -222,6 +224,8 @@ def _format_arguments(clause: Clause) -> list[str]:
     arguments = [name for name in names if name is not None]
     if isinstance(clause, PassesThrough):
         arguments.append(clause.region if clause.leg is None else f"{clause.region} {clause.leg}")
+    if isinstance(clause, Reacts):
+        arguments.append(clause.how)
     if isinstance(clause, Contact):
         arguments += [clause.kind] if clause.kind else []
         arguments += [f"{_number(clause.speed)} m/s"] if clause.speed is not None else []

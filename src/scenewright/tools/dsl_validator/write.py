@@ -21,6 +21,7 @@ from scenewright.scene.constraints import (
     OnRoad,
     OnWalkable,
     Pauses,
+    Reacts,
     RunsRed,
     RunsYellow,
     SpeedBetween,
@@ -92,6 +93,7 @@ def _list_clauses(facts: Mapping[str, Any]) -> list[Clause]:
             found.append(OnRoad(agent=agent["id"]))
     found += [_build_motion(each["id"], each["motion"]) for each in facts.get("motions", ())]
     found += [NoReaction(agent=name) for name in facts.get("unreacting", ())]
+    found += [Reacts(agent=each["id"], how=each["how"]) for each in facts.get("reactions", ())]
     return found + [RunsRed(agent=name) for name in facts["violators"]]
 
 

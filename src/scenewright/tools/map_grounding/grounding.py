@@ -108,6 +108,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
         _refuse_late_braking,
         _refuse_pedestrian_braking,
         _refuse_waiting_for_wreck,
+        _refuse_unthreatened_reactions,
         refuse_wrong_orders,
     ):
         refuse(graph)
@@ -238,6 +239,8 @@ def _is_admitted(agent: AgentNode, route: Route) -> bool:
         return False
     if agent.movement is None and route.movement == "jaywalking":
         return False  # jaywalking only on request
+    if agent.reaction == "swerves" and route.movement != "straight":
+        return False  # to a side of a straight way: in a bend a swerve shows nothing
     return all(want is None or want == offer for want, offer in zip(wanted, offered, strict=True))
 
 
@@ -422,6 +425,7 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         and _can_be_so_severe(pattern, edge)
         and _can_strike(pattern, edge)
         and _can_run_red(pattern, edge)
+        and _can_be_evaded(pattern, edge, graph)
         and can_be_ordered(pattern, edge)
     ]
 
@@ -446,6 +450,12 @@ def _can_run_red(pattern: Pattern, edge: RelationEdge) -> bool:
     """Return whether running a red light could cause it; following needs none."""
     by_red = edge.cause == "red_light_run" and edge.kind is None
     return not by_red or pattern.entries != "same"
+
+
+def _can_be_evaded(pattern: Pattern, edge: RelationEdge, graph: SocialGraph) -> bool:
+    """Whether agents that leave their path as a reaction meet another that crosses it."""
+    asked = {graph.agent(name).reaction for name in (edge.from_, edge.to)}
+    return pattern.geometry == "crossing" or not asked & {"swerves", "steps_back", "jumps_back"}
 
 
 def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
@@ -710,6 +720,21 @@ def _refuse_pedestrian_braking(graph: SocialGraph) -> None:
                 "the key out"
             )
             raise Rejected(_report_relation_failure(edge, detail))
+
+
+def _refuse_unthreatened_reactions(graph: SocialGraph) -> None:
+    """Refuse a way of reacting of an agent that nothing threatens."""
+    threats = (e for e in graph.relations if e.type in ("collide_at", "near_miss"))
+    threatened = {name for edge in threats for name in (edge.from_, edge.to)}
+    for agent in graph.agents:
+        if agent.reaction not in (None, "none") and agent.id not in threatened:
+            how = str(agent.reaction).replace("_", " ")
+            detail = f"{agent.id} {how}, which goes with a collision or a near miss alone"
+            raise Rejected(
+                Rejection(
+                    stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail
+                )
+            )
 
 
 def _refuse_waiting_for_wreck(graph: SocialGraph) -> None:

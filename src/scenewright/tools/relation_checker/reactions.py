@@ -59,6 +59,8 @@ THRESHOLDS = {
 }
 ASIDE, ASIDE_ACCELERATION = 0.2, 0.7
 """Offset to a side [m] and lateral acceleration [m/s^2] from which a vehicle swerves."""
+BACK, JUMPS = 0.25, 1.0
+"""How far a pedestrian goes backwards who steps back [m], and how fast who jumps [m/s]."""
 TURNS = np.deg2rad(2.0)
 """Who swerves within its lane turns by more than this, and has turned back in the end [rad]."""
 
@@ -207,12 +209,15 @@ def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, A
     limit = THRESHOLDS[agent.type]
     usual = float(agent.acceleration[first])
     found = _find_slowing(agent, change, window.start, _expect(agent, first, window), limit)
+    back = _find_way_back(agent, first, window)
+    if found is not None and back is not None:
+        return found | {"how": back}
     if agent.type == "pedestrian":
         hurry = _find_hurry(agent, change, window.start, max(usual, 0.0), limit)
         # After running it slows down again, after stopping it walks on: what came first counts.
         known = [each for each in (found, hurry) if each is not None]
         found = min(known, key=lambda each: float(each["reacted_at"]), default=None)
-    return found or _find_swerve(agent, first, window)
+    return _find_swerve(agent, first, window) or found
 
 
 def _expect(agent: Trajectory, first: int, window: slice) -> FloatArray:
@@ -251,6 +256,19 @@ def _find_hurry(
     if float(after.max() - agent.speed[onset - 2 : onset + 1].min()) < limit.speed:
         return None
     return _build_row(agent, onset, "runs", float(change[above[0] :].max()))
+
+
+def _find_way_back(agent: Trajectory, first: int, window: slice) -> str | None:
+    """Whether a pedestrian steps or jumps back, against the way that it went at first."""
+    speed = float(agent.speed[first])
+    if agent.type != "pedestrian" or speed <= STANDING:
+        return None
+    ahead = agent.velocity[first] / speed
+    went = (agent.xy[first : window.stop] - agent.xy[first]) @ ahead
+    if float((np.maximum.accumulate(went) - went).max()) < BACK:
+        return None
+    backwards = -float((agent.velocity[window] @ ahead).min())
+    return "jumps_back" if backwards > JUMPS else "steps_back"
 
 
 def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any] | None:
@@ -297,5 +315,9 @@ def describe_reaction(asked: str, rows: Sequence[Mapping[str, Any]]) -> str | No
     """What bears out the way of reacting that was asked for, in words; None if nothing does."""
     if not rows:
         return None
+    if asked != "none":
+        seen = [row for row in rows if row.get("how") == asked]
+        words = asked.replace("_", " ")
+        return f"agent {seen[0]['agent']} {words} at {seen[0]['reacted_at']} s" if seen else None
     reacted = any("reacted_at" in row for row in rows)
-    return None if reacted or asked != "none" else f"agent {rows[0]['agent']} does not react"
+    return None if reacted else f"agent {rows[0]['agent']} does not react"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -33,10 +34,17 @@ from scenewright.tools.solver.rear_end import (
 )
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.stepping_back import (
+    find_one_stepping_back,
+    schedule_struck_steps_back,
+)
 
 _TRIES, _ROUNDS, _PROMPT = 6, 5, 2
 """Offsets that are drawn; rounds in which some are solved for at which both may react; and of these
 the first ones, in which neither reacts long before."""
+
+_MOST_STEPS = 3
+"""Schedules with a step back that are offered."""
 
 _SMOOTHED = 0.4
 """How much smoothing keeps a short slowing above its speed [m/s]."""
@@ -79,6 +87,12 @@ def schedule_contacts(
     a, b = context.get_pair(clause, schedule)
     if context.refuse_after_collision(clause, a, b):
         return
+    back = find_one_stepping_back(clause, context)
+    if back is not None:
+        wanted = _make_test(clause, context.find_striker(clause), strict=True)
+        hits = schedule_struck_steps_back(clause, schedule, context, (a, b), back, wanted)
+        yield from islice(hits, _MOST_STEPS)
+        return
     if clause.kind != "rear_end":
         meetings = context.find_meeting_intervals(clause, a, b)
         if not len(meetings):
@@ -119,9 +133,10 @@ def _schedule_offsets(
     is_wanted = _make_test(clause, striker, strict=strict)
     scheduled = turned_round = False
     # Drawn once: a new draw for every offset would favour slow ones, as those collide.
+    one, two = get_pair(clause)
     drawn = (
-        context.reactions.draw(pair[0], context.rng),
-        context.reactions.draw(pair[1], context.rng),
+        context.reactions.draw(one, pair[0], context.rng),
+        context.reactions.draw(two, pair[1], context.rng),
     )
     taken, failed = set[float](), list[_Failed]()
     for trial in _list_trials(clause, context, deltas, drawn, failed):
@@ -190,8 +205,9 @@ def _list_trials(
         a, b, found = min(failed, key=lambda each: measure_warning(clause, context, *each))
         solved = solve_offsets(clause, context, (a, b), reactions, found)
         yield from (_Trial(delta, reactions, True, within, solved=True) for delta in solved)
-        one, two = reactions
-        reactions = draw_later(one, a, context), draw_later(two, b, context)
+        names, (one, two) = get_pair(clause), reactions
+        later = draw_later(names[0], one, a, context), draw_later(names[1], two, b, context)
+        reactions = later
     yield from (_Trial(delta, drawn, both=False) for delta in deltas)
 
 

@@ -122,6 +122,15 @@ class SolverContext:
             self._encounters[key] = find_contact_nodes(a, b)
         return self._encounters[key]
 
+    def find_evaded_conflict(
+        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
+    ) -> PathConflict:
+        """Find where the paths of the two come close, which a reaction may have moved."""
+        drawn = [self.candidates[name].path for name in get_pair(clause)]
+        if a.candidate.path is drawn[0] and b.candidate.path is drawn[1]:
+            return self.find_path_conflict(clause)
+        return find_contact_nodes(a.candidate, b.candidate)
+
     def find_meeting_intervals(
         self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
     ) -> Intervals:

@@ -184,6 +184,9 @@ class _HardBraking:
         last as it is."""
         context, name = self.context, str(self.clause.second)
         bound = name in self.schedule.actors or not context.reactions.may_react(name)
+        asked = context.reactions.ways.get(name)
+        if asked not in (None, "runs") or self.clause.first in context.reactions.ways:
+            return
         if b.candidate.shape.type == "pedestrian" and not bound and not b.slowings:
             meets = find_least_clearance(free, b)[1]
             threat = find_threat(context.find_path_conflict(self.clause), free, b, until=meets)
@@ -194,9 +197,9 @@ class _HardBraking:
                 runs = run_on(b, onset=onset, acceleration=how.strength, until=beyond)
                 less = _HESITATES * find_speed(b, onset)
                 slows = slow_down(b, onset=onset, braking=_SOFTLY, speed=less, kept=0.5)
-                for each in (runs, slows):
+                for each in (runs,) if asked else (runs, slows):
                     yield from () if each is None else self.list_shifts(free, b, each)
-        yield b
+        yield from () if asked else (b,)
 
     def list_shifts(
         self, free: ScheduledAgent, b: ScheduledAgent, reacted: ScheduledAgent

@@ -9,9 +9,15 @@ from itertools import product
 import numpy as np
 
 from scenewright.scene.constraints import Contact
-from scenewright.scene.reaction_behavior import REACTION_TIME, Reaction, ReactionKind
+from scenewright.scene.reaction_behavior import (
+    ASIDE,
+    REACTION_TIME,
+    Reaction,
+    ReactionKind,
+)
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.evasions import swerve_away
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
 from scenewright.tools.solver.reactions import (
@@ -35,6 +41,7 @@ _WAYS: dict[ReactionKind, tuple[tuple[float, float], ...]] = {
     "brakes": ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75)),
     "stops": ((1.0, 0.0), (1.0, 0.5)),
     "runs": ((1.0, 0.0), (0.6, 0.0)),
+    "swerves": ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75)),
 }
 """Share of the strength drawn, and of its speed that it keeps: too weak or too short a reaction may
 be why the two collide."""
@@ -97,11 +104,12 @@ def react_in_vain(
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
-    ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
+    asked = [name in context.reactions.ways for name in get_pair(clause)]
+    ways = [_list_ways(pair, k, threats[k], drawn[k], found.time, asked[k]) for k in (0, 1)]
     onsets = [t + how.after for t, how in zip(threats, drawn, strict=True) if t is not None]
     latest = max(onsets) + within
     if not both:
-        ways = [[*own, each] for own, each in zip(ways, pair, strict=True)]
+        ways = [own if asked[k] else [*own, pair[k]] for k, own in enumerate(ways)]
     # The strongest first; those in which one alone reacts last.
     order = sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum)
     chosen = [(ways[0][one], ways[1][two]) for one, two in order]
@@ -128,14 +136,15 @@ def solve_offsets(
     """Find offsets o_b - o_a [s] at which the two touch unreacting and reacting, if they react as
     they would at their offset now; the strongest reactions first."""
     threats = _find_threats(clause, context, pair, found)
-    ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
-    unreacted = context.find_meeting_intervals(clause, *pair)
-    conflict, offsets = context.find_path_conflict(clause), list[float]()
+    asked = [name in context.reactions.ways for name in get_pair(clause)]
+    ways = [_list_ways(pair, k, threats[k], drawn[k], found.time, asked[k]) for k in (0, 1)]
+    unreacted, offsets = context.find_meeting_intervals(clause, *pair), list[float]()
     for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
         after = (ways[0][one], ways[1][two])
         if after == pair:
             return []
         motions = (after[0].motion, after[1].motion)
+        conflict = context.find_evaded_conflict(clause, *after)
         reacted = find_conflict_intervals(conflict, *motions, c=0.0, exact=True)
         offsets += [float(context.rng.uniform(*each)) for each in _intersect(unreacted, reacted)]
     return list(dict.fromkeys(round(each, 1) for each in offsets))[:_SOLVED]
@@ -159,9 +168,9 @@ def measure_warning(
     return found.time - min(begins, default=-np.inf)
 
 
-def draw_later(drawn: Reaction, of: ScheduledAgent, context: SolverContext) -> Reaction:
+def draw_later(name: str, drawn: Reaction, of: ScheduledAgent, context: SolverContext) -> Reaction:
     """Draw another reaction, no sooner: of those who collide more reacted late."""
-    again = context.reactions.draw(of, context.rng)
+    again = context.reactions.draw(name, of, context.rng)
     return replace(again, after=max(again.after, drawn.after))
 
 
@@ -222,23 +231,37 @@ def _find_threats(
 
 
 def _list_ways(
-    of: ScheduledAgent, begin: float | None, drawn: Reaction, until: float
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    k: int,
+    begin: float | None,
+    drawn: Reaction,
+    until: float,
+    asked: bool,
 ) -> list[ScheduledAgent]:
-    """List the agent reacting as drawn, then less, then, on foot, in the other way.
+    """List the agent reacting as drawn, then less, then, on foot and unasked, in the other way.
 
     Args:
-        begin: when it perceives the other [s], if it does; until: when they touch [s].
+        k: which of the two; begin: when it perceives the other [s], if it does.
+        until: when they touch [s]; asked: the text says how it reacts.
     """
+    of = pair[k]
     if begin is None or begin + drawn.after > until - _TOO_LATE:
-        return [of]
+        return [] if asked else [of]
     kinds: list[ReactionKind] = [drawn.kind]
-    if of.candidate.shape.type == "pedestrian":
+    if of.candidate.shape.type == "pedestrian" and not asked:
         kinds.append("stops" if drawn.kind == "runs" else "runs")
     ways = [
         _react(of, replace(drawn, kind=kind, strength=share * drawn.strength), begin, keeps)
         for kind in kinds
         for share, keeps in _WAYS[kind]
     ]
+    if drawn.kind == "swerves":
+        moved = [
+            swerve_away(each, of, pair[1 - k], onset=begin + drawn.after, meets=until, by=aside)
+            for each in ways
+            for aside in (ASIDE[1], ASIDE[0])
+        ]
+        ways = [each for each in moved if each is not None]
     return [each for each in ways if _is_seen(of, each, begin, until)]
 
 

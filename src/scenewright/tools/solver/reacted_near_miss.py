@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenewright.scene.constraints import TimeGap
-from scenewright.scene.reaction_behavior import Reaction
+from scenewright.scene.reaction_behavior import ASIDE, Reaction
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.evasions import swerve_away
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
 from scenewright.tools.solver.reactions import (
@@ -37,10 +38,10 @@ each; and schedules that are offered."""
 _KEEPS, _KEEPS_LITTLE = (0.58, 0.75), (0.25, 0.55)
 """Share of its speed that an agent keeps which slows: below half it would have given way,"""
 
-_HARSH, _NARROW = 5.3, 0.44
+_HARSH, NARROW = 5.3, 0.44
 """but for braking harder than this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
 
-_KEEPS_FIRST, _KEEPS_ON_FOOT = (0.6, 0.8), (0.4, 0.55)
+KEEPS_FIRST, _KEEPS_ON_FOOT = (0.6, 0.8), (0.4, 0.55)
 """The same for an agent that slows and still passes first; the second for pedestrians."""
 
 _HARDER = 1.1
@@ -64,14 +65,15 @@ _CLOSEST = 0.3
 
 @dataclass(frozen=True)
 class _Attempt:
-    """Reaction of the agent (0 or 1) that parts the two, down to which share of its speed; and,
-    unless it reacts alone, of the other one."""
+    """Reaction of the agent (0 or 1) that parts the two, down to which share of its speed; unless
+    it reacts alone, of the other one; and how far it swerves [m]."""
 
     by: int
     how: Reaction
     keeps: float
     other: Reaction | None
     other_keeps: float
+    aside: float = 0.0
 
     @property
     def first(self) -> int:
@@ -81,7 +83,7 @@ class _Attempt:
     def get_longest_pet(self, most: float) -> float:
         """Return the longest PET [s], up to `most`, with which this does not count as yielding."""
         gives_way = self.keeps < _KEEPS[0] and self.how.strength < _HARSH
-        return min(most, _NARROW) if gives_way and self.how.kind != "runs" else most
+        return min(most, NARROW) if gives_way and self.how.kind != "runs" else most
 
 
 def can_react(
@@ -115,11 +117,13 @@ def schedule_reacted_time_gaps(
     willing = [k for k in (0, 1) if context.reactions.may_react(names[k])]
     if not can_react(clause, schedule, context, pair, meetings):
         return
-    offered = 0
+    asked = [k for k in willing if names[k] in context.reactions.ways]
+    willing, offered = asked or willing, 0
     for n in range(_TRIES):
-        attempt = _draw(willing, pair, context)
+        attempt = _draw(willing, names, pair, context)
         bound = names[1 - attempt.by] in schedule.actors or bool(pair[1 - attempt.by].slowings)
-        if n >= _TRIES - _ALONE or bound or 1 - attempt.by not in willing:
+        may = context.reactions.may_react(names[1 - attempt.by])
+        if n >= _TRIES - _ALONE or bound or not may:
             attempt = replace(attempt, other=None)
         if names[attempt.by] in schedule.actors:
             continue  # it is bound already by earlier events
@@ -133,21 +137,23 @@ def schedule_reacted_time_gaps(
 
 def _draw(
     willing: list[int],
+    names: tuple[str, str],
     pair: tuple[ScheduledAgent, ScheduledAgent],
     context: SolverContext,
 ) -> _Attempt:
     by = willing[int(context.rng.integers(len(willing)))]
-    how = context.reactions.draw(pair[by], context.rng)
+    how = context.reactions.draw(names[by], pair[by], context.rng)
     keeps = _KEEPS if context.rng.random() < 0.5 else _KEEPS_LITTLE
     walks = pair[1 - by].candidate.shape.type == "pedestrian"
-    first = _KEEPS_ON_FOOT if walks else _KEEPS_FIRST
+    first = _KEEPS_ON_FOOT if walks else KEEPS_FIRST
     other_keeps = _KEEPS if how.kind == "runs" else first
     return _Attempt(
         by,
         how,
         float(context.rng.uniform(*keeps)),
-        context.reactions.draw(pair[1 - by], context.rng),
+        context.reactions.draw(names[1 - by], pair[1 - by], context.rng),
         float(context.rng.uniform(*other_keeps)),
+        float(context.rng.uniform(*ASIDE)) if how.kind == "swerves" else 0.0,
     )
 
 
@@ -167,7 +173,7 @@ def _schedule_reaction(
         placed = schedule.place(clause, *pair, delta)
         delta = placed[1].enters - placed[0].enters
         reacted = _react(clause, context, placed, attempt)
-        after = None if reacted is None else _find_meetings(clause, context, reacted)
+        after = None if reacted is None else find_meetings(clause, context, reacted)
         if reacted is None or after is None or not len(after):
             return None
         # How far the reaction moves the two apart, and how long a PET that leaves room for.
@@ -177,16 +183,17 @@ def _schedule_reaction(
         if longest < clause.low:
             return None  # on present courses they would not meet, so that no reaction is needed
         if clause.low - 1e-6 <= pet <= longest + 1e-6:
-            return _finish(clause, schedule, context, reacted)
+            return finish_near_miss(clause, schedule, context, reacted)
         wanted = float(context.rng.uniform(clause.low, longest))
         delta = round(delta + (pet - wanted if attempt.first else wanted - pet), 1)
     return None
 
 
-def _find_meetings(
+def find_meetings(
     clause: TimeGap, context: SolverContext, pair: tuple[ScheduledAgent, ScheduledAgent]
 ) -> Intervals:
-    conflict = context.find_path_conflict(clause)
+    """Find the differences of entry times [s] at which the two meet as they move now."""
+    conflict = context.find_evaded_conflict(clause, *pair)
     return find_conflict_intervals(conflict, pair[0].motion, pair[1].motion, c=0.0, exact=True)
 
 
@@ -208,6 +215,8 @@ def _react(
     if onset > meets - _CLOSEST:
         return None
     changed = _change(clause, context, of, attempt, onset)
+    if changed is not None and attempt.how.kind == "swerves":
+        changed = swerve_away(changed, of, other, onset=onset, meets=meets, by=attempt.aside)
     if changed is None:
         return None
     other = _react_as_well(clause, context, (changed, other), attempt, (threat[0], meets))
@@ -232,28 +241,30 @@ def _react_as_well(
         return of
     begin, meets = threat
     placed = pair if attempt.by == 0 else (of, changed)
-    left = find_threat(context.find_path_conflict(clause), *placed, until=meets)
+    left = find_threat(context.find_evaded_conflict(clause, *placed), *placed, until=meets)
     onset = begin + attempt.other.after
     if onset > min(meets - _CLOSEST, (begin if left is None else left[1]) + _CALLED_OFF):
         return of
     reaction = _Attempt(1 - attempt.by, attempt.other, attempt.other_keeps, None, 1.0)
     if attempt.first == attempt.by or attempt.other.kind == "runs":
         return _change(clause, context, of, reaction, onset) or of
-    return _touch_brakes(of, reaction, begin, onset) or of
+    return touch_brakes(of, reaction.how, reaction.keeps, (begin, onset)) or of
 
 
-def _touch_brakes(
-    of: ScheduledAgent, attempt: _Attempt, begin: float, onset: float
+def touch_brakes(
+    of: ScheduledAgent, how: Reaction, keeps: float, times: tuple[float, float]
 ) -> ScheduledAgent | None:
     """Slow the agent for a moment, visibly; it goes on at once, and passes first.
 
     Args:
-        begin: when the other is perceptible; onset: when it reacts [s].
+        keeps: share of its speed that it keeps.
+        times: when the other is perceptible, and when it reacts [s].
     """
+    begin, onset = times
     before, usual = find_speed(of, onset), find_usual_braking(of, begin, onset)
     least = usual + _HARDER if usual else 0.0
-    speed = min(attempt.keeps * before, before - _LASTS * least)
-    braking = max(min(attempt.how.strength, (before - speed) / _LASTS), least)
+    speed = min(keeps * before, before - _LASTS * least)
+    braking = max(min(how.strength, (before - speed) / _LASTS), least)
     return slow_down(of, onset=onset, braking=braking, speed=max(speed, 0.5), kept=1.0)
 
 
@@ -279,16 +290,17 @@ def _change(
     return slow_down(of, onset=onset, braking=how.strength, speed=speed, kept=kept)
 
 
-def _finish(
+def finish_near_miss(
     clause: TimeGap,
     schedule: PartialSchedule,
     context: SolverContext,
     reacted: tuple[ScheduledAgent, ScheduledAgent],
 ) -> PartialSchedule | None:
+    """Add the near miss to the schedule; None where the two touch or nothing was perceptible."""
     clearance, time, place = find_least_clearance(*reacted)
     if clearance <= _LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
         return None
-    conflict = context.find_path_conflict(clause)
+    conflict = context.find_evaded_conflict(clause, *reacted)
     lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
     threat = find_threat(conflict, *reacted, until=time, lead=lead)
     alone = not (reacted[0].slowings and reacted[1].slowings)

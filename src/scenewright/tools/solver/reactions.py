@@ -7,13 +7,18 @@ pedestrian slows down or runs. It is solved for like a stop: its outcome decides
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from scenewright.geometry.driving_profile import get_pace
 from scenewright.scene.candidates import PACE_STEP
-from scenewright.scene.reaction_behavior import PERCEPTIBLE_TTC, Reaction, sample_reaction
+from scenewright.scene.reaction_behavior import (
+    PERCEPTIBLE_TTC,
+    Reaction,
+    ReactionKind,
+    sample_reaction,
+)
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.path_conflict import PathConflict
@@ -50,19 +55,22 @@ class ReactionRequests:
         excluded: agents that do not react, as the text says.
         hidden: of pairs of which one is hidden: least and most time from the first line of sight
             to the event [s].
+        ways: agents that react in a certain way, as the text says.
     """
 
     excluded: frozenset[str]
     hidden: Mapping[frozenset[str], tuple[float, float]]
+    ways: Mapping[str, ReactionKind] = field(default_factory=dict)
 
     def may_react(self, name: str) -> bool:
         """Return whether the text leaves the agent to react."""
         return name not in self.excluded
 
-    @staticmethod
-    def draw(of: ScheduledAgent, rng: np.random.Generator) -> Reaction:
-        """Draw a reaction of the agent, of those that a motion along its path can show."""
-        drawn = sample_reaction(of.candidate.shape.type, rng)
+    def draw(self, name: str, of: ScheduledAgent, rng: np.random.Generator) -> Reaction:
+        """Draw a reaction of the agent: as asked for, else one along its path."""
+        drawn = sample_reaction(of.candidate.shape.type, rng, kind=self.ways.get(name))
+        if name in self.ways:
+            return drawn
         if of.candidate.shape.type != "pedestrian":
             drawn = replace(drawn, kind="brakes")
         elif drawn.kind == "steps_back":
@@ -158,6 +166,11 @@ def find_usual_braking(of: ScheduledAgent, begin: float, onset: float) -> float:
 def find_speed(of: ScheduledAgent, time: float) -> float:
     """Find its speed [m/s] at a scene time."""
     return _find_state(of, time)[1]
+
+
+def find_place(of: ScheduledAgent, time: float) -> float:
+    """Find its arc length [m] at a scene time."""
+    return _find_state(of, time)[0]
 
 
 def _find_state(of: ScheduledAgent, time: float) -> tuple[float, float]:

@@ -39,6 +39,7 @@ from scenewright.scene.constraints import (
     PairFigure,
     PassesBeside,
     Pauses,
+    Reacts,
     RunsRed,
     RunsYellow,
     SameLane,
@@ -265,6 +266,7 @@ class Search:
                 for each in objects
                 if each.hides is not None
             },
+            {c.agent: c.how for c in program.clauses if isinstance(c, Reacts)},
         )
         self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
         if not pool.groups.keys() <= {*bound}:

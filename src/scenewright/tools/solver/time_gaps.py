@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -25,8 +26,14 @@ from scenewright.tools.solver.reacted_near_miss import (
 )
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
+from scenewright.tools.solver.stepping_back import (
+    find_one_stepping_back,
+    schedule_missed_steps_back,
+)
 
 _TRIES = 6
+_MOST_STEPS = 2
+"""Schedules with a step back that are offered."""
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
@@ -49,6 +56,11 @@ def schedule_time_gaps(
     if schedule.has_event(clause):
         if _is_pet_in_range(clause, meetings, b.enters - a.enters, context):
             yield schedule
+        return
+    back = find_one_stepping_back(clause, context)
+    if back is not None:
+        some = schedule_missed_steps_back(clause, schedule, context, (a, b), meetings, back)
+        yield from islice(some, _MOST_STEPS)
         return
     yield from schedule_reacted_time_gaps(clause, schedule, context, (a, b), meetings)
     if not context.lenient and can_react(clause, schedule, context, (a, b), meetings):

@@ -830,11 +830,25 @@ _MOTIONS = {
 
 
 def _react(result: Interpretation, span: ReadSpan) -> None:
-    """How a threatened agent reacts, as far as it can be asked for."""
-    if span.value in get_args(AskedReaction) and not span.negated:
-        _do_not_react(result, span)
-    else:
+    """How a threatened agent reacts, as far as agents of its class can be asked to."""
+    agents = result.list_agents(span.subjects[:1])
+    known = _REACTIONS.get((span.value, agents[0].type == "pedestrian")) if agents else None
+    if known == "steps_back" and _JUMPS.search(span.words):
+        known = "jumps_back"
+    threat = any(each.tag in ("hit", "near") and not each.negated for each in result.spans)
+    if span.negated or known is None or not threat:
         _leave_out_act(result, span)
+    else:
+        _react_so(result, replace(span, value=known, subjects=span.subjects[:1]))
+
+
+_REACTIONS: dict[tuple[str | None, bool], AskedReaction] = {
+    ("none", False): "none", ("none", True): "none", ("swerve", False): "swerves",
+    ("back", True): "steps_back", ("run", True): "runs",
+}  # fmt: skip
+"""By the value of the mark, and whether a pedestrian reacts."""
+
+_JUMPS = re.compile(r"\b(?:jump|leap|leapt|spr[aiu]ng)", re.IGNORECASE)
 
 
 def _push(result: Interpretation, span: ReadSpan) -> None:
@@ -847,13 +861,13 @@ def _keep_lane(result: Interpretation, span: ReadSpan) -> None:
     result.lanes.append(span)
 
 
-def _do_not_react(result: Interpretation, span: ReadSpan) -> None:
-    """The agent that does not react to the threat."""
+def _react_so(result: Interpretation, span: ReadSpan) -> None:
+    """How the agent reacts to the threat, or that it does not."""
     for number in span.subjects:
         agent = result.users.get(number)
         if agent is not None:
-            agent.reaction = "none"
-            result.enter(span, "reaction", (number,), "none")
+            agent.reaction = cast("AskedReaction", span.value)
+            result.enter(span, "reaction", (number,), span.value)
 
 
 def _add_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
@@ -1336,7 +1350,7 @@ _RULES: dict[str, Rule] = {
     "time": _set_time,
     "first": _keep_order,
     "motion": _move_so,
-    "reaction": _do_not_react,
+    "reaction": _react_so,
     "react": _react,
     "push": _push,
     "lane": _keep_lane,

@@ -1,4 +1,5 @@
-"""Words by which a road user does not react: "without braking", "distracted", "does not react"."""
+"""Words of how a road user reacts to a threat, or that it does not: "without braking",
+"distracted", "does not react", "jumps back", "swerves within its lane"."""
 
 from __future__ import annotations
 
@@ -23,8 +24,23 @@ _UNREACTING = re.compile(
     r"\b(?:is |was )?on (?:his|her|their|its|the) phone\b",
     re.IGNORECASE,
 )
+_AWAY = r"(?: away)?(?: from (?:it|him|her|them|the (?:car|van|truck|bus|vehicle)))?"
+_WAYS = {
+    "steps_back": rf"(?:steps?|stepp?ed|stepping|backs?|backed|backing) (?:back|off|up)\b{_AWAY}",
+    "jumps_back": rf"(?:jump(?:s|ed|ing)?|leap(?:s|ed|ing|t)?|spr[aiu]ngs?) back\b{_AWAY}",
+    "runs": r"(?:r[au]n(?:s|ning)?|sprint(?:s|ed|ing)?|dash(?:es|ed|ing)?|jump(?:s|ed|ing)?|"
+    r"leap(?:s|ed|ing|t)?) (?:out of|clear of) (?:the|its|his|her|their) (?:way|path)\b",
+    "swerves": r"(?:swerv(?:e|es|ed|ing)|veer(?:s|ed|ing)?)\b(?! (?:into|over|across|off|out|onto|"
+    r"toward|in front|back)| (?:to the )?(?:left|right)\b)"
+    r"(?: (?:with)?in (?:its|his|her|their|the) lane)?",
+}
+_REACTING = {way: re.compile(rf"\b{words}", re.IGNORECASE) for way, words in _WAYS.items()}
+"""By how they react, the words that say so."""
+_TO_AVOID = re.compile(r" (?:to|and) (?:avoids?|dodges?|evades?|escapes?)\b", re.IGNORECASE)
+_THREATS = ("hit", "near")
+"""Tags of collisions and near misses, without which there is nothing to react to."""
 _IN_TIME = re.compile(r"\s*(?:in time|(?:hard|early|quickly|soon|fast) enough)", re.IGNORECASE)
-_OF_REACTING = ("brake", "decel", "manner", "act", "sight", "thing", "pace", "yield")
+_OF_REACTING = ("brake", "decel", "manner", "act", "sight", "thing", "pace", "yield", "react")
 """Tags of spans whose words say no more than that an agent does not react."""
 
 
@@ -40,7 +56,39 @@ def read_reactions(reading: Reading) -> Reading:
         spans.append(
             ReadSpan(start, end, match[0], "reaction", "none", False, None, (owner,), (), _KNOWN)
         )
+    spans = _add_ways(reading, spans)
     return reading if spans == list(reading.spans) else _replace_spans(reading, spans)
+
+
+def _add_ways(reading: Reading, spans: list[ReadSpan]) -> list[ReadSpan]:
+    """The spans with those that say how an agent reacts to a collision or a near miss."""
+    if any(span.tag == "turn" for span in spans):
+        return spans  # which way is open, and nothing else would hold an agent to turning at all
+    found = [(way, m) for way, words in _REACTING.items() for m in words.finditer(reading.text)]
+    for way, match in found:
+        owner = _find_owner(spans, match)
+        threats = _find_threats(reading, spans, match)
+        if owner not in reading.users or threats is None:
+            continue
+        spans = [s for s in threats if s.tag in _THREATS or not _is_same_statement(s, match)]
+        start, end = match.span()
+        spans.append(
+            ReadSpan(start, end, match[0], "reaction", way, False, None, (owner,), (), _KNOWN)
+        )
+    return spans
+
+
+def _find_threats(
+    reading: Reading, spans: list[ReadSpan], match: re.Match[str]
+) -> list[ReadSpan] | None:
+    """The spans, where something threatens; a contact that is avoided so is a near miss."""
+    if any(span.tag in _THREATS and not span.negated for span in spans):
+        return spans
+    avoids = _TO_AVOID.match(reading.text, match.end())
+    avoided = [s for s in spans if avoids and s.tag == "hit" and s.start >= match.end()]
+    if not avoided:
+        return None
+    return [replace(s, tag="near", negated=False) if s is avoided[0] else s for s in spans]
 
 
 def _replace_spans(reading: Reading, spans: list[ReadSpan]) -> Reading:
