@@ -66,8 +66,7 @@ def _check_waypoints(
     steps = np.hypot(*np.diff(points, axis=0).T)
     usual = float(np.median(steps))
     least = UNEVEN_ROUND if agent.movement == "uturn" else UNEVEN
-    along = _measure_along(track.xy, points, steps)
-    if not _is_even(steps, least) and not _is_even(along, least):
+    if not (_is_even(steps, least) or _is_even(_measure_along(track.xy, points, steps), least)):
         yield f"its waypoints are {steps.min():.1f} to {steps.max():.1f} m apart, not evenly spaced"
     off = _find_farthest(track.xy, points)
     if off > usual / 2 + ASIDE:
@@ -108,10 +107,10 @@ def _find_nearest(from_: FloatArray, to: FloatArray) -> tuple[IntArray, FloatArr
     for n in range(len(from_)):
         least = np.inf
         for m in range(len(to)):
-            apart = np.hypot(from_[n, 0] - to[m, 0], from_[n, 1] - to[m, 1])
+            apart = (from_[n, 0] - to[m, 0]) ** 2 + (from_[n, 1] - to[m, 1]) ** 2
             if apart < least:
                 least, nearest[n] = apart, m
-        away[n] = least
+        away[n] = np.sqrt(least)
     return nearest, away
 
 

@@ -129,10 +129,12 @@ def _check_queueing(
     lane: LaneGaps, tracks: tuple[Trajectory, ...], roles: AgentRoles
 ) -> Iterator[Finding]:
     follower = tracks[lane.follower]
+    standing = (lane.leader >= 0) & (lane.speed <= 0.3) & (lane.gap < STANDING_GAP - 0.02)
+    moving = (lane.leader >= 0) & (lane.speed > 0.3) & (lane.headway < HEADWAY - 0.02)
+    if not follower.is_vehicle or not (standing | moving).any():
+        return
     bound = np.array([frozenset((follower.id, m.id)) in roles.bound for m in tracks])
-    free = (lane.leader >= 0) & ~bound[lane.leader] & follower.is_vehicle
-    standing = free & (lane.speed <= 0.3) & (lane.gap < STANDING_GAP - 0.02)
-    moving = free & (lane.speed > 0.3) & (lane.headway < HEADWAY - 0.02)
+    standing, moving = (mask & ~bound[lane.leader] for mask in (standing, moving))
     for mask, values, limit, rule, unit in (
         (standing, lane.gap, STANDING_GAP, "standing_gap", "m behind"),
         (moving, lane.headway, HEADWAY, "headway", "s behind"),
