@@ -17,6 +17,7 @@ import map_files
 from scenewright.cli.main import main
 from scenewright.graph.run import ground_of
 from scenewright.intersections import check_bundle, list_intersections, load_map
+from scenewright.tools.track_io import load_recordings
 
 TAF = os.environ.get("SCENEWRIGHT_TAF_BW")
 """A copy of the TAF-BW data set (docs/own-intersection.md); not part of the project."""
@@ -126,8 +127,10 @@ def test_traffic_is_simulated_on_a_map_without_data(tmp_path, own, capsys):
     net = map_files.sumo_net(tmp_path / "t.net.xml", (0, 90, 180))
     main(["intersections", "import", str(net), "--name", "tee", "-q"])
     capsys.readouterr()
-    assert main(["intersections", "simulate", "tee", "--minutes", "10", "-q", "--json"]) == 0
+    words = ["--minutes", "10", "--corpus", "tee.npz", "-q", "--json"]
+    assert main(["intersections", "simulate", "tee", *words]) == 0
     facts = given(capsys)
+    assert [each.name for each in load_recordings(Path("tee.npz"))] == ["tee piece 0 hour 08"]
     assert facts["trips"] > 50
     assert facts["walks"] > 3
     check_bundle(own / "tee")

@@ -34,7 +34,7 @@ from scenewright.tools.gmm_sampler.priors import Priors
 from scenewright.tools.map_import import ImportedMap, import_map
 from scenewright.tools.map_import.quality_report import build_report, format_report
 from scenewright.tools.map_import.survey_file import write_survey
-from scenewright.tools.track_io import Recording
+from scenewright.tools.track_io import Recording, save_recordings
 
 ProgressCallback = Callable[[str, str], None]
 REFINER_CARD = "refiner.md"
@@ -144,12 +144,19 @@ def _report_files(file: str, made: ImportedMap, report: Mapping[str, Any]) -> di
 
 
 def simulate_own(
-    name: str, *, minutes: int, seed: int, train: bool, log: ProgressCallback
+    name: str,
+    *,
+    minutes: int,
+    seed: int,
+    train: bool,
+    log: ProgressCallback,
+    corpus: Path | None = None,
 ) -> dict[str, Any]:
     """Simulates traffic on an imported map, fits its priors anew and trains its refiner.
 
     Args:
         train: whether to train; else a refiner that the bundle has stays as it is.
+        corpus: a file to keep the simulated tracks in.
 
     Raises:
         InputError: no such imported intersection, SUMO not installed, a number that cannot be.
@@ -164,6 +171,8 @@ def simulate_own(
         seed=seed,
         progress=lambda line: log("simulating", line),
     )
+    if corpus is not None:
+        save_recordings(corpus, made.recordings)
     log("fitting", f"priors on {len(made.trips)} trips")
     priors = fit_simulated_priors(
         bundle.intersection_map, bundle.route_lines, made.trips, made.present

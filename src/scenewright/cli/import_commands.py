@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
@@ -120,6 +121,10 @@ def simulate(
     train: Annotated[
         bool, typer.Option("--train/--no-train", help="Train a refiner on it, about half a minute.")
     ] = True,
+    corpus: Annotated[
+        str | None,
+        typer.Option(metavar="F", help="An .npz to keep the tracks in, for `train --others`."),
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -130,7 +135,10 @@ def simulate(
     from scenewright.cli.custom_intersections import simulate_own
 
     with show_progress(quiet=quiet) as log:
-        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log)
+        facts = simulate_own(
+            name, minutes=minutes, seed=seed, train=train, log=log,
+            corpus=None if corpus is None else Path(corpus),
+        )  # fmt: skip
     _print_facts(facts, (), as_json=as_json)
 
 

@@ -428,6 +428,19 @@ def train(
             help="Tracks of real people on foot, to learn walking from; may be given again.",
         ),
     ] = None,
+    others: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="F",
+            help="Tracks of another intersection, of `simulate --corpus`; may be given again.",
+        ),
+    ] = None,
+    walking: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=1.0, help="Share of what is learned that changes how people walk."
+        ),
+    ] = None,
     go_on: Annotated[
         bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
     ] = False,
@@ -444,7 +457,7 @@ def train(
     with show_progress(quiet=quiet) as log:
         made = train_refiner(
             name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, log=log,
-            walkers=walkers or (), go_on=go_on, most=most,
+            walkers=walkers or (), go_on=go_on, most=most, others=others or (), walking=walking,
         )  # fmt: skip
     if as_json:
         write_json({"ok": True, "name": name, **made})

@@ -23,6 +23,8 @@ def train_refiner(
     walkers: Sequence[str] = (),
     go_on: bool = False,
     most: int | None = None,
+    others: Sequence[str] = (),
+    walking: float | None = None,
 ) -> dict[str, Any]:
     """Trains and writes weights and model card; says where they are and what they are worth.
 
@@ -30,23 +32,36 @@ def train_refiner(
         walkers: files or folders of tracks of real people on foot; every fourth is held out.
         go_on: from the weights that serve the intersection on, in smaller steps.
         most: stretches of the corpus to learn from; None for all.
+        others: files of tracks simulated at other intersections, of `simulate --corpus`.
+        walking: share of what is learned that changes how pedestrians walk; None for that of the
+            weights it goes on from, or all.
 
     Raises:
         InputError: no such intersection, no such corpus, or a place that cannot be written.
     """
+    from scenewright.cli.adapted_refiner import GOES_ON
     from scenewright.intersections import find_bundle_folder
     from scenewright.tools.track_io import load_recordings
-    from scenewright.tools.trajnet_refiner.bundle_training import find_out_folder, train_bundle
+    from scenewright.tools.trajnet_refiner.bundle_training import (
+        CONFIG,
+        find_out_folder,
+        train_bundle,
+    )
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     find_bundle_folder(name)
     recordings = load_recordings(corpus)
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
-    own = {**({"rate": _SMALLER} if go_on else {}), **({"goals": _WITH_GOALS} if walkers else {})}
+    own = {
+        **({"rate": GOES_ON["rate"]} if go_on else {}),
+        **({"goals": _WITH_GOALS} if walkers else {}),
+    }
     recipe = RECIPE.model_copy(update={**own, **changed})
     serving = find_refiner(name) if go_on else None
     folder = find_out_folder(name, out)
+    config = CONFIG if serving is None else serving.net.config
+    config = config if walking is None else config.model_copy(update={"walking": walking})
 
     def log_epoch(epoch: Epoch) -> None:
         log("training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}")
@@ -55,13 +70,12 @@ def train_refiner(
         name, recordings, out=folder, recipe=recipe, after_epoch=log_epoch,
         log=lambda done, of: log("training", f"{100 * done // of} %") if done % 20 == 0 else None,
         start=None if serving is None else serving.net, walkers=_read_walkers(walkers),
-        most=most,
+        others=[each for file in others for each in load_recordings(Path(file))],
+        most=most, config=config,
     )  # fmt: skip
     return {"folder": str(folder), "figures": about["figures"]}
 
 
-_SMALLER = 1e-3
-"""Learning rate of a network that goes on from weights it has."""
 _WITH_GOALS = 0.7
 """Share of the batches with waypoints where people are learned from: fewer, as the others are how
 people walk by themselves."""

@@ -21,6 +21,7 @@ from scenewright.tools.trajnet_refiner.supervised import (
     RECIPE,
     build_supervised_batches,
     cut_recorded_windows,
+    reverse_windows,
 )
 from scenewright.tools.trajnet_refiner.windows import Variation
 
@@ -99,6 +100,36 @@ def test_every_goal_is_a_place_on_the_way_at_the_time_it_is_due():
     due = scenes.due[within].long() - 1
     assert (due >= step).all()
     assert torch.allclose(scenes.goal[within], future[b, n, due], atol=1e-4)
+
+
+def test_a_stretch_backwards_ends_where_it_began():
+    windows = cut_recorded_windows([HOURS[0]], observed=9, predicted=12)
+    turned = reverse_windows(windows, observed=9)
+    assert len(turned) == len(windows)
+    assert all(
+        np.array_equal(two.xy[0, 0], one.xy[0, -1])
+        for one, two in zip(windows, turned, strict=True)
+        if not np.isnan(one.xy).any()
+    )
+    assert all(np.isfinite(two.xy[:, 8:10]).all() for two in turned)
+
+
+def test_other_intersections_are_learned_from_and_the_card_says_which(tmp_path):
+    others = tuple(replace(hour(split, 7), name=f"mill piece {split}") for split in ("fit", "test"))
+    about = train_bundle(NAME, HOURS, out=tmp_path, config=CONFIG, recipe=ONCE, others=others)
+    plain = train_bundle(NAME, HOURS, out=tmp_path / "plain", config=CONFIG, recipe=ONCE)
+    assert about["windows"] > plain["windows"]
+    assert about["others"]["mill"]["vehicle_n"] > 0
+    assert "Other intersections learned from as well: mill (" in (tmp_path / CARD).read_text()
+    assert "Other intersections" not in (tmp_path / "plain" / CARD).read_text("utf-8")
+
+
+def test_a_network_that_goes_on_keeps_its_share_for_pedestrians(tmp_path):
+    config = CONFIG.model_copy(update={"walking": 0.4})
+    train_bundle(NAME, HOURS, out=tmp_path / "a", config=config, recipe=ONCE)
+    start = load_refiner(tmp_path / "a" / REFINER_WEIGHTS)
+    train_bundle(NAME, HOURS, out=tmp_path / "b", start=start, recipe=ONCE)
+    assert load_refiner(tmp_path / "b" / REFINER_WEIGHTS).config == config
 
 
 def test_walking_is_learned_from_real_walkers_and_the_card_says_whose(tmp_path):

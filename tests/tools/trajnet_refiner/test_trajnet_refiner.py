@@ -95,6 +95,22 @@ def test_without_anything_learned_goals_are_met_in_time() -> None:
     assert close(path[0, 3], build_zero_network(SMALL)(scenes._replace(goal=None)).xy[0, 3])
 
 
+def test_pedestrians_take_a_share_of_what_was_learned_and_vehicles_all_of_it() -> None:
+    """Without any share pedestrians keep going; while a network learns, the share is whole."""
+    scenes = crowd()._replace(goal=None)
+    last = scenes.xy[:, :, -1:]
+    straight = last + (last - scenes.xy[:, :, -2:-1]) * torch.arange(1, 13)[:, None]
+    net = build_random_network(SMALL)
+    whole = net(scenes).xy
+    net.config = SMALL.model_copy(update={"walking": 0.0})
+    on_foot = scenes.classes == 0
+    assert close(net(scenes).xy[on_foot], straight[on_foot])
+    assert not close(whole[on_foot], straight[on_foot], 1e-2)
+    alone = scenes._replace(classes=torch.ones_like(scenes.classes))
+    assert not close(net(alone).xy, straight, 1e-2)
+    assert net.train()._compute_shares(scenes.classes).eq(1.0).all()
+
+
 def test_turning_and_shifting_the_scene_turns_and_shifts_the_prediction() -> None:
     net, scenes = build_random_network(SMALL), crowd()
     plain = net(scenes)

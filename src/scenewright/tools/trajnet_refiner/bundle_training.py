@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from scenewright.errors import InputError
+from scenewright.geometry.polyline import smooth_gaussian
 from scenewright.intersections import (
     REFINER_WEIGHTS,
     find_bundle_folder,
@@ -24,6 +25,7 @@ from scenewright.tools.trajnet_refiner.supervised import (
     RECIPE,
     build_supervised_batches,
     cut_recorded_windows,
+    reverse_windows,
 )
 from scenewright.tools.trajnet_refiner.train import (
     Epoch,
@@ -45,6 +47,8 @@ _CLASSES = ("pedestrian", "vehicle")
 _TRIED = 4096
 _SIMULATED = 0.1
 """Weight of simulated pedestrians beside real ones."""
+_SWAY = 4.0
+"""Width of the Gaussian that takes the sway of each step out of walkers' tracks [samples]."""
 OVERLAP = 4
 """Network steps from one stretch of a recording to the next where there are few."""
 
@@ -55,12 +59,13 @@ def train_bundle(
     *,
     out: Path,
     recipe: Recipe = RECIPE,
-    config: RefinerConfig = CONFIG,
+    config: RefinerConfig | None = None,
     log: ProgressCallback | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
     start: Refiner | None = None,
     command: str | None = None,
     walkers: Sequence[Recording] = (),
+    others: Sequence[Recording] = (),
     stride: int | None = None,
     most: int | None = None,
 ) -> Mapping[str, Any]:
@@ -72,10 +77,13 @@ def train_bundle(
 
     Args:
         recordings: of all splits; those to fit are trained on, those to test give the figures.
-        start: the network to start from, of the same configuration; None draws the weights.
+        config: of the network; that of `start` if None, and `CONFIG` without one.
+        start: the network to start from, of the same sizes; None draws the weights.
         command: that made the recordings, for the card.
         walkers: recordings of real people on foot: how pedestrians move is then learned from those
             to fit, and simulated ones count a tenth; those to test give figures of their own.
+        others: recordings of other intersections; those to fit are learned from as well, those to
+            test give figures for each place.
         stride: network steps from one stretch of a recording to the next, `OVERLAP` where there
             are few; None for stretches that do not overlap in what is predicted.
         most: stretches of the recordings that are learned from, drawn by the recipe's seed; None
@@ -87,6 +95,7 @@ def train_bundle(
     Raises:
         InputError: there are no hours to fit, or the folder cannot be written.
     """
+    config = config or (CONFIG if start is None else start.config)
     by_split = {
         split: [each for each in recordings if each.split == split]
         for split in ("fit", "validation", "test")
@@ -98,9 +107,13 @@ def train_bundle(
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
     _make(out)
     windows = _sample_windows(_cut_windows(by_split["fit"], config, stride), most, recipe.seed)
+    windows += _cut_windows([each for each in others if each.split == "fit"], config, stride)
+    walkers = [_smooth_steps(each) for each in walkers]
     taught = [each for each in walkers if each.split == "fit"]
     if taught:
-        windows = [*map(_weigh_down_pedestrians, windows), *_cut_windows(taught, config, OVERLAP)]
+        walking = _cut_windows(taught, config, OVERLAP)
+        backwards = reverse_windows(walking, observed=config.observed)
+        windows = [*map(_weigh_down_pedestrians, windows), *walking, *backwards]
     losses: list[float] = []
 
     def keep(epoch: Epoch) -> None:
@@ -127,6 +140,13 @@ def train_bundle(
             lambda: compute_figures(net, by_split["test"] or by_split["fit"], stride=stride)
         ),
     }
+    if others:
+        about["others"] = _run_single_threaded(
+            lambda: {
+                place: compute_figures(net, own, stride=stride)
+                for place, own in _group_by_place(others).items()
+            }
+        )
     if walkers:
         tried = [each for each in walkers if each.split == "test"]
         about["walkers"] = {split: [each.name for each in walkers if each.split == split]
@@ -211,7 +231,8 @@ def format_card(net: Refiner, about: Mapping[str, Any]) -> str:
   {sum(p.numel() for p in net.parameters())} weights (`tools/trajnet_refiner/model.py`). It moves
   the agents of a scene from one waypoint of their edited priors to the next.
 - **Data.** Simulated traffic of this intersection (`{about["command"]}`){_format_walking(about)}.
-  Fitted on {len(hours["fit"])} recordings: {_format_hours(hours["fit"])}. Figures from
+  {_format_others(about)}Fitted on {len(hours["fit"])} recordings:
+  {_format_hours(hours["fit"])}. Figures from
   {_format_tested(hours)}.
 - **Training.** {_format_start(about)}{about["windows"]} windows of
   {net.config.observed} + {net.config.predicted} steps of {net.config.step} s,
@@ -263,6 +284,25 @@ def _format_walking(about: Mapping[str, Any]) -> str:
     )
 
 
+def _format_others(about: Mapping[str, Any]) -> str:
+    """The other intersections that were learned from, and how far off vehicles are there."""
+    if not about.get("others"):
+        return ""
+    rows = ", ".join(
+        f"{place} ({found['vehicle_n']:.0f} vehicles held out: {_list_errors('vehicle', found)})"
+        for place, found in about["others"].items()
+    )
+    return f"Other intersections learned from as well: {rows}.\n  "
+
+
+def _list_errors(kind: str, found: Mapping[str, float]) -> str:
+    """Mean errors with waypoints and of constant velocity, in words."""
+    if not found[f"{kind}_n"]:
+        return "none"
+    with_them, even = (found[f"{kind}_ade_{how}"] for how in ("waypoints", "even"))
+    return f"{with_them:.2f} m with waypoints, constant velocity {even:.2f} m"
+
+
 def _format_start(about: Mapping[str, Any]) -> str:
     return "From the weights of the shipped intersection on, " if about["started"] else ""
 
@@ -289,6 +329,24 @@ def _weigh_down_pedestrians(window: Window) -> Window:
     """A simulated window in which pedestrians count little: real ones show how people walk."""
     on_foot = window.classes == CLASSES.index("pedestrian")
     return replace(window, weight=np.where(on_foot, _SIMULATED * window.weight, window.weight))
+
+
+def _smooth_steps(recording: Recording) -> Recording:
+    """A recording without the sway of steps: heads are tracked, and predicted is where one goes."""
+    agents = [
+        replace(each, track=replace(each.track, xy=smooth_gaussian(each.track.xy, _SWAY)))
+        for each in recording.agents
+    ]
+    return replace(recording, agents=tuple(agents))
+
+
+def _group_by_place(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
+    """Those to test by the intersection that they are of, which may be none."""
+    places = {each.name.partition(" ")[0]: list[Recording]() for each in recordings}
+    for each in recordings:
+        if each.split == "test":
+            places[each.name.partition(" ")[0]].append(each)
+    return places
 
 
 def _run_single_threaded(work: Callable[[], Any]) -> Any:

@@ -44,6 +44,8 @@ class RefinerConfig(Model):
             the mirror image of a scene, so that left and right are alike.
         apart: distance [m] that predicted pedestrians keep from each other; None leaves the
             network's output as it is.
+        walking: share of what was learned by which a pedestrian's motion is changed; the rest is
+            even motion. What was learned in one place holds in another by a part.
     """
 
     step: float = Field(default=0.4, gt=0)
@@ -61,6 +63,7 @@ class RefinerConfig(Model):
     goals: bool = True
     mirrored: bool = True
     apart: float | None = Field(default=0.26, gt=0)
+    walking: float = Field(default=1.0, ge=0, le=1)
     kind: Literal["lstm"] = "lstm"
 
 
@@ -167,6 +170,7 @@ class Refiner(nn.Module):
         xy = torch.nan_to_num(observed)
         along = compute_heading(xy, seen)
         unit = self.pace[scenes.classes][..., None]
+        share = self._compute_shares(scenes.classes)
         both = seen[:, :, 1:] & seen[:, :, :-1]
         moves = torch.where(both[..., None], xy[:, :, 1:] - xy[:, :, :-1], 0.0)
         state = self._encode(moves, both, scenes.classes, along, unit)
@@ -177,7 +181,7 @@ class Refiner(nn.Module):
             out = self.output(self.dropout(state[0])).view(
                 *now.here.shape, self.config.stride, OUTPUTS
             )
-            change = turn(out[..., :2] * (0.5 * unit[..., None]), along[:, :, None])
+            change = turn(out[..., :2] * (0.5 * share * unit)[..., None], along[:, :, None])
             change = change + self._compute_even_changes(now, scenes, step)
             path = now.xy[:, :, None] + (now.move[:, :, None] + change).cumsum(2)
             last = change[:, :, -1]
@@ -194,6 +198,11 @@ class Refiner(nn.Module):
         absent = ~now.here[..., None, None]
         mean = torch.cat(places, dim=2)[:, :, :steps]
         return Prediction(mean.masked_fill(absent, torch.nan), spread, along)
+
+    def _compute_shares(self, classes: Tensor) -> Tensor:
+        """[B, N, 1] share of what was learned that counts; all of it while the network learns."""
+        walks = classes[..., None] == CLASSES.index("pedestrian")
+        return torch.where(walks, 1.0 if self.training else self.config.walking, 1.0)
 
     def _compute_even_changes(self, now: _Now, scenes: Scenes, step: int) -> Tensor:
         """[B, N, stride, 2] changes of the present move that even acceleration makes.

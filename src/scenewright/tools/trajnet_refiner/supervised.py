@@ -65,6 +65,21 @@ def cut_recorded_windows(
     return windows
 
 
+def reverse_windows(windows: Sequence[Window], *, observed: int) -> list[Window]:
+    """The same stretches backwards in time, as far as agents are seen at the present then.
+
+    People who walk backwards keep clear of one another as they did.
+    """
+    turned = []
+    for window in windows:
+        xy = window.xy[:, ::-1]
+        now = ~np.isnan(xy[:, observed - 1 : observed + 1]).any(axis=(1, 2))
+        if now.any():
+            xy = np.ascontiguousarray(xy[now])
+            turned.append(Window(xy, window.classes[now], window.xy[now, 0], window.weight[now]))
+    return turned
+
+
 def build_supervised_batches(
     windows: Sequence[Window], **how: Any
 ) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
