@@ -306,23 +306,30 @@ def _convert_trees(trees: Any) -> Calibration:
     start = np.full(len(PAIR_CLASSES), _NEVER)
     start[present] = 0.0
     start[scored] = np.ravel(trees._baseline_prediction)
-    parts = [tree.nodes for each in trees._predictors for tree in each]
-    sizes = [len(each) for each in parts]
-    nodes, root = np.concatenate(parts), np.cumsum([0, *sizes[:-1]])
-    leaf, offset = nodes["is_leaf"].astype(bool), np.repeat(root, sizes)
     return Calibration(
         start=start,
         owner=np.array(scored * len(trees._predictors), dtype=np.intp),
-        root=root.astype(np.intp),
-        feature=np.where(leaf, -1, nodes["feature_idx"].astype(np.intp)),
-        limit=np.where(leaf, 0.0, nodes["num_threshold"]),
-        left=np.where(leaf, 0, nodes["left"].astype(np.intp) + offset),
-        right=np.where(leaf, 0, nodes["right"].astype(np.intp) + offset),
-        value=np.where(leaf, nodes["value"], 0.0),
+        **flatten_trees(trees),
         together=np.zeros((SIZE + 1, len(PAIR_CLASSES))),
         windows=np.array([WINDOWS[-1]]),
         threshold=np.ones((1, len(PAIR_CLASSES))),
     )
+
+
+def flatten_trees(trees: Any) -> dict[str, Any]:
+    """The nodes of all trees of a scikit-learn ensemble, end to end."""
+    parts = [tree.nodes for each in trees._predictors for tree in each]
+    sizes = [len(each) for each in parts]
+    nodes, root = np.concatenate(parts), np.cumsum([0, *sizes[:-1]])
+    leaf, offset = nodes["is_leaf"].astype(bool), np.repeat(root, sizes)
+    return {
+        "root": root.astype(np.intp),
+        "feature": np.where(leaf, -1, nodes["feature_idx"].astype(np.intp)),
+        "limit": np.where(leaf, 0.0, nodes["num_threshold"]),
+        "left": np.where(leaf, 0, nodes["left"].astype(np.intp) + offset),
+        "right": np.where(leaf, 0, nodes["right"].astype(np.intp) + offset),
+        "value": np.where(leaf, nodes["value"], 0.0),
+    }
 
 
 class _WindowViews:
