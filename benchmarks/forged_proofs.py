@@ -49,9 +49,12 @@ SCENES = {
     "motion": "A running pedestrian is nearly hit by a car",
     "rider": "A right-turning van cuts off a cyclist",
     "red light": "A car runs the red light and hits a car from the left",
+    "door": "A cyclist is doored by a parked van",
+    "chain": "A truck rear-ends a car and pushes it into the van ahead",
+    "cut in": "A car cuts in ahead of a bus with a headway of 0.6 s",
 }
 LAST = ("rules", "reaction", "motion", "group", "objects", "sights", "measures", "signals",
-        "relations", "ties", "said", "violates_signal", "subtype")  # fmt: skip
+        "relations", "ties", "said", "violates_signal", "subtype", "encounters")  # fmt: skip
 """Keys of scene.json whose values are changed."""
 WAYS = ("proof", "usual", "field", "rewritten")
 MOST_OF_A_KIND = 2

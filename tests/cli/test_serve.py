@@ -115,10 +115,11 @@ def test_a_change_by_hand_is_solved_and_verified_like_words(client: TestClient) 
     assert nonsense["kind"] == "refused"
 
 
-def make_in_this_process(folder: Path) -> subprocess.Popen[bytes]:
+def make_in_this_process(folder: Path, time_limit: float) -> subprocess.Popen[bytes]:
     """What the process of a batch does, without starting one."""
     rows, out = str(folder / "rows.jsonl"), str(folder / "out")
-    assert main(["batch", rows, "--out", out, "--workers", "1", "--quiet"]) == 0
+    limit = ["--time-limit", str(time_limit)]
+    assert main(["batch", rows, "--out", out, "--workers", "1", "--quiet", *limit]) == 0
     return subprocess.Popen([sys.executable, "-c", ""])
 
 

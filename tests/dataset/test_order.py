@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +192,17 @@ def test_an_order_is_filled_and_a_kill_changes_nothing(
     monkeypatch.setattr(carrying, "spread", spread_inline)
     fill(order(tmp_path / "killed"))
     assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
+
+
+def test_scenes_of_an_order_have_the_time_limit_that_was_said(tmp_path: Path) -> None:
+    wanted = Order(
+        text=SMALL, wish=read_order(SMALL), out=tmp_path / "short", budget=3,
+        options=replace(OPTIONS, time_limit=1e-6),
+    )  # fmt: skip
+    report = fill(wanted)
+    assert report["scenes"] == 0
+    reasons = {name for quota in report["quotas"] for name in quota["refused"]}
+    assert {name.rpartition(": ")[2] for name in reasons} == {"time_limit"}
 
 
 def test_what_is_refused_is_worded_anew_then_replaced_then_reported(

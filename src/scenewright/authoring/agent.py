@@ -23,6 +23,7 @@ from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiabl
 from scenewright.graph.run import (
     DEFAULT_INTERSECTION,
     ProgressCallback,
+    check_time_limit,
     format_json_line,
     ground_of,
 )
@@ -103,6 +104,7 @@ def author(
         Unsatisfiable: no verified scene came of it; carries every rejection.
         BackendFault: the model cannot be reached.
     """
+    check_time_limit(time_limit)
     bench = build_tool_state(
         instruction, intersection=intersection, seed=seed, record=record, log=log
     )

@@ -31,8 +31,8 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.dataset import dataset
-from scenewright.cli.tables import write_tables
-from scenewright.errors import BackendFault, Unsatisfiable
+from scenewright.cli.tables import Corpus, RealTracks, parse_path, write_tables
+from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
@@ -122,6 +122,7 @@ def make_paper_dataset(
     timeout: Timeout = None,
     at_once: AtOnce = None,
     row_timeout: RowTimeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     refiner: Refiner = None,
     intersection: Place = "amsterdam_120",
     seed: OrderSeed = 0,
@@ -133,6 +134,8 @@ def make_paper_dataset(
     tables: Annotated[
         bool, typer.Option("--tables", help="Then measure Tables 1 to 5, as `evals tables` does.")
     ] = False,
+    corpus: Corpus = None,
+    taf_bw: RealTracks = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -144,6 +147,9 @@ def make_paper_dataset(
     """
     from scenewright.dataset.orders.run import Order, build_paper_order
 
+    if not tables and (corpus or taf_bw):
+        raise InputError("--corpus and --taf-bw are for the tables: say --tables as well")
+    recorded, real = parse_path(corpus), parse_path(taf_bw)
     backends = list(dict.fromkeys(backend or ["builtin"]))
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
@@ -155,6 +161,7 @@ def make_paper_dataset(
             refiner=refiner,
             seed=seed,
             base_url=base_url,
+            time_limit=time_limit,
         ),
         writer=writer,
         workers=count_cores() if workers is None else workers,
@@ -166,7 +173,12 @@ def make_paper_dataset(
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
     if tables:
         with show_progress(quiet=quiet) as log:
-            page, _, target = write_tables(wanted.out, log=lambda line: log("measuring", line))
+            page, _, target = write_tables(
+                wanted.out,
+                corpus=recorded,
+                real=real,
+                log=lambda line: log("measuring", line),
+            )
         if not as_json:
             write_stdout(page)
         log_line(f"written: {target}/tables.md, tables.json")

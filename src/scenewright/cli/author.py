@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenewright.cli.backend_options import BaseUrl, Timeout
+from scenewright.cli.backend_options import BaseUrl, TimeLimit, Timeout
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
@@ -16,6 +16,7 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,6 +37,7 @@ def author(
     ] = None,
     base_url: BaseUrl = None,
     timeout: Timeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
     seed: Annotated[int, typer.Option(min=0, help="Of everything drawn.")] = 0,
     most_calls: Annotated[int, typer.Option(min=1, max=200, help="Most calls of tools.")] = 24,
@@ -58,6 +60,7 @@ def author(
             intersection=intersection,
             seed=seed,
             most_calls=most_calls,
+            time_limit=time_limit,
             log=log,
             hide=hide,
         )

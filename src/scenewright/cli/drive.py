@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from scenewright.cli.backend_options import TimeLimit
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
@@ -18,6 +19,7 @@ from scenewright.cli.console import (
 )
 from scenewright.cli.output_folder import fill_folder, target_folder
 from scenewright.errors import InputError, Unsatisfiable
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.driving.report import Report
@@ -45,6 +47,7 @@ def drive(
     step_limit: Annotated[
         float, typer.Option(min=0.01, help="Longest a policy may take for an answer [s].")
     ] = 5.0,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
     ] = None,
@@ -64,7 +67,7 @@ def drive(
             try:
                 reports.append(_drive_once(
                     text_or_scene, driver, name=policy, others=others, ego=ego, seed=seed + k,
-                    intersection=intersection, step_limit=step_limit,
+                    intersection=intersection, step_limit=step_limit, time_limit=time_limit,
                 ))  # fmt: skip
             except Unsatisfiable as error:
                 if n == 1:
@@ -77,14 +80,16 @@ def drive(
 
 def _drive_once(
     given: str, policy: Any, *, name: str, others: Others, ego: str | None, seed: int,
-    intersection: str, step_limit: float,
+    intersection: str, step_limit: float, time_limit: float,
 ) -> Report:  # fmt: skip
     from scenewright.driving.api import load_scenario
     from scenewright.driving.rehearsal import rehearse_drive
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
 
-    scenario = load_scenario(given, ego=ego, seed=seed, intersection=intersection)
+    scenario = load_scenario(
+        given, ego=ego, seed=seed, intersection=intersection, time_limit=time_limit
+    )
     if others == "resolve":
         found = rehearse_drive(scenario, policy, name=name, seed=seed, step_limit=step_limit)
         return report_drive(found.drive, obstacles=found.obstacles, tries=found.tries)

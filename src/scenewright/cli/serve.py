@@ -14,11 +14,13 @@ from scenewright.cli.backend_options import (
     BackendNames,
     BaseUrl,
     Record,
+    TimeLimit,
     Timeout,
     load_named_backend,
 )
 from scenewright.cli.console import log_line
 from scenewright.errors import InputError, ScenewrightError
+from scenewright.time_limit import DEFAULT_LIMIT
 
 HOST = "127.0.0.1"
 
@@ -31,6 +33,7 @@ def serve(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new conversation.")] = 0,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8765,
     threads: Annotated[
@@ -52,19 +55,21 @@ def serve(
             "this needs starlette and uvicorn; pip install 'scenewright[page]'"
         ) from error
     from scenewright.cli.user_folders import find_threads_file
+    from scenewright.graph.run import check_time_limit
     from scenewright.intersections import find_data_folder, load_map
 
+    check_time_limit(time_limit)
     load_map(intersection)
     chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     listener = _listen(port)
     port = listener.getsockname()[1]
     conversations = Conversations(
-        str(find_threads_file(threads)), backend=chosen_backend, seed=seed
+        str(find_threads_file(threads)), backend=chosen_backend, seed=seed, time_limit=time_limit
     )
     name = ", ".join(backend) if backend else "builtin"
     token = secrets.token_urlsafe(24)
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
-    batches = Batches(find_data_folder() / "page-batches")
+    batches = Batches(find_data_folder() / "page-batches", time_limit=time_limit)
     page = Page(
         conversations, choice=ModelChoice(conversations, name), intersection=intersection,
         batches=batches, own_maps=OwnMaps(find_data_folder() / "page-maps"),

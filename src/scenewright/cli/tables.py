@@ -10,19 +10,22 @@ import typer
 
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
+from scenewright.errors import InputError
 
 FOLDER = "evaluation"
+
+Corpus = Annotated[
+    str | None, typer.Option(metavar="F.npz", help="Recorded hours, of `intersections corpus`.")
+]
+RealTracks = Annotated[
+    str | None, typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.")
+]
 
 
 def print_tables(
     folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")],
-    corpus: Annotated[
-        str | None,
-        typer.Option(metavar="F.npz", help="Recorded hours, of `intersections corpus`."),
-    ] = None,
-    taf_bw: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.")
-    ] = None,
+    corpus: Corpus = None,
+    taf_bw: RealTracks = None,
     out: Annotated[
         str | None, typer.Option(help="Folder to write; DIR/evaluation if none is named.")
     ] = None,
@@ -42,8 +45,8 @@ def print_tables(
         page, values, target = write_tables(
             Path(folder),
             out=out,
-            corpus=None if corpus is None else Path(corpus),
-            real=None if taf_bw is None else Path(taf_bw),
+            corpus=parse_path(corpus),
+            real=parse_path(taf_bw),
             understand=understanding,
             draws=draws,
             seed=seed,
@@ -54,6 +57,13 @@ def print_tables(
     else:
         write_stdout(page)
         log_line(f"written: {target}/tables.md, tables.json")
+
+
+def parse_path(name: str | None) -> Path | None:
+    """The path of an option that may be left out; InputError if nothing is there."""
+    if name is not None and not Path(name).exists():
+        raise InputError(f"there is no {name}")
+    return None if name is None else Path(name)
 
 
 def write_tables(

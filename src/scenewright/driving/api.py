@@ -17,6 +17,7 @@ from scenewright.errors import InputError
 from scenewright.graph.run import DEFAULT_INTERSECTION, Scene, load_scene, synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.record import SceneRecord
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     import gymnasium
@@ -83,20 +84,21 @@ def load_scenario(
     ego: str | None = None,
     seed: int = 0,
     intersection: str = DEFAULT_INTERSECTION,
+    time_limit: float = DEFAULT_LIMIT,
 ) -> Scenario:
-    """A text or a scene as arrays; see `drive`."""
-    record = _read_record(text_or_scene, seed, intersection)
+    """A text, made within `time_limit` [s], or a scene as arrays; see `drive`."""
+    record = _read_record(text_or_scene, seed, intersection, time_limit)
     return build_scenario(record, load_map(record.meta.intersection), ego=ego)
 
 
-def _read_record(given: Drivable, seed: int, intersection: str) -> SceneRecord:
+def _read_record(given: Drivable, seed: int, intersection: str, time_limit: float) -> SceneRecord:
     if isinstance(given, SceneRecord):
         return given
     if isinstance(given, Scene):
         return given.record
     if isinstance(given, Path) or _names_scene(given):
         return load_scene(given)
-    return synthesize(given, seed=seed, intersection=intersection).record
+    return synthesize(given, seed=seed, intersection=intersection, time_limit=time_limit).record
 
 
 def _names_scene(text: str) -> bool:

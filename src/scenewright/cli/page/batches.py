@@ -21,6 +21,7 @@ from scenewright.dataset.batch.rows import DatasetRow, read_source
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
+from scenewright.time_limit import DEFAULT_LIMIT
 
 MOST_ROWS_BYTES = 20_000_000
 MOST_AT_ONCE = 2000
@@ -31,8 +32,8 @@ _ROWS, _OUT, _SETTING, _ERRORS = "rows.jsonl", "out", "setting.json", "errors.tx
 class Batches:
     """The batches of one folder; one process each while it is being made."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, *, time_limit: float = DEFAULT_LIMIT) -> None:
+        self._folder, self._time_limit = folder, time_limit
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._lock = threading.Lock()
 
@@ -116,7 +117,7 @@ class Batches:
         with self._lock:
             process = self._running.get(name)
             if process is None or process.poll() is not None:
-                self._running[name] = _launch(folder)
+                self._running[name] = _launch(folder, self._time_limit)
 
     def stop(self, name: str) -> None:
         """Ends the process of a batch; what is made stays."""
@@ -175,11 +176,11 @@ class Batches:
         return folder
 
 
-def _launch(folder: Path) -> subprocess.Popen[bytes]:
+def _launch(folder: Path, time_limit: float) -> subprocess.Popen[bytes]:
     setting = json.loads((folder / _SETTING).read_bytes())
     command = [sys.executable, "-m", "scenewright", "batch", str(folder / _ROWS)]
     command += ["--out", str(folder / _OUT), "--workers", "1", "--quiet"]
-    command += ["--intersection", setting["intersection"]]
+    command += ["--intersection", setting["intersection"], "--time-limit", str(time_limit)]
     for backend in setting["backend"]:
         command += ["--backend", backend]
     with (folder / _ERRORS).open("wb") as errors:

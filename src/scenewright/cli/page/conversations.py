@@ -21,6 +21,7 @@ from scenewright.errors import InputError
 from scenewright.graph.run import choose_refiner
 from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
+from scenewright.time_limit import DEFAULT_LIMIT
 from scenewright.viz.html_player import build_player
 
 ProgressCallback = Callable[[str, str], None]
@@ -154,8 +155,11 @@ def _read_json(text: str) -> Any:
 class Conversations:
     """All conversations of one file of threads; opened when they are first used."""
 
-    def __init__(self, file: str, *, backend: Backend, seed: int) -> None:
+    def __init__(
+        self, file: str, *, backend: Backend, seed: int, time_limit: float = DEFAULT_LIMIT
+    ) -> None:
         self._file, self._backend, self._seed = file, backend, seed
+        self._time_limit = time_limit
         self._open: dict[str, Conversation] = {}
         self._lock = threading.Lock()
 
@@ -209,7 +213,7 @@ class Conversations:
             }  # fmt: skip
             session = Session(
                 threads, name, backend=self._backend, setting=setting,
-                log=lambda stage, line: self._log(name, stage, line),
+                log=lambda stage, line: self._log(name, stage, line), time_limit=self._time_limit,
             )  # fmt: skip
         except BaseException:
             threads.close()

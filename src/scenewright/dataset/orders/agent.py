@@ -324,6 +324,7 @@ def build_jobs(
             asked=entry.event,
             voice=entry.voice,
             base_url=find_url(entry.backend, options.base_url),
+            time_limit=options.time_limit,
             asking=asking[tuple(entry.backend)],
         )
         for number, entry in enumerate(entries)

@@ -26,6 +26,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scenewright.arrays import read_arrays
+from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval
 from scenewright.evals.tables.likelihood import find_nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
@@ -143,10 +145,13 @@ def load_held_out(bundle: str | Path) -> dict[str, HeldOutTracks]:
     file = (bundle if isinstance(bundle, Path) else find_bundle_folder(bundle)) / "heldout.npz"
     if not file.is_file():
         return {}
-    with np.load(file, allow_pickle=False) as stored:
+    stored = read_arrays(file, what="the held-out tracks")
+    try:
         ends = np.cumsum(stored["test_tracks"])[:-1]
         tracks = np.split(stored["waypoints"].astype(np.float64), ends)
         routes = [str(name) for name in stored["routes"]]
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InputError(f"cannot read the held-out tracks {file}: {fault}") from None
     return {r: _build_held_out(t) for r, t in zip(routes, tracks, strict=True) if len(t) >= FEWEST}
 
 

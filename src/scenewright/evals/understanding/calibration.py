@@ -70,7 +70,7 @@ class Calibration:
         return apply_scene_model(self.predict_pairs(values), pairs, self.together)
 
     def _run_trees(self, values: FloatArray) -> FloatArray:
-        node = _find_leaves(values, self.root, self.feature, self.limit, self.left, self.right)
+        node = find_leaves(values, self.root, self.feature, self.limit, self.left, self.right)
         raw, leaves = np.tile(self.start, (len(values), 1)), self.value[node]
         for c in range(len(PAIR_CLASSES)):
             raw[:, c] += leaves[:, self.owner == c].sum(axis=1)
@@ -78,7 +78,7 @@ class Calibration:
 
 
 @compiled
-def _find_leaves(
+def find_leaves(
     values: FloatArray, root: IntArray, feature: IntArray, limit: FloatArray, left: IntArray,
     right: IntArray,
 ) -> IntArray:  # fmt: skip

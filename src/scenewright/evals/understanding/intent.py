@@ -43,7 +43,8 @@ class RoutePosterior:
 
     Attributes:
         components: of the agent's class; kept: [M] those that pass nearby.
-        log: [M] log posterior, normalised.
+        log: [M] log posterior, normalised; share: [M] log of how often each is taken at that hour.
+        nearest: [M] point of each mean curve that is nearest to the agent now.
         seen: [M, J, 20] what was measured, per unit of white noise; off: [M, J] its distance from
             the mean; noise: [J] its standard deviation.
     """
@@ -51,6 +52,8 @@ class RoutePosterior:
     components: RouteComponents
     kept: IntArray
     log: FloatArray
+    share: FloatArray
+    nearest: IntArray
     seen: FloatArray
     off: FloatArray
     noise: FloatArray
@@ -92,7 +95,8 @@ def _infer_route(agent: ObservedAgent, components: RouteComponents, hour: int) -
     if agent.is_vehicle:
         log = log + _compute_speed_likelihood(agent, components, kept, nearest[:, -1])
     log = np.logaddexp(log, share + _UNEXPLAINED - 0.5 * np.abs(lateral).mean(axis=1))
-    return RoutePosterior(components, kept, log - np.logaddexp.reduce(log), seen, off, noise)
+    log = log - np.logaddexp.reduce(log)
+    return RoutePosterior(components, kept, log, share, nearest[:, -1], seen, off, noise)
 
 
 def _find_nearby(components: RouteComponents, agent: ObservedAgent) -> IntArray:

@@ -23,6 +23,7 @@ from langgraph.types import RetryPolicy
 
 from scenewright.backends import Backend
 from scenewright.errors import BackendFault, Rejected
+from scenewright.evals.understanding.exit_model import weigh_exits
 from scenewright.evals.understanding.forecast import SceneForecast, forecast_scene
 from scenewright.evals.understanding.intent import (
     RoutePosterior,
@@ -108,7 +109,10 @@ def predict_exits(
         return {"exits": {a.id: find(a, intersection=observed.intersection)
                           for a in observed.agents}}  # fmt: skip
     posteriors, sides = infer_routes(observed), state["sides"]
-    chances = {agent: each.sum_exits(sides) for agent, each in posteriors.items()}
+    chances = {
+        agent.id: weigh_exits(agent, posteriors[agent.id], sides, window=observed.now)
+        for agent in observed.agents
+    }
     exits = {agent: sides[int(np.argmax(each))] for agent, each in chances.items()}
     return {"posteriors": posteriors, "chances": chances, "exits": exits}
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon
 from scenewright.intersections import (
@@ -69,13 +70,13 @@ def open_custom_bundle(name: str) -> CustomBundle:
             "with scenewright intersections import"
         )
     check_bundle(folder, _LINES)
+    stored = read_arrays(folder / _LINES, what=f"the ways of {name!r}")
     try:
-        with np.load(folder / _LINES, allow_pickle=False) as stored:
-            pieces = np.split(stored["points"].astype(float), np.cumsum(stored["lengths"])[:-1])
-            lines: dict[str, list[FloatArray]] = {}
-            for route, piece in zip(stored["routes"], pieces, strict=True):
-                lines.setdefault(str(route), []).append(piece)
-    except (OSError, ValueError, KeyError) as fault:
+        pieces = np.split(stored["points"].astype(float), np.cumsum(stored["lengths"])[:-1])
+        lines: dict[str, list[FloatArray]] = {}
+        for route, piece in zip(stored["routes"], pieces, strict=True):
+            lines.setdefault(str(route), []).append(piece)
+    except (ValueError, KeyError, TypeError) as fault:
         raise InputError(f"cannot read the ways of {name!r}: {fault}") from None
     return CustomBundle(folder, intersection_map, lines, read_bundle_header(folder))
 

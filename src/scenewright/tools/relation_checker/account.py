@@ -113,7 +113,7 @@ class _EvidenceFinder:
             "agent": self._find_presence,
             "runs_red": self._find_red_run,
             "relation": self._find_event,
-            "cause": self._find_braking,
+            "cause": self._find_cause,
             "order": self._find_order,
             "striker": self._find_striker,
             "manoeuvre": self._find_manoeuvre,
@@ -159,20 +159,25 @@ class _EvidenceFinder:
         named = entry.value in VEHICLE_SIZES
         if named and any(a.subtype != entry.value for a in agents):
             return None
-        return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents) or "words alone"
+        if not agents:
+            return "words alone" if entry.value is None else None
+        return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents)
 
     def _find_object(self, entry: SaidRecord) -> str | None:
-        named = (entry.value or "").split(" ", maxsplit=1)[0]
+        """The object that the value names, if it is what the value calls it."""
+        named, *what = (entry.value or "").split(" ")
         found = (each for each in self._scene.objects if each.id == named)
-        return next((describe_object(each) for each in found), None)
+        fitting = (each for each in found if {each.kind, each.subtype}.issuperset(what))
+        return next((describe_object(each) for each in fitting), None)
 
     def _find_sight(self, entry: SaidRecord) -> str | None:
         """When the hidden one is first seen, as far as before its event."""
         named = (entry.value or "").split(" ")[0]
         for sight in self._sights:
-            if sight["object"] == named and set(entry.agents) <= {
-                sight["observer"], sight["subject"],
-            }:  # fmt: skip
+            both = (sight["observer"], sight["subject"])
+            if sight["object"] == named and (
+                entry.agents == both or (len(entry.agents) < 2 and set(entry.agents) <= set(both))
+            ):
                 seen, lead = sight["first_visible"], sight["before_event"]
                 return (
                     f"agent {sight['observer']} first sees agent {sight['subject']} at "
@@ -191,7 +196,7 @@ class _EvidenceFinder:
 
     def _find_route(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
-        if any(getattr(agent, entry.became) != entry.value for agent in agents):
+        if not agents or any(getattr(agent, entry.became) != entry.value for agent in agents):
             return None
         observed = [self._find_observed_leg(agent, entry.became) for agent in agents]
         if any(side not in (None, entry.value) for side in observed):
@@ -274,6 +279,12 @@ class _EvidenceFinder:
                 return f"agent {event.from_} strikes with its {side} at {event.time:.1f} s"
         return None
 
+    def _find_cause(self, entry: SaidRecord) -> str | None:
+        if entry.value == "red_light_run":
+            ran = next((each for each in self._events if each.cause == entry.value), None)
+            return None if ran is None else f"red is run in the {ran.type} at {ran.time:.1f} s"
+        return self._find_braking(entry)
+
     def _find_braking(self, entry: SaidRecord) -> str | None:
         for event in self._events:
             brakes = event.evidence.get("late_brake")
@@ -308,7 +319,9 @@ class _EvidenceFinder:
         return "; ".join(evidence) if len(evidence) == len(found) > 0 else None
 
     def _find_reaction(self, entry: SaidRecord) -> str | None:
-        """Of every agent that it is said of."""
+        """Of every agent that it is said of, and of which it is asked."""
+        if any(self._agents[number].reaction != entry.value for number in entry.agents):
+            return None
         found = [
             describe_reaction(
                 entry.value or "", [row for row in self._reactions if row["agent"] == number]

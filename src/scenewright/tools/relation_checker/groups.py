@@ -56,7 +56,8 @@ def check_groups(agents: Sequence[AgentRecord], observed: SceneObservation) -> t
     for leader, members in list_groups(agents).items():
         routes = {records[each].route for each in members if each in records}
         strays = [each for each in members if _find_farthest(each, members, observed) > TOGETHER]
-        if leader not in records or len(routes) > 1 or strays:
+        led = leader in records and records[leader].group is None
+        if not led or len(routes) > 1 or strays:
             detail = f"the group of agent {leader} does not walk together on one route"
             found.append(Finding(rule="group_apart", agents=members, detail=detail))
     return tuple(found)

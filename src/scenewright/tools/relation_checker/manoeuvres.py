@@ -66,7 +66,9 @@ def describe_manoeuvre(
 def _describe_tailgating(
     follower: Trajectory, leader: Trajectory, event: Event, observed: SceneObservation
 ) -> str | None:
-    """Half of the time that it follows, the headway is a second or less."""
+    """Half of the time that it follows, the headway is a second or less; only of a follow."""
+    if event.type != "follow":
+        return None
     ids = [track.id for track in observed.tracks]
     for lane in observed.lanes:
         if ids[lane.follower] == follower.id:

@@ -7,12 +7,16 @@ from collections.abc import Iterator
 
 from scenewright.scene.events import EVENT_OF_RELATION, Finding
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.track import VEHICLE_SIZES
+from scenewright.tools.relation_checker.plausibility import SIZE
 
 RUNNERS = ("running", "runner")
 """Subtypes of pedestrians."""
 _CLOCK = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
+_SEEN_OVER = frozenset({"bin", "door", "motorcycle"})
+"""Kinds and subtypes of objects that do not block the view."""
 _CUT = "…"
 """Stands in a prompt for words of a long conversation that were left out."""
 
@@ -29,6 +33,11 @@ def find_false_metadata(
             Finding(rule="metadata_contradicted", agents=(agent.id,), detail=each)
             for each in _check_agent(agent, bound)
         ]
+    found += [
+        Finding(rule="metadata_contradicted", agents=(), detail=each)
+        for kept in scene.objects
+        for each in _check_object(kept)
+    ]
     return (*found, *_check_names(scene), *_check_relations_said(scene))
 
 
@@ -75,6 +84,22 @@ def _check_agent(agent: AgentRecord, bound: frozenset[int]) -> Iterator[str]:
     known = {"pedestrian": RUNNERS, "vehicle": VEHICLE_SIZES}.get(agent.type, ())
     if agent.subtype is not None and agent.subtype not in known:
         yield f"there is no {agent.type} of the subtype {agent.subtype!r}"
+
+
+def _check_object(each: ObjectRecord) -> Iterator[str]:
+    """An object has about the size of its kind, and blocks the view as its kind does."""
+    if each.kind in OBJECT_SIZES:
+        sizes = [OBJECT_SIZES[each.kind]]
+    elif each.subtype is None:
+        sizes = list(VEHICLE_SIZES.values())
+    else:
+        sizes = [size for name, size in VEHICLE_SIZES.items() if name == each.subtype]
+    ratios = [(each.length / length, each.width / width) for length, width in sizes]
+    if not any(max(abs(a - 1), abs(b - 1)) <= SIZE for a, b in ratios):
+        what = f"{each.kind} {each.subtype or ''}".strip()
+        yield f"{each.id}, a {what}, measures {each.length:g} x {each.width:g} m"
+    if (each.height == "low") != bool(_SEEN_OVER & {each.kind, each.subtype}):
+        yield f"{each.id}, a {each.subtype or each.kind}, is not {each.height}"
 
 
 def _check_names(scene: SceneRecord) -> Iterator[Finding]:

@@ -1,0 +1,174 @@
+"""Boosted trees that weigh the exits of an agent, over the posterior of its routes.
+
+The posterior says how well routes fit the track so far. What it does not know of, such as how early
+most people slow down before which turn, and how far aside they drive, the trees have learned from
+scenes of development (`exit_tuning`). They are shipped as plain arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from scenewright.arrays import read_arrays
+from scenewright.errors import InputError
+from scenewright.evals.understanding.calibration import find_leaves
+from scenewright.evals.understanding.intent import RoutePosterior
+from scenewright.evals.understanding.observation import ObservedAgent
+from scenewright.evals.understanding.time_gaps import IntArray
+from scenewright.scene.base import AgentClass, FloatArray
+
+_SHIPPED = Path(__file__).with_name("exits.npz")
+OF_EXIT = ("log_chance", "behind", "share", "best", "aside", "turned", "to_line", "to_end",
+           "straight", "left", "right", "uturn", "bend_5", "bend_12", "bend_20")  # fmt: skip
+"""Log posterior of the exit, and by how much it is below that of the likeliest; log of how often
+it is taken among those possible; of its likeliest component the log posterior, how far aside [m]
+and how far turned [rad] the agent is of its mean, how far line and end are [m], the movement, and
+the speed that its curves allow 5, 12 and 20 m ahead [m/s]."""
+OF_AGENT = ("class", "speed", "fastest", "slowest", "gain_5", "gain_8", "gain_20", "stood", "seen",
+            "length", "gone", "away", "turned_all", "turned_lately", "surest", "lead", "exits",
+            "window")  # fmt: skip
+"""Its class; speed now, largest and least [m/s]; acceleration over 0.4, 0.7 and 1.9 s [m/s^2]; for
+how long it has been stationary and in view [s]; length [m]; whether it is gone; distance from the
+middle [m]; by how much it has turned in all and in half a second [rad]; the posterior of the
+likeliest exit, by how much its logarithm leads; how many exits are possible; the window [s]."""
+NAMES = (*OF_EXIT, *OF_AGENT)
+"""Names of the features; a model is for these."""
+_LEAST = 1e-4
+"""Posterior below which an exit is impossible."""
+_FAR = 99.0
+_AHEAD = (5.0, 12.0, 20.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ExitCandidates:
+    """The possible exits of an agent: their sides, and their features [N, F] as in `NAMES`."""
+
+    sides: tuple[str, ...]
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ExitModel:
+    """All trees, end to end; names are those of the file.
+
+    Attributes:
+        start: [1] log odds before any tree; root: [T] index of each tree's first node.
+        feature, limit, left, right, value: [N] as in `Calibration`.
+    """
+
+    start: FloatArray
+    root: IntArray
+    feature: IntArray
+    limit: FloatArray
+    left: IntArray
+    right: IntArray
+    value: FloatArray
+
+    def weigh(self, values: FloatArray) -> FloatArray:
+        """[N] probabilities of the exits of one agent, which sum to one."""
+        leaves = find_leaves(
+            values, self.root, self.feature, self.limit, self.left, self.right
+        )  # fmt: skip
+        odds = expit(self.start[0] + self.value[leaves].sum(axis=1))
+        return np.asarray(odds / odds.sum())
+
+
+def describe_exits(
+    agent: ObservedAgent, posterior: RoutePosterior, sides: Sequence[str], window: float
+) -> ExitCandidates:
+    """Describe the exits that the track so far does not rule out.
+
+    Args:
+        sides: of the map; window: length of the observation [s].
+    """
+    possible = posterior.components.match_exits(tuple(sides))[posterior.kept]
+    chances = posterior.weights @ possible
+    found = np.flatnonzero(chances >= _LEAST)
+    log = np.log(chances[found])
+    rows = np.array([_describe_exit(posterior, possible[:, e]) for e in found])
+    lead = np.sort(log)[::-1]
+    own = [
+        *_describe_motion(agent), float(chances.max()),
+        float(lead[0] - lead[1]) if len(lead) > 1 else -np.log(_LEAST), float(len(found)), window,
+    ]  # fmt: skip
+    values = np.column_stack([log, log - log.max(), rows, np.tile(own, (len(found), 1))])
+    return ExitCandidates(tuple(sides[e] for e in found.tolist()), values)
+
+
+def _describe_exit(posterior: RoutePosterior, mine: NDArray[np.bool_]) -> list[float]:
+    """`share` to `bend_20` of `OF_EXIT`; mine: [M] the components of this exit."""
+    components, kept = posterior.components, posterior.kept
+    top = int(np.where(mine, posterior.log, -np.inf).argmax())
+    c, here = kept[top], components.s[kept[top], posterior.nearest[top]]
+    movement = components.routes[c].movement
+    ahead = np.interp(here + np.array(_AHEAD), components.s[c], components.bend[c, 1])
+    return [
+        float(np.logaddexp.reduce(posterior.share[mine]) - np.logaddexp.reduce(posterior.share)),
+        float(posterior.log[top]), abs(float(posterior.off[top, -3])),
+        abs(float(posterior.off[top, -1])), float(min(components.line[c] - here, _FAR)),
+        float(components.s[c, -1] - here),
+        *(float(movement == each) for each in ("straight", "left", "right", "uturn")),
+        *ahead.tolist(),
+    ]  # fmt: skip
+
+
+def _describe_motion(agent: ObservedAgent) -> list[float]:
+    """`class` to `turned_lately` of `OF_AGENT`."""
+    speed, heading = agent.speed, agent.heading
+    moving = np.flatnonzero(speed > 0.3)
+    return [
+        float(get_args(AgentClass).index(agent.type)), float(speed[-1]), float(speed.max()),
+        float(speed.min()), *(_measure_gain(speed, count) for count in (5, 8, 20)),
+        0.1 * (len(speed) - 1 - (int(moving[-1]) if len(moving) else -1)), 0.1 * len(speed),
+        agent.length, float(agent.left), float(np.hypot(*agent.xy[-1])),
+        float(heading[-1] - heading[0]), float(heading[-1] - heading[-min(6, len(heading))]),
+    ]  # fmt: skip
+
+
+def _measure_gain(speed: FloatArray, count: int) -> float:
+    last = speed[-count:]
+    return float(last[-1] - last[0]) / (0.1 * max(len(last) - 1, 1))
+
+
+def weigh_exits(
+    agent: ObservedAgent,
+    posterior: RoutePosterior,
+    sides: Sequence[str],
+    *,
+    window: float,
+    model: ExitModel | None = None,
+) -> FloatArray:
+    """[E] probability of every side of the map.
+
+    Args:
+        model: the shipped one if None.
+    """
+    candidates = describe_exits(agent, posterior, sides, window)
+    weights = (model or load_exit_model()).weigh(candidates.values)
+    found = dict(zip(candidates.sides, weights.tolist(), strict=True))
+    return np.array([found.get(side, 0.0) for side in sides])
+
+
+@lru_cache(maxsize=2)
+def load_exit_model(file: Path = _SHIPPED) -> ExitModel:
+    """Load the model in a file; the shipped one if none is named.
+
+    Raises:
+        InputError: missing, damaged, or for other features.
+    """
+    stored = read_arrays(file, what=f"the exit model {file}")
+    if tuple(map(str, stored.get("names", ()))) != NAMES:
+        raise InputError(f"the exit model {file} is for other features; tune it anew")
+    arrays: dict[str, Any] = {
+        key: stored[key].astype(np.float64 if stored[key].dtype.kind == "f" else np.intp)
+        for key in ExitModel.__dataclass_fields__
+    }
+    return ExitModel(**arrays)
