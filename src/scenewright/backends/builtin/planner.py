@@ -26,11 +26,13 @@ from scenewright.backends.builtin.reader.coverage import (
 from scenewright.backends.builtin.reader.learned_plan import (
     OPENERS,
     LearnedPlan,
+    is_no_change,
     plan_reading,
     read_again,
     read_plan,
 )
 from scenewright.backends.builtin.reader.negations import compile_negations
+from scenewright.backends.builtin.reader.reading import Reading
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.standing import add_objects, take_out
 from scenewright.backends.builtin.standing_notes import read_notes
@@ -237,6 +239,9 @@ def _plan_by_phrases(text: str, previous: str | None, site: Site) -> Plan:
         again = () if earlier else _read_after_openers(rest, site)
         readings = read_twice(rest, earlier, site)
         found = decide(readings, site, again)
+        taken_out = not earlier and rest.strip() != text.strip()
+        if isinstance(found, Refusal) and taken_out and is_unanimous(readings.learned, site):
+            found = readings.learned.plan
         if isinstance(found, Refusal) and (met or wrong or _is_motion_alone(readings.learned.plan)):
             # "A car drives" is no scene by itself, but with what it meets or does it is one.
             said = rest.rstrip(" .")
@@ -298,12 +303,20 @@ def decide(readings: Readings, site: Site, again: Iterable[LearnedPlan] = ()) ->
     if sure and learned.confidence >= SURE_OF_HARD:
         return learned.plan
     seconds = tuple(again)
-    for each in seconds:
-        if not isinstance(other, Refusal) and _are_one(each, other):
+    for each in seconds if learned.reading.kind == "scene" else ():
+        one = not isinstance(other, Refusal) and _are_one(each, other)
+        if one and _is_covered(learned.reading, each.reading):
             return _fill_plan(each.plan, other)
     if sure and all(is_same_plan(each.plan, learned.plan) for each in seconds):
         return learned.plan
     return _offer(readings, seconds, site)
+
+
+def _is_covered(first: Reading, second: Reading) -> bool:
+    """Whether a second reading marks all words that the first takes to say something."""
+    said = [each for each in first.spans if each.tag not in ("manner", "ref")]
+    ends = [(each.start, each.end) for each in second.spans]
+    return all(any(a < s.end and s.start < b for a, b in ends) for s in said)
 
 
 def _is_hard(text: str) -> bool:
@@ -337,6 +350,8 @@ def _read_in_other_forms(text: str, site: Site) -> Iterator[Plan]:
 def _are_one(learned: LearnedPlan, other: Plan) -> bool:
     """Whether a learned reading is that of the grammar, and no doubt is left beside it."""
     reading = learned.reading
+    if is_no_change(reading):
+        return False
     doubtful = learned.confidence < SURE and reading.kind == "scene"
     taken_back = _TAKEN_BACK.search(reading.text) is not None
     doubt = taken_back or _is_refused(learned.plan) or is_order_unread(reading)

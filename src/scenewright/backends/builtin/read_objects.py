@@ -38,6 +38,7 @@ _ENCOUNTERS: dict[tuple[str, str | None], Encounter] = {
 _EVENTS: dict[str, Encounter] = {
     "hit": "hits", "near": "stops_short", "yield": "waits_behind", "follow": "waits_behind",
 }  # fmt: skip
+_FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
 _BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
 
 
@@ -223,6 +224,13 @@ def _let_jaywalk(agent: AgentNode) -> AgentNode:
 def _make_node(each: ReadObject, name: str) -> ObjectNode:
     span = each.mentions[0]
     kind = _KINDS.get(span.value) or _find_thing(span.words)
+    if kind == "bus_stop" and find_subtype(span.words) != "bus":
+        kind = "parked"
+    if kind == "parked" and _FOR_A_MOMENT.search(span.words):
+        raise Refused(
+            "out_of_scope",
+            f"'{span.words}' may drive on; say that they are parked or stalled.",
+        )
     if each.encounter is not None:
         state = {"double": "double-parked", "stop": "unloading"}.get(span.value or "", span.value)
         kind = find_kind(f"{span.words} {state}", each.encounter)

@@ -817,6 +817,8 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
         agent = result.users.get(number)
         if agent is None or (motion in get_args(PedestrianMotion)) != agent.walks:
             result.enter(span, "nothing", (number,), note=_BEYOND["act"])
+        elif motion == "darts_out" and _WALKS.search(span.words):
+            result.enter(span, "manner", (number,))
         else:
             agent.motion = cast("PedestrianMotion | VehicleMotion", motion)
             result.enter(span, "motion", (number,), motion)
@@ -827,6 +829,9 @@ _MOTIONS = {
     "yellow": "passes_yellow", "stopyellow": "stops_at_yellow", "wrongway": "drives_wrong_way",
 }  # fmt: skip
 """Motions by the value of their tag, where the two differ."""
+
+
+_WALKS = re.compile(r"\bwalk", re.IGNORECASE)
 
 
 def _react(result: Interpretation, span: ReadSpan) -> None:

@@ -106,7 +106,7 @@ def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObj
     spans = [span.confidence for span in reading.spans if _get_part(span) not in silent]
     spans += [span.confidence for each in objects for span in each.list_spans()]
     passed = find_passed_over(whole if objects else reading)
-    if reading.kind in ("scene", "edit") and (passed or _is_no_change(reading)):
+    if reading.kind in ("scene", "edit") and (passed or is_no_change(reading)):
         return 0.0
     return min([reading.kind_confidence, *spans])
 
@@ -129,7 +129,7 @@ def _asks_for_contact(reading: Reading) -> bool:
     return any(each.tag == "hit" and not each.negated for each in reading.spans)
 
 
-def _is_no_change(reading: Reading) -> bool:
+def is_no_change(reading: Reading) -> bool:
     """Whether nothing is read in the words that are to change an earlier instruction."""
     cut = reading.text.find(SEPARATOR)
     return reading.kind == "edit" and not any(span.start > cut for span in reading.spans)

@@ -224,8 +224,13 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     for pattern, motion in _MOTIONS:
         for match in pattern.finditer(reading.text):
             owner = _find_owner(spans, match, drives=motion in get_args(VehicleMotion))
-            if owner is None or any(s.tag == "motion" and _is_overlapping(s, match) for s in spans):
+            same = [
+                n for n, s in enumerate(spans) if s.tag == "motion" and _is_overlapping(s, match)
+            ]
+            if owner is None or any(n >= len(reading.spans) for n in same):
                 continue
+            for n in same:  # the words say it in full, of which the encoder marks a part
+                spans[n] = replace(spans[n], tag="manner", value=None, confidence=_KNOWN)
             for n, span in enumerate(spans):
                 inside = motion == "blocks_junction" and span.start > match.start()
                 if _is_overlapping(span, match) and (inside or span.tag in _OF_THE_WAY):
