@@ -313,10 +313,14 @@ def decide(readings: Readings, site: Site, again: Iterable[LearnedPlan] = ()) ->
 
 
 def _is_covered(first: Reading, second: Reading) -> bool:
-    """Whether a second reading marks all words that the first takes to say something."""
-    said = [each for each in first.spans if each.tag not in ("manner", "ref")]
+    """Whether a second reading marks all words that the first takes for more than a scene shows."""
+    beyond = [each for each in first.spans if each.tag in _BEYOND]
     ends = [(each.start, each.end) for each in second.spans]
-    return all(any(a < s.end and s.start < b for a, b in ends) for s in said)
+    return all(any(a < s.end and s.start < b for a, b in ends) for s in beyond)
+
+
+_BEYOND = ("place", "act", "thing", "cond", "broken", "weather", "sight", "obj", "other")
+"""Tags of words that refuse a text, or that need a place or an object of their own."""
 
 
 def _is_hard(text: str) -> bool:

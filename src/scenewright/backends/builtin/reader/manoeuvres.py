@@ -141,6 +141,7 @@ _PASSIVE_REAR = re.compile(
 _CANNOT = re.compile(
     r"n't\b|n’t\b|\bcannot\b|\bnot\b|\bfail|\bunable\b|\btoo late\b", re.IGNORECASE
 )
+_CORNER = re.compile(r"\b(?:at|on) (?:the|a) (?:street )?corner\b", re.IGNORECASE)
 _HOOK = re.compile(r"\bhook|\bcross", re.IGNORECASE)
 _TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)
 _ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
@@ -165,6 +166,8 @@ def correct_manoeuvres(reading: Reading) -> Reading:
     _read_motion(reading, spans)
     _separate_yellow_from_red(spans)
     _read_right_on_red(reading, spans)
+    if not any(span.tag in ("veh", "cyc", "scoot") for span in spans):
+        _read_corner(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
 
 
@@ -318,6 +321,19 @@ def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
     if _NARROWLY.search(span.words) and _STOPS.search(span.words):
         return replace(span, tag="near", value=None, confidence=max(span.confidence, _KNOWN))
     return span
+
+
+def _read_corner(reading: Reading, spans: list[ReadSpan]) -> None:
+    """A corner is a place of scenes in which all are on foot."""
+    match = _CORNER.search(reading.text)
+    if match is None:
+        return
+    inside = [n for n, span in enumerate(spans) if _is_overlapping(span, match)]
+    for n in inside:
+        spans[n] = replace(spans[n], tag="place", confidence=_KNOWN)
+    if not inside:
+        start, end = match.span()
+        spans.append(ReadSpan(start, end, match[0], "place", None, False, None, (), (), _KNOWN))
 
 
 def is_stopping_in_time(span: ReadSpan) -> bool:
