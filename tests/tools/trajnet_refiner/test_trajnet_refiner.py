@@ -95,8 +95,8 @@ def test_without_anything_learned_goals_are_met_in_time() -> None:
     assert close(path[0, 3], build_zero_network(SMALL)(scenes._replace(goal=None)).xy[0, 3])
 
 
-def test_pedestrians_take_a_share_of_what_was_learned_and_vehicles_all_of_it() -> None:
-    """Without any share pedestrians keep going; while a network learns, the share is whole."""
+def test_pedestrians_only_slow_down_by_a_share_and_vehicles_do_all_that_was_learned() -> None:
+    """Without any share pedestrians keep going; while a network learns, all of it counts."""
     scenes = crowd()._replace(goal=None)
     last = scenes.xy[:, :, -1:]
     straight = last + (last - scenes.xy[:, :, -2:-1]) * torch.arange(1, 13)[:, None]
@@ -108,7 +108,12 @@ def test_pedestrians_take_a_share_of_what_was_learned_and_vehicles_all_of_it() -
     assert not close(whole[on_foot], straight[on_foot], 1e-2)
     alone = scenes._replace(classes=torch.ones_like(scenes.classes))
     assert not close(net(alone).xy, straight, 1e-2)
-    assert net.train()._compute_shares(scenes.classes).eq(1.0).all()
+    net.config = SMALL.model_copy(update={"walking": 0.5})
+    ahead = torch.zeros_like(scenes.classes)
+    change = torch.tensor([[0.4, 0.2], [-0.4, 0.2]])[None, None].expand(*ahead.shape, 2, 2)
+    slowed = net._limit_walking(change, ahead)
+    assert close(slowed[0, 0], torch.tensor([[0.0, 0.0], [-0.2, 0.0]]))
+    assert net.train()._limit_walking(change, ahead) is change
 
 
 def test_turning_and_shifting_the_scene_turns_and_shifts_the_prediction() -> None:
@@ -500,6 +505,18 @@ def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
     save_refiner(net, file)
     with pytest.raises(InputError, match="do not fit"):
         load_refiner(file)
+
+
+def test_weights_of_another_kind_than_the_task_are_refused(tmp_path: Path) -> None:
+    kinds = {"scenes": {"intersection": "mill"}, "benchmark": {"trained_on": ["zara"]}}
+    for kind, about in kinds.items():
+        save_refiner(build_random_network(SMALL), tmp_path / kind, about=about)
+    assert load_refiner(tmp_path / "scenes", task="scenes").config == SMALL
+    assert load_refiner(tmp_path / "benchmark", task="benchmark").config == SMALL
+    with pytest.raises(InputError, match="that predict pedestrians"):
+        load_refiner(tmp_path / "benchmark", task="scenes")
+    with pytest.raises(InputError, match="that refine the scenes"):
+        load_refiner(tmp_path / "scenes", task="benchmark")
 
 
 def test_everybody_rolls_straight_on_and_known_positions_stay() -> None:

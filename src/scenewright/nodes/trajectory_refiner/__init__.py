@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 NOT_ASKED = "the edited priors are final, no learned model ran"
 NO_WEIGHTS = "there are no weights of a refiner that serve this intersection: " + NOT_ASKED
 NOT_TRAINED = "the network was not trained on its class"
-NO_WALKERS = "of real people on foot the network knows nothing, or less than constant velocity"
+NO_WALKERS = "drawn from real walkers; the network has not shown that it knows more of them"
 SHARES = (1.0, 0.5, 0.5, 0.25, 0.0)
 """Largest share of the proposed deviation that an agent gets, by how often it was refused."""
 DRAWN_ANEW = 2

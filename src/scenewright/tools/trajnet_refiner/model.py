@@ -44,8 +44,9 @@ class RefinerConfig(Model):
             the mirror image of a scene, so that left and right are alike.
         apart: distance [m] that predicted pedestrians keep from each other; None leaves the
             network's output as it is.
-        walking: share of what was learned by which a pedestrian's motion is changed; the rest is
-            even motion. What was learned in one place holds in another by a part.
+        walking: share of the learned slowing that a pedestrian takes, and nothing else of what
+            was learned then; None for all. That people slow down for others carries over to other
+            places, how they speed up and turn does not.
     """
 
     step: float = Field(default=0.4, gt=0)
@@ -63,7 +64,7 @@ class RefinerConfig(Model):
     goals: bool = True
     mirrored: bool = True
     apart: float | None = Field(default=0.26, gt=0)
-    walking: float = Field(default=1.0, ge=0, le=1)
+    walking: float | None = Field(default=None, ge=0, le=1)
     kind: Literal["lstm"] = "lstm"
 
 
@@ -170,7 +171,6 @@ class Refiner(nn.Module):
         xy = torch.nan_to_num(observed)
         along = compute_heading(xy, seen)
         unit = self.pace[scenes.classes][..., None]
-        share = self._compute_shares(scenes.classes)
         both = seen[:, :, 1:] & seen[:, :, :-1]
         moves = torch.where(both[..., None], xy[:, :, 1:] - xy[:, :, :-1], 0.0)
         state = self._encode(moves, both, scenes.classes, along, unit)
@@ -181,7 +181,8 @@ class Refiner(nn.Module):
             out = self.output(self.dropout(state[0])).view(
                 *now.here.shape, self.config.stride, OUTPUTS
             )
-            change = turn(out[..., :2] * (0.5 * share * unit)[..., None], along[:, :, None])
+            own = self._limit_walking(out[..., :2], scenes.classes)
+            change = turn(own * (0.5 * unit[..., None]), along[:, :, None])
             change = change + self._compute_even_changes(now, scenes, step)
             path = now.xy[:, :, None] + (now.move[:, :, None] + change).cumsum(2)
             last = change[:, :, -1]
@@ -199,10 +200,16 @@ class Refiner(nn.Module):
         mean = torch.cat(places, dim=2)[:, :, :steps]
         return Prediction(mean.masked_fill(absent, torch.nan), spread, along)
 
-    def _compute_shares(self, classes: Tensor) -> Tensor:
-        """[B, N, 1] share of what was learned that counts; all of it while the network learns."""
-        walks = classes[..., None] == CLASSES.index("pedestrian")
-        return torch.where(walks, 1.0 if self.training else self.config.walking, 1.0)
+    def _limit_walking(self, change: Tensor, classes: Tensor) -> Tensor:
+        """[B, N, stride, 2] learned changes along and across, of pedestrians as far as they count.
+
+        All of them count while the network learns.
+        """
+        if self.training or self.config.walking is None:
+            return change
+        slowing = change.clamp_max(0.0) * change.new_tensor((self.config.walking, 0.0))
+        walks = classes[..., None, None] == CLASSES.index("pedestrian")
+        return torch.where(walks, slowing, change)
 
     def _compute_even_changes(self, now: _Now, scenes: Scenes, step: int) -> Tensor:
         """[B, N, stride, 2] changes of the present move that even acceleration makes.
