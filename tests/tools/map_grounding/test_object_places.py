@@ -63,12 +63,29 @@ def graph(walker: dict[str, str] | None = None, **more: object) -> SocialGraph:
 def test_a_hidden_pedestrian_comes_from_the_kerb_of_the_approach() -> None:
     routes = ground_graph(graph(), intersection_map=MAP).routes
     assert routes["pedestrian-1"]
-    with pytest.raises(Rejected, match="must step out from that kerb"):
+    with pytest.raises(Rejected, match="must come from that kerb"):
         ground_graph(graph(walker={"crosswalk": "north", "entry": "east"}), intersection_map=MAP)
-    with pytest.raises(Rejected, match="must step out from that kerb"):
+    with pytest.raises(Rejected, match="must come from that kerb"):
         ground_graph(graph(walker={"crosswalk": "south"}), intersection_map=MAP)
 
 
 def test_nothing_hides_behind_what_is_seen_over() -> None:
     with pytest.raises(Rejected, match="too low to hide"):
         ground_graph(graph(kind="bin", subtype=None), intersection_map=MAP)
+
+
+def test_a_rider_is_hidden_where_it_comes_over_the_crosswalk_but_not_between_two() -> None:
+    hidden = graph().model_dump(by_alias=True)
+    rider = {"id": "cyclist-1", "type": "cyclist", "movement": "crossing"}
+    hidden["agents"] = [hidden["agents"][0], rider]
+    hidden["relations"][0]["to"] = hidden["objects"][0]["hides"] = "cyclist-1"
+    routes = ground_graph(SocialGraph.model_validate(hidden), intersection_map=MAP).routes
+    assert {each.crosswalk for each in routes["cyclist-1"]} >= {"north"}
+    beyond = {"id": "object-2", "kind": "parked", "subtype": "car", "beyond": "object-1"}
+    hidden["objects"] = [*hidden["objects"], beyond]
+    with pytest.raises(Rejected, match="not between two"):
+        ground_graph(SocialGraph.model_validate(hidden), intersection_map=MAP)
+    alongside = hidden | {"agents": [hidden["agents"][0], {**rider, "movement": "straight"}]}
+    alongside["objects"] = hidden["objects"][:1]
+    with pytest.raises(Rejected):
+        ground_graph(SocialGraph.model_validate(alongside), intersection_map=MAP)
