@@ -55,9 +55,6 @@ _FORESEES = 1.5
 _EAGER = 2.5
 """How much harder than comfortably a vehicle behind another would accelerate, had it all the room:
 so it sets off as fast as the one ahead before the gap has grown."""
-_GENTLY = 0.65
-"""How hard it brakes for others and at lines, as a share of its profile. With all of it they lost
-1.1 m/s^2 over the 3.2 s before they stand, recorded ones 0.3 to 0.65 (VTP-TL, K733)."""
 _ENTRANCE = 5.0
 """Within this distance of its entry [m] a vehicle needs a free path."""
 _AFTER = 4.0
@@ -147,7 +144,7 @@ def _drive(
     moved = _drive_among(
         corridor.s, present.list_bars(corridor, in_lane=IN_LANE), enters, until,
         candidate.path.s, np.sqrt(compute_squared_speed_limit(candidate)),
-        law.acceleration, _GENTLY * law.braking, style.headway, style.gap,
+        law.acceleration, law.braking, style.headway, style.gap,
         line, line - style.line, style.lag, _list_greens(actor, moment),
         candidate.route.movement != "straight",
     )  # fmt: skip
