@@ -21,6 +21,7 @@ from scenewright.tools.trajnet_refiner.kinematic_layer import (
     smooth_proposal,
 )
 from scenewright.tools.trajnet_refiner.model import RefinerConfig
+from scenewright.tools.trajnet_refiner.speed_ripple import draw_ripple
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
 torch.set_num_threads(1)
@@ -294,3 +295,25 @@ def test_take_the_leader_away_and_its_follower_moves_otherwise_and_nobody_far_aw
     assert changed["stranger"] < 1e-3
     # While the leader is near, the follower is held back.
     assert together["follower"][30:60].mean() < alone["follower"][30:60].mean()
+
+
+def test_a_ripple_is_as_strong_as_fitted_and_leaves_what_is_kept() -> None:
+    prior = 0.8 * np.arange(400.0)
+    ripples = [draw_ripple(prior, np.random.default_rng(seed)) for seed in range(40)]
+    speed = np.gradient(np.array(ripples), 0.1, axis=1)
+    assert np.median(speed.std(axis=1)) == pytest.approx(0.15, rel=0.25)
+    assert np.median(np.gradient(speed, 0.1, axis=1).std(axis=1)) == pytest.approx(0.2, rel=0.25)
+    kept = np.zeros(400, dtype=np.bool_)
+    kept[150:200] = True
+
+    s, share = limit_deviation(
+        prior, np.zeros(400), kept=kept, path=straight(400.0), kind="vehicle", ripple=ripples[0]
+    )
+
+    assert (s[150:200] == prior[150:200]).all()
+    assert np.abs(s[:130] - prior[:130]).max() > 0.05
+    assert share[:150].min() > 0.0
+
+
+def test_who_stands_does_not_ripple() -> None:
+    assert np.abs(draw_ripple(np.zeros(100), np.random.default_rng(0))).max() == 0.0

@@ -24,11 +24,14 @@ from scenewright.evals.realism.street_measures import (
     compute_share,
     find_reactions,
 )
+from scenewright.evals.realism.tracking_jitter import add_jitter, measure_tracking_jitter
 from scenewright.evals.realism.two_sample import Separability, compare_windows, split_halves
 from scenewright.scene.base import AgentClass, FloatArray
 
 CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
 PARTS = ("all", "foreground", "background")
+JITTERED = "all, with its jitter"
+"""All vehicles, their positions jittering as standing ones do in what they are compared with."""
 ProgressLog = Callable[[str], None]
 
 
@@ -151,6 +154,28 @@ def _run_tests(
             yield from _run_test(
                 kind, source.name, other.name, (own, cut[other.name]), part=part, seed=seed
             )
+    if kind == "vehicle":
+        yield from _run_jittered_tests(sets, beside, cut, seed=seed, log=log)
+
+
+def _run_jittered_tests(
+    sets: Sequence[TrackSource],
+    beside: Sequence[TrackSource],
+    cut: Mapping[str, Windows],
+    *,
+    seed: int,
+    log: ProgressLog,
+) -> Iterator[SeparationTest]:
+    """Compare vehicles once more, those of the sets with the jitter of the other's tracking."""
+    for other in beside:
+        jitter = measure_tracking_jitter(other)
+        if jitter is None:
+            continue
+        for source in sets:
+            log(f"vehicles: {source.name}, with the jitter of {other.name}")
+            own = cut_windows(add_jitter(source, jitter, seed=seed), "vehicle")
+            pair = (own, cut[other.name])
+            yield from _run_test("vehicle", source.name, other.name, pair, part=JITTERED, seed=seed)
 
 
 def _select_part(windows: Windows, part: str) -> Windows:

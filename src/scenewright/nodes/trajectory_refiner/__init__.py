@@ -165,13 +165,15 @@ def _refine_motions(
     tracks: dict[str, Track] = {}
     shares = {name: SHARES[min(refusals[name], len(SHARES) - 1)] for name in guides}
     shares |= {n: 0.0 for n in guides if last or n in even or (n in named and recurs)}
+    ripples = _draw_ripples(guides, state, context)
     shapes = {name: each.candidate.shape for name, each in state["selection"].agents.items()}
 
     def refine(name: str) -> None:
         guide, most = guides[name], shares[name]
         s, share = limit_deviation(
-            guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most
-        )
+            guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most,
+            ripple=ripples.get(name),
+        )  # fmt: skip
         track = _sample_scene_track(name, replace(motions[name], s=s), state)
         tracks[name] = edited[name] if track is None or most == 0.0 else track
         free = ~guide.kept & guide.is_within(state["selection"].duration)
@@ -191,6 +193,22 @@ def _refine_motions(
         elif name in even:
             agents[name] = agents[name].model_copy(update={"share": 0.0, "reason": NO_WALKERS})
     return agents, rolled, tracks
+
+
+def _draw_ripples(
+    guides: Mapping[str, Guide], state: RefinerReads, context: RunContext
+) -> dict[str, FloatArray]:
+    """How the speed of each vehicle ripples, the same however often its tracks are refused."""
+    from scenewright.tools.trajnet_refiner.speed_ripple import draw_ripple
+
+    shapes = {name: each.candidate.shape for name, each in state["selection"].agents.items()}
+    pins = state.get("pinned")
+    same = frozenset[str]() if pins is None else pins.same
+    return {
+        name: draw_ripple(guide.s, context.make_rng(f"ripple of {name}", []))
+        for name, guide in guides.items()
+        if shapes[name].type == "vehicle" and name not in same
+    }
 
 
 def _build_refinements(

@@ -48,6 +48,8 @@ _AROUND = 3.0
 """How long before and after it that is [s]."""
 SETTLING = 3.5
 """How long before and after the prior is kept a proposal counts less [s]."""
+RIPPLES_WITHIN = 2.0
+"""How long before and after it that is for a ripple [s]."""
 _BEGUN = 12
 """Samples at most of a track that are the prior's because it begins there."""
 _FAINT = 0.02
@@ -70,6 +72,7 @@ def limit_deviation(
     path: Path,
     kind: AgentClass,
     most: float = 1.0,
+    ripple: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """The prior with as much of a deviation as the limits allow.
 
@@ -78,6 +81,7 @@ def limit_deviation(
         deviation: [T] what is to be added [m].
         kept: [T] where the prior stays exactly as it is.
         most: what is taken of the largest share that the limits allow.
+        ripple: [T] what is added to the smoothed deviation [m], away from where the prior is kept.
 
     Returns:
         [T'] arc length [m], shorter than the prior if the path's end is reached earlier, longer if
@@ -87,6 +91,8 @@ def limit_deviation(
     if most <= 0.0:
         return prior, share
     smooth = smooth_proposal(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
+    if ripple is not None:
+        smooth += ripple * _compute_blend(kept, RIPPLES_WITHIN)
     # Who gets less gets less than it had, so that counts first which share it would have had.
     broken = np.logical_or.reduce(
         [
@@ -158,12 +164,12 @@ def _find_joints(kept: BoolArray, count: int) -> BoolArray:
     return about
 
 
-def _compute_blend(kept: BoolArray) -> FloatArray:
-    """[T] 0 where the prior is kept, rising to 1 within SETTLING of it."""
+def _compute_blend(kept: BoolArray, within: float = SETTLING) -> FloatArray:
+    """[T] 0 where the prior is kept, rising to 1 within so many seconds of it."""
     at = np.arange(len(kept))
     before = np.maximum.accumulate(np.where(kept, at, -len(kept) - 999))
     after = np.minimum.accumulate(np.where(kept, at, 2 * len(kept) + 999)[::-1])[::-1]
-    return np.clip(np.minimum(at - before, after - at) * STEP / SETTLING, 0.0, 1.0)
+    return np.clip(np.minimum(at - before, after - at) * STEP / within, 0.0, 1.0)
 
 
 def find_free_parts(kept: BoolArray) -> list[slice]:
