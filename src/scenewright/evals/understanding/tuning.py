@@ -69,8 +69,9 @@ _TREES = {
     "min_samples_leaf": 40,
     "random_state": 0,
 }
-_QUIET = 0.1
-"""Share of the pairs without a relation that are fitted on; 97 of 100 pairs have none."""
+_QUIET, _MANY = 0.1, 20_000
+"""Share of the pairs without a relation that are fitted on where there are so many; 97 of 100
+pairs have none."""
 _GRID = np.round(np.arange(0.06, 0.66, 0.03), 2)
 _FIRST = (9.0, 0.3, 0.36, 0.3, 0.3)
 _ROUNDS = 2
@@ -285,8 +286,9 @@ def _fit_scene_model(table: TrainingTable, unseen: FloatArray, used: BoolArray) 
 def _thin_out(table: TrainingTable, used: BoolArray) -> tuple[BoolArray, FloatArray]:
     """[N] which pairs are fitted on, few of those without a relation; [M] their weights."""
     quiet = table.classes == 0
-    drawn = used & (~quiet | (np.random.default_rng(0).random(len(quiet)) < _QUIET))
-    return drawn, np.where(quiet, table.weight / _QUIET, table.weight)[drawn]
+    share = _QUIET if quiet.sum() > _MANY else 1.0
+    drawn = used & (~quiet | (np.random.default_rng(0).random(len(quiet)) < share))
+    return drawn, np.where(quiet, table.weight / share, table.weight)[drawn]
 
 
 def _smooth_thresholds(limits: FloatArray) -> FloatArray:
