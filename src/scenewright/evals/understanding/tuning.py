@@ -69,8 +69,9 @@ _TREES = {
     "min_samples_leaf": 40,
     "random_state": 0,
 }
-_QUIET = 0.25
-"""Share of the pairs without a relation that trees are fitted on; 97 of 100 pairs have none."""
+_QUIET, _MANY = 0.1, 20_000
+"""Share of the pairs without a relation that are fitted on where there are so many; 97 of 100
+pairs have none."""
 _GRID = np.round(np.arange(0.06, 0.66, 0.03), 2)
 _FIRST = (9.0, 0.3, 0.36, 0.3, 0.3)
 _ROUNDS = 2
@@ -259,7 +260,8 @@ def _fit_scene_model(table: TrainingTable, unseen: FloatArray, used: BoolArray) 
     values = np.zeros((len(unseen), SIZE))
     for view, rows in table.list_scenes():
         values[rows] = compute_scene_features(unseen[rows], view.pairs)
-    values, classes, weight = values[used], table.classes[used], table.weight[used]
+    drawn, weight = _thin_out(table, used)
+    values, classes = values[drawn], table.classes[drawn]
     mean, spread = values.mean(axis=0), values.std(axis=0) + 1e-9
     make: Any = linear_model.LogisticRegression
     model = make(C=_REGULARISATION, max_iter=300)
@@ -281,6 +283,14 @@ def _fit_scene_model(table: TrainingTable, unseen: FloatArray, used: BoolArray) 
     return found
 
 
+def _thin_out(table: TrainingTable, used: BoolArray) -> tuple[BoolArray, FloatArray]:
+    """[N] which pairs are fitted on, few of those without a relation; [M] their weights."""
+    quiet = table.classes == 0
+    share = _QUIET if quiet.sum() > _MANY else 1.0
+    drawn = used & (~quiet | (np.random.default_rng(0).random(len(quiet)) < share))
+    return drawn, np.where(quiet, table.weight / share, table.weight)[drawn]
+
+
 def _smooth_thresholds(limits: FloatArray) -> FloatArray:
     """[W, C] thresholds, each averaged with its neighbours against chance."""
     wide = np.pad(limits, ((1, 1), (0, 0)), mode="edge")
@@ -290,10 +300,8 @@ def _smooth_thresholds(limits: FloatArray) -> FloatArray:
 def _fit_trees(table: TrainingTable, used: BoolArray) -> Calibration:
     from sklearn import ensemble
 
-    quiet = table.classes == 0
-    drawn = used & (~quiet | (np.random.default_rng(0).random(len(quiet)) < _QUIET))
+    drawn, weight = _thin_out(table, used)
     values, classes = table.values[drawn], table.classes[drawn]
-    weight = np.where(quiet, table.weight / _QUIET, table.weight)[drawn]
     make: Any = ensemble.HistGradientBoostingClassifier
     trees = make(**_TREES)
     trees.fit(
