@@ -58,7 +58,9 @@ _NEVER_LOST = re.compile(
     r"^(?:he|she)\b|"
     r"\b(?:sprint(?:s|ing|ed)?|dart(?:s|ed|ing)?(?:[- ]out)?|(?:does|did)(?: not|n't) happen|"
     r"hid(?:es?|den|ing)?|conceal(?:s|ed|ing)?|obscur(?:es?|ed|ing)|occlud(?:es?|ed|ing)|"
-    r"shield(?:s|ed|ing)?|block(?:s|ed|ing)? (?:the|his|her|its|their) (?:view|sight))\b",
+    r"shield(?:s|ed|ing)?|block(?:s|ed|ing)? (?:the|his|her|its|their) (?:view|sight)|"
+    r"opposite (?:directions?|ways|kerbs?|curbs?)|freez(?:es?|ing)|froze|"
+    r"stands? (?:still )?in the (?:middle|road|crosswalk))\b",
     re.IGNORECASE,
 )
 _SELDOM_LOST = re.compile(

@@ -995,6 +995,14 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
             )
         if number == 0 and _NONE_AT_ALL.search(span.words):
             result.absent.append(span)
+        after = result.text[span.end :]
+        uncounted = number is None and _MANY.search(span.words) is not None
+        if uncounted or _PER_LEG.match(after) or (number and _RIDERS.search(span.words)):
+            result.enter(span, "nothing", note="say how many vehicles or pedestrians in all")
+            return
+        if number and span.tag == "bgveh" and _IN_ALL.match(after):
+            named = sum(agent.type == "vehicle" for agent in result.draft.agents)
+            number = max(number - named, 0)
         if span.tag != "bgped" and number is not None:
             context.vehicles = number
         if span.tag != "bgveh" and number is not None:
@@ -1005,6 +1013,11 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
 
 
 _OF_BOTH = ("vehicles", "pedestrians")
+_MANY = re.compile(r"\b(?:lots?|many|plenty|crowds?|loads|tons|masses)\b", re.IGNORECASE)
+_PER_LEG = re.compile(r"\W*(?:per|(?:on|in|at|from|for) (?:each|every)|each)\b", re.IGNORECASE)
+_IN_ALL = re.compile(r"\W*(?:altogether|in total|in all|overall|all told)\b", re.IGNORECASE)
+_RIDERS = re.compile(r"\b(?:bikes?|bicycles?|cyclists?|riders?|scooters?)\b", re.IGNORECASE)
+""" "Per leg", "altogether": of what a number of background agents is; riders are not counted."""
 
 
 def _set_density(result: Interpretation, span: ReadSpan) -> None:
