@@ -304,7 +304,7 @@ def driving(party: dict[str, Any], vehicle: str) -> str:
 def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """First texts tell another story; one is mended, the other told by a builtin voice."""
+    """First texts tell another story; two are mended, one is worded by a builtin voice."""
     manners = iter(range(99))
 
     def reply(question: Question) -> dict[str, str]:
@@ -318,15 +318,15 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     answers = tmp_path / "answers.jsonl"
     kept = record_answers(dict.fromkeys(TASKS, model), answers)["plan"]
     monkeypatch.setattr(writers, "load_speaking_backend", lambda *_: kept)
-    report = fill(order(tmp_path / "first", "2 follows at 5 am in light traffic", writer="x:y"))
+    report = fill(order(tmp_path / "first", "3 follows at 5 am in light traffic", writer="x:y"))
     assert report["filled"]
     assert report["by the builtin writer"] == 1
     monkeypatch.undo()
     monkeypatch.setattr(carrying, "spread", spread_inline)
-    words = ["agent", "2 follows at 5 am in light traffic", "--writer", f"recorded:{answers}"]
+    words = ["agent", "3 follows at 5 am in light traffic", "--writer", f"recorded:{answers}"]
     out = tmp_path / "again"
     assert main([*words, "--refiner", "none", "--out", str(out), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["scenes"] == 2
+    assert json.loads(capsys.readouterr().out)["scenes"] == 3
     texts = [json.loads(line)["text"] for line in (out / "order.jsonl").read_text().splitlines()]
     first = (tmp_path / "first" / "order.jsonl").read_text().splitlines()
     assert texts == [json.loads(line)["text"] for line in first]
@@ -395,7 +395,7 @@ def test_the_papers_composition() -> None:
 
 def test_the_command_line_says_what_it_understood(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["agent", "3 yields at noon", "--out", "nowhere", "--dry-run"]) == 0
-    assert "3 x yielding (24 patterns)" in capsys.readouterr().out
+    assert "3 x yielding (26 patterns)" in capsys.readouterr().out
     assert not Path("nowhere").exists()
     assert main(["agent", "3 dragons", "--out", "nowhere"]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1

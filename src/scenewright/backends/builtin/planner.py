@@ -166,6 +166,10 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
     if previous is not None or not (refused or _may_hold_objects(text)):
         return by_phrases
     try:
+        check_text(text)
+        if has_phrase(text):
+            return by_phrases
+        check_language(text, split_tokens(clean(text)))
         learned = read_plan(text, site=site)
     except Refused:
         return by_phrases

@@ -836,6 +836,9 @@ _WALKS = re.compile(r"\bwalk", re.IGNORECASE)
 
 def _react(result: Interpretation, span: ReadSpan) -> None:
     """How a threatened agent reacts, as far as agents of its class can be asked to."""
+    if _TOO_LATE.search(span.words) and result.eventful:
+        _brake(result, span)
+        return
     agents = result.list_agents(span.subjects[:1])
     known = _REACTIONS.get((span.value, agents[0].type == "pedestrian")) if agents else None
     if known == "steps_back" and _JUMPS.search(span.words):

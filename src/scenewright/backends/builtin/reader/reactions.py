@@ -40,7 +40,18 @@ _TO_AVOID = re.compile(r" (?:to|and) (?:avoids?|dodges?|evades?|escapes?)\b", re
 _THREATS = ("hit", "near")
 """Tags of collisions and near misses, without which there is nothing to react to."""
 _IN_TIME = re.compile(r"\s*(?:in time|(?:hard|early|quickly|soon|fast) enough)", re.IGNORECASE)
-_OF_REACTING = ("brake", "decel", "manner", "act", "sight", "thing", "pace", "yield", "react")
+_OF_REACTING = (
+    "brake",
+    "decel",
+    "manner",
+    "act",
+    "sight",
+    "thing",
+    "pace",
+    "yield",
+    "react",
+    "motion",
+)
 """Tags of spans whose words say no more than that an agent does not react."""
 
 
