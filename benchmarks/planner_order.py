@@ -19,6 +19,7 @@ from itertools import permutations
 from typing import Any
 
 import scenewright
+from scenewright.backends.builtin.reader.words import COARSE
 from scenewright.evals.planning import PlanningShare
 
 Row = dict[str, Any]
@@ -26,9 +27,11 @@ Row = dict[str, Any]
 
 def count_fits(agent: Row, told: Row) -> int:
     """Count the labelled fields that an agent has; -9 where its class or subtype is another."""
-    if any(agent[key] != told[key] for key in ("type", "subtype") if key in told):
+    kinds = {key: agent[key] for key in ("type", "subtype")}
+    kinds["subtype"] = COARSE.get(agent["subtype"] or "", agent["subtype"])
+    if any(kind != told[key] for key, kind in kinds.items() if key in told):
         return -9
-    return sum(agent[key] == value for key, value in told.items())
+    return sum((agent | kinds)[key] == value for key, value in told.items())
 
 
 def find_pair(plan: Row, row: Row) -> tuple[Row, Row] | None:

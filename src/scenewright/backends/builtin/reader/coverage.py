@@ -25,6 +25,9 @@ _ORDERS = re.compile(
 _NEGATIONS = compile_negations("no one", "none", "cannot")
 _EXCEPTED = re.compile(r"\b(?:all|every\w*|each) (?:but|except)\b", re.IGNORECASE)
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
+_SURELY_A_REFERENCE = 0.6
+"""A later mention that is less sure may be another agent: "a car ... the taxi ahead of it"."""
+
 _NEAR = 30
 """Characters between a negation and the span that takes account of it."""
 
@@ -63,7 +66,9 @@ def _find_other_nouns(reading: Reading) -> list[str]:
     for span in reading.spans:
         first = introduced.get(span.subjects[0]) if len(span.subjects) == 1 else None
         if span.tag == "ref" and first is not None and first.tag == "veh":
-            kinds = [_get_coarse(find_subtype(each.words)) for each in (first, span)]
+            kinds = [find_subtype(each.words) for each in (first, span)]
+            if span.label_confidence >= _SURELY_A_REFERENCE:
+                kinds = [_get_coarse(kind) for kind in kinds]
             if None not in kinds and kinds[0] != kinds[1] and not _PICKUP.search(first.words):
                 found.append(span.words)
     return found

@@ -1162,6 +1162,7 @@ def _settle(result: Interpretation) -> None:
     result.settling = True
     _read_behind(result)
     result.settling = False
+    read_lanes(result, _BEYOND["act"])
     _read_order(result)
     _read_severity(result)
     _read_overtaking(result)
@@ -1170,7 +1171,6 @@ def _settle(result: Interpretation) -> None:
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
-    read_lanes(result, _BEYOND["act"])
     settle_lead_braking(result)
     settle_lanes(result)
     for user in result.braking:
