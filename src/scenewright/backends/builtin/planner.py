@@ -335,8 +335,8 @@ def _is_hard(text: str) -> bool:
 def is_unanimous(learned: LearnedPlan, site: Site) -> bool:
     """Whether a plan comes out whatever harmless words stand around the text.
 
-    The encoder's least probability says little where it is low: of 96 such plans of development
-    texts that stood this test 85 were right, of 47 that did not 22.
+    The least probability of a mark says little where it is low: of 115 such plans of development
+    texts below 0.6 that stood this test 103 were right, of 54 that did not 27.
     """
     text, plan_ = learned.reading.text, learned.plan
     doubtful = learned.confidence < LEAST_SURE or len(text) > LONGEST_READ_AGAIN
