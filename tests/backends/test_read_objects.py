@@ -109,3 +109,20 @@ def test_motion_that_the_class_cannot_show_becomes_nothing() -> None:
         "[veh:1 A car] [motion=back:1 turns back] and [yield:1>2 lets] [ped:2 a man] go."
     )
     assert [each.words for each in graph.said if each.became == "nothing"] == ["turns back"]
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        ("Skip", "container"),
+        ("a box truck", "stalled"),
+        ("the kiosk", "box"),
+        ("A lorry", "stalled"),
+    ],
+)
+def test_words_for_things_are_no_vehicles(words: str, kind: str) -> None:
+    graph = make_graph(
+        f"[obj=stalled:1 {words}] [from:1 on the north leg], [ped:2 a kid] [sight:2>1 behind it], "
+        "[veh:3 a taxi] [near:3>2 nearly hits] [ref:2 him]"
+    )
+    assert graph.objects[0].kind == kind

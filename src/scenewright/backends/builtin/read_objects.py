@@ -39,6 +39,10 @@ _EVENTS: dict[str, Encounter] = {
     "hit": "hits", "near": "stops_short", "yield": "waits_behind", "follow": "waits_behind",
 }  # fmt: skip
 _FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
+_THINGS = re.compile(
+    r"\b(?:skip|container|dumpster|kiosk|cabinet|booth|dustbin|bins?|trash|stall|box)\b",
+    re.IGNORECASE,
+)
 _BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
 
 
@@ -223,7 +227,10 @@ def _let_jaywalk(agent: AgentNode) -> AgentNode:
 
 def _make_node(each: ReadObject, name: str) -> ObjectNode:
     span = each.mentions[0]
-    kind = _KINDS.get(span.value) or _find_thing(span.words)
+    thing = _THINGS.search(span.words) is not None
+    vehicle = find_subtype(span.words) is not None
+    kind = _KINDS.get(span.value) if vehicle or not thing else None
+    kind = kind or ("parked" if vehicle else _find_thing(span.words))
     if kind == "bus_stop" and find_subtype(span.words) != "bus":
         kind = "parked"
     if kind == "parked" and _FOR_A_MOMENT.search(span.words):
@@ -235,12 +242,11 @@ def _make_node(each: ReadObject, name: str) -> ObjectNode:
         state = {"double": "double-parked", "stop": "unloading"}.get(span.value or "", span.value)
         kind = find_kind(f"{span.words} {state}", each.encounter)
     sides = [place for place in each.place if get_side(place) is not None]
-    vehicle = kind in STANDING_VEHICLES
     return ObjectNode.model_validate(
         {
             "id": name,
             "kind": kind,
-            "subtype": find_subtype(span.words) if vehicle else None,
+            "subtype": find_subtype(span.words) if kind in STANDING_VEHICLES else None,
             "leg": get_side(sides[0]) if sides else None,
             "side": "exit" if sides and sides[0].tag == "to" else None,
         }
