@@ -451,11 +451,23 @@ def add_encounters(
         nodes.append(node)
     said.sort(key=lambda each: each.start)
     parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
+    return validate_objects(graph.model_copy(update=parts), phrases[0].words)
+
+
+def validate_objects(graph: SocialGraph, words: str) -> SocialGraph:
+    """The graph, once what stands in it is found to be consistent.
+
+    Args:
+        words: those that a refusal quotes.
+
+    Raises:
+        Refused: an object cannot be what the words say, such as one that two agents hit.
+    """
     try:
-        return SocialGraph.model_validate(graph.model_copy(update=parts).model_dump(by_alias=True))
+        return SocialGraph.model_validate(graph.model_dump(by_alias=True))
     except ValueError as error:
-        words = str(error).split("Value error, ")[-1].split(" [type")[0]
-        raise Refused("out_of_scope", f"'{phrases[0].words}': {words}.") from error
+        reason = str(error).split("Value error, ")[-1].split(" [type")[0]
+        raise Refused("out_of_scope", f"'{words}': {reason}.") from error
 
 
 def _find_agent(graph: SocialGraph, phrase: EncounterPhrase) -> str:

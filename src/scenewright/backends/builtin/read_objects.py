@@ -7,7 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.encounters import find_kind, find_side, reroute_agent
+from scenewright.backends.builtin.encounters import (
+    find_kind,
+    find_side,
+    reroute_agent,
+    validate_objects,
+)
 from scenewright.backends.builtin.reader.interpret import get_side
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
@@ -208,11 +213,7 @@ def add_read_objects(
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
     said.sort(key=lambda each: each.start)
     parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
-    try:
-        return SocialGraph.model_validate(graph.model_copy(update=parts).model_dump(by_alias=True))
-    except ValueError as error:
-        words = str(error).split("Value error, ")[-1].split(" [type")[0]
-        raise Refused("out_of_scope", f"'{objects[0].mentions[0].words}': {words}.") from error
+    return validate_objects(graph.model_copy(update=parts), objects[0].mentions[0].words)
 
 
 def _let_cross(agent: AgentNode) -> AgentNode:
