@@ -127,14 +127,14 @@ def damage_json(value: Json, rng: random.Random) -> Json:
             if rng.random() < 0.15:
                 break
         if key is None:
-            return rng.choice(ABSURD)
+            return copy.deepcopy(rng.choice(ABSURD))
         match rng.randrange(4):
             case 0:
                 del outer[key]
             case 1 if isinstance(outer[key], int | float) and not isinstance(outer[key], bool):
                 outer[key] *= rng.choice((-1, 0, 1.5, 1e6, -1e-9))
             case _:
-                outer[key] = rng.choice(ABSURD)
+                outer[key] = copy.deepcopy(rng.choice(ABSURD))
     return value
 
 

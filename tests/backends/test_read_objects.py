@@ -8,6 +8,7 @@ from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
 from scenewright.backends.builtin.reader.reading import build_reading
+from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 
@@ -126,3 +127,22 @@ def test_words_for_things_are_no_vehicles(words: str, kind: str) -> None:
         "[veh:3 a taxi] [near:3>2 nearly hits] [ref:2 him]"
     )
     assert graph.objects[0].kind == kind
+
+
+@pytest.mark.parametrize(
+    ("mark", "asked", "words"),
+    [
+        ("[react=back:1 steps back]", "steps_back", "steps back"),
+        ("[react=run:1 runs out of the way]", "runs", "runs out of the way"),
+        ("[react=none:1 does not react]", "none", "does not react"),
+    ],
+)
+def test_sentences_name_the_reaction_that_is_asked_for(mark: str, asked: str, words: str) -> None:
+    graph = make_graph(f"[veh:2 A car] [near:2>1 nearly hits] [ped:1 a man] who {mark}.")
+    assert graph.agents[1].reaction == asked
+    assert f"pedestrian {words}" in describe_graph(graph)
+
+
+def test_pedestrian_named_with_the_corner_takes_part() -> None:
+    graph = make_graph("[ped:1 A man at the corner] and [ped:2 a woman] [hit:1>2 collide].")
+    assert len(graph.agents) == 2

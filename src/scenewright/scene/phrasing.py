@@ -58,6 +58,10 @@ _ENCOUNTERS = {
     "queues": "{} waits behind {}", "hits": "{} hits {}", "stops_short": "{} nearly hits {}",
     "waits_then_passes": "{} waits behind {}, then goes around it", "doored": "{} is doored by {}",
 }  # fmt: skip
+_REACTIONS = {
+    "none": "does not react", "swerves": "swerves within its lane", "steps_back": "steps back",
+    "jumps_back": "jumps back", "runs": "runs out of the way",
+}  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
 
@@ -120,7 +124,7 @@ def _describe_route(agent: AgentNode) -> Iterator[str]:
     if agent.runs_red:
         yield "runs the red light"
     if agent.reaction is not None:
-        yield "does not react"
+        yield _REACTIONS[agent.reaction]
 
 
 def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:

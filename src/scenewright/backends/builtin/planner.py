@@ -225,7 +225,7 @@ def _refuse_lost_words(graph: SocialGraph, text: str) -> Plan:
     if lost is None:
         return graph
     reason = f"It is not clear what '{lost}' says; say who does it."
-    return Refusal(code="out_of_scope", reason=reason)
+    return refuse_beyond(Refusal(code="out_of_scope", reason=reason), text)
 
 
 def _plan_by_phrases(text: str, previous: str | None, site: Site) -> Plan:

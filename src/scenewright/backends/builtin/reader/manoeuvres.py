@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, get_args
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
+from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.scene.social import Manoeuvre, PedestrianMotion, RelationType, VehicleMotion
 
@@ -328,7 +329,8 @@ def _read_corner(reading: Reading, spans: list[ReadSpan]) -> None:
     match = _CORNER.search(reading.text)
     if match is None:
         return
-    inside = [n for n, span in enumerate(spans) if _is_overlapping(span, match)]
+    touching = [n for n, span in enumerate(spans) if _is_overlapping(span, match)]
+    inside = [n for n in touching if spans[n].tag not in (*MENTIONS, "ref")]
     for n in inside:
         spans[n] = replace(spans[n], tag="place", confidence=_KNOWN)
     if not inside:
