@@ -11,17 +11,15 @@ Listed is what they do not betray; docs/checker.md says why.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import json
-import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from forged_proofs import make_scene
-from forgeries import Forgery, Json, chain, change, remove, verify_forgery
+from forgeries import Forgery, Json, chain, change, forge_as_asked, remove, verify_forgery
 
 STEP = 0.1
 SCENES = {
@@ -420,12 +418,7 @@ def forge_all(folder: Path, seed: int) -> Iterator[tuple[str, str, str | None]]:
 
 def main() -> None:
     """Forges, verifies and prints what was not caught."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--json", type=Path, help="file for every forgery and its outcome")
-    asked = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        rows = list(forge_all(Path(scratch), asked.seed))
+    rows = forge_as_asked(__doc__, forge_all)
     kinds: dict[str, list[bool]] = defaultdict(list)
     for _, kind, found in rows:
         kinds[kind].append(found is not None)
@@ -434,8 +427,6 @@ def main() -> None:
     for kind, each in sorted(kinds.items()):
         if not all(each):
             print(f"  {kind}: {sum(each)} / {len(each)}")
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -19,18 +19,16 @@ betray is listed.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import json
 import sys
-import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from forgeries import verify_forgery
+from forgeries import forge_as_asked, verify_forgery
 from pydantic import ValidationError
 
 from scenewright import synthesize
@@ -172,12 +170,7 @@ def forge_all(folder: Path, seed: int) -> Iterator[tuple[str, str, str, str | No
 
 def main() -> None:
     """Forges, verifies and prints what was caught."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--json", type=Path, help="file for every forgery and its outcome")
-    asked = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        rows = list(forge_all(Path(scratch), asked.seed))
+    rows = forge_as_asked(__doc__, forge_all)
     for way in WAYS:
         mine = [(kind, found) for _, each, kind, found in rows if each == way]
         kinds: dict[str, list[bool]] = defaultdict(list)
@@ -188,8 +181,6 @@ def main() -> None:
         for kind, each in sorted(kinds.items()):
             if not all(each):
                 print(f"  {kind}: {sum(each)} / {len(each)}")
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     passed = [kind for _, way, kind, found in rows if way in ("proof", "field") and found is None]
     if passed:
         sys.exit("passed --strict: " + "; ".join(passed))

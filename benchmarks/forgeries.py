@@ -298,14 +298,28 @@ def forge_all(folder: Path, seed: int) -> Iterator[tuple[str, str, str | None, s
                 yield name, what, alone, verify_forgery(scene, proof, folder)
 
 
-def main() -> None:
-    """Forges, verifies and prints a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def forge_as_asked(
+    about: str | None, forge: Callable[[Path, int], Iterator[tuple[Any, ...]]]
+) -> list[tuple[Any, ...]]:
+    """All forgeries of the seed that the command line names, written to its file if it names one.
+
+    Args:
+        about: the benchmark's own description, for --help.
+    """
+    parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--json", type=Path, help="file for every forgery and its outcome")
-    arguments = parser.parse_args()
+    asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        rows = list(forge_all(Path(scratch), arguments.seed))
+        rows = list(forge(Path(scratch), asked.seed))
+    if asked.json:
+        asked.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    return rows
+
+
+def main() -> None:
+    """Forges, verifies and prints a table."""
+    rows = forge_as_asked(__doc__, forge_all)
     kinds: dict[str, list[bool]] = defaultdict(list)
     for _, what, alone, _ in rows:
         kinds[what].append(alone is not None)
@@ -317,8 +331,6 @@ def main() -> None:
     for what, caught in sorted(kinds.items()):
         if not all(caught):
             print(f"  {what}: {sum(caught)} / {len(caught)}")
-    if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     if passed:
         sys.exit("passed --strict: " + "; ".join(passed))
 

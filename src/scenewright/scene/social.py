@@ -268,6 +268,10 @@ class ObjectNode(Model):
             _check_figure(self.id, each.encounter, each.figure)
         return self
 
+    def describe(self) -> str:
+        """Id, kind and subtype, as the account of words has them."""
+        return f"{self.id} {self.kind} {self.subtype or ''}".strip()
+
     def list_meetings(self) -> tuple[Meeting, ...]:
         """List the agents that meet it, one after the other."""
         if self.met_by is None or self.encounter is None:

@@ -9,6 +9,7 @@ from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Mention
 from scenewright.scene.base import AgentClass
+from scenewright.scene.social import MOST_AGENTS
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -53,7 +54,6 @@ _SAME_THING = (
 _ANY_VEHICLE = frozenset({"vehicle", "driver", "motorist", "vehicles", "drivers"})
 _UNITS = frozenset({"unit", "agent", "participant", "party", "road user", "actor"})
 _LABELS = "1234abcd"
-MOST_AGENTS = 12
 
 
 class Discourse:

@@ -435,13 +435,14 @@ def add_encounters(
         agents[own] = reroute_agent(agents[own], node)
         node = node if node.leg is None else node.model_copy(update=find_side(agents[own], node))
         fields = {"start": phrase.start, "end": phrase.end, "words": phrase.words}
-        value = f"{node.id} {node.kind} {node.subtype or ''}".strip()
         said = [each for each in said if not phrase.start <= each.start < phrase.end]
         named = phrase.named or (phrase.start, phrase.end)
         thing = {"start": named[0], "end": named[1], "words": phrase.object}
         if phrase.named is None:
             thing = fields
-        said.append(SaidSpan.model_validate({**thing, "became": "object", "value": value}))
+        said.append(
+            SaidSpan.model_validate({**thing, "became": "object", "value": node.describe()})
+        )
         meets = {"became": "encounter", "agents": (name,), "value": f"{node.id} {phrase.how}"}
         said.append(SaidSpan.model_validate({**fields, **meets}))
         if phrase.also is not None:

@@ -163,7 +163,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
     """The plan of a text; what the phrases do not know is read by the encoder alone."""
     by_phrases = _plan_by_phrases(text, previous, site)
     refused = isinstance(by_phrases, Refusal)
-    if previous is not None or not (refused or _may_hold_objects(text)):
+    if previous is not None:
         return by_phrases
     try:
         check_text(text)
@@ -194,18 +194,6 @@ def _cut_offers(refusal: Refusal) -> Refusal:
     """The refusal without sentences that would be understood."""
     reason = refusal.reason.partition(_OFFERS)[0]
     return refusal.model_copy(update={"reason": reason, "did_you_mean": ()})
-
-
-_STANDING = re.compile(
-    r"park|stall|stop|stand|broke|strand|abandon|unload|bus|bin\b|container|skip\b|kiosk|dumpster|"
-    r"box|door|behind|between|hid|block|obscur|screen|mask|cabinet|booth|hazard",
-    re.IGNORECASE,
-)
-
-
-def _may_hold_objects(text: str) -> bool:
-    """Whether the encoder should look for standing objects, which takes it a reading more."""
-    return _STANDING.search(text) is not None
 
 
 def _is_same_with_objects(first: Plan, second: Plan) -> bool:

@@ -1,4 +1,4 @@
-"""Objects that the encoder reads in a text: what stands where, whom it hides, who meets it."""
+"""Objects that the encoder reads in a text: where they stand, and whose sight or way they block."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from scenewright.backends.builtin.reader.interpret import get_side
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.words import find_subtype
+from scenewright.backends.builtin.standing import THING, find_thing, let_cross, let_jaywalk
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.social import (
     MOST_OBJECTS,
     STANDING_VEHICLES,
-    AgentNode,
     Encounter,
     ObjectKind,
     ObjectNode,
@@ -43,11 +43,12 @@ _ENCOUNTERS: dict[tuple[str, str | None], Encounter] = {
 _EVENTS: dict[str, Encounter] = {
     "hit": "hits", "near": "stops_short", "yield": "waits_behind", "follow": "waits_behind",
 }  # fmt: skip
+_FIGURES: dict[str, tuple[Encounter, ...]] = {
+    "impact": ("hits", "doored"), "wait": ("waits_behind", "waits_then_passes"),
+}  # fmt: skip
+"""Tags of numbers, and what an agent does about an object of which they say how fast or long."""
 _FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
-_THINGS = re.compile(
-    r"\b(?:skip|container|dumpster|kiosk|cabinet|booth|dustbin|bins?|trash|stall|box)\b",
-    re.IGNORECASE,
-)
+_THINGS = re.compile(rf"\b{THING}\b", re.IGNORECASE)
 _BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
 
 
@@ -58,7 +59,7 @@ class ReadObject:
     Attributes:
         mentions: the words that name it; number: its own among the road users.
         beyond: the number of the second of two, between which a pedestrian comes out.
-        place: where it stands; hidden: the number of whom it hides, `sights` the words for that.
+        place: where it stands; hidden: the number of the agent that it hides; sights: the words.
         seen: the words that say how long before the event the hidden one is seen.
         met_by: the number of the agent that meets it; meets: the words; figures: their numbers.
     """
@@ -93,8 +94,8 @@ def take_out_objects(reading: Reading) -> tuple[Reading, tuple[ReadObject, ...]]
     objects = {
         number: ReadObject(number, [reading.spans[at]])
         for number, at in reading.users.items()
-        if reading.spans[at].tag == "obj" and reading.spans[at].value in (*_KINDS, "thing")
-        if reading.spans[at].value is not None and not reading.spans[at].negated
+        if reading.spans[at].tag == "obj" and not reading.spans[at].negated
+        if reading.spans[at].value in (*_KINDS, "thing")
     }
     if not objects:
         return reading, ()
@@ -145,10 +146,8 @@ def _assign_figures(reading: Reading, objects: Mapping[int, ReadObject]) -> None
             own = not span.subjects or each.met_by in span.subjects
             if span.tag == "seen" and each.hidden is not None:
                 each.seen.append(span)
-            elif span.tag == "impact" and each.encounter in ("hits", "doored") and own:
+            elif own and each.encounter in _FIGURES.get(span.tag, ()):
                 each.figures.append(span)
-            elif span.tag == "wait" and each.encounter in ("waits_behind", "waits_then_passes"):
-                each.figures.append(span) if own else None
 
 
 def _without(span: ReadSpan, objects: Mapping[int, ReadObject]) -> ReadSpan:
@@ -167,8 +166,7 @@ def _join_pairs(objects: Mapping[int, ReadObject]) -> tuple[ReadObject, ...]:
         if len(same) >= 2 and first is same[0] and _BETWEEN.search(words):
             first.beyond = same[1].number
     beyond = {each.beyond for each in found}
-    rest = [each for each in found if each.number not in beyond]
-    return tuple(rest)
+    return tuple(each for each in found if each.number not in beyond)
 
 
 def add_read_objects(
@@ -189,7 +187,7 @@ def add_read_objects(
         node = _make_node(each, f"object-{len(nodes) + 1}")
         if each.hidden is not None:
             node = node.model_copy(update=_hide(graph, each, names))
-            agents = [_let_cross(agent) if agent.id == node.hides else agent for agent in agents]
+            agents = [let_cross(agent) if agent.id == node.hides else agent for agent in agents]
         own = next((n for n, a in enumerate(agents) if a.id == names.get(each.met_by or 0)), None)
         if own is not None and agents[own].type != "pedestrian":
             agents[own] = reroute_agent(agents[own], node)
@@ -205,8 +203,7 @@ def add_read_objects(
         nodes.append(node)
         said += _list_said(each, node)
         if each.beyond is not None:
-            # No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it.
-            agents = [_let_jaywalk(agent) if agent.id == node.hides else agent for agent in agents]
+            agents = [let_jaywalk(agent) if agent.id == node.hides else agent for agent in agents]
             alone = {"hides": None, "hidden_from": None, "lead": None, "beyond": node.id}
             nodes.append(node.model_copy(update={"id": f"object-{len(nodes) + 1}", **alone}))
     if len(nodes) > MOST_OBJECTS:
@@ -216,23 +213,13 @@ def add_read_objects(
     return validate_objects(graph.model_copy(update=parts), objects[0].mentions[0].words)
 
 
-def _let_cross(agent: AgentNode) -> AgentNode:
-    """Pedestrians and riders that come out from behind something cross the road."""
-    return agent if agent.movement else agent.model_copy(update={"movement": "crossing"})
-
-
-def _let_jaywalk(agent: AgentNode) -> AgentNode:
-    free = agent.crosswalk is None and agent.type == "pedestrian"
-    return agent.model_copy(update={"movement": "jaywalking"}) if free else agent
-
-
 def _make_node(each: ReadObject, name: str) -> ObjectNode:
     span = each.mentions[0]
-    thing = _THINGS.search(span.words) is not None
-    vehicle = find_subtype(span.words) is not None
-    kind = _KINDS.get(span.value) if vehicle or not thing else None
-    kind = kind or ("parked" if vehicle else _find_thing(span.words))
-    if kind == "bus_stop" and find_subtype(span.words) != "bus":
+    subtype = find_subtype(span.words)
+    thing = subtype is None and _THINGS.search(span.words) is not None
+    kind = None if thing else _KINDS.get(span.value)
+    kind = kind or ("parked" if subtype else find_thing(span.words))
+    if kind == "bus_stop" and subtype != "bus":
         kind = "parked"
     if kind == "parked" and _FOR_A_MOMENT.search(span.words):
         raise Refused(
@@ -247,17 +234,11 @@ def _make_node(each: ReadObject, name: str) -> ObjectNode:
         {
             "id": name,
             "kind": kind,
-            "subtype": find_subtype(span.words) if kind in STANDING_VEHICLES else None,
+            "subtype": subtype if kind in STANDING_VEHICLES else None,
             "leg": get_side(sides[0]) if sides else None,
             "side": "exit" if sides and sides[0].tag == "to" else None,
         }
     )
-
-
-def _find_thing(words: str) -> ObjectKind:
-    if re.search(r"container|skip|dumpster", words, re.IGNORECASE):
-        return "container"
-    return "bin" if re.search(r"\bbins?\b|trash|dustbin", words, re.IGNORECASE) else "box"
 
 
 def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dict[str, object]:
@@ -284,9 +265,8 @@ def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dic
 
 def _list_said(each: ReadObject, node: ObjectNode) -> Iterator[SaidSpan]:
     """The account of the words about one object."""
-    thing = f"{node.id} {node.kind} {node.subtype or ''}".strip()
     for span in (*each.mentions, *each.place):
-        yield _say(span, "object", (), thing)
+        yield _say(span, "object", (), node.describe())
     pair = (node.hidden_from or "", node.hides or "")
     for span in (*each.sights, *each.seen):
         yield _say(span, "sight", pair, node.id)

@@ -15,7 +15,13 @@ from scenewright.backends.builtin.reader.numbers import TO_TWENTY
 from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import RIDERS
-from scenewright.scene.social import MOST_OBJECTS, ObjectKind, ObjectNode, SocialGraph
+from scenewright.scene.social import (
+    MOST_OBJECTS,
+    AgentNode,
+    ObjectKind,
+    ObjectNode,
+    SocialGraph,
+)
 
 
 def join_any(*words: str, then: str = "") -> str:
@@ -48,7 +54,7 @@ _KIND_OF_THING = join_any(
     "recycling", "shipping", "construction", "waste", "electrical", "utility", "switch", "control",
     "telephone", "phone", "news", "market", "wooden", "storage", then=" ",
 )  # fmt: skip
-_THING = f"(?:{_KIND_OF_THING})*" + join_any(
+THING = f"(?:{_KIND_OF_THING})*" + join_any(
     "bins?", "trash cans?", "dustbins?", "dumpsters?", "skips?", "containers?", "kiosks?",
     "cabinets?", "box(?:es)?", "booths?", "stalls?", "newsstands?",
 )  # fmt: skip
@@ -62,7 +68,7 @@ BUS_AT_STOP = (
 STANDING_VEHICLE = join_any(
     f"{THE}{_ADJECTIVES}{STATE} {_ADJECTIVES}{VEHICLE}", f"{THE}{VEHICLE}{_THAT_IS} {STATE}"
 )
-_STANDS = join_any(BUS_AT_STOP, STANDING_VEHICLE, f"{THE}{_THING}")
+_STANDS = join_any(BUS_AT_STOP, STANDING_VEHICLE, f"{THE}{THING}")
 _RESTS = join_any(
     _STANDS, f"{THE}{_ADJECTIVES}{AT_REST} {VEHICLE}", f"{THE}{VEHICLE} {AT_REST}",
     f"{THE}{VEHICLE}",
@@ -299,6 +305,12 @@ def _find_kind(words: str) -> ObjectKind:
         return "bus_stop"
     if re.search(rf"\b{VEHICLE}\b", low):
         return "parked"
+    return find_thing(words)
+
+
+def find_thing(words: str) -> ObjectKind:
+    """The kind of something that is no vehicle."""
+    low = words.lower()
     if re.search(r"container|skip|dumpster", low):
         return "container"
     return "bin" if re.search(r"\b(?:dust)?bins?\b|trash can", low) else "box"
@@ -330,7 +342,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
         node = phrase.make_node(len(nodes) + 1)
         became = SaidSpan(
             start=phrase.start, end=phrase.end, words=phrase.words, became="object",
-            value=f"{node.id} {node.kind} {node.subtype or ''}".strip(),
+            value=node.describe(),
         )  # fmt: skip
         said.append(became)
         if phrase.hides:
@@ -350,8 +362,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
         if phrase.between:
             beyond = {"hides": None, "hidden_from": None, "lead": None, "beyond": node.id}
             nodes.append(node.model_copy(update={"id": f"object-{len(nodes) + 1}", **beyond}))
-            value = f"{nodes[-1].id} {node.kind} {node.subtype or ''}".strip()
-            said.append(became.model_copy(update={"value": value}))
+            said.append(became.model_copy(update={"value": nodes[-1].describe()}))
             graph = _let_jaywalk(graph, walker)
     said.sort(key=lambda each: each.start)
     made = graph.model_copy(update={"objects": tuple(nodes), "said": tuple(said)})
@@ -375,25 +386,28 @@ def _read_as_time(graph: SocialGraph, phrase: StandingPhrase) -> SocialGraph:
 
 
 def _let_jaywalk(graph: SocialGraph, walker: str) -> SocialGraph:
+    agents = (let_jaywalk(each) if each.id == walker else each for each in graph.agents)
+    return graph.model_copy(update={"agents": tuple(agents)})
+
+
+def let_jaywalk(agent: AgentNode) -> AgentNode:
     """No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it."""
-    agents = tuple(
-        each.model_copy(update={"movement": "jaywalking"})
-        if each.id == walker and each.crosswalk is None and each.type == "pedestrian"
-        else each
-        for each in graph.agents
-    )
-    return graph.model_copy(update={"agents": agents})
+    free = agent.crosswalk is None and agent.type == "pedestrian"
+    return agent.model_copy(update={"movement": "jaywalking"}) if free else agent
 
 
 def _let_cross(graph: SocialGraph, name: str) -> SocialGraph:
-    """A rider that comes out from behind an object crosses the road, if nothing else is said."""
-    agents = tuple(
-        each.model_copy(update={"movement": "crossing"})
-        if each.id == name and each.type in RIDERS and each.movement is None
-        else each
+    """The graph in which a rider of that name crosses; pedestrians have a verb in the text."""
+    agents = (
+        let_cross(each) if each.id == name and each.type in RIDERS else each
         for each in graph.agents
-    )
-    return graph.model_copy(update={"agents": agents})
+    )  # fmt: skip
+    return graph.model_copy(update={"agents": tuple(agents)})
+
+
+def let_cross(agent: AgentNode) -> AgentNode:
+    """An agent that comes out from behind an object crosses the road, if nothing else is said."""
+    return agent if agent.movement else agent.model_copy(update={"movement": "crossing"})
 
 
 def find_addition(words: str) -> tuple[StandingPhrase, ...]:

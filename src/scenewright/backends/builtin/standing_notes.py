@@ -405,7 +405,7 @@ def _tell(
     clock: str | None,
 ) -> Iterator[SaidSpan]:
     """The account of the words, in their order."""
-    what = f"{thing.id} {thing.kind} {thing.subtype or ''}".strip()
+    what = thing.describe()
     plain: dict[str, tuple[Became, str | None]] = {
         **dict.fromkeys(("object", "reason", "spot", "place", "lane", "exit"), ("object", what)),
         "clock": ("time_of_day", str(clock).zfill(5)), "denied": ("normal", None),

@@ -46,6 +46,7 @@ from scenewright.scene.social import (
     MOST_BACKGROUND,
     AskedReaction,
     PedestrianMotion,
+    RelationType,
     VehicleMotion,
 )
 from scenewright.scene.track import EMERGENCY
@@ -980,39 +981,53 @@ _STEPS: dict[str, dict[str | None, str]] = {
 
 
 def _set_context(result: Interpretation, span: ReadSpan) -> None:
-    context = result.draft.context
     if span.tag == "density":
         _set_density(result, span)
     elif span.tag == "normal":
         result.draft.normal = not span.negated
         result.enter(span, "normal")
     else:
-        none = span.negated or _NOT_ONE.search(span.words) is not None
-        number = 0 if none else number_in(span.words)
-        if number is None and _NOBODY.search(span.words):
-            number = 0
-        if number is not None and number > MOST_BACKGROUND:
-            raise Refused(
-                "out_of_scope",
-                f"'{span.words}' are more than the {MOST_BACKGROUND} that a scene can hold.",
-            )
-        if number == 0 and _NONE_AT_ALL.search(span.words):
-            result.absent.append(span)
-        after = result.text[span.end :]
-        uncounted = number is None and _MANY.search(span.words) is not None
-        if uncounted or _PER_LEG.match(after) or (number and _RIDERS.search(span.words)):
-            result.enter(span, "nothing", note="say how many vehicles or pedestrians in all")
-            return
-        if number and span.tag == "bgveh" and _IN_ALL.match(after):
-            named = sum(agent.type == "vehicle" for agent in result.draft.agents)
-            number = max(number - named, 0)
-        if span.tag != "bgped" and number is not None:
-            context.vehicles = number
-        if span.tag != "bgveh" and number is not None:
-            context.pedestrians = number
-        kinds = {"bgveh": ("vehicles",), "bgped": ("pedestrians",)}.get(span.tag, _OF_BOTH)
-        value = None if number is None else format_background(dict.fromkeys(kinds, number))
-        result.enter(span, "background", value=value)
+        _set_background(result, span)
+
+
+def _set_background(result: Interpretation, span: ReadSpan) -> None:
+    """Numbers of background agents; those per leg, of riders or without a figure become nothing."""
+    number, after = _count_background(result, span), result.text[span.end :]
+    uncounted = number is None and _MANY.search(span.words) is not None
+    if uncounted or _PER_LEG.match(after) or (number and _RIDERS.search(span.words)):
+        result.enter(span, "nothing", note="say how many vehicles or pedestrians in all")
+        return
+    if number and span.tag == "bgveh" and _IN_ALL.match(after):
+        named = sum(agent.type == "vehicle" for agent in result.draft.agents)
+        number = max(number - named, 0)
+    context = result.draft.context
+    if span.tag != "bgped" and number is not None:
+        context.vehicles = number
+    if span.tag != "bgveh" and number is not None:
+        context.pedestrians = number
+    kinds = {"bgveh": ("vehicles",), "bgped": ("pedestrians",)}.get(span.tag, _OF_BOTH)
+    value = None if number is None else format_background(dict.fromkeys(kinds, number))
+    result.enter(span, "background", value=value)
+
+
+def _count_background(result: Interpretation, span: ReadSpan) -> int | None:
+    """The number in the words; 0 where they deny any.
+
+    Raises:
+        Refused: more than a scene can hold.
+    """
+    none = span.negated or _NOT_ONE.search(span.words) is not None
+    number = 0 if none else number_in(span.words)
+    if number is None and _NOBODY.search(span.words):
+        number = 0
+    if number is not None and number > MOST_BACKGROUND:
+        raise Refused(
+            "out_of_scope",
+            f"'{span.words}' are more than the {MOST_BACKGROUND} that a scene can hold.",
+        )
+    if number == 0 and _NONE_AT_ALL.search(span.words):
+        result.absent.append(span)
+    return number
 
 
 _OF_BOTH = ("vehicles", "pedestrians")
@@ -1232,11 +1247,9 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
     ahead, behind = result.users[first], result.users[second]
     pair = frozenset((id(ahead), id(behind)))
     edges = [edge for edge in result.draft.relations if edge.pair() == pair]
-    if not edges and _is_close(result, second):
-        edges = [RelationDraft("near_miss", behind, ahead)]
-        result.draft.relations += edges
-    elif not edges:
-        edges = [RelationDraft("yield_to", behind, ahead)]
+    if not edges:
+        kind: RelationType = "near_miss" if _is_close(result, second) else "yield_to"
+        edges = [RelationDraft(kind, behind, ahead)]
         result.draft.relations += edges
     for edge in edges:
         if result.changing and edge.ahead is behind:

@@ -41,18 +41,9 @@ _THREATS = ("hit", "near")
 """Tags of collisions and near misses, without which there is nothing to react to."""
 _IN_TIME = re.compile(r"\s*(?:in time|(?:hard|early|quickly|soon|fast) enough)", re.IGNORECASE)
 _OF_REACTING = (
-    "brake",
-    "decel",
-    "manner",
-    "act",
-    "sight",
-    "thing",
-    "pace",
-    "yield",
-    "react",
-    "motion",
-)
-"""Tags of spans whose words say no more than that an agent does not react."""
+    "brake", "decel", "manner", "act", "sight", "thing", "pace", "yield", "react", "motion",
+)  # fmt: skip
+"""Tags of spans whose words may say no more than how an agent reacts."""
 
 
 def read_reactions(reading: Reading) -> Reading:

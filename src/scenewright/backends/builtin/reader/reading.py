@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -98,7 +99,12 @@ def read_text(text: str, *, previous: str | None = None, encoder: Encoder | None
     Raises:
         Refused: more tokens than the encoder has positions.
     """
-    encoder = encoder or load_encoder()
+    return _read_known(text, previous, encoder or load_encoder())
+
+
+@lru_cache(maxsize=64)
+def _read_known(text: str, previous: str | None, encoder: Encoder) -> Reading:
+    """The reading of a text, which a planner in doubt asks for several times."""
     whole = text if previous is None else f"{previous}{SEPARATOR}{text}"
     encoding = load_tokenizer().encode(whole)
     if len(encoding.ids) > 510:
