@@ -146,3 +146,16 @@ def test_sentences_name_the_reaction_that_is_asked_for(mark: str, asked: str, wo
 def test_pedestrian_named_with_the_corner_takes_part() -> None:
     graph = make_graph("[ped:1 A man at the corner] and [ped:2 a woman] [hit:1>2 collide].")
     assert len(graph.agents) == 2
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "[veh:1 A car] [motion=box:1 blocks the box].",
+        "[veh:2 A car] [yield:2>1 stops for] [ped:1 a man] who [motion=back:1 turns back] halfway.",
+    ],
+)
+def test_words_of_a_motion_are_not_said_to_be_without_effect(line: str) -> None:
+    became = [each.became for each in make_graph(line).said]
+    assert became.count("motion") == 1
+    assert "manner" not in became

@@ -228,22 +228,24 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     for pattern, motion in _MOTIONS:
         for match in pattern.finditer(reading.text):
             owner = _find_owner(spans, match, drives=motion in get_args(VehicleMotion))
-            same = [
+            marked = [
                 n for n, s in enumerate(spans) if s.tag == "motion" and _is_overlapping(s, match)
             ]
-            if owner is None or any(n >= len(reading.spans) for n in same):
+            if owner is None or any(spans[n] not in reading.spans for n in marked):
                 continue
-            for n in same:  # the words say it in full, of which the encoder marks a part
-                spans[n] = replace(spans[n], tag="manner", value=None, confidence=_KNOWN)
             for n, span in enumerate(spans):
                 inside = motion == "blocks_junction" and span.start > match.start()
                 if _is_overlapping(span, match) and (inside or span.tag in _OF_THE_WAY):
                     spans[n] = _settle_way(span, match, motion)
             start, end = match.span()
-            added = ReadSpan(
+            said = ReadSpan(
                 start, end, match[0], "motion", motion, False, None, (owner,), (), _KNOWN
             )
-            spans.append(added)
+            # The words say in full what the encoder marks a part of.
+            if marked:
+                spans[marked[0]] = said
+            else:
+                spans.append(said)
 
 
 _OF_THE_WAY = (
