@@ -3,10 +3,11 @@
     python benchmarks/blind_pairs.py --ours DIR --real PATH --kind vehicle --out DIR [--pairs 20]
     python benchmarks/blind_pairs.py --key DIR/key.json --answers FILE
 
-Each pair holds 6 s of a generated track and 6 s of a recorded one with a similar mean speed, in an
-order drawn by `--seed`: the path, turned so that it ends to the right of where it begins, and the
-speed over time, both from positions smoothed over 1 s. The answers are a JSON object: number of
-the pair -> "A" or "B", the one taken for recorded.
+Each pair holds 6 s of a generated track and 6 s of a recorded one that does the same (goes on,
+slows down, turns...) with a similar mean speed, in an order drawn by `--seed` and the recording:
+the path, turned so that it ends to the right of where it begins, and the speed over time, both
+from positions smoothed over 1 s. The answers are a JSON object: number of the pair -> "A" or "B",
+the one taken for recorded.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.driving.summary import describe_rate
+from scenewright.evals.realism.motion_windows import classify_motion
 from scenewright.evals.realism.sources import TrackSource, read_source
 from scenewright.geometry.kinematics import smooth
 
@@ -27,6 +29,8 @@ LENGTH, STEP = 6.0, 0.1
 SMOOTHING = 0.29
 """Standard deviation of a mean over 1 s [s]."""
 LEAST_MOVED = {"vehicle": 8.0, "pedestrian": 4.0}
+MOST_APART = {"vehicle": 1.5, "pedestrian": 0.3}
+"""Between the mean speeds of a pair [m/s]."""
 ON_A_SHEET = 5
 LEAST_HALF_WIDTH = 2.0
 """Half of what a path is drawn in across, at the least [m]: noise of centimetres is not shown."""
@@ -65,19 +69,31 @@ def compute_speed(piece: np.ndarray) -> np.ndarray:
 
 
 def match_pairs(
-    ours: list[np.ndarray], real: list[np.ndarray], count: int, rng: random.Random
+    ours: list[np.ndarray], real: list[np.ndarray], kind: str, count: int, rng: random.Random
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Pairs of one of ours and a recorded one not used before, nearest in mean speed."""
+    """Pairs of one of ours and a recorded one not used before, which does the same at that speed.
+
+    Of each of ours in turn, that is the one nearest in mean speed.
+    """
     rng.shuffle(ours)
-    left = list(real)
+    left = [(classify_piece(piece, kind), piece) for piece in real]
     pairs: list[tuple[np.ndarray, np.ndarray]] = []
     for piece in ours:
-        if len(pairs) == count or not left:
-            break
-        mean = compute_speed(piece).mean()
-        near = min(range(len(left)), key=lambda k: abs(compute_speed(left[k]).mean() - mean))
-        pairs.append((piece, left.pop(near)))
+        mean, situation = compute_speed(piece).mean(), classify_piece(piece, kind)
+        away = [
+            abs(compute_speed(other).mean() - mean) if does == situation else np.inf
+            for does, other in left
+        ]
+        near = int(np.argmin(away)) if away else 0
+        if len(pairs) < count and left and away[near] < MOST_APART[kind]:
+            pairs.append((piece, left.pop(near)[1]))
     return pairs
+
+
+def classify_piece(piece: np.ndarray, kind: str) -> str:
+    """What it does over its 6 s."""
+    velocity = np.gradient(piece, STEP, axis=0)
+    return classify_motion(velocity, "vehicle" if kind == "vehicle" else "pedestrian")
 
 
 def draw_sheets(
@@ -128,6 +144,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--ours", help="folder of scenes")
     parser.add_argument("--real", help="recorded tracks, as `evals realism` reads them")
+    parser.add_argument("--scale", type=float, help="metres per pixel of tracks in pixels (VTP-TL)")
     parser.add_argument("--kind", choices=sorted(LEAST_MOVED), default="vehicle")
     parser.add_argument("--foreground", action="store_true", help="only agents of the request")
     parser.add_argument("--pairs", type=int, default=20)
@@ -141,10 +158,10 @@ def main() -> None:
         right = sum(answers.get(number) == letter for number, letter in key.items())
         print(json.dumps(describe_rate(right, len(key))))
         return
-    rng = random.Random(given.seed)
+    rng = random.Random(f"{given.seed} {given.real}")
     ours = list_pieces(read_source(given.ours), given.kind, foreground=given.foreground)
-    real = list_pieces(read_source(given.real), given.kind, foreground=None)
-    pairs = match_pairs(ours, real, given.pairs, rng)
+    real = list_pieces(read_source(given.real, scale=given.scale), given.kind, foreground=None)
+    pairs = match_pairs(ours, real, given.kind, given.pairs, rng)
     key = draw_sheets(pairs, given.out, given.kind, rng)
     (given.out / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")
     print(f"{given.out}: {len(pairs)} pairs of {len(ours)} and {len(real)} tracks")

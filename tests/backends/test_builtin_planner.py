@@ -368,12 +368,19 @@ def test_chains_and_pronouns_keep_the_agents_apart() -> None:
         ("in a 2015 Honda at 1430 hrs", "14:30"),
         ("at noon", "12:00"),
         ("at midnight", "00:00"),
+        ("at one in the morning", "01:00"),
+        ("at one in the afternoon", "13:00"),
         ("during the evening rush", "17:30"),
         ("", None),
     ],
 )
 def test_times(said: str, time_: str | None) -> None:
     assert graph(f"A car hits a pedestrian {said}.").context.time_of_day == time_
+
+
+def test_one_stands_for_a_scene_after_make() -> None:
+    made = graph("Can you make one in the evening where a van hits a cyclist?")
+    assert made.context.time_of_day == "19:00"
 
 
 @pytest.mark.parametrize(

@@ -293,7 +293,7 @@ def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> No
         ("remove the bus", "impossible", "There is no bus"),
         ("slow vehicle-77 down", "impossible", "no vehicle-77"),
         ("stop 400 metres later", "impossible", "at most 15"),
-        ("add 30 cars", "impossible", "at most 30"),
+        ("add 60 cars", "impossible", "at most 60"),
         ("make the car come from the west and turn right", "impossible", "east crosswalk"),
         ("make the truck turn left", "impossible", "a background agent"),
         ("make me a coffee", "no_change", "changes nothing"),

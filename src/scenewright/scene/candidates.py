@@ -33,6 +33,7 @@ class DrivingProfile:
         lateral: comfortable lateral acceleration in curves [m/s^2].
         pace: share of the free speed at every `PACE_STEP` of the way; the last for what is beyond,
             and none where the speed does not wander.
+        foresight: how far ahead a bend is slowed down for [m].
     """
 
     speed: float
@@ -40,6 +41,7 @@ class DrivingProfile:
     braking: float
     lateral: float
     pace: tuple[float, ...] = ()
+    foresight: float = 6.0
 
 
 @dataclass(frozen=True, eq=False)

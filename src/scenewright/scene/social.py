@@ -55,7 +55,7 @@ MOST_AGENTS, MOST_RELATIONS, MOST_OBJECTS = 12, 12, 6
 """Named agents, relations between them, and standing objects that one graph holds."""
 
 
-MOST_BACKGROUND = 30
+MOST_BACKGROUND = 60
 """Background agents of a class that a request may ask for."""
 
 

@@ -151,7 +151,7 @@ def crossroads():
     walk = ("west:crosswalk", 53.0 - half, 57.0 + half)
     landmarks = Landmarks(line=52.0 - half, crosswalks=(walk,), group="west")
     x = 9.0 / np.sqrt(2.0) + 60.0
-    other = candidate(straight((x + 60.0, 5.5), WEST, 120.0), route=WESTBOUND)
+    other = candidate(straight((x + 80.0, 5.5), WEST, 140.0), route=WESTBOUND)
     return {CAR_1: giver, CAR_2: other}, {CAR_1: landmarks, CAR_2: BARE}
 
 

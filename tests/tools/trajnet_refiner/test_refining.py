@@ -298,7 +298,7 @@ def test_take_the_leader_away_and_its_follower_moves_otherwise_and_nobody_far_aw
 
 
 def test_a_ripple_is_as_strong_as_fitted_and_leaves_what_is_kept() -> None:
-    prior = 0.8 * np.arange(400.0)
+    prior = 1.0 + 0.8 * np.arange(400.0)
     ripples = [draw_ripple(prior, np.random.default_rng(seed)) for seed in range(40)]
     speed = np.gradient(np.array(ripples), 0.1, axis=1)
     assert np.median(speed.std(axis=1)) == pytest.approx(0.15, rel=0.25)
@@ -306,13 +306,17 @@ def test_a_ripple_is_as_strong_as_fitted_and_leaves_what_is_kept() -> None:
     kept = np.zeros(400, dtype=np.bool_)
     kept[150:200] = True
 
-    s, share = limit_deviation(
-        prior, np.zeros(400), kept=kept, path=straight(400.0), kind="vehicle", ripple=ripples[0]
-    )
+    more = {"path": straight(400.0), "kind": "vehicle", "ripple": ripples[0]}
+    s, share = limit_deviation(prior, np.zeros(400), kept=kept, **more)
 
     assert (s[150:200] == prior[150:200]).all()
     assert np.abs(s[:130] - prior[:130]).max() > 0.05
     assert share[:150].min() > 0.0
+    every = np.ones(400, dtype=np.bool_)
+    s, share = limit_deviation(prior, np.zeros(400), kept=every, steady=kept, **more)
+    assert (s[150:200] == prior[150:200]).all()
+    assert np.abs(s[:130] - prior[:130]).max() > 0.05
+    assert share.max() == 0.0
 
 
 def test_who_stands_does_not_ripple() -> None:

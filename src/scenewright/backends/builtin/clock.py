@@ -75,6 +75,10 @@ _PLAIN = re.compile(
     rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
     rf"{_SUFFIX}(?!\w))"
 )
+_PRONOUN = re.compile(
+    r"\b(?:make|create|show|build|generate|give|want|need|have|like|draw|produce|stage|get|do)"
+    r"(?: me| us)? $"
+)
 _BARE = re.compile(
     r"\b(?:at|around)\s+(\d{1,2})(?!\s*(?:\.\d|:|km|kmh|mph|kph|m\b|meters?|metres?|"
     r"seconds?|s\b|feet|ft|%|degree|"
@@ -206,6 +210,12 @@ def read_time_words(words: list[str], *, clock: str | None) -> str | None:
     return _format_minute(best)
 
 
+def is_pronoun(text: str, start: int) -> bool:
+    """Whether a number at this place stands for a scene, not an hour: "make one in the evening"."""
+    low = text.lower()
+    return low.startswith("one ", start) and _PRONOUN.search(low[:start]) is not None
+
+
 def _collect(text: str, pattern: re.Pattern[str], reader: _Reader, times: list[str]) -> str:
     at = 0
     while match := pattern.search(text, at):
@@ -268,6 +278,8 @@ def _rewrite_past(match: re.Match[str]) -> str | None:
 
 def _rewrite_plain(match: re.Match[str]) -> str | None:
     g = match.groups()
+    if is_pronoun(match.string, match.start(6)):
+        return None
     if g[0] is not None:
         minute = _compute_minute(g[0], g[1], None, g[2], g[3], g[4])
     else:

@@ -113,6 +113,12 @@ def _compute_features(velocity: FloatArray) -> tuple[FloatArray, FloatArray, flo
     return np.concatenate([np.asarray(each) for each in features]), speed, turned
 
 
+def classify_motion(velocity: FloatArray, kind: AgentClass) -> str:
+    """Classify what an agent with velocities [N, 2] every 0.1 s does, as windows are matched."""
+    _, speed, turned = _compute_features(velocity)
+    return _classify_situation(speed, turned, kind)
+
+
 def _classify_situation(speed: FloatArray, turned: float, kind: AgentClass) -> str:
     change = float(speed[-1] - speed[0])
     if speed.min() <= _STANDS:

@@ -172,7 +172,7 @@ def _refine_motions(
         guide, most = guides[name], shares[name]
         s, share = limit_deviation(
             guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most,
-            ripple=ripples.get(name),
+            ripple=ripples.get(name), steady=guide.steady,
         )  # fmt: skip
         track = _sample_scene_track(name, replace(motions[name], s=s), state)
         tracks[name] = edited[name] if track is None or most == 0.0 else track

@@ -24,6 +24,8 @@ STANDING = 0.3
 """At most this speed [m/s] is standing (SEMANTICS section 4)."""
 BEFORE, AFTER = 3.0, 2.0
 """How long around a contact or a near miss the prior is kept [s]."""
+STEADY = 1.0
+"""How long before it speeds do not even ripple [s]."""
 REACTING = 5.0
 """The same before an event to which one of the two reacts [s]."""
 YIELDING = ("gives_way(", "headway(")
@@ -47,6 +49,7 @@ def build_guides(
             s=motion.s,
             enters=selection.agents[name].enters,
             kept=_mask_kept_samples(motion, selection.agents[name], selection),
+            steady=_mask_kept_samples(motion, selection.agents[name], selection, most=STEADY),
             goals=tuple(segment.end for segment in behavior.segments[name]),
             bound=name in bound or selection.agents[name].violates,
         )
@@ -55,9 +58,13 @@ def build_guides(
 
 
 def _mask_kept_samples(
-    motion: Motion, agent: SelectedAgent, selection: Selection
+    motion: Motion, agent: SelectedAgent, selection: Selection, *, most: float = np.inf
 ) -> NDArray[np.bool_]:
-    """[T] samples at which the prior stays as it is; all of them of a class the network lacks."""
+    """[T] samples at which the prior stays as it is; all of them of a class the network lacks.
+
+    Args:
+        most: how long before an event the prior is kept at the longest [s].
+    """
     if agent.candidate.shape.type in RIDERS:
         return np.ones(len(motion.s), dtype=np.bool_)
     times = agent.enters + STEP * np.arange(len(motion.s))
@@ -65,7 +72,7 @@ def _mask_kept_samples(
     for event in selection.events:
         if agent.name in event.agents:
             begin, end = _get_event_window(event, selection)
-            kept |= (times >= begin) & (times <= end)
+            kept |= (times >= max(begin, event.time - most)) & (times <= end)
     if agent.group or any(each.group == agent.name for each in selection.agents.values()):
         kept[:] = True  # apart from one another they would be no group
     kept[: round(FIRST / STEP)] = True

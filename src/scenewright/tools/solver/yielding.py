@@ -65,10 +65,16 @@ _ON = 0.4
 _BEFORE = 0.5
 """How long before it slows a vehicle must be visible [s]."""
 
-_NO_LATER, _AWAITED, _THERE = 0.15, 4.0, 0.3
+_NO_LATER, _AWAITED, _THERE = 0.15, 4.0, 0.8
 """How long after the other has left the slowest moment may be (SEMANTICS 8: 0.5 s), how long
 before the other comes to the zone the stop begins at the earliest (stated), and how long the other
 is in the scene by the time of slowing for it [s]."""
+
+_WAVES = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.5, "scooter": 0.5}
+"""Differences of speed below that [m/s] are no slowing, and begin none."""
+
+_APPROACH = {"vehicle": 40.0, "pedestrian": 5.0, "cyclist": 40.0, "scooter": 40.0}
+"""The approach speed is the highest on so long a way before an agent slows [m] (SEMANTICS 4)."""
 
 _CAUSE, _CAUSE_SEEN = 1.2, 1.7
 """How far [s] from the other's time in the zone it would have been there without stopping (2 s):
@@ -78,7 +84,7 @@ _SETS_OFF = 4.5
 """Least distance [m] from a red light at which an agent set off to where it gives way: it must have
 been moving at 2 m/s (SEMANTICS)."""
 
-_FREE = DrivingProfile(1.0, acceleration=2.0, braking=2.0, lateral=3.0)
+_FREE = DrivingProfile(1.0, acceleration=2.0, braking=2.0, lateral=3.0, foresight=0.0)
 """Free speed as SEMANTICS section 4 defines it."""
 
 _CLEARANCE, _PETS = 0.4, (0.6, 7.0)
@@ -450,23 +456,37 @@ def _compute_unheld(
     nodes: FloatArray,
     others: tuple[StopCommand, ...],
 ) -> _UnheldMotion:
-    """Compute it from the last moment at which it still drove its approach speed (less 0.3 m/s).
+    """Compute it from where it begins to slow, at the highest speed on the way there.
 
     Where it stood before (at `others`), it approaches from there.
     """
+    kind = a.candidate.route.type
     earlier = tuple(each for each in others if each.s < hold.s)
     motion = compute_motion(a.candidate, holds=(*earlier, replace(hold, release=stands + 9.0)))
     until = int(stands / STEP)
     speed, s = motion.speed[: until + 1], motion.s[: until + 1]
-    reach = 40.0 if a.candidate.route.type == "vehicle" else 5.0
-    since = max([hold.s - 1.5 * reach, *(each.s + 0.1 for each in earlier)])
-    approach = float(speed[s >= since].max())
-    begin = int(np.nonzero(speed >= approach - min(0.3, 0.3 * approach))[0][-1])
+    begin = _find_slowing_start(speed, _WAVES[kind])
+    since = max([s[begin] - _APPROACH[kind], *(each.s + 0.1 for each in earlier)])
+    approach = float(speed[: begin + 1][s[: begin + 1] >= min(since, s[begin])].max())
     law = replace(_FREE, speed=approach)
     free = compute_motion(replace(a.candidate, time_law=law), holds=earlier)
     shift = STEP * begin - free.find_time_at(float(s[begin]))
     first, last = compute_passage(free, nodes)
     return _UnheldMotion(first + shift, last + shift, STEP * begin, approach, free)
+
+
+def _find_slowing_start(speed: FloatArray, waves: float) -> int:
+    """Find the sample from which on an agent slows to the last one, but for smaller waves.
+
+    Args:
+        speed: [T] [m/s]; waves: differences of speed that are not regarded [m/s].
+    """
+    top = 0.0
+    for first in range(len(speed) - 1, -1, -1):
+        if speed[first] < top - waves:
+            break
+        top = max(top, float(speed[first]))
+    return int(np.flatnonzero(speed >= top - 0.6 * waves)[-1])
 
 
 def _do_merge(a: ScheduledAgent, b: ScheduledAgent) -> bool:

@@ -52,7 +52,8 @@ class Guide:
     Attributes:
         s: [T] arc length of the edited prior [m] every 0.1 s from `enters` on.
         enters: scene time of the first sample [s], a multiple of 0.1.
-        kept: [T] where the prior stays exactly as it is.
+        kept: [T] where the prior stays as it is, but for the ripple of a vehicle's speed.
+        steady: [T] where it stays exactly as it is; as `kept` if None.
         goals: scene times [s] at which it must be where the prior is.
         bound: a relation is about it.
     """
@@ -62,6 +63,7 @@ class Guide:
     s: FloatArray
     enters: float
     kept: NDArray[np.bool_]
+    steady: NDArray[np.bool_] | None = None
     goals: tuple[float, ...] = ()
     bound: bool = False
 

@@ -73,30 +73,44 @@ def limit_deviation(
     kind: AgentClass,
     most: float = 1.0,
     ripple: FloatArray | None = None,
+    steady: BoolArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """The prior with as much of a deviation as the limits allow.
 
     Args:
         prior: [T] arc length every 0.1 s [m], never falling.
         deviation: [T] what is to be added [m].
-        kept: [T] where the prior stays exactly as it is.
+        kept: [T] where the prior stays as it is, but for the ripple.
         most: what is taken of the largest share that the limits allow.
-        ripple: [T] what is added to the smoothed deviation [m], away from where the prior is kept.
+        ripple: [T] what is added to that [m], away from where `steady`: as `kept` if None.
 
     Returns:
         [T'] arc length [m], shorter than the prior if the path's end is reached earlier, longer if
         later; and [T] the share taken of what was proposed; 0 where the prior is kept.
     """
-    share = np.zeros(len(prior))
     if most <= 0.0:
-        return prior, share
+        return prior, np.zeros(len(prior))
     smooth = smooth_proposal(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
+    s, share = _add_share(prior, smooth, kept, path, LIMITS[kind], most)
     if ripple is not None:
-        smooth += ripple * _compute_blend(kept, RIPPLES_WITHIN)
+        still = kept if steady is None else steady
+        waves = ripple * _compute_blend(still, RIPPLES_WITHIN)
+        s, _ = _add_share(s, waves, still, path, LIMITS[kind], most)
+    s = _extend_to_end(s, prior, path)
+    past = np.flatnonzero(s > path.length)
+    return (s[: past[0]] if len(past) else s), share
+
+
+def _add_share(
+    s: FloatArray, change: FloatArray, kept: BoolArray, path: Path, limits: KinematicLimits,
+    most: float,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Arc lengths with the largest share of a change that the limits allow, and that share [T]."""
+    share = np.zeros(len(s))
     # Who gets less gets less than it had, so that counts first which share it would have had.
     broken = np.logical_or.reduce(
         [
-            _find_broken(prior + each * _SHARES[:, None] * smooth, prior, path, LIMITS[kind])
+            _find_broken(s + each * _SHARES[:, None] * change, s, path, limits)
             for each in {1.0, most}
         ]
     )
@@ -105,9 +119,7 @@ def limit_deviation(
         good = np.flatnonzero(~broken[:, wide].any(axis=1))
         if len(good):
             share[part] = most * _SHARES[good[0]]
-    s = _extend_to_end(prior + share * smooth, prior, path)
-    past = np.flatnonzero(s > path.length)
-    return (s[: past[0]] if len(past) else s), share
+    return s + share * change, share
 
 
 def _extend_to_end(s: FloatArray, prior: FloatArray, path: Path) -> FloatArray:

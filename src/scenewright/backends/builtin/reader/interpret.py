@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NoReturn, cast, get_args
 
-from scenewright.backends.builtin.clock import read_clock, read_time_words
+from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
     AgentDraft,
     Draft,
@@ -1066,6 +1066,9 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     if is_no_clock(result.text, span.start, span.words):
         result.enter(span, "nothing", note="no time of day that is known")
         return
+    if is_pronoun(result.text, span.start):
+        begins = span.start + len("one ")
+        span = replace(span, start=begins, words=result.text[begins : span.end])
     low = clean(" , ".join(each.words for each in (*result.times, span)))
     names, (_, clock) = time_words_in(low), read_clock(low)
     if clock.time is None:
@@ -1082,18 +1085,15 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
 
 def _find_agreed_time(names: list[str], clock: str | None) -> str | None:
     """The clock time in the half of the day that the words name: "half past six, evening"."""
+    if clock is not None and clock < "06:00" and {"morning", "night"} & set(names):
+        return clock
     try:
         return read_time_words(names, clock=clock)
     except Refused:
         if clock is None:
             raise
     later = re.sub(r"\b(\d\d):", lambda m: f"{(int(m[1]) + 12) % 24:02d}:", clock)
-    try:
-        return read_time_words(names, clock=later)
-    except Refused:
-        if {"morning", "night"} & set(names) and clock < "06:00":
-            return clock
-        raise
+    return read_time_words(names, clock=later)
 
 
 def _keep_specific(names: list[str]) -> list[str]:
