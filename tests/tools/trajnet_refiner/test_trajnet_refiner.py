@@ -14,6 +14,7 @@ from refiner_networks import build_random_network, build_zero_network
 from scenewright.errors import InputError
 from scenewright.tools.trajnet_refiner.model import (
     GOAL_FEATURES,
+    Prediction,
     Refiner,
     RefinerConfig,
     Scenes,
@@ -31,8 +32,10 @@ from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 from scenewright.tools.trajnet_refiner.separation import separate
 from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
 from scenewright.tools.trajnet_refiner.train import (
+    APART,
     Epoch,
     Recipe,
+    compute_crowding,
     compute_negative_log_density,
     train,
 )
@@ -287,6 +290,21 @@ def test_the_density_is_that_of_the_normal_distribution() -> None:
     normal = torch.distributions.MultivariateNormal(torch.zeros(2), cov)
     expected = -normal.log_prob(turn_back(torch.tensor([0.3, -0.1]), along[0, 0]))
     assert close(compute_negative_log_density(predicted, truth).flatten(), expected[None])
+
+
+def test_crowding_is_what_the_distance_of_two_who_meet_lacks() -> None:
+    """They cross at the third of five steps, there and halfway before and after it."""
+    k = torch.arange(5.0)
+    one, other = torch.stack((k - 2.0, 0.1 + 0 * k), -1), torch.stack((2.0 - k, 0 * k), -1)
+    xy = torch.stack((one, other))[None]
+    predicted = Prediction(xy, torch.zeros(1, 2, 5, 3), torch.zeros(1, 2, 2))
+    far = xy + torch.tensor((0.0, 50.0))
+    both = torch.ones(1, 2)
+    lacking = compute_crowding(predicted, far, both, both.bool())
+    assert lacking.item() == pytest.approx((APART - 0.1) / 9, abs=1e-4)
+    assert compute_crowding(predicted, far, both, ~both.bool()).item() == 0.0
+    known = compute_crowding(predicted, xy, both, both.bool())
+    assert known > lacking
 
 
 # ---- keeping apart ------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from torch import Tensor
 from scenewright.errors import InputError
 from scenewright.scene.base import Model
 from scenewright.tools.trajnet_refiner.model import (
+    CLASSES,
     Prediction,
     Refiner,
     RefinerConfig,
@@ -28,6 +29,10 @@ from scenewright.tools.trajnet_refiner.windows import Variation, Window, build_b
 Batches = Callable[..., Iterator[tuple[Scenes, Tensor, Tensor]]]
 """Makes batches of windows, as `windows.batches` does."""
 
+APART = 0.4
+"""Pedestrians who walk do not come nearer to one another than this, from middle to middle [m]."""
+_REAL = 0.4
+"""Weight of coming too near to where another really was, beside that of where it is predicted."""
 _NO_CHANGE = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=0.0)
 
 
@@ -38,6 +43,7 @@ class Recipe(Model):
         epochs: how often every window is seen; share: part of the windows drawn per epoch.
         agents: agents per batch; rate: the highest learning rate; decay: of the weights.
         likelihood: weight of the Gaussian's likelihood beside the mean distance.
+        apart: weight of how far predicted pedestrians come below `APART` of one another.
         average: of the weights that are kept, over about 1 / (1 - average) batches.
         stretch, noise, unseen, goals: see `Variation`.
         seed: of the first weights and of every draw.
@@ -49,6 +55,7 @@ class Recipe(Model):
     rate: float = Field(default=4e-3, gt=0)
     decay: float = Field(default=1e-4, ge=0)
     likelihood: float = Field(default=0.05, ge=0)
+    apart: float = Field(default=0.0, ge=0)
     average: float = Field(default=0.99, ge=0, lt=1)
     stretch: float = Field(default=0.25, ge=0, lt=1)
     noise: float = Field(default=0.0, ge=0)
@@ -155,6 +162,35 @@ def compute_loss(
     return (loss * share).sum() / share.sum().clamp_min(1e-6)
 
 
+def compute_crowding(
+    predicted: Prediction, future: Tensor, weight: Tensor, walkers: Tensor
+) -> Tensor:
+    """Weighted mean of how far a pedestrian's prediction lacks `APART` from those of others [m].
+
+    Where the others really were counts less. Distances are taken at the steps and halfway between
+    them, as the benchmark's collisions are.
+
+    Args:
+        future: [B, N, P, 2] true positions, NaN where unknown; weight, walkers: [B, N].
+    """
+    there = walkers & ~predicted.xy.isnan().flatten(2).any(-1)
+    known = there & ~future.isnan().flatten(2).any(-1)
+    xy, truth = torch.nan_to_num(predicted.xy), torch.nan_to_num(future)
+    lacking = _sum_lacking(xy, xy, there, there) + _REAL * _sum_lacking(xy, truth, there, known)
+    counted = weight * there
+    return (lacking * counted).sum() / counted.sum().clamp_min(1e-6)
+
+
+def _sum_lacking(xy: Tensor, others: Tensor, there: Tensor, known: Tensor) -> Tensor:
+    """[B, N] what the distances to all others lack, summed over them, mean over time [m]."""
+    mine, theirs = (torch.cat((p, 0.5 * (p[:, :, 1:] + p[:, :, :-1])), 2) for p in (xy, others))
+    away = mine[:, :, None] - theirs[:, None]
+    lacking = (APART - (away.square().sum(-1) + 1e-6).sqrt()).clamp_min(0.0)
+    pairs = there[:, :, None] & known[:, None]
+    pairs &= ~torch.eye(there.shape[1], dtype=torch.bool, device=there.device)
+    return torch.where(pairs[..., None], lacking, 0.0).sum(2).mean(-1)
+
+
 def compute_negative_log_density(predicted: Prediction, future: Tensor) -> Tensor:
     """[B, N, P] -log density of the truth under the predicted Gaussians [nats]; 0 if unknown."""
     known = ~(future.isnan() | predicted.xy.isnan()).any(-1)
@@ -233,13 +269,13 @@ class _Run:
     def _step(self, scenes: Scenes, future: Tensor, weight: Tensor) -> float:
         for group in self.optimiser.param_groups:
             group["lr"] = self.recipe.rate * _warm_then_cosine(self.batches / self.total)
-        predicted = self.net(scenes.to(self.device))
-        loss = compute_loss(
-            predicted,
-            future.to(self.device),
-            weight.to(self.device),
-            likelihood=self.recipe.likelihood,
-        )
+        scenes = scenes.to(self.device)
+        future, weight = future.to(self.device), weight.to(self.device)
+        predicted = self.net(scenes)
+        loss = compute_loss(predicted, future, weight, likelihood=self.recipe.likelihood)
+        if self.recipe.apart > 0.0:
+            walkers = scenes.classes == CLASSES.index("pedestrian")
+            loss += self.recipe.apart * compute_crowding(predicted, future, weight, walkers)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
