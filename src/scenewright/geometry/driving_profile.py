@@ -38,6 +38,9 @@ _HALF = len(_KERNEL) // 2
 _TIGHTER = 0.3
 """By which share of what it is tighter than here a bend ahead counts as tighter than it is."""
 
+_BEND = 1 / 40.0
+"""Only what is tighter [1/m] is a bend to slow down for early, and not how a lane sways."""
+
 _CREEP = 0.05
 """Least speed between nodes [m/s]; keeps travel times finite next to a hold."""
 
@@ -224,8 +227,9 @@ def _limit(
         for ahead in range(k + 1, len(s)):
             if s[ahead] > s[k] + foresight:
                 break
-            more = abs(curvature[ahead]) - abs(curvature[k])
-            bend = max(bend, abs(curvature[ahead]) + _TIGHTER * more)
+            if abs(curvature[ahead]) > _BEND:
+                more = abs(curvature[ahead]) - abs(curvature[k])
+                bend = max(bend, abs(curvature[ahead]) + _TIGHTER * more)
         ceiling = min(speeds[k] * speeds[k], lateral / max(bend, 1e-6))
         least = min(least, ceiling + 2.0 * braking * s[k])
         w[k] = least - 2.0 * braking * s[k]

@@ -51,6 +51,26 @@ def test_adjectives_within_a_mention_count() -> None:
     assert graph.agent("vehicle-2").entry == "north"
 
 
+def test_pairs_named_in_turn_are_as_many_events() -> None:
+    graph = graph_of(
+        "[near:1,3>2,4 Two near misses]: [veh:1 a car] with [ped:2 a boy], [veh:3 a van] with "
+        "[ped:4 a girl]"
+    )
+    pairs = [(each.from_, each.to) for each in graph.relations]
+    assert pairs == [("vehicle-1", "pedestrian-1"), ("vehicle-2", "pedestrian-2")]
+    graph = graph_of("[veh:1,2 Two cars] [near:1,2>3,4 narrowly miss] [ped:3,4 two boys]")
+    assert len(graph.relations) == 4
+
+
+@pytest.mark.parametrize("mark", ["at [speed:2 8 m/s]", "[speed:2 at about 8 m/s]"])
+def test_a_speed_right_after_the_one_that_is_hit_is_the_strikers(mark: str) -> None:
+    graph = graph_of(f"[veh:1 A car] [hit:1>2 T-bones] [veh:2 another car] {mark}")
+    assert (graph.relations[0].impact_speed, graph.measures) == (8.0, ())
+    graph = graph_of(f"[veh:1 A car] [hit:1>2 T-bones] [veh:2 another car] driving {mark}")
+    assert graph.relations[0].impact_speed is None
+    assert [each.agent for each in graph.measures] == ["vehicle-2"]
+
+
 @pytest.mark.parametrize(
     ("side", "entry"), [("opp", "south"), ("left", "east"), ("right", "west"), ("same", "north")]
 )

@@ -109,7 +109,8 @@ def _draw_field(
 
     def change(profile: DrivingProfile, m: int) -> DrivingProfile:
         usual = getattr(profile, field)
-        profile = replace(profile, pace=())  # what is asked for is to hold all the way
+        # What is asked for is to hold all the way, up to the bend.
+        profile = replace(profile, pace=(), foresight=0.0)
         if high - low <= _NARROW:
             return replace(profile, **{field: values[m]})
         # Of a wide range, what people do, or what is nearest to it.

@@ -52,6 +52,7 @@ _EVENTS_OF: dict[str, tuple[str, ...]] = {
 _SEVERITY = ("contact_speed", "pet", "ttc")
 """Kinds for which a relation has a field of its own, where the text gives a plain number."""
 
+_AT = re.compile(r"\s+at\b", re.IGNORECASE)
 _NEAR = 26
 """Characters before and after a figure in which words belong to it."""
 
@@ -83,7 +84,7 @@ def read_number(
     Raises:
         Refused: a figure that no scene can have, with the most that it can.
     """
-    span = _make_driven(span, text, spans)
+    span = _give_to_striker(_make_driven(span, text, spans), text, spans)
     before = _get_words_before(span, text)
     unit = parse_range(span.words, before, 0.0)
     kind = _find_kind(span, users, spans, _get_words_after(span, text))
@@ -137,6 +138,20 @@ _TOUCHES = re.compile(
 
 def _get_words_after(span: ReadSpan, text: str) -> str:
     return text[span.end : span.end + _NEAR].partition(",")[0]
+
+
+def _give_to_striker(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
+    """A speed right after the one that is hit is the striker's: "hits another car at 8 m/s"."""
+    tags = ("hit", "ref", *MENTIONS)
+    before = [s for s in spans if s.end <= span.start and s.tag in tags and not s.negated]
+    if span.tag != "speed" or len(before) < 2:
+        return span
+    hit, struck = before[-2:]
+    own = {*struck.subjects, *span.subjects}
+    joined = _AT.match(text[struck.end : span.end])
+    if hit.tag == "hit" and struck.tag != "hit" and joined and own <= {*hit.objects}:
+        return replace(span, subjects=hit.subjects)
+    return span
 
 
 def _find_kind(

@@ -762,9 +762,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         result.denied.append(span)
         return
     users = result.users
-    named = [
-        (a, b) for a in span.subjects for b in span.objects if a in users and b in users and a != b
-    ]
+    named = [(a, b) for a, b in _list_pairs(span) if a in users and b in users and a != b]
     if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
         result.behind.append(span)
         return
@@ -790,6 +788,15 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         result.enter(span, "relation", (first, second), edge.type)
         if edge.first is not None:
             result.enter(span, "order", (first, second))
+
+
+def _list_pairs(span: ReadSpan) -> list[tuple[int, int]]:
+    """Every one with every other, but in turn where "a car with a woman and a van with a man"."""
+    turns = list(zip(sorted(span.subjects), sorted(span.objects), strict=False))
+    flat = [number for pair in turns for number in pair]
+    if len(span.subjects) == len(span.objects) and flat == sorted(flat):
+        return turns
+    return [(a, b) for a in span.subjects for b in span.objects]
 
 
 _HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
