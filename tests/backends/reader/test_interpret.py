@@ -51,6 +51,14 @@ def test_adjectives_within_a_mention_count() -> None:
     assert graph.agent("vehicle-2").entry == "north"
 
 
+@pytest.mark.parametrize("number", [1, 2])
+def test_its_front_is_the_strikers(number: int) -> None:
+    graph = graph_of(
+        f"[veh:1 A car] [hit:1>2 collides with] [veh:2 a van], [point:{number} 50 % of its front]"
+    )
+    assert [(each.kind, each.agent) for each in graph.measures] == [("front_point", "vehicle-1")]
+
+
 def test_pairs_named_in_turn_are_as_many_events() -> None:
     graph = graph_of(
         "[near:1,3>2,4 Two near misses]: [veh:1 a car] with [ped:2 a boy], [veh:3 a van] with "

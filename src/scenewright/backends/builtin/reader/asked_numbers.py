@@ -52,6 +52,7 @@ _EVENTS_OF: dict[str, tuple[str, ...]] = {
 _SEVERITY = ("contact_speed", "pet", "ttc")
 """Kinds for which a relation has a field of its own, where the text gives a plain number."""
 
+_ITS_FRONT = re.compile(r"\bits (?:own )?front\b", re.IGNORECASE)
 _AT = re.compile(r"\s+at\b", re.IGNORECASE)
 _NEAR = 26
 """Characters before and after a figure in which words belong to it."""
@@ -141,17 +142,23 @@ def _get_words_after(span: ReadSpan, text: str) -> str:
 
 
 def _give_to_striker(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
-    """A speed right after the one that is hit is the striker's: "hits another car at 8 m/s"."""
+    """A speed right after the one that is hit, and a place on "its" front, are the striker's.
+
+    "Hits another car at 8 m/s", "collides with another car, at 50 % of its front".
+    """
     tags = ("hit", "ref", *MENTIONS)
     before = [s for s in spans if s.end <= span.start and s.tag in tags and not s.negated]
-    if span.tag != "speed" or len(before) < 2:
+    hit = next((s for s in reversed(before) if s.tag == "hit"), None)
+    if hit is None or span.tag not in ("speed", "point"):
         return span
-    hit, struck = before[-2:]
-    own = {*struck.subjects, *span.subjects}
-    joined = _AT.match(text[struck.end : span.end])
-    if hit.tag == "hit" and struck.tag != "hit" and joined and own <= {*hit.objects}:
-        return replace(span, subjects=hit.subjects)
-    return span
+    struck = before[-1]
+    right_after = struck is not hit and before[-2] is hit and {*struck.subjects} <= {*hit.objects}
+    joined = right_after and _AT.match(text[struck.end : span.end]) is not None
+    if span.tag == "speed":
+        return replace(span, subjects=hit.subjects) if joined else span
+    fits = {*span.subjects} <= {*hit.subjects, *hit.objects}
+    own = _ITS_FRONT.search(text[hit.end : span.end]) is not None
+    return replace(span, subjects=hit.subjects) if own and fits else span
 
 
 def _find_kind(
