@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,11 +13,12 @@ from scenewright.geometry.driving_profile import (
     StopCommand,
     compute_arrival,
     compute_motion,
+    compute_squared_speed_limit,
     sample_track,
 )
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
-from solver_agents import NORTH, bend, candidate, law, straight
+from solver_agents import NORTH, WALK_NORTH, bend, candidate, law, straight
 
 SMOOTHED = 0.4
 """Half the smoothing window [s]: by so much starts and ends of a standstill are rounded off."""
@@ -109,6 +112,21 @@ def test_a_bend_is_taken_at_the_speed_its_curvature_allows():
     assert motion.speed[inside] == pytest.approx(np.sqrt(2.0 * 20.0), abs=0.05)
     assert motion.speed[motion.s < 20.0] == pytest.approx(12.0)
     assert accelerations(motion).min() >= -2.5 - 0.05
+
+
+def test_drivers_are_slowest_before_the_middle_of_a_bend_and_walkers_do_not_slow_for_one():
+    """A short bend: its speed is kept from 6 m before it on, then rises towards its middle."""
+    path = bend(60.0, 8.0, 60.0)
+    tight = np.sqrt(2.0 * 8.0)
+    early, late = (
+        compute_motion(candidate(path, time_law=replace(law(speed=12.0, lateral=2.0), **more)))
+        for more in ({}, {"foresight": 0.0})
+    )
+    assert np.interp(55.0, early.s, early.speed) < tight < np.interp(55.0, late.s, late.speed)
+    middle = 60.0 + 8.0 * np.pi / 4
+    assert early.s[early.speed.argmin()] < middle - 5.0
+    on_foot = candidate(path, route=WALK_NORTH, time_law=law(speed=1.4, lateral=0.1))
+    assert compute_squared_speed_limit(on_foot)[path.s < 58.0].min() == pytest.approx(1.4**2)
 
 
 @given(st.floats(8.0, 40.0), SPEEDS, st.floats(1.5, 3.0))

@@ -147,8 +147,10 @@ def compute_squared_speed_limit(candidate: Candidate) -> FloatArray:
     """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
     path, law = candidate.path, candidate.time_law
     speeds = law.speed * get_pace(law, path.s)
+    # Who walks turns within a step.
+    foresight = 0.0 if candidate.route.type == "pedestrian" else law.foresight
     limit = _limit(
-        path.s, path.curvature, speeds, law.lateral, law.acceleration, law.braking, law.foresight
+        path.s, path.curvature, speeds, law.lateral, law.acceleration, law.braking, foresight
     )
     return frozen(limit)  # cached, so it must be read-only
 

@@ -794,7 +794,7 @@ def _list_pairs(span: ReadSpan) -> list[tuple[int, int]]:
     """Every one with every other, but in turn where "a car with a woman and a van with a man"."""
     turns = list(zip(sorted(span.subjects), sorted(span.objects), strict=False))
     flat = [number for pair in turns for number in pair]
-    if len(span.subjects) == len(span.objects) and flat == sorted(flat):
+    if len(span.subjects) == len(span.objects) and flat == sorted({*flat}):
         return turns
     return [(a, b) for a in span.subjects for b in span.objects]
 
