@@ -95,7 +95,7 @@ def build_own_recipe(*, epochs: int = 18, seed: int = 0) -> Recipe:
     """The first part of the benchmark's recipe; an epoch sees half of all windows of both ways."""
     from scenewright.tools.trajnet_refiner.train import Recipe
 
-    return Recipe(epochs=epochs, share=0.5, apart=2.5, seed=seed)
+    return Recipe(epochs=epochs, share=0.5, apart=1.0, seed=seed)
 
 
 def build_polishing_recipe(recipe: Recipe) -> Recipe:

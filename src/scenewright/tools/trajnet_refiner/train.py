@@ -29,9 +29,9 @@ from scenewright.tools.trajnet_refiner.windows import Variation, Window, build_b
 Batches = Callable[..., Iterator[tuple[Scenes, Tensor, Tensor]]]
 """Makes batches of windows, as `windows.batches` does."""
 
-APART = 0.4
+APART = 0.35
 """Pedestrians who walk do not come nearer to one another than this, from middle to middle [m]."""
-_REAL = 0.4
+_REAL = 0.5
 """Weight of coming too near to where another really was, beside that of where it is predicted."""
 _NO_CHANGE = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=0.0)
 
