@@ -76,17 +76,16 @@ def match_pairs(
     Of each of ours in turn, that is the one nearest in mean speed.
     """
     rng.shuffle(ours)
-    left = [(classify_piece(piece, kind), piece) for piece in real]
+    left = [(classify_piece(piece, kind), compute_speed(piece).mean(), piece) for piece in real]
     pairs: list[tuple[np.ndarray, np.ndarray]] = []
     for piece in ours:
-        mean, situation = compute_speed(piece).mean(), classify_piece(piece, kind)
-        away = [
-            abs(compute_speed(other).mean() - mean) if does == situation else np.inf
-            for does, other in left
-        ]
-        near = int(np.argmin(away)) if away else 0
-        if len(pairs) < count and left and away[near] < MOST_APART[kind]:
-            pairs.append((piece, left.pop(near)[1]))
+        situation, mean = classify_piece(piece, kind), compute_speed(piece).mean()
+        alike = [(abs(speed - mean), k) for k, (does, speed, _) in enumerate(left)
+                 if does == situation and abs(speed - mean) < MOST_APART[kind]]  # fmt: skip
+        if alike:
+            pairs.append((piece, left.pop(min(alike)[1])[2]))
+        if len(pairs) == count:
+            break
     return pairs
 
 

@@ -147,7 +147,7 @@ def compute_squared_speed_limit(candidate: Candidate) -> FloatArray:
     """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
     path, law = candidate.path, candidate.time_law
     speeds = law.speed * get_pace(law, path.s)
-    # Who walks turns within a step.
+    # A pedestrian turns within one step, so no bend needs slowing down in advance.
     foresight = 0.0 if candidate.route.type == "pedestrian" else law.foresight
     limit = _limit(
         path.s, path.curvature, speeds, law.lateral, law.acceleration, law.braking, foresight
@@ -229,9 +229,9 @@ def _limit(
         for ahead in range(k + 1, len(s)):
             if s[ahead] > s[k] + foresight:
                 break
-            if abs(curvature[ahead]) > _BEND:
-                more = abs(curvature[ahead]) - abs(curvature[k])
-                bend = max(bend, abs(curvature[ahead]) + _TIGHTER * more)
+            tight = abs(curvature[ahead])
+            if tight > _BEND:
+                bend = max(bend, tight + _TIGHTER * (tight - abs(curvature[k])))
         ceiling = min(speeds[k] * speeds[k], lateral / max(bend, 1e-6))
         least = min(least, ceiling + 2.0 * braking * s[k])
         w[k] = least - 2.0 * braking * s[k]

@@ -47,6 +47,11 @@ def separate(xy: Tensor, *, among: Tensor, apart: float, rounds: int = ROUNDS) -
     return moved
 
 
+def add_halfway(xy: Tensor) -> Tensor:
+    """Append the P - 1 positions halfway between steps to positions [..., P, 2]."""
+    return torch.cat((xy, 0.5 * (xy[..., 1:, :] + xy[..., :-1, :])), dim=-2)
+
+
 def _close_pairs(xy: Tensor, among: Tensor, within: float) -> Tensor:
     """[Q, 2] rows of agents of one scene that ever come within `within` metres, each pair once."""
     b, n, p, _ = xy.shape
@@ -64,8 +69,7 @@ def _close_pairs(xy: Tensor, among: Tensor, within: float) -> Tensor:
 def _find_closest(flat: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Of each pair the least distance [m], when it is [steps], and the unit vector to the first."""
     offset = flat[pairs[:, 0]] - flat[pairs[:, 1]]
-    halfway = 0.5 * (offset[:, 1:] + offset[:, :-1])
-    every = torch.cat((offset, halfway), dim=1)
+    every = add_halfway(offset)
     distance, k = every.norm(dim=-1).min(dim=1)
     p = offset.shape[1]
     when = torch.where(k < p, k.to(flat.dtype), (k - p).to(flat.dtype) + 0.5)

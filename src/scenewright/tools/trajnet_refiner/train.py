@@ -23,6 +23,7 @@ from scenewright.tools.trajnet_refiner.model import (
     Scenes,
     turn_back,
 )
+from scenewright.tools.trajnet_refiner.separation import add_halfway
 from scenewright.tools.trajnet_refiner.store import read_tensors, write_tensors
 from scenewright.tools.trajnet_refiner.windows import Variation, Window, build_batches
 
@@ -183,8 +184,7 @@ def compute_crowding(
 
 def _sum_lacking(xy: Tensor, others: Tensor, there: Tensor, known: Tensor) -> Tensor:
     """[B, N] what the distances to all others lack, summed over them, mean over time [m]."""
-    mine, theirs = (torch.cat((p, 0.5 * (p[:, :, 1:] + p[:, :, :-1])), 2) for p in (xy, others))
-    away = mine[:, :, None] - theirs[:, None]
+    away = add_halfway(xy)[:, :, None] - add_halfway(others)[:, None]
     lacking = (APART - (away.square().sum(-1) + 1e-6).sqrt()).clamp_min(0.0)
     pairs = there[:, :, None] & known[:, None]
     pairs &= ~torch.eye(there.shape[1], dtype=torch.bool, device=there.device)

@@ -142,23 +142,35 @@ def _get_words_after(span: ReadSpan, text: str) -> str:
 
 
 def _give_to_striker(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
-    """A speed right after the one that is hit, and a place on "its" front, are the striker's.
+    """Assign a speed right after the agent that is hit, and a place on "its" front, to the striker.
 
     "Hits another car at 8 m/s", "collides with another car, at 50 % of its front".
     """
     tags = ("hit", "ref", *MENTIONS)
     before = [s for s in spans if s.end <= span.start and s.tag in tags and not s.negated]
     hit = next((s for s in reversed(before) if s.tag == "hit"), None)
-    if hit is None or span.tag not in ("speed", "point"):
+    if hit is None:
         return span
-    struck = before[-1]
-    right_after = struck is not hit and before[-2] is hit and {*struck.subjects} <= {*hit.objects}
-    joined = right_after and _AT.match(text[struck.end : span.end]) is not None
     if span.tag == "speed":
-        return replace(span, subjects=hit.subjects) if joined else span
-    fits = {*span.subjects} <= {*hit.subjects, *hit.objects}
-    own = _ITS_FRONT.search(text[hit.end : span.end]) is not None
-    return replace(span, subjects=hit.subjects) if own and fits else span
+        given = _is_speed_of_impact(span, text, before)
+    else:
+        given = span.tag == "point" and _is_on_its_front(span, text, hit)
+    return replace(span, subjects=hit.subjects) if given else span
+
+
+def _is_speed_of_impact(span: ReadSpan, text: str, before: Sequence[ReadSpan]) -> bool:
+    """Whether "at" alone joins a speed to the agent that is hit, named right after the verb."""
+    if len(before) < 2 or before[-2].tag != "hit" or before[-1].tag == "hit":
+        return False
+    hit, struck = before[-2:]
+    joined = _AT.match(text[struck.end : span.end]) is not None
+    return joined and set(struck.subjects) <= set(hit.objects)
+
+
+def _is_on_its_front(span: ReadSpan, text: str, hit: ReadSpan) -> bool:
+    """Whether a place is on "its front" after a collision of the agent that it was read of."""
+    said = _ITS_FRONT.search(text[hit.end : span.end]) is not None
+    return said and set(span.subjects) <= {*hit.subjects, *hit.objects}
 
 
 def _find_kind(
