@@ -254,11 +254,8 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
             return entry.value is None or entry.value in kinds
         case "runs_red":
             return all(agent.runs_red for agent in named)
-        case "relation":
-            return any(
-                edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
-                for edge in graph.relations
-            )
+        case "relation" | "tie":
+            return _is_related(entry, graph)
         case "order" | "striker":
             edges = [e for e in graph.relations if {e.from_, e.to} == set(entry.agents)]
             leads = (e.get_first() if entry.became == "order" else e.strikes for e in edges)
@@ -276,10 +273,17 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
             background = graph.context.background
             asked = read_background(entry.value)
             return bool(asked) and all(getattr(background, k, None) == n for k, n in asked.items())
-        case "normal" | "denied" | "cause" | "tie" | "measure" | "impact_point":
+        case "normal" | "denied" | "cause" | "measure" | "impact_point":
             return False
         case _:
             return entry.became not in ("object", "sight") or _is_in_place(entry, graph)
+
+
+def _is_related(entry: SaidSpan, graph: SocialGraph) -> bool:
+    """Whether the graph has a relation, or an entry tied to another, of these two agents."""
+    known = [(edge.type, {edge.from_, edge.to}) for edge in graph.relations]
+    ties = [(tie.side, {tie.agent, tie.of}) for tie in graph.ties]
+    return (entry.value, set(entry.agents)) in [*known, *ties]
 
 
 def _is_in_place(entry: SaidSpan, graph: SocialGraph) -> bool:

@@ -44,6 +44,7 @@ from scenewright.scene.measures import MeasureKind
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import (
+    EntryTie,
     Plan,
     Refusal,
     RelationEdge,
@@ -464,10 +465,21 @@ def _add_account(plan: Plan, learned: LearnedPlan) -> Plan:
             for a in plan.agents
         )
         plan = plan.model_copy(update={"agents": nodes, "relations": edges})
-        plan = plan.model_copy(update={"measures": learned.plan.measures})
+        ties = plan.ties or _list_fitting_ties(learned.plan, plan)
+        plan = plan.model_copy(update={"measures": learned.plan.measures, "ties": ties})
         held = tuple(e for e in said if e.became != "nothing" and still_holds(e, plan))
         return plan.model_copy(update={"said": held})
     return plan
+
+
+def _list_fitting_ties(learned: SocialGraph, plan: SocialGraph) -> tuple[EntryTie, ...]:
+    """List ties of the learned plan between agents that another plan has, their entries open."""
+    alike = {a.id for a in plan.agents for b in learned.agents if (a.id, a.type) == (b.id, b.type)}
+    return tuple(
+        tie
+        for tie in learned.ties
+        if {tie.agent, tie.of} <= alike and plan.agent(tie.agent).entry is None
+    )
 
 
 def is_same_plan(first: Plan, second: Plan) -> bool:
