@@ -283,6 +283,26 @@ def cut_off(braker: str | None = None, event: str = "near_miss") -> Answer:
     return lambda _: plan
 
 
+def test_a_speed_asked_of_an_agent_without_a_relation_is_driven() -> None:
+    """It is seated with the background, and the checker measures its speed there."""
+    text = "A van from the south at 30 km/h turns right, nothing happens."
+    scene = synthesize(text, seed=1, refiner="none")
+    assert scene.proof.verified
+    (entry,) = [each for each in scene.proof.said if each.became == "measure"]
+    assert (entry.status, entry.value) == ("realised", "speed(vehicle-1) in [7.833, 8.833] m/s")
+
+
+def test_words_for_the_same_approach_stay_in_the_plan_and_the_account() -> None:
+    text = (
+        "I'd like to see a right-hook crash, where a box truck turning right from the north leg "
+        "hits a cyclist riding straight on beside it."
+    )
+    scene = synthesize(text, seed=1, refiner="none")
+    assert {each.entry for each in scene.record.agents if each.role == "foreground"} == {"north"}
+    (entry,) = [each for each in scene.proof.said if each.became == "tie"]
+    assert (entry.words, entry.status) == ("beside it", "realised")
+
+
 def test_a_model_that_leaves_out_who_brakes_is_asked_to_name_it() -> None:
     backend = Scripted("plan", cut_off(), cut_off("vehicle-2"))
     scene = synthesize(CUT_OFF, backend=backend, seed=1, refiner="none")

@@ -31,11 +31,14 @@ def find_unmet_figure(
 ) -> tuple[FigureClause, float] | None:
     """Find the first figure out of range, and by how much; infinite if it does not occur.
 
+    An agent that no relation binds is seated later, with the background; the checker measures it.
+
     Args:
         timed: the schedule is in scene time, so figures of scene time are measured too.
     """
     for clause in figures:
-        if clause.clause == "time" and not timed:
+        unbound = isinstance(clause, AgentFigure) and clause.agent not in schedule.actors
+        if unbound or (clause.clause == "time" and not timed):
             continue
         values = compute_figures(clause, schedule, timed=timed)
         off = max((max(clause.low - v, v - clause.high, 0.0) for v in values), default=np.inf)
