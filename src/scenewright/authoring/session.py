@@ -80,7 +80,7 @@ from scenewright.scene.edits import (
     Situation,
 )
 from scenewright.scene.events import Proof
-from scenewright.scene.record import SceneRecord
+from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT, limit_time
 
@@ -596,11 +596,11 @@ def _change_version(
 
 def _join_words(before: str, words: str) -> str:
     """Everything said, the first words and the last kept where it is too much."""
-    text = f"{before}; then: {words}"
+    text = f"{before}{NEXT_TEXT}{words}"
     if len(text) <= _LONGEST_TEXT:
         return text
-    first, _, rest = text.partition("; then: ")
-    return f"{first[:900]}; then: … {rest[-900:]}"
+    first, _, rest = text.partition(NEXT_TEXT)
+    return f"{first[:900]}{NEXT_TEXT}… {rest[-900:]}"
 
 
 def _enter_version(

@@ -77,6 +77,7 @@ def _describe(drive: Drive) -> Any:
     meta, one = drive.scenario.record.meta, drive.scenario  # type: ignore[union-attr]
     return meta.model_copy(update={
         "scene_id": f"{meta.scene_id}-{drive.policy}"[:80].replace(":", "-"),
+        "driven_by": drive.policy,
         "duration": round(drive.world.step * one.step, 3),
     })  # fmt: skip
 

@@ -73,6 +73,8 @@ def route_after_verifier(
     refused = state.get("refused")
     if refused is None:
         return "end"
+    if refused.code in _FINAL:
+        return "give_up"
     refinement, budgets = state.get("refinement"), runtime.context.budgets
     if _count_attempts(state, "scene_verifier", *MISPLANNED) > budgets.misplanned:
         return "give_up"

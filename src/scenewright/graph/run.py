@@ -51,9 +51,9 @@ from scenewright.time_limit import (
     TimeLimitReachedError,
     limit_time,
 )
+from scenewright.tools.account import prove
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.relation_checker import check
 from scenewright.tools.relation_checker.external_events import (
     ExternalTracks,
     find_off_map,
@@ -244,7 +244,7 @@ def verify(
         record, written = (scene.record, scene.proof) if isinstance(scene, Scene) else (scene, None)
         digest = digest_scene(record)
     name = intersection or record.meta.intersection
-    proof = check(record, load_map(name), labelled=True)
+    proof = prove(record, load_map(name), labelled=True)
     proof = proof.model_copy(update={"scene_digest": digest})
     other_map = name != record.meta.intersection
     return compare_proofs(proof, written, strict=strict, other_map=other_map)

@@ -70,6 +70,30 @@ class SaidRecord(Model):
     evidence: str | None = None
 
 
+WordState = Literal["seen", "stands_anyway", "manner", "not_shown", "contradicted"]
+"""What a scene has of a word (SEMANTICS 9)."""
+
+
+class AccountEntry(Model):
+    """A content word of the texts in force, and what the scene has of it.
+
+    Attributes:
+        turn: number of the text, from 0; start, end: its characters, end exclusive.
+        claim: what the word was taken to say, where a claim covers it.
+        evidence: what the checker saw, or why nothing shows the word.
+        agents: numbers of the agents in the evidence.
+    """
+
+    turn: int = 0
+    start: int
+    end: int
+    words: str
+    state: WordState
+    claim: str | None = None
+    evidence: str = ""
+    agents: tuple[int, ...] = ()
+
+
 def list_unrealised(said: Iterable[SaidSpan | SaidRecord]) -> tuple[str, ...]:
     """The words that became nothing, in order."""
     return tuple(each.words for each in said if each.became == "nothing")

@@ -6,11 +6,13 @@ from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from scenewright.scene.account import SaidRecord
+from scenewright.scene.account import AccountEntry, SaidRecord, WordState
 from scenewright.scene.base import Model, Point
 from scenewright.scene.social import CollisionKind
 
 EventType = Literal["collision", "near_miss", "yielding", "follow"]
+Verdict = Literal["verified", "partly", "not verified"]
+
 EventZone = Literal["crosswalk", "sidewalk", "conflict", "lane", "roadway"]
 """Where an event lies: on a crosswalk; inside the junction; in the lane of two that go one way; on
 the road, and off the crosswalks of pedestrians."""
@@ -66,7 +68,8 @@ class Proof(Model):
         interference: certificate of no other interaction, its violations (empty = holds).
         implausible: violations of SEMANTICS section 5.
         signal_violations: red crossings by agents not named as violators.
-        said: what the words of the instruction became, with the evidence for it.
+        said: what the planner took words for, and whether the tracks bear it out.
+        account: the state of each content word of the texts in force (SEMANTICS 9).
         scene_digest: names the scene.json that is proven (`scene.digest`); None where none is.
     """
 
@@ -79,8 +82,20 @@ class Proof(Model):
     implausible: tuple[Finding, ...] = ()
     signal_violations: tuple[Finding, ...] = ()
     said: tuple[SaidRecord, ...] = ()
+    account: tuple[AccountEntry, ...] = ()
     figures: dict[str, Any] = Field(default_factory=dict)
     scene_digest: str | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether events and words are proven; `partly` where some words are not shown."""
+        if not self.verified:
+            return "not verified"
+        return "partly" if self.list_words("not_shown") else "verified"
+
+    def list_words(self, state: WordState) -> tuple[AccountEntry, ...]:
+        """The words of the texts in one state, in order."""
+        return tuple(each for each in self.account if each.state == state)
 
     @model_serializer(mode="wrap")
     def _leave_out_no_digest(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:

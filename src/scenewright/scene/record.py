@@ -38,6 +38,7 @@ class SceneMeta(Model):
     Attributes:
         rules: 2 where yields are to end in time and reactions are proven (SEMANTICS 8); older
             scenes have none and are held to the rules that they were made by.
+        driven_by: the policy that drove one of its agents; what its prompt says need not happen.
     """
 
     scene_id: str
@@ -51,7 +52,18 @@ class SceneMeta(Model):
     time_of_day: str
     density: str | None = None
     seed: int
+    driven_by: str | None = Field(default=None, exclude_if=is_left_out)
     rules: Literal[2] | None = Field(default=None, exclude_if=is_left_out)
+
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The instruction and the later changes that are in force."""
+        return tuple(self.user_prompt.split(NEXT_TEXT))
+
+
+NEXT_TEXT = "; then: "
+"""Stands between the texts of a conversation in a prompt."""
 
 
 class SegmentRecord(Model):

@@ -32,11 +32,12 @@ RejectionCode = Literal[
     "segment_off_track",
     "relation_not_realised",
     "wrong_braker",
+    "words_not_shown",
     "background_interferes",
     "implausible_motion",
 ]
 
-MISPLANNED: tuple[RejectionCode, ...] = ("wrong_braker",)
+MISPLANNED: tuple[RejectionCode, ...] = ("wrong_braker", "words_not_shown")
 """What a later stage finds and only another plan can mend."""
 
 

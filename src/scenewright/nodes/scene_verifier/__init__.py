@@ -12,6 +12,7 @@ from scenewright.nodes.context import RunContext
 from scenewright.nodes.remaining import close_account
 from scenewright.nodes.scene_verifier.assemble import assemble
 from scenewright.nodes.scene_verifier.braking import find_wrong_braker
+from scenewright.nodes.scene_verifier.words import find_unshown_words
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.digest import digest_scene
@@ -23,6 +24,7 @@ from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.remaining import AddedClauses, AddedStops
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.account import prove
 from scenewright.tools.relation_checker import check
 
 _SYMMETRIC = ("collision", "near_miss")
@@ -40,6 +42,8 @@ class VerifierReads(TypedDict):
     refined: Tracks
     refinement: NotRequired[Refinement]
     pinned: FrozenAgents | None
+    planned: NotRequired[SocialGraph | None]
+    rejections: NotRequired[list[Rejection]]
     added_clauses: NotRequired[AddedClauses]
     added_stops: NotRequired[AddedStops]
 
@@ -55,13 +59,14 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     """Assembles the scene and proves it, or says with evidence why it is none."""
     context = runtime.context
     scene = _assemble(state, state["refined"], context)
-    proof = check(scene, context.intersection)
-    if not proof.verified:
+    proof = prove(scene, context.intersection)
+    words = find_unshown_words(proof, state, context)
+    if not proof.verified or words is not None:
         misplanned = find_wrong_braker(state["social_graph"], scene, proof)
-        fault = misplanned or _build_rejection(proof, scene)
+        fault = misplanned or words or _build_rejection(proof, scene)
         mendable = fault.repairable and _can_refining_less_mend(state, context)
         raise Rejected(fault.model_copy(update={"repairable": mendable}))
-    context.log("scene_verifier", f"verified: {len(proof.events)} events")
+    context.log("scene_verifier", f"{proof.verdict}: {len(proof.events)} events")
     scene = add_events(scene, proof)
     return {"scene": scene, "proof": proof.model_copy(update={"scene_digest": digest_scene(scene)})}
 

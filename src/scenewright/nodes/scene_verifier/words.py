@@ -1,0 +1,56 @@
+"""Words of the request that a scene does not show, as a reason to plan anew or to refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from scenewright.backends import get_backend_of_task
+from scenewright.nodes.context import RunContext
+from scenewright.scene.account import AccountEntry
+from scenewright.scene.events import Proof
+from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.social import SocialGraph
+
+REDRAWN = ("sequence", "stop", "braking", "order", "cause")
+"""Types of claims that hold of some samples of a plan and not of others."""
+
+
+def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejection | None:
+    """The rejection for words that are not shown or contradicted; None where there is none.
+
+    A model is shown the words once and may plan again. What another sample may show is sampled
+    again; all else is refused.
+    """
+    others = [each for each in proof.missing if each.rule != "word_contradicted"]
+    if others or proof.interference or proof.implausible or proof.signal_violations:
+        return None
+    false = proof.list_words("contradicted")
+    unshown = () if context.lenient else proof.list_words("not_shown")
+    if not (false or unshown):
+        return None
+    detail = f"the scene shows nothing of {quote_words((*false, *unshown))}"
+    if false and all((each.claim or "").startswith(REDRAWN) for each in false) and not unshown:
+        return Rejection(stage="scene_verifier", code="relation_not_realised", detail=detail)
+    asked = any(each.code == "words_not_shown" for each in state.get("rejections", ()))
+    planned = state.get("planned") is not None
+    if not (asked or planned or get_backend_of_task(context.backend, "plan").deterministic):
+        ask = f"{detail}; plan what they say, or answer refused: out_of_scope"
+        return Rejection(stage="scene_verifier", code="words_not_shown", detail=ask)
+    return refuse_words((*false, *unshown), state["social_graph"], "scene_verifier")
+
+
+def refuse_words(words: Iterable[AccountEntry], graph: SocialGraph, stage: Any) -> Rejection:
+    """The refusal of words that no scene shows, with a sentence without them."""
+    return Rejection(
+        stage=stage,
+        code="out_of_scope",
+        detail=f"This cannot be part of a scene: {quote_words(words)}. Allow to leave it out with "
+        f"--lenient, or say: '{describe_graph(graph)}'",
+    )
+
+
+def quote_words(words: Iterable[AccountEntry]) -> str:
+    """The words, each with why it is not shown."""
+    return "; ".join(f"'{each.words}' ({each.evidence})" for each in words)

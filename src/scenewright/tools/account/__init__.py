@@ -1,0 +1,9 @@
+"""The account of words: which words of the texts in force a finished scene shows (SEMANTICS 9).
+
+It shares no code with any reader, prompt or edit: it cuts the texts into words itself, claims what
+they mean of the scene, and tests each claim on what the relation checker found.
+"""
+
+from scenewright.tools.account.account import list_unknown_words, prove, write_account
+
+__all__ = ["list_unknown_words", "prove", "write_account"]

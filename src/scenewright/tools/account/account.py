@@ -1,0 +1,244 @@
+"""The account: a state for every content word of the texts, and the verdict of the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import get_args
+
+from scenewright.scene.account import AccountEntry, WordState
+from scenewright.scene.events import Finding, Proof
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import SceneRecord
+from scenewright.tools.account.binding import bind_mentions
+from scenewright.tools.account.claims import Claim, ClaimReader, Result
+from scenewright.tools.account.facts import SceneFacts
+from scenewright.tools.account.mentions import find_mentions
+from scenewright.tools.account.vocabulary import Token, load_vocabulary, read_tokens
+from scenewright.tools.relation_checker import check
+
+_STANDS = ("place", "crosswalk", "adverb", "stands", "request", "unit", "change")
+_TURNS_MEANING = ("negation", "sequence", "order")
+"""Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
+_Judged = tuple[WordState, str | None, str, tuple[int, ...]]
+"""State, claim, evidence and agents of a word."""
+_STAGES = ("constraint", "behavior", "measure", "impact_point", "road", "cause", "motion",
+           "reaction", "object", "sight", "encounter", "manoeuvre", "order")  # fmt: skip
+"""What a planner's hint may be believed for, where the checker found it on the tracks."""
+_STRICT = ("event", "side", "heading", "movement", "tie")
+_WEAK = ("moves", "crosswalk", "crossing", "light")
+"""Types that hold of nearly every scene: they do not outweigh a claim of the others that fails."""
+_DENIABLE = ("normal", "stop", "brake", "red", "reaction", "beyond", "background", "noun", "avoid", "manner",
+             "crosswalk", "jaywalking", "turn", "order", "light", "sight")  # fmt: skip
+_NOT_SHOWN = "no claim covers it"
+_BEYOND = {
+    "animal": "animals are not shown", "rail": "trams and trains are not shown",
+    "vehicle": "road users of this kind are not shown", "place": "the place is not shown",
+    "object": "objects of this kind are not shown", "weather": "weather is not shown",
+    "sound": "sounds are not shown", "gesture": "gestures are not shown",
+    "harm": "nothing tests it on tracks",
+}  # fmt: skip
+
+
+def prove(
+    scene: SceneRecord, intersection_map: IntersectionMap | None = None, *, labelled: bool = False
+) -> Proof:
+    """The checker's proof of a scene with the account of its texts.
+
+    Args, raises: as `relation_checker.check`.
+    """
+    return write_account(scene, check(scene, intersection_map, labelled=labelled), intersection_map)
+
+
+def write_account(
+    scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap | None
+) -> Proof:
+    """The proof with a state for each content word of the scene's texts.
+
+    A contradicted word, or an event that was made though no word asks for it, is a finding.
+    """
+    if scene.meta.rules is None or scene.meta.driven_by is not None:
+        return proof
+    texts = scene.meta.texts
+    facts = SceneFacts(scene, proof, intersection_map)
+    entries = [each for turn, text in enumerate(texts) for each in _account_text(text, turn, facts)]
+    false = tuple(_report(each) for each in entries if each.state == "contradicted")
+    return proof.model_copy(
+        update={
+            "account": tuple(entries),
+            "missing": (*proof.missing, *false),
+            "verified": proof.verified and not false,
+        }
+    )
+
+
+def _report(entry: AccountEntry) -> Finding:
+    return Finding(
+        rule="word_contradicted",
+        agents=entry.agents,
+        detail=f"'{entry.words}' says {entry.claim}; the scene shows {entry.evidence}",
+    )
+
+
+def list_unknown_words(text: str) -> tuple[AccountEntry, ...]:
+    """The words of a text that no scene can show, whatever is planned."""
+    tokens = read_tokens(text)
+    return tuple(
+        _build_entry(text, 0, n, n + 1, tokens, "not_shown", None, reason, ())
+        for n, token in enumerate(tokens)
+        if (reason := _find_unknown(tokens, n)) is not None and not _is_function(token)
+    )
+
+
+def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
+    """Why nothing can show a word; None where something may."""
+    token = tokens[n]
+    if token.kind != "word" or token.text.endswith("ly"):
+        return None
+    families = {sense.partition(".")[0] for sense in token.senses}
+    if families == {"beyond"} and not _is_denied(tokens, n):
+        return _BEYOND[token.list_values("beyond")[0]]
+    return None if families else _NOT_SHOWN
+
+
+def _is_denied(tokens: Sequence[Token], n: int) -> bool:
+    for each in reversed(tokens[max(0, n - 4) : n]):
+        if each.kind in ("end", "comma") or each.text in ("a", "an", "the", "and", "but"):
+            return False
+        if each.has("negation"):
+            return True
+    return False
+
+
+def _is_function(token: Token) -> bool:
+    if token.kind in ("end", "comma", "arrow"):
+        return True
+    return (
+        token.text in load_vocabulary().function or token.text.partition("'")[0] in load_vocabulary().function
+    ) and not (token.has(*_TURNS_MEANING) and len(token.text) > 2)  # fmt: skip
+
+
+def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEntry]:
+    tokens = read_tokens(text)
+    mentions = find_mentions(tokens)
+    claims = ClaimReader(tokens, mentions).read()
+    _, results = bind_mentions(mentions, claims, facts)
+    by_token: dict[int, list[tuple[Claim, Result]]] = {}
+    for claim, result in zip(claims, results, strict=True):
+        for n in claim.tokens:
+            by_token.setdefault(n, []).append((claim, result))
+    states = [_judge(n, tokens, by_token.get(n, []), facts, text) for n in range(len(tokens))]
+    for n in reversed(range(len(tokens))):
+        if tokens[n].has("negation", "almost") and not (states[n] or ("",))[0] == "seen":
+            states[n] = _copy_near(states, tokens, n)
+    start = 0
+    for n, found in enumerate(states):
+        if found is None or _is_silent(tokens[n], found):
+            continue
+        start = n if states[n] != (states[n - 1] if n else None) or start > n else start
+        after = states[n + 1] if n + 1 < len(states) else None
+        if after != found or _is_silent(tokens[n + 1], found):
+            yield _build_entry(text, turn, start, n + 1, tokens, *found)
+            start = n + 2
+
+
+def _is_silent(token: Token, found: _Judged) -> bool:
+    """Whether a function word needs no state of its own."""
+    return (
+        _is_function(token) and found[0] != "seen" and not token.has("negation", "sequence")
+    )
+
+
+
+
+
+def _judge(
+    n: int, tokens: Sequence[Token], found: list[tuple[Claim, Result]], facts: SceneFacts, text: str
+) -> _Judged | None:
+    token = tokens[n]
+    if token.kind in ("end", "comma", "arrow"):
+        return None
+    held = [(c, r) for c, r in found if r.holds]
+    false = [(c, r) for c, r in found if r.holds is False and c.type in _STRICT]
+    if held and not (false and all(c.type in _WEAK for c, _ in held)):
+        claim, result = min(held, key=lambda each: each[0].type in _WEAK)
+        return "seen", f"{claim.type} {claim.value}", result.evidence, _list_agents(result.evidence)
+    if _is_function(token):
+        return None
+    hint = _find_hint(token, facts)
+    if hint is not None and token.senses:
+        return "seen", hint[0], hint[1], ()
+    if _names_road(token, facts):
+        return "seen", "road", "a street of this place", ()
+    families = {sense.partition(".")[0] for sense in token.senses}
+    if "beyond" in families and not (families & {"manner"}):
+        if _is_denied(tokens, n):
+            return "stands_anyway", None, "no scene made here has it", ()
+        if families == {"beyond"}:
+            return "not_shown", None, _BEYOND[token.list_values("beyond")[0]], ()
+    if "stands" in families and (reason := _contradict_place(token, facts)):
+        return "contradicted", token.text, reason, ()
+    false = false or [(c, r) for c, r in found if r.holds is False and c.type == "crosswalk"]
+    if families & set(_STANDS) and not false:
+        return "stands_anyway", None, "true of every scene made here", ()
+    if "manner" in families or (token.text.endswith("ly") and not families):
+        return "manner", None, "tracks cannot speak of it", ()
+    false = false or [(c, r) for c, r in found if r.holds is False]
+    if false:
+        claim, result = false[0]
+        return "contradicted", f"{claim.type} {claim.value}", f"no such thing ({result.evidence})", ()
+    if families == {"order"} and token.text in ("first", "last", "second"):
+        return None
+    return "not_shown", None, _NOT_SHOWN, ()
+
+
+def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int) -> _Judged | None:
+    """The state of the words that a negation or "almost" belongs to, mostly those after it."""
+    after = range(n + 1, min(len(tokens), n + 7))
+    for m in (*after, *range(n - 1, max(-1, n - 5), -1)):
+        each = states[m]
+        if tokens[m].kind == "end":
+            continue
+        if each is not None and not (each[1] or "").startswith("moves") and tokens[m].has("event", *_DENIABLE):
+            return each
+    return states[n + 1] if n + 1 < len(states) and states[n + 1] else states[n]
+
+
+def _find_hint(token: Token, facts: SceneFacts) -> tuple[str, str] | None:
+    """What the planner took the word for, where the checker found it on the tracks."""
+    for entry in facts.proof.said:
+        covers = entry.start <= token.start and token.end <= entry.end
+        if covers and entry.became in _STAGES and entry.status == "realised" and entry.evidence:
+            if entry.evidence != "no claim on the tracks by itself":
+                return f"{entry.became} {entry.value or ''}".strip(), entry.evidence
+    return None
+
+
+def _names_road(token: Token, facts: SceneFacts) -> bool:
+    legs = facts.intersection_map.legs if facts.intersection_map else ()
+    words = {part for leg in legs for part in (leg.road or "").casefold().split()}
+    return token.text in words and not token.has("side", "bound")
+
+
+def _contradict_place(token: Token, facts: SceneFacts) -> str | None:
+    """Why what is said of every scene is false of this one."""
+    if token.text in ("signalised", "signalized", "signalled") and not facts.scene.signals:
+        return "a place without lights"
+    if token.text in ("daylight", "daytime", "sunny") and not 300 <= facts.get_minutes() <= 1290:
+        return f"a scene at {facts.scene.meta.time_of_day}"
+    return None
+
+
+def _list_agents(evidence: str) -> tuple[int, ...]:
+    return ()
+
+
+def _build_entry(
+    text: str, turn: int, start: int, stop: int, tokens: Sequence[Token],
+    state: WordState, claim: str | None, evidence: str, agents: tuple[int, ...],
+) -> AccountEntry:  # fmt: skip
+    first, last = tokens[start], tokens[stop - 1]
+    mended = f" (read as '{first.mended}')" if first.mended else ""
+    return AccountEntry(
+        turn=turn, start=first.start, end=last.end, words=text[first.start : last.end],
+        state=state, claim=claim, evidence=evidence + mended, agents=agents,
+    )  # fmt: skip

@@ -1,0 +1,187 @@
+"""What a proven scene holds, as the tests of the account ask for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event, Proof
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.record import AgentRecord, SceneRecord
+
+OPPOSITE = {
+    "north": "south", "south": "north", "east": "west", "west": "east", "northeast": "southwest",
+    "southwest": "northeast", "northwest": "southeast", "southeast": "northwest",
+}  # fmt: skip
+_ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
+_EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
+_STANDING = 0.4
+"""Speed below which an agent stands [m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFacts:
+    """A scene, what the checker found in it, and its map, if there is one."""
+
+    scene: SceneRecord
+    proof: Proof
+    intersection_map: IntersectionMap | None
+
+    @cached_property
+    def agents(self) -> dict[int, AgentRecord]:
+        """All agents by number."""
+        return {agent.id: agent for agent in self.scene.agents}
+
+    @cached_property
+    def foreground(self) -> tuple[int, ...]:
+        """Agents that the request is about; of a group its first member."""
+        bound = {n for each in self.scene.relations for n in (each.from_, each.to)}
+        bound |= {each.agent for each in self.scene.encounters}
+        bound |= {n for each in self.scene.sights for n in (each.observer, each.subject)}
+        return tuple(
+            agent.id
+            for agent in self.scene.agents
+            if (agent.role == "foreground" or agent.id in bound)
+            and (agent.group is None or agent.group == agent.id)
+        )
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """What the checker found, between foreground agents first."""
+        return (*self.proof.events, *self.proof.incidental)
+
+    def count_members(self, number: int) -> int:
+        """How many walk in the group of an agent; 1 where it has none."""
+        return 1 + sum(
+            agent.group == number and agent.id != number for agent in self.scene.agents
+        )
+
+    def fits_class(self, number: int, classes: frozenset[str]) -> bool:
+        """Whether a noun of these classes may stand for an agent."""
+        agent = self.agents[number]
+        return any(_fits(agent, each) for each in classes)
+
+    def list_between(self, first: int, second: int, kinds: Sequence[str]) -> Iterator[Event]:
+        """Events of these types of two agents, whichever is first; groups count as one."""
+        for event in self.events:
+            pair = {self._get_leader(event.from_), self._get_leader(event.to)}
+            if event.type in kinds and pair == {first, second}:
+                yield event
+
+    def has_role(self, event: Event, first: int) -> bool:
+        """Whether an agent, or its group, is `from` in an event."""
+        return self._get_leader(event.from_) == first
+
+    def _get_leader(self, number: int) -> int:
+        return self.agents[number].group or number
+
+    def find_order(self, first: int, second: int) -> bool | None:
+        """Whether one passes before the other in what the two do; None where nothing says."""
+        for relation in self.scene.relations:
+            if {relation.from_, relation.to} == {first, second} and relation.first is not None:
+                return relation.first == first
+        for entry in self.proof.said:
+            if entry.became == "order" and entry.status == "realised" and len(entry.agents) == 2:
+                if set(entry.agents) == {first, second}:
+                    return entry.agents[0] == first
+        for event in self.list_between(first, second, ("yielding", "follow")):
+            return not self.has_role(event, first)
+        return None
+
+    def compute_speed(self, number: int) -> FloatArray:
+        """Speed of an agent at each sample [m/s]."""
+        xy = np.array(self.agents[number].trajectory)
+        if len(xy) < 3:
+            return np.zeros(len(xy))
+        return np.hypot(*np.gradient(xy, self.scene.meta.step, axis=0).T)
+
+    def stands(self, number: int) -> float:
+        """How long an agent stands [s]."""
+        return float((self.compute_speed(number) < _STANDING).sum() * self.scene.meta.step)
+
+    def compute_braking(self, number: int) -> float:
+        """The hardest braking of an agent before its track ends [m/s²]."""
+        speed = self.compute_speed(number)[:-2]
+        return float(-np.gradient(speed, self.scene.meta.step).min()) if len(speed) > 4 else 0.0
+
+    @cached_property
+    def red_runners(self) -> frozenset[int]:
+        """Agents that pass a light on red."""
+        return frozenset(run["agent"] for run in self.proof.figures.get("red_light_runs", ()))
+
+    @cached_property
+    def reactions(self) -> Sequence[dict[str, Any]]:
+        """Rows of reactions that the checker measured."""
+        rows: Sequence[dict[str, Any]] = self.proof.figures.get("reactions", ())
+        return rows
+
+    def count_background(self, kind: str | None = None) -> int:
+        """Background agents, of a class or of all."""
+        return sum(
+            agent.role == "background" and kind in (None, agent.type)
+            for agent in self.scene.agents
+        )
+
+    def get_minutes(self) -> int:
+        """Time of day [min since midnight]."""
+        hours, _, minutes = self.scene.meta.time_of_day.partition(":")
+        return 60 * int(hours) + int(minutes or 0)
+
+    def list_figures(self) -> Iterator[tuple[str, float, float]]:
+        """Unit, least and most of every figure that was asked for and is proven."""
+        from scenewright.scene.measures import UNITS
+
+        for each in self.scene.measures:
+            yield UNITS[each.kind].unit, each.low, each.high
+        for relation in self.scene.relations:
+            for unit, value, slack in (
+                ("s", relation.target_pet, 0.16), ("s", relation.target_ttc, 0.31),
+                ("m/s", relation.impact_speed, 0.51),
+            ):  # fmt: skip
+                if value is not None:
+                    yield unit, value - slack, value + slack
+        for sight in self.scene.sights:
+            yield "s", *sight.lead
+        units = {"goes_round": "m", "waits_behind": "m", "stops_short": "m", "queues": "m",
+                 "waits_then_passes": "s"}  # fmt: skip
+        for met in self.scene.encounters:
+            if met.figure is not None:
+                yield units.get(met.how, "m/s"), *met.figure
+
+    def find_objects(self, sense: str) -> tuple[ObjectRecord, ...]:
+        """Standing objects of a kind; `thing` is any that is no vehicle."""
+        if sense == "thing":
+            return tuple(o for o in self.scene.objects if o.kind in ("bin", "box", "container"))
+        return tuple(o for o in self.scene.objects if o.kind == sense)
+
+
+def _fits(agent: AgentRecord, kind: str) -> bool:
+    if kind == "any":
+        return True
+    if kind == "rider":
+        return agent.type in ("cyclist", "scooter") or agent.subtype == "motorcycle"
+    if kind in ("pedestrian", "cyclist", "scooter"):
+        return agent.type == kind
+    if agent.type != "vehicle":
+        return False
+    if kind == "vehicle":
+        return True
+    if kind == "emergency":
+        return agent.subtype in _EMERGENCY
+    if kind == "car":
+        return agent.subtype in ("car", None)
+    return agent.subtype == kind
+
+
+def compute_side(entry: str, other: str) -> str:
+    """How an entry lies to another one: same, opposite, left or right, as its driver sees it."""
+    turn = (_ROUND.index(entry) - _ROUND.index(other)) % 8
+    if turn in (0, 4):
+        return "same" if turn == 0 else "opposite"
+    return "left" if turn < 4 else "right"

@@ -1,0 +1,247 @@
+"""Road users, objects and pronouns that a text mentions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from scenewright.tools.account.vocabulary import Token
+
+_INDEFINITE = frozenset({"a", "an", "another", "some", "any", "each", "every"})
+_DEFINITE = frozenset(
+    "the this that these those its his her their my our your said same".split()
+)  # fmt: skip
+_PRONOUNS = frozenset(
+    "it he she him her they them itself himself herself themselves who whom latter former".split()
+)
+_FIRST_PERSON = frozenset({"i", "me", "we", "us", "my", "our"})
+_VEHICLES = frozenset(
+    "vehicle car van taxi truck bus motorcycle emergency ambulance fire_engine police_car".split()
+)
+_RIDES = frozenset({"on", "riding", "rides", "in", "driving", "drives", "of", "aboard", "rode", "drove"})
+_PLURALS = frozenset({"people", "men", "women", "children", "kids", "both", "peds", "folks"})
+_AT = frozenset({"on", "at", "over", "in", "across", "using"})
+_LINK = frozenset({"and", "or", "with", "plus"})
+
+
+@dataclass(frozen=True)
+class Mention:
+    """Words that stand for one or several road users or a standing object.
+
+    Attributes:
+        head: index of its noun or pronoun; start, stop: its words, from article to noun.
+        classes: classes or subtypes that the noun allows; empty for a pronoun.
+        count: how many; None for a plural without a number.
+        new: it is first told of here (a, another, a number); pronoun: it stands for others.
+        first_person: the narrator; object: it stands, as a parked vehicle does.
+        background: it is said of traffic around; label: a letter or number that names it.
+    """
+
+    head: int
+    start: int
+    stop: int
+    classes: frozenset[str]
+    count: int | None = 1
+    new: bool = False
+    pronoun: bool = False
+    first_person: bool = False
+    object: bool = False
+    background: bool = False
+    absent: bool = False
+    label: str | None = None
+    other: bool = False
+    nouns: tuple[int, ...] = field(default=())
+
+
+def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
+    """All mentions in order; "a boy on a bike" is one."""
+    found: list[Mention] = []
+    n = 0
+    while n < len(tokens):
+        mention = _read_noun(tokens, n) or _read_pronoun(tokens, n) or _read_bound(tokens, n)
+        if mention is None:
+            n += 1
+            continue
+        if found and _is_ridden(tokens, found[-1], mention):
+            found[-1] = _merge(found[-1], mention)
+        else:
+            found.append(mention)
+        n = mention.stop
+    return tuple(found)
+
+
+def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
+    """The mention whose noun phrase ends at the noun that begins at token n."""
+    token = tokens[n]
+    classes = frozenset(token.list_values("noun"))
+    things = token.has("object.thing")
+    if token.text == "unit" and not (n + 1 < len(tokens) and tokens[n + 1].number):
+        return None
+    if not (classes or things) or token.text == "one" or _is_attribute(tokens, n):
+        return None
+    stop = max((span[1] for sense, span in token.senses.items() if sense.startswith("noun.")),
+               default=n + 1)  # fmt: skip
+    if stop < len(tokens) and tokens[stop - 1].kind == tokens[stop].kind == "word" and not things:
+        more = frozenset(tokens[stop].list_values("noun"))
+        named = not _starts_clause(tokens[stop]) and not tokens[stop - 1].text.endswith("'s")
+        apart = tokens[stop].start - tokens[stop - 1].end == 1 and tokens[stop - 1].text != tokens[stop - 1].stem
+        if more and named and not apart and tokens[stop].text != "one":  # "police van"
+            classes = classes | more if classes | more <= _VEHICLES else more
+            stop += 1
+    head = stop - 1
+    start = n
+    while start > 0 and _belongs_before(tokens[start - 1]):
+        start -= 1
+    before = tokens[start:n]
+    words = [each.text for each in before]
+    number = next((each.number for each in before if each.number), None)
+    plural = _is_plural(tokens[head]) or "several" in words or token.has("group")
+    label = _read_label(tokens, stop)
+    count = int(number) if number and number >= 1 else None if plural else 1
+    return Mention(
+        head=head,
+        start=start,
+        stop=stop + (label is not None),
+        classes=classes,
+        count=count,
+        new=bool(_INDEFINITE & set(words)) or number is not None or (not before and plural)
+        or any(each.text in ("second", "third", "2nd", "3rd") for each in before),
+        object=things or any(each.has("object") for each in before)
+        or any(each.has("object") for each in tokens[stop : stop + 1]),
+        background=any(each.text in ("background", "bg", "other", "extra", "additional", "surrounding")
+                       for each in before) and (plural or number is not None),
+        absent=any(each.text in ("no", "without", "zero", "n't", "any") for each in before)
+        or (start > 0 and tokens[start - 1].text in ("no", "without", "zero", "nor")),
+        label=label,
+        other="other" in words,
+        nouns=tuple(range(n, stop)),
+    )  # fmt: skip
+
+
+def _is_attribute(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a noun only describes the next one, as in "bus stop" or "police car"."""
+    follow = tokens[n + 1] if n + 1 < len(tokens) else None
+    if follow is None or follow.kind != "word" or tokens[n].text.endswith("'s"):
+        return False
+    if any(stop > n + 1 for sense, (_, stop) in tokens[n].senses.items() if sense.startswith("noun")):
+        return False
+    if follow.has("crosswalk") and not follow.text.endswith("ing"):
+        return True
+    return follow.has("crosswalk") and n > 1 and tokens[n - 2].text in _AT
+
+
+def _starts_clause(token: Token) -> bool:
+    return token.text in _INDEFINITE | _DEFINITE | _PRONOUNS
+
+
+def _belongs_before(token: Token) -> bool:
+    """Whether a word before a noun is of its phrase: an article, number, adjective."""
+    if token.kind == "figure":
+        return token.unit is None
+    if token.kind in ("ordinal",):
+        return True
+    if token.kind != "word":
+        return False
+    if token.text in _INDEFINITE | _DEFINITE | {"both", "all", "several", "no", "few", "many", "other", "two", "zero"}:
+        return True
+    if token.number is not None or token.text in ("one", "of"):
+        return token.text != "half" and token.text != "of"
+    if any(stop - start > 1 for start, stop in token.senses.values()) and token.has("left", "right"):
+        return True
+    return token.has(
+        "manner", "bound", "object", "opposite", "order", "side", "background", "left", "right",
+        "density", "straight", "jaywalking", "same", "lateral", "u turn", "uturn", "light",
+    ) and not token.has("motion_verb", "event") and token.text not in (
+        "behind", "before", "after", "ahead", "through", "left", "right", "straight", "in", "across",
+        "along", "around", "thru", "opposite", "facing", "then", "now", "again", "back",
+    )  # fmt: skip
+
+
+def _is_plural(token: Token) -> bool:
+    if token.text in _PLURALS:
+        return True
+    return token.text.endswith("s") and not token.text.endswith(("ss", "us", "'s")) and (
+        token.text != token.stem
+    )  # fmt: skip
+
+
+def _read_label(tokens: Sequence[Token], n: int) -> str | None:
+    """A letter or number right after a noun that names it: "car A", "vehicle 2", "car-1"."""
+    if n >= len(tokens):
+        return None
+    each = tokens[n]
+    gap = each.start - tokens[n - 1].end
+    single = each.kind == "word" and len(each.text) == 1 and each.text in "abcdxyz"
+    numbered = each.kind == "figure" and each.unit is None and gap <= 1 and (each.number or 0) < 13
+    return each.text if single or numbered else None
+
+
+def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
+    token = tokens[n]
+    plural = token.text in ("they", "them", "themselves", "both", "we", "us")
+    if token.text in _FIRST_PERSON and not (
+        token.text in ("my", "our") and n + 1 < len(tokens) and tokens[n + 1].has("noun")
+    ):
+        return Mention(n, n, n + 1, frozenset(), None if plural else 1, first_person=True,
+                       pronoun=True)  # fmt: skip
+    follows = tokens[n + 1] if n + 1 < len(tokens) else None
+    if token.text in _PRONOUNS and not (
+        token.text == "her" and follows is not None and follows.kind == "word"
+        and (follows.has("noun", "point", "place", "manner", "left", "right"))
+    ):
+        return Mention(n, n, n + 1, frozenset(), None if plural else 1, pronoun=True)
+    stands_alone = follows is None or not follows.has("noun")
+    if token.text in ("one", "other", "second", "third", "first", "both", "two", "another", "others", "each") and stands_alone:
+        if n and tokens[n - 1].text == "no":
+            return None
+        many = token.text in ("both", "two", "others", "each")
+        return Mention(n, n, n + 1, frozenset(), None if many else 1, pronoun=True,
+                       other=token.text in ("other", "another", "others"))  # fmt: skip
+    if token.kind == "word" and token.text in ("a", "b", "c") and _is_bare_label(tokens, n):
+        return Mention(n, n, n + 1, frozenset(), 1, pronoun=True, label=token.text)
+    return None
+
+
+def _read_bound(tokens: Sequence[Token], n: int) -> Mention | None:
+    """A road user that only its direction names: "eastbound through, westbound left"."""
+    before = tokens[n - 1] if n else None
+    if not tokens[n].has("bound") or (before is not None and before.text not in ("and", "vs", "with", "by")
+                                      and before.kind not in ("comma", "end")):  # fmt: skip
+        return None
+    stop = max(span[1] for sense, span in tokens[n].senses.items() if sense.startswith("bound"))
+    follow = tokens[stop] if stop < len(tokens) else None
+    if follow is not None and (follow.kind == "word" and not follow.has("straight", "uturn")):
+        return None
+    return Mention(n, n, stop, frozenset({"any"}), 1, new=True)
+
+
+def _is_bare_label(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a letter names a road user that was labelled before or is spoken of as A or B."""
+    after = tokens[n + 1] if n + 1 < len(tokens) else None
+    labelled = any(
+        each.text == tokens[n].text and before.has("noun")
+        for before, each in zip(tokens, tokens[1:], strict=False)
+    )
+    return labelled or (tokens[n].text != "a") or (
+        after is not None and after.has("event", "motion_verb") and not after.has("noun")
+        and any(each.text == "b" for each in tokens)
+    )  # fmt: skip
+
+
+def _is_ridden(tokens: Sequence[Token], person: Mention, ride: Mention) -> bool:
+    """Whether a mention is what the person before it drives or rides: "a boy on a bike"."""
+    if "pedestrian" not in person.classes and "any" not in person.classes:
+        return False
+    if ride.pronoun or not (ride.classes & (_VEHICLES | {"cyclist", "scooter", "rider"})):
+        return False
+    between = tokens[person.stop : ride.start]
+    return len(between) <= 2 and bool(between) and all(each.kind == "word" for each in between) and (
+        between[-1].text in _RIDES
+    ) and not any(each.has("event") for each in between)  # fmt: skip
+
+
+def _merge(person: Mention, ride: Mention) -> Mention:
+    return replace(
+        person, classes=ride.classes, stop=ride.stop, head=ride.head,
+        nouns=(*person.nouns, *ride.nouns), label=ride.label,
+    )  # fmt: skip

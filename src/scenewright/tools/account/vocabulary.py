@@ -1,0 +1,221 @@
+"""The words that the account knows, and texts cut into tokens with their senses."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import cache
+from importlib.resources import files
+from itertools import chain
+
+_TOKEN = re.compile(
+    r"(?P<clock>[0-2]\d[0-5]\d(?=\s?(?:h|hrs|hours)\b)|\d{1,2}[:.h]\d{2}\s*(?:[ap]\.?\s?m\b\.?)?|\d{1,2}\s*[ap]\.?\s?m\b\.?)"
+    r"|(?P<figure>\d+(?:[.,]\d+)?)\s*(?P<unit>km\s?/?\s?h|kph|kmph|kms?|mph|m\s?/\s?s(?:2|²|\^2)?|"
+    r"mps|meters?\s?per\s?second|metres?\s?per\s?second|meters?|metres?|min(?:utes?)?|seconds?|secs?|"
+    r"ms|feet|foot|ft|cm|centimet(?:er|re)s?|percent|%|g|m|s)?(?![a-z0-9])"
+    r"|(?P<ordinal>\d+(?:st|nd|rd|th))"
+    r"|(?P<word>[^\W\d_]+(?:['’](?:t|s|re|ve|ll|d|m)\b)?\d*)"
+    r"|(?P<end>[.;!?\n])|(?P<comma>[,:()—–])|(?P<arrow>->|=>|→|>)",
+    re.IGNORECASE,
+)
+_IRREGULAR = {
+    "gave": "give", "given": "give", "ran": "run", "went": "go", "gone": "go", "goes": "go",
+    "drove": "drive", "driven": "drive", "came": "come", "struck": "strike", "stood": "stand",
+    "held": "hold", "took": "take", "taken": "take", "made": "make", "met": "meet", "saw": "see",
+    "slid": "slide", "swung": "swing", "rode": "ride", "ridden": "ride", "bore": "bear",
+    "hung": "hang", "fell": "fall", "broke": "break", "froze": "freeze", "leapt": "leap",
+    "hid": "hide", "shot": "shoot", "blew": "blow", "kept": "keep", "caught": "catch",
+    "children": "child", "men": "man", "women": "woman", "people": "person", "persons": "person",
+    "lorries": "lorry", "ladies": "lady", "buses": "bus", "busses": "bus", "taxis": "taxi",
+    "crept": "creep", "swept": "sweep", "threw": "throw", "flew": "fly", "knew": "know",
+}  # fmt: skip
+_KEEP = frozenset({"red", "bus", "crossing", "is", "was", "as", "this", "us", "its", "his", "less"})
+_SPELT = {
+    "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8,
+    "nine": 9, "ten": 10, "eleven": 11, "twelve": 12, "thirteen": 13, "fourteen": 14,
+    "fifteen": 15, "sixteen": 16, "seventeen": 17, "eighteen": 18, "nineteen": 19, "twenty": 20,
+    "thirty": 30, "forty": 40, "fifty": 50, "sixty": 60, "couple": 2, "pair": 2, "both": 2,
+    "trio": 3, "dozen": 12, "single": 1, "lone": 1, "half": 0.5,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Token:
+    """A word, figure or stop of a text.
+
+    Attributes:
+        start, end: characters of the text, end exclusive.
+        text: the characters, lower case; stem: the word without its ending.
+        number, unit: of a figure, or of a number that is spelt out.
+        senses: what the word may claim; nouns have `noun.CLASS`.
+        phrase: first and last token (exclusive) of the phrase that gave the senses.
+        sentence: number of its sentence; kind: word, figure, clock, end, comma or arrow.
+        mended: the known word that a misspelt one was taken for.
+    """
+
+    start: int
+    end: int
+    text: str
+    stem: str
+    kind: str
+    sentence: int
+    number: float | None = None
+    unit: str | None = None
+    senses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    mended: str | None = None
+
+    def has(self, *senses: str) -> bool:
+        """Whether it has any of the senses, or one of a family such as `density`."""
+        return any(s in self.senses or any(k.startswith(s + ".") for k in self.senses)
+                   for s in senses)  # fmt: skip
+
+    def list_values(self, family: str) -> tuple[str, ...]:
+        """The values of a family of senses, such as `north` of `side`."""
+        return tuple(k.partition(".")[2] for k in self.senses if k.startswith(family + "."))
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """Senses of words and phrases.
+
+    Attributes:
+        exact, stems: (words...) -> senses, as they stand and by their stems.
+        function: words without content; longest: words of the longest phrase.
+    """
+
+    exact: Mapping[tuple[str, ...], frozenset[str]]
+    stems: Mapping[tuple[str, ...], frozenset[str]]
+    function: frozenset[str]
+    longest: int
+    spelling: tuple[str, ...]
+
+
+def reduce_word(word: str) -> str:
+    """The word without the ending of its inflection.
+
+    >>> [reduce_word(w) for w in ("hits", "hitting", "crosses", "yielded", "cycling", "gave")]
+    ['hit', 'hit', 'cros', 'yield', 'cycl', 'giv']
+    """
+    word = _IRREGULAR.get(word, word)
+    if len(word) <= 3 or word in _KEEP:
+        return word
+    for ending in ("ings", "ing", "ers", "ied", "ies", "edly", "ed", "es", "s"):
+        if word.endswith(ending) and len(word) - len(ending) >= 2:
+            root = word[: -len(ending)]
+            if ending in ("ied", "ies"):
+                return root + "y"
+            if ending == "s" and root.endswith("s"):
+                break
+            word = root + ("er" if ending == "ers" else "")
+            break
+    if len(word) > 3 and word[-1] == word[-2]:
+        word = word[:-1]
+    return word[:-1] if word.endswith("e") and len(word) > 2 else word
+
+
+@cache
+def load_vocabulary() -> Vocabulary:
+    """The vocabulary of words.toml."""
+    plain = tomllib.loads(files(__package__).joinpath("words.toml").read_text("utf-8"))
+    exact: dict[tuple[str, ...], set[str]] = {}
+    stems: dict[tuple[str, ...], set[str]] = {}
+    lists = {f"noun.{name}": phrases for name, phrases in plain["nouns"].items()}
+    for sense, phrases in chain(lists.items(), plain["senses"].items(), plain["loose"].items()):
+        for phrase in phrases:
+            words = tuple(phrase.lstrip("=").split())
+            table = exact if phrase.startswith("=") else stems
+            key = words if phrase.startswith("=") else tuple(map(reduce_word, words))
+            table.setdefault(key, set()).add(sense)
+    spelling = {w for key in exact for w in key} | {
+        w.lstrip("=") for group in (*lists.values(), *plain["senses"].values())
+        for phrase in group for w in phrase.split()
+    }  # fmt: skip
+    return Vocabulary(
+        {k: frozenset(v) for k, v in exact.items()},
+        {k: frozenset(v) for k, v in stems.items()},
+        frozenset(plain["function"]["words"]),
+        max(map(len, (*exact, *stems))),
+        tuple(sorted(w for w in spelling if len(w) > 3)),
+    )
+
+
+def read_tokens(text: str) -> tuple[Token, ...]:
+    """The text cut into tokens, each with the senses of the longest phrase that holds it."""
+    plain = [_mend_spelling(each) for each in _cut(text)]
+    found: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
+    lengths = [0] * len(plain)
+    for start, stop, senses in _match_phrases(plain):
+        for n in range(start, stop):
+            # a phrase is more than its words: shorter ones inside it say nothing of their own
+            if stop - start < lengths[n]:
+                continue
+            if stop - start > lengths[n]:
+                lengths[n] = stop - start
+                found[n] = {}
+            found[n] |= {sense: (start, stop) for sense in senses}
+    return tuple(
+        Token(**{**each.__dict__, "senses": senses})
+        for each, senses in zip(plain, found, strict=True)
+    )
+
+
+def _cut(text: str) -> Iterator[Token]:
+    sentence = 0
+    for match in _TOKEN.finditer(text):
+        kind = match.lastgroup or "word"
+        kind = "figure" if kind == "unit" else kind
+        if kind == "end":
+            sentence += 1
+        low = match[0].lower().strip().replace("’", "'")
+        stem = reduce_word(low if low.endswith("n't") else low.partition("'")[0])
+        number = float(match["figure"].replace(",", ".")) if match["figure"] else None
+        number = _SPELT.get(low) if number is None else number
+        yield Token(
+            match.start(), match.start() + len(match[0].rstrip()), low, stem, kind,
+            sentence, number, (match["unit"] or "").lower().replace(" ", "") or None,
+        )  # fmt: skip
+
+
+def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[str]]]:
+    words = load_vocabulary()
+    for start, first in enumerate(tokens):
+        if first.text.endswith("n't"):
+            yield start, start + 1, frozenset({"negation"})
+        for stop in range(min(len(tokens), start + words.longest), start, -1):
+            part = tokens[start:stop]
+            if any(each.kind == "end" for each in part):
+                continue
+            exact = words.exact.get(tuple(each.text for each in part), frozenset())
+            stems = words.stems.get(tuple(each.stem for each in part), frozenset())
+            if exact | stems:
+                yield start, stop, exact | stems
+
+
+def _mend_spelling(token: Token) -> Token:
+    """A misspelt word with the stem of the one that it is taken for."""
+    words = load_vocabulary()
+    if token.kind != "word" or len(token.text) < 4 or _is_known(token, words):
+        return token
+    near = get_close_matches(token.text, _list_alike(token.text[0]), n=1, cutoff=0.86)
+    if not near or abs(len(near[0]) - len(token.text)) > 1:
+        return token
+    return Token(**{**token.__dict__, "stem": reduce_word(near[0]), "mended": near[0]})
+
+
+def _is_known(token: Token, words: Vocabulary) -> bool:
+    singles = _list_single_stems()
+    return token.text in words.function or token.stem in singles or token.text in singles
+
+
+@cache
+def _list_single_stems() -> frozenset[str]:
+    words = load_vocabulary()
+    return frozenset(w for key in (*words.exact, *words.stems) for w in key)
+
+
+@cache
+def _list_alike(first: str) -> tuple[str, ...]:
+    return tuple(w for w in load_vocabulary().spelling if w.startswith(first))
