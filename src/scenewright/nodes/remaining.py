@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 from scenewright.backends import STAGE_OF, Backend, Task, get_backend_of_task
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import list_latest_rejections
-from scenewright.scene.account import SaidSpan
+from scenewright.scene.account import AccountEntry, SaidSpan
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.rejection import Rejection, Stage
 from scenewright.scene.remaining import AddedClauses, AddedStops, Unserved
@@ -83,15 +83,32 @@ def refuse_unrealised(graph: SocialGraph, unserved: Sequence[Unserved], stage: S
     """
     if not unserved:
         return
-    words = "; ".join(f"'{graph.said[each.entry].words}' ({each.note})" for each in unserved)
-    raise Rejected(
-        Rejection(
-            stage=stage,
-            code="out_of_scope",
-            detail=f"This cannot be part of a scene: {words}. Allow to leave it out with "
-            f"--lenient, or say: '{describe_graph(graph)}'",
+    named = [
+        AccountEntry(
+            start=graph.said[each.entry].start,
+            end=graph.said[each.entry].end,
+            words=graph.said[each.entry].words,
+            state="not_shown",
+            evidence=each.note,
         )
+        for each in unserved
+    ]
+    raise Rejected(refuse_words(named, graph, stage))
+
+
+def refuse_words(words: Iterable[AccountEntry], graph: SocialGraph, stage: Stage) -> Rejection:
+    """The refusal of words that no scene shows, with a sentence without them."""
+    return Rejection(
+        stage=stage,
+        code="out_of_scope",
+        detail=f"This cannot be part of a scene: {quote_words(words)}. Allow to leave it out with "
+        f"--lenient, or say: '{describe_graph(graph)}'",
     )
+
+
+def quote_words(words: Iterable[AccountEntry]) -> str:
+    """The words, each with why it is not shown."""
+    return "; ".join(f"'{each.words}' ({each.evidence})" for each in words)
 
 
 def close_account(

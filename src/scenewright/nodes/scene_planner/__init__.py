@@ -12,7 +12,7 @@ from scenewright.backends import Backend, Question, get_backend_of_task, load_ba
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_stage_faults
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.remaining import refuse_unrealised
+from scenewright.nodes.remaining import refuse_unrealised, refuse_words
 from scenewright.nodes.scene_planner.account import complete_account
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
@@ -24,6 +24,7 @@ from scenewright.scene.remaining import Unserved
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
+from scenewright.tools.account import blank_standing_facts, list_unknown_words
 from scenewright.tools.map_grounding.grounding import can_ground, ground_graph
 
 
@@ -80,7 +81,7 @@ def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
     question = Question(
         task="plan",
         facts={
-            "instruction": instruction,
+            "instruction": blank_standing_facts(instruction),
             "previous": state.get("previous"),
             "legs": [leg.name for leg in context.intersection.legs],
             "left_hand": context.intersection.left_hand_traffic,
@@ -110,6 +111,9 @@ def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
             if each.became == "nothing"
         ]
         refuse_unrealised(plan, left_out, "scene_planner")
+        unknown = list_unknown_words(instruction, context.intersection)
+        if unknown:  # no plan can show them: nothing need be solved to know
+            raise Rejected(refuse_words(unknown, plan, "scene_planner"))
     return plan
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 from scenewright.backends import get_backend_of_task
 from scenewright.nodes.context import RunContext
-from scenewright.scene.account import AccountEntry
+from scenewright.nodes.remaining import quote_words, refuse_words
 from scenewright.scene.events import Proof
-from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.social import SocialGraph
 
 REDRAWN = ("sequence", "stop", "braking", "order", "cause")
 """Types of claims that hold of some samples of a plan and not of others."""
@@ -32,25 +29,11 @@ def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejecti
         return None
     detail = f"the scene shows nothing of {quote_words((*false, *unshown))}"
     if false and all((each.claim or "").startswith(REDRAWN) for each in false) and not unshown:
-        return Rejection(stage="scene_verifier", code="relation_not_realised", detail=detail)
+        return Rejection(stage="scene_verifier", code="relation_not_realised", detail=detail,
+                         repairable=False)  # fmt: skip
     asked = any(each.code == "words_not_shown" for each in state.get("rejections", ()))
     planned = state.get("planned") is not None
     if not (asked or planned or get_backend_of_task(context.backend, "plan").deterministic):
         ask = f"{detail}; plan what they say, or answer refused: out_of_scope"
         return Rejection(stage="scene_verifier", code="words_not_shown", detail=ask)
     return refuse_words((*false, *unshown), state["social_graph"], "scene_verifier")
-
-
-def refuse_words(words: Iterable[AccountEntry], graph: SocialGraph, stage: Any) -> Rejection:
-    """The refusal of words that no scene shows, with a sentence without them."""
-    return Rejection(
-        stage=stage,
-        code="out_of_scope",
-        detail=f"This cannot be part of a scene: {quote_words(words)}. Allow to leave it out with "
-        f"--lenient, or say: '{describe_graph(graph)}'",
-    )
-
-
-def quote_words(words: Iterable[AccountEntry]) -> str:
-    """The words, each with why it is not shown."""
-    return "; ".join(f"'{each.words}' ({each.evidence})" for each in words)

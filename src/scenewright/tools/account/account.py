@@ -79,14 +79,17 @@ def _report(entry: AccountEntry) -> Finding:
     )
 
 
-def list_unknown_words(text: str) -> tuple[AccountEntry, ...]:
-    """The words of a text that no scene can show, whatever is planned."""
+def list_unknown_words(
+    text: str, intersection_map: IntersectionMap | None
+) -> tuple[AccountEntry, ...]:
+    """The words of a text that no scene at a place can show, whatever is planned."""
     tokens = read_tokens(text)
     return tuple(
         _build_entry(text, 0, n, n + 1, tokens, "not_shown", None, reason, ())
         for n, token in enumerate(tokens)
-        if (reason := _find_unknown(tokens, n)) is not None and not _is_function(token)
-    )
+        if (reason := _find_unknown(tokens, n)) is not None
+        and not _is_function(token) and not _names_road(token, intersection_map)
+    )  # fmt: skip
 
 
 def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
@@ -161,13 +164,13 @@ def _judge(
     false = [(c, r) for c, r in found if r.holds is False and c.type in _STRICT]
     if held and not (false and all(c.type in _WEAK for c, _ in held)):
         claim, result = min(held, key=lambda each: each[0].type in _WEAK)
-        return "seen", f"{claim.type} {claim.value}", result.evidence, _list_agents(result.evidence)
+        return "seen", f"{claim.type} {claim.value}", result.evidence, result.agents
     if _is_function(token):
         return None
     hint = _find_hint(token, facts)
     if hint is not None and token.senses:
         return "seen", hint[0], hint[1], ()
-    if _names_road(token, facts):
+    if _names_road(token, facts.intersection_map):
         return "seen", "road", "a street of this place", ()
     families = {sense.partition(".")[0] for sense in token.senses}
     if "beyond" in families and not (families & {"manner"}):
@@ -178,7 +181,8 @@ def _judge(
     if "stands" in families and (reason := _contradict_place(token, facts)):
         return "contradicted", token.text, reason, ()
     false = false or [(c, r) for c, r in found if r.holds is False and c.type == "crosswalk"]
-    if families & set(_STANDS) and not false:
+    limit = token.unit is not None and not found
+    if (families & set(_STANDS) or limit) and not false:
         return "stands_anyway", None, "true of every scene made here", ()
     if "manner" in families or (token.text.endswith("ly") and not families):
         return "manner", None, "tracks cannot speak of it", ()
@@ -186,6 +190,8 @@ def _judge(
     if false:
         claim, result = false[0]
         return "contradicted", f"{claim.type} {claim.value}", f"no such thing ({result.evidence})", ()
+    if token.has("sequence") and not any(r.holds is False for _, r in found):
+        return None  # it joins no two events
     if families == {"order"} and token.text in ("first", "last", "second"):
         return None
     return "not_shown", None, _NOT_SHOWN, ()
@@ -196,11 +202,12 @@ def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int
     after = range(n + 1, min(len(tokens), n + 7))
     for m in (*after, *range(n - 1, max(-1, n - 5), -1)):
         each = states[m]
-        if tokens[m].kind == "end":
+        if tokens[m].kind == "end" or each is None:
             continue
-        if each is not None and not (each[1] or "").startswith("moves") and tokens[m].has("event", *_DENIABLE):
+        if not (each[1] or "").startswith("moves") and tokens[m].has("event", *_DENIABLE):
             return each
-    return states[n + 1] if n + 1 < len(states) and states[n + 1] else states[n]
+    following = states[n + 1] if n + 1 < len(states) else None
+    return following or states[n]
 
 
 def _find_hint(token: Token, facts: SceneFacts) -> tuple[str, str] | None:
@@ -213,8 +220,8 @@ def _find_hint(token: Token, facts: SceneFacts) -> tuple[str, str] | None:
     return None
 
 
-def _names_road(token: Token, facts: SceneFacts) -> bool:
-    legs = facts.intersection_map.legs if facts.intersection_map else ()
+def _names_road(token: Token, intersection_map: IntersectionMap | None) -> bool:
+    legs = intersection_map.legs if intersection_map else ()
     words = {part for leg in legs for part in (leg.road or "").casefold().split()}
     return token.text in words and not token.has("side", "bound")
 
@@ -226,10 +233,6 @@ def _contradict_place(token: Token, facts: SceneFacts) -> str | None:
     if token.text in ("daylight", "daytime", "sunny") and not 300 <= facts.get_minutes() <= 1290:
         return f"a scene at {facts.scene.meta.time_of_day}"
     return None
-
-
-def _list_agents(evidence: str) -> tuple[int, ...]:
-    return ()
 
 
 def _build_entry(

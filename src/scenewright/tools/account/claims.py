@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from scenewright.scene.events import Event
 from scenewright.tools.account.facts import OPPOSITE, SceneFacts, compute_side
 from scenewright.tools.account.mentions import Mention
 from scenewright.tools.account.vocabulary import Token
@@ -18,10 +19,12 @@ Binding = Mapping[int, Bound]
 
 
 class Result(NamedTuple):
-    """Outcome of a test: None where it could not be made."""
+    """Outcome of a test: None where it could not be made; with the agents or event it saw."""
 
     holds: bool | None
     evidence: str = ""
+    agents: tuple[int, ...] = ()
+    event: Event | None = None
 
 
 Test = Callable[[SceneFacts, Binding], Result]
@@ -300,6 +303,10 @@ class ClaimReader:
         unit = token.unit or next(
             (each.text for each in self.tokens[n + 1 : n + 3] if each.text in _UNITS), None
         )
+        if unit is not None and any(
+            each.text in ("limit", "zone") for each in self.tokens[max(0, n - 5) : n + 4]
+        ):
+            return  # a posted limit is of the place
         if unit is not None:
             name, factor = _UNITS.get(unit, (unit, 1.0))
             value = (token.number or 0.0) * factor
@@ -326,7 +333,7 @@ def _test_all(
     looked = any(b.get(index) for index in mentions)
     for agents in _each(facts, b, mentions):
         if all(map(holds, agents)):
-            return Result(True, f"{what} of agent {', '.join(map(str, agents))}")
+            return Result(True, f"{what} of agent {', '.join(map(str, agents))}", agents)
     return Result(False, what) if looked else UNTESTED
 
 
@@ -341,7 +348,7 @@ def _test_class(facts: SceneFacts, bound: Bound | None, classes: frozenset[str])
     if all(facts.fits_class(n, classes) for n in agents):
         named = ", ".join(f"agent {n} ({facts.agents[n].subtype or facts.agents[n].type})" for n in agents)
         things = ", ".join(str(n) for n in bound if isinstance(n, str))
-        return Result(True, named or things)
+        return Result(True, named or things, tuple(agents))
     return Result(False, "another class")
 
 
@@ -426,7 +433,8 @@ class _EventTest:
             found = next((e for e in facts.proof.events if e.type == self.kind), None)
         if found is None:
             return Result(False, f"no {self.kind} of these agents")
-        return Result(True, f"{found.type} of {found.from_} and {found.to} at {found.time:.1f} s")
+        seen = f"{found.type} of {found.from_} and {found.to} at {found.time:.1f} s"
+        return Result(True, seen, (found.from_, found.to), found)
 
     def _find_encounter(self, facts: SceneFacts, b: Binding) -> Result | None:
         """What an agent does about an object: hits it, waits behind it."""
@@ -780,21 +788,20 @@ def _read_sequence(reader: ClaimReader, n: int, value: str) -> Iterator[Claim]:
     used = tuple(dict.fromkeys(m for c in (*one, *two) for m in c.mentions))
 
     def test(facts: SceneFacts, b: Binding) -> Result:
-        times = [[_find_time(c, facts, b) for c in claims] for claims in (one, two)]
-        starts, ends = ([t for t in each if t is not None] for each in times)
-        if not starts or not ends:
+        earlier, later = (
+            {e.time: e for c in claims if (e := c.test(facts, b).event) is not None}
+            for claims in (one, two)
+        )
+        if not earlier or not later or earlier.keys() & later.keys():
             return UNTESTED
-        if set(starts) & set(ends):  # both words tell of one event
-            return UNTESTED
-        early, late = min(starts), min(ends)
-        if not before and value in ("after", "before"):
-            early, late = (early, late) if value == "after" else (late, early)
-        elif value == "after":
+        early, late = earlier[min(earlier)], later[min(later)]
+        if (value == "after") == bool(before):
             early, late = late, early
-        seen = f"at {early:.1f} s and {late:.1f} s"
+        seen = f"at {early.time:.1f} s and {late.time:.1f} s"
         if value == "while":
-            return Result(abs(late - early) <= TOGETHER or text in ("as", "when"), seen)
-        return Result(early <= late + 0.05, seen)
+            apart = max(early.time, late.time) - min(_get_end(early), _get_end(late))
+            return Result(apart <= TOGETHER or text in ("as", "when"), seen)
+        return Result(early.time <= _get_end(late) + 0.05, seen)
 
     yield Claim("sequence", value, (n,), used, test)
 
@@ -803,11 +810,8 @@ TOGETHER = 5.0
 """Events that begin within so many seconds of one another happen at the same time [s]."""
 
 
-def _find_time(claim: Claim, facts: SceneFacts, b: Binding) -> float | None:
-    result = claim.test(facts, b)
-    if not result.holds or " at " not in result.evidence:
-        return None
-    return float(result.evidence.rsplit(" at ", 1)[1].removesuffix(" s"))
+def _get_end(event: Event) -> float:
+    return float(event.evidence.get("until", event.time))
 
 
 def _typed(kind: str, find: Callable[[SceneFacts, str], Iterable[int]]) -> Reader:

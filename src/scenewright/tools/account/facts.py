@@ -99,7 +99,9 @@ class SceneFacts:
         xy = np.array(self.agents[number].trajectory)
         if len(xy) < 3:
             return np.zeros(len(xy))
-        return np.hypot(*np.gradient(xy, self.scene.meta.step, axis=0).T)
+        east, north = np.gradient(xy, self.scene.meta.step, axis=0).T
+        speed: FloatArray = np.hypot(east, north)
+        return speed
 
     def stands(self, number: int) -> float:
         """How long an agent stands [s]."""
