@@ -10,9 +10,9 @@ from scenewright.scene.events import Finding, Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.account.binding import bind_mentions
-from scenewright.tools.account.claims import Claim, ClaimReader, Result
+from scenewright.tools.account.claims import Binding, Claim, ClaimReader, Result
 from scenewright.tools.account.facts import SceneFacts
-from scenewright.tools.account.mentions import find_mentions
+from scenewright.tools.account.mentions import Mention, find_mentions
 from scenewright.tools.account.vocabulary import Token, load_vocabulary, read_tokens
 from scenewright.tools.relation_checker import check
 
@@ -124,11 +124,15 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     tokens = read_tokens(text)
     mentions = find_mentions(tokens)
     claims = ClaimReader(tokens, mentions).read()
-    _, results = bind_mentions(mentions, claims, facts)
+    binding, results = bind_mentions(mentions, claims, facts)
     by_token: dict[int, list[tuple[Claim, Result]]] = {}
     for claim, result in zip(claims, results, strict=True):
         for n in claim.tokens:
             by_token.setdefault(n, []).append((claim, result))
+    for index in _find_repeated(mentions, binding, facts):
+        claim = Claim("class", "a road user of its own", mentions[index].nouns, (), _fail)
+        for n in claim.tokens:
+            by_token[n] = [(claim, Result(False, "one agent in place of two"))]
     states = [_judge(n, tokens, by_token.get(n, []), facts, text) for n in range(len(tokens))]
     for n in reversed(range(len(tokens))):
         if tokens[n].has("negation", "almost") and not (states[n] or ("",))[0] == "seen":
@@ -142,6 +146,26 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
         if after != found or _is_silent(tokens[n + 1], found):
             yield _build_entry(text, turn, start, n + 1, tokens, *found)
             start = n + 2
+
+
+def _fail(_facts: SceneFacts, _binding: Binding) -> Result:
+    return Result(False)
+
+
+def _find_repeated(
+    mentions: Sequence[Mention], binding: Binding, facts: SceneFacts
+) -> Iterator[int]:
+    """Mentions without an article for an agent told of before, while another is not told of."""
+    asked = {n for r in facts.scene.relations for n in (r.from_, r.to) if n in facts.foreground}
+    told = set().union(*binding.values()) if binding else set()
+    known: set[int | str] = set()
+    for index, mention in enumerate(mentions):
+        if mention.pronoun or mention.definite or mention.label:
+            continue
+        bound = binding.get(index, frozenset())
+        if len(bound) == 1 and bound <= known and asked - told:
+            yield index
+        known |= bound
 
 
 def _is_silent(token: Token, found: _Judged) -> bool:

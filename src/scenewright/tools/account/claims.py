@@ -743,8 +743,7 @@ def _read_order(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
     token = reader.tokens[n]
     for index, m in enumerate(reader.mentions):
         if m.start <= n <= m.head:  # "the second car" is a mention of its own
-            yield Claim("count", token.text, (n,), (index,),
-                        lambda facts, b, i=index: Result(bool(b.get(i)), "a road user of its own"))  # type: ignore[misc]  # fmt: skip
+            yield Claim("count", token.text, (n,), (index,), _OrdinalTest(token.text, index))
             return
     if token.has("sequence") and _is_between_events(reader, n):
         return
@@ -753,6 +752,9 @@ def _read_order(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
     ):
         return
     subjects, objects = reader._find_parties(n, n + 1)
+    joins = token.text in ("before", "after", "behind", "prior", "ahead")
+    if joins and not any(0 < reader.mentions[m].start - n <= 4 for m in objects):
+        return
     late = token.text in ("after", "second", "last", "behind", "next", "finally", "later", "third")
 
     def test(facts: SceneFacts, b: Binding) -> Result:
@@ -769,6 +771,23 @@ def _read_order(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
         return UNTESTED
 
     yield Claim("order", "second" if late else "first", (n,), subjects, test)
+
+
+@dataclass(frozen=True)
+class _OrdinalTest:
+    """Whether "the last one" is last, and "the first" first, where agents follow one another."""
+
+    word: str
+    index: int
+
+    def __call__(self, facts: SceneFacts, b: Binding) -> Result:
+        own = {n for n in b.get(self.index, ()) if isinstance(n, int)}
+        row = [e for e in facts.events if e.type == "follow"]
+        if self.word in ("last", "final") and own & {e.to for e in row}:
+            return Result(False, "another one follows it")
+        if self.word in ("lead", "leading") and own & {e.from_ for e in row}:
+            return Result(False, "it follows another one")
+        return Result(bool(own) or None, "a road user of its own")
 
 
 def _is_between_events(reader: ClaimReader, n: int) -> bool:

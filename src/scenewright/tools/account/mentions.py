@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -21,7 +22,7 @@ _VEHICLES = frozenset(
 _RIDES = frozenset({"on", "riding", "rides", "in", "driving", "drives", "of", "aboard", "rode", "drove"})
 _PLURALS = frozenset({"people", "men", "women", "children", "kids", "both", "peds", "folks"})
 _AT = frozenset({"on", "at", "over", "in", "across", "using"})
-_LINK = frozenset({"and", "or", "with", "plus"})
+_NAMED = re.compile(r"(v|veh|vehicle|p|ped|u)(\d)")
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class Mention:
     absent: bool = False
     label: str | None = None
     other: bool = False
+    definite: bool = False
     nouns: tuple[int, ...] = field(default=())
 
 
@@ -73,6 +75,9 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
 def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     """The mention whose noun phrase ends at the noun that begins at token n."""
     token = tokens[n]
+    if named := _NAMED.fullmatch(token.text):  # V1, ped2
+        kind = "pedestrian" if named[1].startswith("p") else "any" if named[1] == "u" else "vehicle"
+        return Mention(n, n, n + 1, frozenset({kind}), label=token.text, nouns=(n,))
     classes = frozenset(token.list_values("noun"))
     things = token.has("object.thing")
     if token.text == "unit" and not (n + 1 < len(tokens) and tokens[n + 1].number):
@@ -114,6 +119,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         or (start > 0 and tokens[start - 1].text in ("no", "without", "zero", "nor")),
         label=label,
         other="other" in words,
+        definite=bool(_DEFINITE & set(words)),
         nouns=tuple(range(n, stop)),
     )  # fmt: skip
 

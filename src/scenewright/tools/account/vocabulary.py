@@ -6,7 +6,6 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from itertools import chain
@@ -138,7 +137,7 @@ def load_vocabulary() -> Vocabulary:
         {k: frozenset(v) for k, v in stems.items()},
         frozenset(plain["function"]["words"]),
         max(map(len, (*exact, *stems))),
-        tuple(sorted(w for w in spelling if len(w) > 3)),
+        tuple(sorted(w for w in spelling | set(plain["function"]["words"]) if len(w) > 2)),
     )
 
 
@@ -197,12 +196,29 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
 def _mend_spelling(token: Token) -> Token:
     """A misspelt word with the stem of the one that it is taken for."""
     words = load_vocabulary()
-    if token.kind != "word" or len(token.text) < 4 or _is_known(token, words):
+    if token.kind != "word" or len(token.text) < 3 or _is_known(token, words):
         return token
-    near = get_close_matches(token.text, _list_alike(token.text[0]), n=1, cutoff=0.86)
-    if not near or abs(len(near[0]) - len(token.text)) > 1:
+    near = [w for w in _list_alike(len(token.text)) if _is_one_slip(token.text, w)]
+    if not near:
         return token
-    return Token(**{**token.__dict__, "stem": reduce_word(near[0]), "mended": near[0]})
+    best = min(near, key=lambda w: (w[0] != token.text[0], abs(len(w) - len(token.text)), w))
+    return Token(**{**token.__dict__, "text": best, "stem": reduce_word(best), "mended": best})
+
+
+def _is_one_slip(word: str, known: str) -> bool:
+    """Whether two letters are swapped, one is lost, doubled or put in; for long words, another one.
+
+    >>> _is_one_slip("yeilds", "yields"), _is_one_slip("bicicle", "bicycle"), _is_one_slip("cat", "car")
+    (True, True, False)
+    """
+    n = next((k for k, (a, b) in enumerate(zip(word, known, strict=False)) if a != b), None)
+    if n is None:
+        return abs(len(word) - len(known)) == 1 and len(known) > 3
+    if word[n + 1 :] == known[n:] or word[n:] == known[n + 1 :]:
+        return len(known) > 3 or known in load_vocabulary().function
+    if word[n : n + 2] == known[n : n + 2][::-1] and word[n + 2 :] == known[n + 2 :]:
+        return True
+    return len(known) > 5 and word[n + 1 :] == known[n + 1 :]
 
 
 def _is_known(token: Token, words: Vocabulary) -> bool:
@@ -217,5 +233,5 @@ def _list_single_stems() -> frozenset[str]:
 
 
 @cache
-def _list_alike(first: str) -> tuple[str, ...]:
-    return tuple(w for w in load_vocabulary().spelling if w.startswith(first))
+def _list_alike(length: int) -> tuple[str, ...]:
+    return tuple(w for w in load_vocabulary().spelling if abs(len(w) - length) <= 1)
