@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,14 +24,24 @@ from checker_tracks import (
 )
 from scenewright.errors import InputError
 from scenewright.graph.run import load_tracks, verify_tracks
+from scenewright.scene.events import Event
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.relation_checker import RoadUser, external_events, find_events
-from scenewright.tools.relation_checker.external_events import find_off_map, find_recorded_events
+from scenewright.tools.relation_checker.external_events import examine_recording, find_off_map
 from scenewright.tools.track_io import external_tracks
-from scenewright.tools.track_io.external_tracks import ExternalTracks, compute_headings, read_tracks
+from scenewright.tools.track_io.external_tracks import (
+    ExternalTracks,
+    compute_headings,
+    read_tracks,
+)
 
 TRAJNET = os.environ.get("SCENEWRIGHT_TRAJNET_FILE", "")
 """A TrajNet++ training file, such as biwi_hotel.ndjson."""
+
+
+def find_recorded_events(tracks: ExternalTracks, **options: Any) -> tuple[Event, ...]:
+    return examine_recording(tracks, **options).events
+
 
 HEADER = "t,id,class,x,y"
 CAR_ROWS = [f"{0.1 * k:.1f},7,car,{k},0" for k in range(5)]
@@ -108,6 +119,35 @@ def test_clock_times_are_counted_from_the_first_row() -> None:
     assert find_recorded_events(tracks)[0].time == pytest.approx(4.6775, abs=0.01)
 
 
+def test_a_contact_too_slow_for_a_collision_is_told() -> None:
+    # The front is 5.4 m off and comes on at 0.9 m/s; in 0.5 s more it is 0.45 m inside.
+    bump = distance(0.9, (0.0, 6.5))
+    users = [line(1, (-10.0, 0.0), EAST, bump), line(2, (0.0, 0.0), EAST, np.zeros(66))]
+    found = examine_recording(read_tracks(as_csv(users), name="a.csv"))
+    assert "collision" not in {event.type for event in found.events}
+    (contact,) = found.contacts
+    assert (contact.rule, contact.agents) == ("contact", (1, 2))
+    assert contact.time == pytest.approx(6.0, abs=0.01)
+    assert "touch at 6.0 s at 0.9 m/s" in contact.detail
+    assert "overlap by up to 0.45 m" in contact.detail
+
+
+def test_footprints_that_overlap_from_the_beginning_are_told() -> None:
+    users = [line(1, (0.0, 0.0), EAST, np.zeros(20)), line(2, (4.0, 0.0), EAST, np.zeros(20))]
+    (contact,) = examine_recording(read_tracks(as_csv(users), name="a.csv")).contacts
+    assert "overlap from the start" in contact.detail
+    assert "0.60 m" in contact.detail
+
+
+def test_events_of_foreign_tracks_say_what_would_have_avoided_them() -> None:
+    found = examine_recording(read_tracks(as_csv(crossing(0.0)), name="a.csv"))
+    assert [(row["agent"], row["avoidable"]) for row in found.avoidability] == [
+        (1, True),
+        (2, True),
+    ]
+    assert found.avoidability[0]["needed_braking"] == pytest.approx(0.98, abs=0.02)
+
+
 def test_windows_find_what_is_found_at_one_look(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = [yielding_car(), crossing_walker(), *crossing(1.0), *crossing(0.0)]
     users = [
@@ -117,11 +157,12 @@ def test_windows_find_what_is_found_at_one_look(monkeypatch: pytest.MonkeyPatch)
         for n, u in enumerate(pairs)
     ]
     tracks = read_tracks(as_csv(users), name="a.csv")
-    whole = find_recorded_events(tracks)
-    assert [e.type for e in whole] == ["yielding", "near_miss", "collision"]
+    whole = examine_recording(tracks)
+    assert [e.type for e in whole.events] == ["yielding", "near_miss", "collision"]
     monkeypatch.setattr(external_events, "MOST_PAIR_SAMPLES", 500)
     monkeypatch.setattr(external_events, "CONTEXT", 15.0)
-    assert find_recorded_events(tracks) == whole
+    parts = examine_recording(tracks)
+    assert (parts.events, parts.avoidability) == (whole.events, whole.avoidability)
 
 
 def test_too_many_at_once_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
