@@ -496,7 +496,10 @@ def test_verify_lists_the_events_of_foreign_tracks(run: Run, tracks: Path) -> No
     assert done.out.startswith("tracks.csv: 2 agents, 0.0 to 2.0 s every 0.1 s: 1 collision\n")
     row = next(line for line in done.out.splitlines() if "angle" in line)
     assert "1 (car)   2 (car)   0.7 s" in row
-    assert done.out.endswith("1 is red\n2 is blue\n")
+    assert done.out.endswith(
+        "1 is red\n2 is blue\n"
+        "1 and 2 at 0.7 s, to avoid it: 1 could not (no time), 2 could not (no time)\n"
+    )
 
 
 def test_verify_reports_to_machines_about_foreign_tracks(run: Run, tracks: Path) -> None:

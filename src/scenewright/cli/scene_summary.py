@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 from scenewright.cli.console import format_one_line
 from scenewright.scene.account import SaidRecord, SaidSpan, list_manner, list_unrealised
@@ -29,7 +30,16 @@ def summarize_scene(
     scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap
 ) -> list[str]:
     """The events, whether they are proven, and the other agents: a few lines."""
-    lines = [describe_event(event, scene, intersection_map) for event in proof.events]
+    names = {agent.id: format_one_line(agent.name, limit=40) for agent in scene.agents}
+    figures = proof.figures.get("avoidability", ())
+    lines = [
+        line
+        for event in proof.events
+        for line in (
+            describe_event(event, scene, intersection_map),
+            *describe_avoidability(event, figures, names),
+        )
+    ]
     if not lines and not scene.encounters:
         lines = ["nothing happens: no collision, near miss or yielding"]
     lines += _describe_unasked_runs(scene, proof)
@@ -81,6 +91,28 @@ def describe_event(event: Event, scene: SceneRecord, intersection_map: Intersect
         f"{event.time:.1f} s: {first} {VERBS[event.type]} {second}{kind}, "
         f"{place(event.location, intersection_map)}{gap}"
     )
+
+
+def describe_avoidability(
+    event: Event, rows: Sequence[Mapping[str, Any]], names: Mapping[int, str]
+) -> list[str]:
+    """What each party of an event would have needed to avoid it, in one line at most."""
+    parties = []
+    for row in rows:
+        key = (row["event"], row["time"], {row["agent"], row["other"]})
+        if key != (event.type, event.time, {event.from_, event.to}):
+            continue
+        name = names.get(row["agent"], f"agent {row['agent']}")
+        if not row["avoidable"]:
+            parties.append(f"{name} could not ({row['why_not']})")
+        elif row["after_reaction"] == 0.0:
+            parties.append(f"{name} at the speed it had at {row['visible_from']:.1f} s")
+        else:
+            parties.append(
+                f"{name} braking at {row['needed_braking']:.1f} m/s² from "
+                f"{row['visible_from']:.1f} s on ({row['after_reaction']:.1f} after 1 s)"
+            )
+    return [f"to avoid it: {', '.join(parties)}"] if parties else []
 
 
 def name_agent(agent: AgentRecord | None, number: int) -> str:

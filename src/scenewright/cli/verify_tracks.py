@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.cli.console import format_columns, format_one_line
+from scenewright.cli.scene_summary import describe_avoidability
 from scenewright.scene.events import Event, Finding
-from scenewright.tools.relation_checker.external_events import ExternalTracks
+from scenewright.tools.relation_checker.external_events import ExternalTracks, RecordedEvents
 
 _MEASURES = {
     "collision": (("relative speed", "relative_speed", "m/s"),),
@@ -26,6 +27,8 @@ _MEASURES = {
     ),
 }
 """The evidence that is shown by type of event; `--json` has all of it."""
+SHOWN = 12
+"""Contacts, and events with what would have avoided them, listed; `--json` has all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +36,13 @@ class CheckedTracks:
     """A file of tracks and what happens in it.
 
     Attributes:
-        findings: agents that are off the map, where a map was named.
+        off_map: agents that are off the map, where a map was named.
     """
 
     path: Path
     tracks: ExternalTracks
-    events: tuple[Event, ...]
-    findings: tuple[Finding, ...] = ()
+    found: RecordedEvents
+    off_map: tuple[Finding, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The object of `--json`: agents with their ids in the file, events, findings."""
@@ -48,8 +51,11 @@ class CheckedTracks:
             "step": self.tracks.step,
             "origin": self.tracks.origin,
             "agents": [_build_agent(self.tracks, k) for k in range(len(self.tracks.users))],
-            "events": [event.model_dump(mode="json", by_alias=True) for event in self.events],
-            "findings": [finding.model_dump(mode="json") for finding in self.findings],
+            "events": [event.model_dump(mode="json", by_alias=True) for event in self.found.events],
+            "avoidability": list(self.found.avoidability),
+            "findings": [
+                finding.model_dump(mode="json") for finding in (*self.found.contacts, *self.off_map)
+            ],
             "notes": list(self.tracks.notes),
         }
 
@@ -69,11 +75,11 @@ def check_tracks(path: Path, *, intersection: str | None) -> list[CheckedTracks]
 
 
 def _check_recording(path: Path, tracks: ExternalTracks, intersection: str | None) -> CheckedTracks:
-    from scenewright.graph.run import find_off_ground, verify_tracks
+    from scenewright.graph.run import examine_tracks, find_off_ground
 
-    events = verify_tracks(tracks, intersection=intersection)
-    findings = () if intersection is None else find_off_ground(tracks, intersection=intersection)
-    return CheckedTracks(path, tracks, events, findings)
+    found = examine_tracks(tracks, intersection=intersection)
+    off_map = () if intersection is None else find_off_ground(tracks, intersection=intersection)
+    return CheckedTracks(path, tracks, found, off_map)
 
 
 def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
@@ -91,20 +97,40 @@ def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
 
 
 def format_tracks_report(checked: CheckedTracks) -> str:
-    """What was read, a table of the events, then the ids of agents and those off the ground."""
+    """What was read, a table of the events, what would have avoided them, and what else is odd."""
     titles = ("event", "from", "to", "time", "place", "evidence")
-    rows = [_build_row(event, checked.tracks) for event in checked.events]
+    rows = [_build_row(event, checked.tracks) for event in checked.found.events]
     listed = format_columns(titles, rows, right={"time", "place"}) if rows else ""
-    below = [*_format_legend(checked), *(finding.detail for finding in checked.findings)]
+    avoided = [
+        f"{event.from_} and {event.to} at {event.time:.1f} s, {line}"
+        for event in checked.found.events
+        for line in describe_avoidability(
+            event, checked.found.avoidability, {n: str(n) for n in checked.tracks.names}
+        )
+    ]
+    contacts = [finding.detail for finding in checked.found.contacts]
+    below = [
+        *_format_legend(checked),
+        *_shorten(avoided),
+        *_shorten(contacts),
+        *(finding.detail for finding in checked.off_map),
+    ]
     return (
         _format_headline(checked) + listed + "".join(format_one_line(line) + "\n" for line in below)
     )
 
 
+def _shorten(lines: list[str]) -> list[str]:
+    more = len(lines) - SHOWN
+    return [*lines[:SHOWN], f"and {more} more"] if more > 0 else lines
+
+
 def _format_headline(checked: CheckedTracks) -> str:
     users, step = checked.tracks.users, checked.tracks.step
     start, end = min(u.track.start for u in users), max(u.track.end for u in users)
-    counts = Counter(event.type.replace("_", " ") for event in checked.events)
+    counts = Counter(event.type.replace("_", " ") for event in checked.found.events)
+    if checked.found.contacts:
+        counts["contact without a collision"] = len(checked.found.contacts)
     found = ", ".join(f"{n} {name}" for name, n in sorted(counts.items())) or "no events"
     agents = len(set(checked.tracks.names.values()))
     noun = "agent" if agents == 1 else "agents"
@@ -143,7 +169,8 @@ def _format_evidence(event: Event) -> str:
 def _format_legend(checked: CheckedTracks) -> list[str]:
     """The agents' ids behind the numbers of the table, where these are not the ids of the file."""
     tracks = checked.tracks
-    shown = {n for event in checked.events for n in (event.from_, event.to)}
+    shown = {n for event in checked.found.events for n in (event.from_, event.to)}
+    shown |= {n for finding in checked.found.contacts for n in finding.agents}
     starts = {user.id: user.track.start for user in tracks.users}
     several = Counter(tracks.names.values())
     return [

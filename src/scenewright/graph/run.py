@@ -56,8 +56,9 @@ from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.relation_checker.external_events import (
     ExternalTracks,
+    RecordedEvents,
+    examine_recording,
     find_off_map,
-    find_recorded_events,
 )
 from scenewright.tools.solver.select import Mode
 from scenewright.tools.track_io.external_tracks import (
@@ -263,9 +264,18 @@ def verify_tracks(
     Raises:
         InputError: unreadable (the line is named), or no such intersection.
     """
-    ground = None if intersection is None else load_map(intersection)
     tracks = path if isinstance(path, ExternalTracks) else load_tracks(path)
-    return find_recorded_events(tracks, intersection_map=ground)
+    return examine_tracks(tracks, intersection=intersection).events
+
+
+def examine_tracks(tracks: ExternalTracks, *, intersection: str | None = None) -> RecordedEvents:
+    """Events as of `verify_tracks`, contacts that are none, and what would have avoided them.
+
+    Raises:
+        InputError: no such intersection, or too many agents at once.
+    """
+    ground = None if intersection is None else load_map(intersection)
+    return examine_recording(tracks, intersection_map=ground)
 
 
 def find_off_ground(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding, ...]:

@@ -253,6 +253,17 @@ def test_tracks_of_any_csv_are_read_by_naming_its_columns(tmp_path, ways):
         read_track_files([odd], columns=columns | {"x": "nope"})
 
 
+def test_decimal_commas_of_any_csv_are_read(tmp_path, ways):
+    rows = drives(ways, count=2)
+    points, commas = tmp_path / "a.csv", tmp_path / "b.csv"
+    text = write_csv(points, rows).read_text()
+    commas.write_text(text.replace(",", ";").replace(".", ","))
+    for one, other in zip(
+        read_track_files([points])[0].tracks, read_track_files([commas])[0].tracks, strict=True
+    ):
+        assert np.array_equal(one[1].xy, other[1].xy)
+
+
 def test_classes_have_the_same_synonyms_as_in_verified_tracks(tmp_path, ways):
     rows = [(t, n, "Passenger-Car", x, y) for t, n, _, x, y in drives(ways, count=2)]
     [file] = read_track_files([write_csv(tmp_path / "a.csv", rows)])
@@ -309,6 +320,8 @@ def test_ind_style_trajnet_and_fcd_say_the_same(tmp_path, ways):
         ("a.csv", "t,id,class,x,y\n0,1,dragon,2,3\n", "line 2: class 'dragon'"),
         ("a.csv", "t,id,class,x,y\n0,1,car,two,3\n", "line 2"),
         ("a.csv", "t,id,class,x,y\n0,1,car,inf,3\n", "finite"),
+        ("a.csv", "t,id,class,x,y\n0,5,1,car,2,5,3,5\n", "line 2: more cells than .* semicolon"),
+        ("a.csv", 't;id;class;x;y\n0.5;1;car;"1,5";3\n', "line 2: t, x and y are numbers"),
         ("a.ndjson", "{\n", "line 1"),
         ("fcd.xml", "<fcd-export><timestep time='0'>", "well-formed"),
         ("fcd.xml", "<!DOCTYPE x [<!ENTITY a 'b'>]><fcd-export/>", "document type"),

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,14 +24,25 @@ from checker_tracks import (
 )
 from scenewright.errors import InputError
 from scenewright.graph.run import load_tracks, verify_tracks
+from scenewright.scene.events import Event
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.relation_checker import RoadUser, external_events, find_events
-from scenewright.tools.relation_checker.external_events import find_off_map, find_recorded_events
+from scenewright.tools.relation_checker.external_events import examine_recording, find_off_map
 from scenewright.tools.track_io import external_tracks
-from scenewright.tools.track_io.external_tracks import ExternalTracks, compute_headings, read_tracks
+from scenewright.tools.track_io.external_tracks import (
+    ExternalTracks,
+    compute_headings,
+    read_external_recordings,
+    read_tracks,
+)
 
 TRAJNET = os.environ.get("SCENEWRIGHT_TRAJNET_FILE", "")
 """A TrajNet++ training file, such as biwi_hotel.ndjson."""
+
+
+def find_recorded_events(tracks: ExternalTracks, **options: Any) -> tuple[Event, ...]:
+    return examine_recording(tracks, **options).events
+
 
 HEADER = "t,id,class,x,y"
 CAR_ROWS = [f"{0.1 * k:.1f},7,car,{k},0" for k in range(5)]
@@ -108,6 +120,35 @@ def test_clock_times_are_counted_from_the_first_row() -> None:
     assert find_recorded_events(tracks)[0].time == pytest.approx(4.6775, abs=0.01)
 
 
+def test_a_contact_too_slow_for_a_collision_is_told() -> None:
+    # The front is 5.4 m off and comes on at 0.9 m/s; in 0.5 s more it is 0.45 m inside.
+    bump = distance(0.9, (0.0, 6.5))
+    users = [line(1, (-10.0, 0.0), EAST, bump), line(2, (0.0, 0.0), EAST, np.zeros(66))]
+    found = examine_recording(read_tracks(as_csv(users), name="a.csv"))
+    assert "collision" not in {event.type for event in found.events}
+    (contact,) = found.contacts
+    assert (contact.rule, contact.agents) == ("contact", (1, 2))
+    assert contact.time == pytest.approx(6.0, abs=0.01)
+    assert "touch at 6.0 s at 0.9 m/s" in contact.detail
+    assert "overlap by up to 0.45 m" in contact.detail
+
+
+def test_footprints_that_overlap_from_the_beginning_are_told() -> None:
+    users = [line(1, (0.0, 0.0), EAST, np.zeros(20)), line(2, (4.0, 0.0), EAST, np.zeros(20))]
+    (contact,) = examine_recording(read_tracks(as_csv(users), name="a.csv")).contacts
+    assert "overlap from the start" in contact.detail
+    assert "0.60 m" in contact.detail
+
+
+def test_events_of_foreign_tracks_say_what_would_have_avoided_them() -> None:
+    found = examine_recording(read_tracks(as_csv(crossing(0.0)), name="a.csv"))
+    assert [(row["agent"], row["avoidable"]) for row in found.avoidability] == [
+        (1, True),
+        (2, True),
+    ]
+    assert found.avoidability[0]["needed_braking"] == pytest.approx(0.98, abs=0.02)
+
+
 def test_windows_find_what_is_found_at_one_look(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = [yielding_car(), crossing_walker(), *crossing(1.0), *crossing(0.0)]
     users = [
@@ -117,11 +158,12 @@ def test_windows_find_what_is_found_at_one_look(monkeypatch: pytest.MonkeyPatch)
         for n, u in enumerate(pairs)
     ]
     tracks = read_tracks(as_csv(users), name="a.csv")
-    whole = find_recorded_events(tracks)
-    assert [e.type for e in whole] == ["yielding", "near_miss", "collision"]
+    whole = examine_recording(tracks)
+    assert [e.type for e in whole.events] == ["yielding", "near_miss", "collision"]
     monkeypatch.setattr(external_events, "MOST_PAIR_SAMPLES", 500)
     monkeypatch.setattr(external_events, "CONTEXT", 15.0)
-    assert find_recorded_events(tracks) == whole
+    parts = examine_recording(tracks)
+    assert (parts.events, parts.avoidability) == (whole.events, whole.avoidability)
 
 
 def test_too_many_at_once_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,6 +226,101 @@ def test_a_gap_makes_two_agents_that_do_not_meet() -> None:
     assert tracks.names == {7: "7", 8: "7"}
     assert "gaps" in tracks.notes[0]
     assert find_recorded_events(tracks) == ()
+
+
+def drive(x: float, *, who: str = "a", at: float = 0.0, steps: int = 50) -> list[str]:
+    """Rows of a car that goes east at 10 m/s."""
+    return [f"{at + 0.1 * k:.1f},{who},car,{x + k:.3f},0" for k in range(steps)]
+
+
+def test_a_switched_id_is_told_and_never_a_collision() -> None:
+    stands = [f"{0.1 * k:.1f},b,car,5,0" for k in range(100)]
+    tracks = csv_of(*drive(-50.0), *drive(11.0, at=5.0), *stands)
+    starts = [(tracks.names[u.id], round(u.track.start, 3), len(u.track.xy)) for u in tracks.users]
+    assert starts == [("a", 0.0, 50), ("a", 5.0, 50), ("b", 0.0, 100)]
+    assert "tracks are cut where id a jumps 12 m at 5.0 s (120 m/s)" in tracks.notes
+    found = examine_recording(tracks)
+    assert {event.type for event in found.events} <= {"follow"}
+    assert found.contacts == ()
+
+
+def test_a_sample_elsewhere_is_left_out() -> None:
+    rows = drive(0.0)
+    rows[20] = "2.0,a,car,20,9"
+    tracks = csv_of(*rows)
+    assert [len(user.track.xy) for user in tracks.users] == [20, 29]
+    assert "id a jumps 9.06 m at 2.0 s" in tracks.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "x", "jumps"),
+    [
+        ("car", [2.0 * k for k in range(9)] + [16.0] * 9, False),  # it crashes into a wall
+        ("pedestrian", [0.14 * k for k in range(9)] + [1.12 + 0.9 * k for k in range(1, 9)], False),
+        ("car", [0.05 * k * k for k in range(30)], False),  # 10 m/s^2
+        ("pedestrian", [0.14 * k for k in range(9)] + [3.0 + 0.14 * k for k in range(9)], True),
+        ("car", [1.0 * k for k in range(9)] + [12.0 + k for k in range(9)], True),
+        ("car", [1.0 * k for k in range(9)] + [16.0], True),  # the last sample
+    ],
+)
+def test_jumps_are_told_from_motion(kind: str, x: list[float], jumps: bool) -> None:
+    tracks = csv_of(*(f"{0.1 * k:.1f},1,{kind},{each:.3f},0" for k, each in enumerate(x)))
+    assert any("jumps" in note for note in tracks.notes) == jumps
+    assert len(tracks.users) == 1 + (jumps and x[-1] != 16.0)
+
+
+def ride(*, walks: int = 0) -> list[tuple[float, str, str, float, float]]:
+    """A bus that goes east, one who walked to it and rides in it, and one who walks beside it."""
+    rows = []
+    for k in range(80):
+        x = max(k - 20, 0)
+        rows += [(0.1 * k, "bus0", "bus", x, 0.0), (0.1 * k, "on foot", "person", 0.3 * k, 3.0)]
+        on_foot = (20 - k) * 0.14
+        place = (4.0, 1.0 + on_foot) if k < walks else (4.0 + x, 1.0)
+        rows.append((0.1 * k, "rider", "person", *place))
+    return rows
+
+
+def test_a_passenger_is_no_pedestrian() -> None:
+    tracks = csv_of(*(f"{t:.1f},{who},{kind},{x:.3f},{y:.3f}" for t, who, kind, x, y in ride()))
+    assert sorted(tracks.names.values()) == ["bus0", "on foot"]
+    assert "passengers, left out: rider in bus0" in tracks.notes
+    assert examine_recording(tracks).contacts == ()
+
+
+def test_who_walked_to_a_vehicle_is_a_pedestrian_until_then() -> None:
+    rows = ride(walks=20)
+    tracks = csv_of(*(f"{t:.1f},{who},{kind},{x:.3f},{y:.3f}" for t, who, kind, x, y in rows))
+    (rider,) = (user for user in tracks.users if tracks.names[user.id] == "rider")
+    assert rider.track.end < 2.1
+    assert "passengers, left out: rider in bus0" in tracks.notes
+
+
+@pytest.mark.parametrize("names_vehicle", [True, False])
+def test_a_person_in_a_sumo_vehicle_is_no_pedestrian(names_vehicle: bool) -> None:
+    inside = ' vehicle="bus0"' if names_vehicle else ""
+    steps = "".join(
+        f'<timestep time="{k / 10}">'
+        f'<vehicle id="bus0" x="{k}" y="0" angle="90" type="bus"/>'
+        f'<person id="rider" x="{k}" y="0" angle="90"{inside}/>'
+        f'<vehicle id="car1" x="30" y="{k - 49}" angle="0" type="passenger"/></timestep>'
+        for k in range(80)
+    )
+    data = f"<fcd-export>{steps}</fcd-export>".encode()
+    tracks = read_external_recordings(data, name="fcd.xml")[""]
+    assert sorted(tracks.names.values()) == ["vehicle bus0", "vehicle car1"]
+    assert "passengers, left out: person rider in vehicle bus0" in tracks.notes
+    (event,) = find_recorded_events(tracks)
+    assert event.type == "near_miss"
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read(separator: str) -> None:
+    rows = [separator.join((f"{k / 10}", "7", "car", f"{k / 2}", "-1.25")) for k in range(5)]
+    text = "\n".join((HEADER.replace(",", separator), *rows)).replace(".", ",")
+    track = read_tracks(text.encode(), name="a.csv").users[0].track
+    assert track.xy.tolist() == [[k / 2, -1.25] for k in range(5)]
+    assert csv_of('0,7,car,"3,5",0').users[0].track.xy.tolist() == [[3.5, 0.0]]
 
 
 def test_times_rounded_to_milliseconds_are_even() -> None:
@@ -271,7 +408,10 @@ BAD_CSV = {
         "id 2 do not keep the file's step of 0.1",
     ),
     "milliseconds": (["0,7,car,0,0", "100,7,car,1,0"], "t must be seconds"),
-    "jump": ([*CAR_ROWS, "0.5,7,car,900,0"], "line 7: id 7 jumps 896 m"),
+    "jumps": ([f"{k / 10},7,car,{50 * k},0" for k in range(9)], "line 3: id 7 jumps 50 m"),
+    "decimal commas between commas": (["0,0,7,car,3,5,0,0"], "8 cells under 5 .* semicolon"),
+    "both decimal signs": (['0.5,7,car,"1,5",0'], "x is '1,5', although others have a decimal '.'"),
+    "thousands": (['0,7,car,"1,234.5",0'], "x is '1,234.5', not a number"),
     "too far": (["0,7,car,1e300,0"], "line 2: x = 1e"),
     "no rows": ([], "holds no tracks"),
     "open quote": (['0,7,"car,0,0'], "mend the quotes"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.events import Event, Finding
+from scenewright.tools.relation_checker.collisions import measure_impact
 from scenewright.tools.relation_checker.contact import PairGrid, compute_gaps_at
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.following import LaneGaps
@@ -54,7 +55,7 @@ def check_interference(
     return (
         *(_report_unasked(e) for k, e in enumerate(observed.events)
           if k not in expected and not is_incidental(e, roles)),
-        *_check_contacts(observed),
+        *find_contacts(observed),
         *_check_clearances(observed, roles),
         *_check_encroachments(observed, roles),
         *(f for lane in observed.lanes for f in _check_queueing(lane, observed.tracks, roles)),
@@ -84,16 +85,24 @@ def _report_unasked(event: Event) -> Finding:
     )  # fmt: skip
 
 
-def _check_contacts(observed: SceneObservation) -> Iterator[Finding]:
+def find_contacts(observed: SceneObservation) -> Iterator[Finding]:
     """Contacts that are no collision: at spawn, or slower than 1 m/s."""
     collided = {frozenset((e.from_, e.to)) for e in observed.events if e.type == "collision"}
     for row, contact in observed.near.contacts.items():
-        ids = tuple(observed.tracks[k].id for k in observed.grid.pairs[row])
-        if frozenset(ids) not in collided:
-            how = "overlap from the start" if contact.initial else "touch"
+        first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
+        if frozenset((first.id, second.id)) not in collided:
+            how, speed = "overlap from the start", ""
+            if not contact.initial:
+                hit = measure_impact(first, second, time=contact.time)
+                how = "touch"
+                speed = f" at {hit.relative_speed:.1f} m/s, too slowly for a collision"
+            overlap = max(-float(observed.near.least[row]), 0.0)
+            deep = f"; they overlap by up to {overlap:.2f} m" if overlap >= 0.01 else ""
             yield Finding(
-                rule="contact", agents=ids, time=round(contact.time, 3), measured=0.0,
-                detail=f"agents {ids[0]} and {ids[1]} {how} at {contact.time:.1f} s",
+                rule="contact", agents=(first.id, second.id), time=round(contact.time, 3),
+                measured=0.0,
+                detail=f"agents {first.id} and {second.id} {how} at {contact.time:.1f} s"
+                f"{speed}{deep}",
             )  # fmt: skip
 
 

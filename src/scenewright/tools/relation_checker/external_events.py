@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +19,12 @@ from scenewright.errors import InputError
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, Track
+from scenewright.tools.relation_checker.avoidability import find_avoidability
+from scenewright.tools.relation_checker.certificate import find_contacts
 from scenewright.tools.relation_checker.contact import find_near_pairs
-from scenewright.tools.relation_checker.events import find_events
+from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.plausibility import check_ground
+from scenewright.tools.relation_checker.reactions import Sights
 from scenewright.tools.relation_checker.trajectory import RoadUser, build_trajectories
 
 CONTEXT = 30.0
@@ -29,6 +33,8 @@ SHORTEST = 5.0
 MOST_PAIR_SAMPLES = 15_000_000
 """Pairs times samples that are looked at in one go, some 70 bytes each."""
 MOST_FORCED = 10 * MOST_PAIR_SAMPLES
+MOST_AVOIDED = 200
+"""Of so many events in one look it is measured what would have avoided them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,24 +63,41 @@ class ExternalTracks:
         return frozenset(n for n, name in self.names.items() if str(n) != name)
 
 
-def find_recorded_events(
+@dataclass(frozen=True, eq=False)
+class RecordedEvents:
+    """What happens in a recording.
+
+    Attributes:
+        events: in order of time.
+        contacts: footprints that touch or overlap without a collision.
+        avoidability: of the collisions and near misses, see `find_avoidability`; without those of
+            a look at more than `MOST_AVOIDED` events.
+    """
+
+    events: tuple[Event, ...] = ()
+    contacts: tuple[Finding, ...] = ()
+    avoidability: tuple[dict[str, Any], ...] = ()
+
+
+def examine_recording(
     tracks: ExternalTracks, *, intersection_map: IntersectionMap | None = None
-) -> tuple[Event, ...]:
-    """Every event in a recording, in order of time; none between two stretches of one track.
+) -> RecordedEvents:
+    """Everything that happens in a recording; nothing between two stretches of one track.
 
     A follow that goes on for more than `CONTEXT` seconds after its window ends is cut there.
 
     Raises:
         InputError: too many agents at once.
     """
-    users, names = tracks.users, tracks.names
-    begin = min((u.track.start for u in users), default=0.0)
-    end = max((u.track.end for u in users), default=0.0) + 1.0
-    if _fits(users):
-        found: Sequence[Event] = find_events(users, intersection_map=intersection_map)
-    else:
-        found = _search_windows(users, begin, end, intersection_map, until=end - 1.0)
-    return tuple(e for e in found if names[e.from_] != names[e.to])
+    if not tracks.users:
+        return RecordedEvents()
+    if count_pair_samples(tracks.users) <= MOST_PAIR_SAMPLES:
+        search = _RecordingSearch(tracks.names, intersection_map)
+        return search.look(tracks.users, -math.inf, math.inf)
+    begin = min(u.track.start for u in tracks.users)
+    end = max(u.track.end for u in tracks.users)
+    search = _RecordingSearch(tracks.names, intersection_map, end)
+    return search.search_windows(tracks.users, begin, end + 1.0)
 
 
 def find_off_map(tracks: ExternalTracks, intersection_map: IntersectionMap) -> tuple[Finding, ...]:
@@ -90,10 +113,6 @@ def count_pair_samples(users: Sequence[RoadUser]) -> float:
     return len(users) * (len(users) - 1) / 2 * (span / STEP + 1)
 
 
-def _fits(users: Sequence[RoadUser]) -> bool:
-    return count_pair_samples(users) <= MOST_PAIR_SAMPLES
-
-
 def _count_near_pair_samples(users: Sequence[RoadUser]) -> float:
     """Those of the pairs that may have to do with one another, while both are there."""
     spans = np.array([(u.track.start, u.track.end) for u in users])
@@ -104,46 +123,56 @@ def _count_near_pair_samples(users: Sequence[RoadUser]) -> float:
     return float((np.maximum(together / STEP, 0.0) + 1.0).sum())
 
 
-def _search_windows(
-    users: Sequence[RoadUser],
-    begin: float,
-    end: float,
-    intersection_map: IntersectionMap | None,
-    *,
-    until: float,
-) -> list[Event]:
-    """Events from begin to end [s], by halves until they fit; the recording ends at `until`."""
-    present = _clip_tracks(users, begin - CONTEXT, end + CONTEXT)
-    if len(present) < 2:
-        return []
-    if _count_near_pair_samples(present) <= MOST_PAIR_SAMPLES:
-        seen = find_events(present, intersection_map=intersection_map, until=until)
-        return [e for e in seen if begin <= e.time < end]
-    if end - begin <= 2 * SHORTEST:
-        return _search_shortest_window(present, begin, end, intersection_map, until=until)
-    middle = STEP * round((begin + end) / 2 / STEP)
-    return [
-        event
-        for a, b in ((begin, middle), (middle, end))
-        for event in _search_windows(users, a, b, intersection_map, until=until)
-    ]
+@dataclass(frozen=True, eq=False)
+class _RecordingSearch:
+    """Looks for what happens in a recording that ends at a time, `until` [s], or with its users."""
 
+    names: Mapping[int, str]
+    intersection_map: IntersectionMap | None
+    until: float | None = None
 
-def _search_shortest_window(
-    users: Sequence[RoadUser],
-    begin: float,
-    end: float,
-    intersection_map: IntersectionMap | None,
-    *,
-    until: float,
-) -> list[Event]:
-    if _count_near_pair_samples(users) > MOST_FORCED:
-        raise InputError(
-            f"{len(users)} agents around {begin:.0f} s are too many at once; "
-            "check the tracks of a smaller area"
+    def search_windows(self, users: Sequence[RoadUser], begin: float, end: float) -> RecordedEvents:
+        """What happens from begin to end [s], by halves until they fit."""
+        present = _clip_tracks(users, begin - CONTEXT, end + CONTEXT)
+        if len(present) < 2:
+            return RecordedEvents()
+        size = _count_near_pair_samples(present)
+        if size <= MOST_PAIR_SAMPLES or (end - begin <= 2 * SHORTEST and size <= MOST_FORCED):
+            return self.look(present, begin, end)
+        if end - begin <= 2 * SHORTEST:
+            raise InputError(
+                f"{len(present)} agents around {begin:.0f} s are too many at once; "
+                "check the tracks of a smaller area"
+            )
+        middle = STEP * round((begin + end) / 2 / STEP)
+        one, two = (self.search_windows(users, *span) for span in ((begin, middle), (middle, end)))
+        return RecordedEvents(
+            one.events + two.events,
+            one.contacts + two.contacts,
+            one.avoidability + two.avoidability,
         )
-    seen = find_events(users, intersection_map=intersection_map, until=until)
-    return [e for e in seen if begin <= e.time < end]
+
+    def look(self, users: Sequence[RoadUser], begin: float, end: float) -> RecordedEvents:
+        """What happens from begin to end [s] among these users, all at once."""
+        observed = observe(
+            users, intersection_map=self.intersection_map, until=self.until, near_only=True
+        )
+        events = tuple(
+            e
+            for e in observed.events
+            if begin <= e.time < end and self.names[e.from_] != self.names[e.to]
+        )
+        contacts = tuple(
+            each
+            for each in find_contacts(observed)
+            if begin <= (each.time or 0.0) < end and len({self.names[n] for n in each.agents}) > 1
+        )
+        left_hand = self.intersection_map is not None and self.intersection_map.left_hand_traffic
+        harmful = [e for e in events if e.type in ("collision", "near_miss")]
+        if len(harmful) > MOST_AVOIDED:
+            harmful = []
+        avoided = find_avoidability(harmful, Sights((), observed.tracks, left_hand))
+        return RecordedEvents(events, contacts, tuple(avoided))
 
 
 def _clip_tracks(users: Sequence[RoadUser], begin: float, end: float) -> list[RoadUser]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import find_common_times
@@ -79,14 +80,13 @@ def find_reactions(
         `reacted_at` [s], `how` and `strength` [m/s^2], or `why_not`.
     """
     tracks = {track.id: track for track in observed.tracks}
+    sights = Sights(scene.objects, observed.tracks, left_hand)
     pushed = list_pushed(scene.relations)
     excluded = {each.id for each in scene.agents if each.reaction == "none"}
     rows = []
     for event in events:
         for agent, other in _list_threatened(event):
-            others = [t for t in observed.tracks if t.id not in (agent, other) and _blocks(t)]
-            blocked = _Sight(scene, others, left_hand)
-            row = _measure(tracks[agent], tracks[other], event, blocked)
+            row = _measure(sights.perceive(tracks[agent], tracks[other], event.time), event)
             if agent in pushed and event.from_ == agent:
                 row = {"why_not": "is pushed into it"}
             if agent in excluded and "reacted_at" not in row and "perceptible_from" in row:
@@ -107,48 +107,65 @@ def _list_threatened(event: Event) -> list[tuple[int, int]]:
     return both[:1] if late or ran else []
 
 
-def _blocks(track: Trajectory) -> bool:
-    return track.type == "vehicle"
+@dataclass(frozen=True, eq=False)
+class Perception:
+    """What an agent can perceive of another in the 6 s before an event.
+
+    Attributes:
+        times: [T] at which both are there [s].
+        near: [T] whether their path TTC is below 3 s; seen: [T] whether the line of sight is free;
+            ahead: [T] whether the other is not behind the agent's seat.
+    """
+
+    agent: Trajectory
+    times: FloatArray
+    near: BoolArray
+    seen: BoolArray
+    ahead: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
-class _Sight:
-    """What may block a line of sight."""
+class Sights:
+    """Lines of sight between agents, past standing objects and other vehicles."""
 
-    scene: SceneRecord
-    vehicles: list[Trajectory]
-    left_hand: bool
+    objects: Sequence[ObjectRecord]
+    tracks: Sequence[Trajectory]
+    left_hand: bool = False
 
-    def is_free(self, observer: Trajectory, subject: Trajectory, times: FloatArray) -> BoolArray:
-        """[T] whether the observer sees the subject, which is not behind it."""
+    def perceive(self, agent: Trajectory, other: Trajectory, until: float) -> Perception:
+        """What the agent can perceive of the other up to a time [s]."""
+        common = find_common_times(agent, other)
+        times = common[(common >= until - LOOK_BACK) & (common <= until + 1e-6)]
+        vehicles = [
+            each
+            for each in self.tracks
+            if each.type == "vehicle" and each is not agent and each is not other
+            and len(times) and each.start <= times[-1] and each.end >= times[0]
+        ]  # fmt: skip
         blocked = find_blocked_views(
-            observer, subject, times, objects=self.scene.objects, vehicles=self.vehicles,
-            left_hand=self.left_hand,
-        )  # fmt: skip
-        return np.asarray(~blocked)
+            agent, other, times, objects=self.objects, vehicles=vehicles, left_hand=self.left_hand
+        )
+        near = np.asarray(compute_path_ttc(agent, other, times=times, horizon=NEAR) < NEAR)
+        return Perception(agent, times, near, ~blocked, ~_is_behind(agent, other, times))
 
 
-def _measure(agent: Trajectory, other: Trajectory, event: Event, sight: _Sight) -> dict[str, Any]:
+def _measure(view: Perception, event: Event) -> dict[str, Any]:
     """The part of a row that says what was perceptible and what was done."""
-    common = find_common_times(agent, other)
-    times = common[(common >= event.time - LOOK_BACK) & (common <= event.time + 1e-6)]
+    agent, times, near = view.agent, view.times, view.near
     if not len(times):
         return {"why_not": "not there"}
-    near = np.asarray(compute_path_ttc(agent, other, times=times, horizon=NEAR) < NEAR)
     if not near.any():
         return {"why_not": "no conflict on present courses"}
-    seen = sight.is_free(agent, other, times)
-    ahead = ~_is_behind(agent, other, times)
-    begin = _find_first_lasting(near & seen & ahead)
+    begin = find_first_lasting(near & view.seen & view.ahead)
     if begin is None:
-        if _find_first_lasting(near & seen) is not None:
+        if find_first_lasting(near & view.seen) is not None:
             return {"why_not": "comes from behind"}
-        hidden = _find_first_lasting(near) is not None
+        hidden = find_first_lasting(near) is not None
         return {"why_not": "no line of sight" if hidden else "too late"}
     known = {"perceptible_from": round(float(times[begin]), 3)}
     if event.type == "yielding":
         return known | _describe_giving_way(event)
-    ends = _find_last(near & seen & ahead, begin)
+    ends = _find_last(near & view.seen & view.ahead, begin)
     lasts = float(times[min(ends + 1, len(times) - 1)] - times[begin])
     found = _find_reaction(agent, float(times[begin]), event)
     if found is not None:
@@ -183,7 +200,7 @@ def _is_behind(agent: Trajectory, other: Trajectory, times: FloatArray) -> BoolA
     return np.asarray(np.abs(np.angle(np.exp(1j * bearing))) > BEHIND)
 
 
-def _find_first_lasting(holds: BoolArray) -> int | None:
+def find_first_lasting(holds: BoolArray) -> int | None:
     """First sample from which something holds for 0.3 s; None if it never does."""
     need = round(LASTS / STEP) + 1
     run = 0

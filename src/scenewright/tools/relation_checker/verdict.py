@@ -17,6 +17,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
 from scenewright.tools.relation_checker.account import check_account
+from scenewright.tools.relation_checker.avoidability import find_avoidability
 from scenewright.tools.relation_checker.behavior_labels import find_false_behavior
 from scenewright.tools.relation_checker.certificate import (
     AgentRoles,
@@ -66,7 +67,11 @@ from scenewright.tools.relation_checker.pushes import (
     list_chained,
     list_pushed,
 )
-from scenewright.tools.relation_checker.reactions import find_false_reactions, find_reactions
+from scenewright.tools.relation_checker.reactions import (
+    Sights,
+    find_false_reactions,
+    find_reactions,
+)
 from scenewright.tools.relation_checker.signals import check_signal_plan
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
 
@@ -145,7 +150,15 @@ def _build_proof(
     left_hand = intersection_map is not None and intersection_map.left_hand_traffic
     sights, unhidden = check_sights(scene, matching, observed, left_hand=left_hand)
     encounters, unmet = check_encounters(scene, observed)
-    reactions = _find_reactions(scene, matching, observed, left_hand=left_hand)
+    rules = scene.meta.rules is not None
+    reactions = (
+        find_reactions(scene, matching, observed, left_hand=left_hand)
+        if rules or any(agent.reaction for agent in scene.agents)
+        else []
+    )
+    pushed = list_pushed(scene.relations)
+    views = Sights(scene.objects, observed.tracks, left_hand)
+    avoidability = find_avoidability(matching, views, pushed=pushed) if rules else []
     said, unsaid = check_account(
         scene, observed.events, observed, intersection_map, sights=sights, reactions=reactions,
         encounters=encounters,
@@ -173,7 +186,7 @@ def _build_proof(
     )
     unasked = (
         *check_interference(observed, roles, expected=matched),
-        *check_wrecks(observed, until=scene.meta.duration, pushed=list_pushed(scene.relations)),
+        *check_wrecks(observed, until=scene.meta.duration, pushed=pushed),
         *check_contacts(scene.objects, observed.tracks, asked=list_asked_hits(scene)),
     )
     motion = (
@@ -191,16 +204,9 @@ def _build_proof(
         figures=_collect_figures(scene, observed, intersection_map)
         | ({"first_visible": sights} if sights else {})
         | ({"encounters": encounters} if encounters else {})
-        | ({"reactions": reactions} if reactions else {}),
+        | ({"reactions": reactions} if reactions else {})
+        | ({"avoidability": avoidability} if avoidability else {}),
     )  # fmt: skip
-
-
-def _find_reactions(
-    scene: SceneRecord, events: Sequence[Event], observed: SceneObservation, *, left_hand: bool
-) -> list[dict[str, Any]]:
-    """What was measured of reactions; nothing of scenes that were made without any."""
-    asked = scene.meta.rules is not None or any(a.reaction for a in scene.agents)
-    return find_reactions(scene, events, observed, left_hand=left_hand) if asked else []
 
 
 def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:

@@ -12,7 +12,6 @@ import io
 import json
 import math
 from array import array
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -33,6 +32,8 @@ from scenewright.scene.track import (
 )
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
+from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
+from scenewright.tools.track_io.passengers import describe_rides, leave_out_passengers
 from scenewright.tools.track_io.sampled_recording import SampledRecording
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.subtypes import find_subtype
@@ -45,8 +46,14 @@ LONGEST_STEP, SHORTEST_STEP = 2.0, 0.001
 """Time between two rows of one agent [s]; beyond this, t is not in seconds."""
 JITTER = 0.25
 """How far a row may lie from its even time, as a share of the step."""
-FASTEST = 150.0
-"""Faster than this [m/s] nothing on a road is: the unit, or the id, must be wrong."""
+JUMPS = {
+    "vehicle": (90.0, 15.0, 2.0),
+    "pedestrian": (14.0, 5.0, 1.0),
+    "cyclist": (40.0, 10.0, 1.0),
+    "scooter": (30.0, 10.0, 1.0),
+}
+"""Speed [m/s], acceleration [m/s^2] and noise of positions [m] that are possible; a step beyond
+them leads to another agent, whose id was switched."""
 LATEST = 1e10
 FAR_FROM_ZERO = 1e5
 """Times further from 0 than a day or so [s] are clock times and counted from the first row."""
@@ -94,12 +101,18 @@ class _Table:
     Attributes:
         name: of the file; clock: what the file calls its time, `t` or `f`.
         unit: what an agent's rows are counted in.
+        gapped: agents with a gap; jumps: where ids were switched, in words; rides: who rides in
+            which vehicle.
     """
 
     name: str
     clock: str = "t"
     unit: str = "line"
     agents: dict[str, _AgentRows] = field(default_factory=dict)
+    decimals: DecimalReader = field(default_factory=DecimalReader)
+    gapped: list[str] = field(default_factory=list)
+    jumps: list[str] = field(default_factory=list)
+    rides: dict[str, str] = field(default_factory=dict)
 
     def refuse(self, line: int, reason: str) -> NoReturn:
         raise InputError(f"{self.name}, {self.unit} {line}: {reason}")
@@ -221,8 +234,9 @@ def describe_too_large(name: str, size: int) -> str:
 def read_csv(text: str, *, name: str) -> ExternalTracks:
     """Tracks from a table with the columns t, id, class, x, y and perhaps heading, length, width.
 
-    Seconds, metres, radians. Columns may stand in any order, further ones are ignored; they are
-    separated by commas, semicolons or tabs. The rows of one agent are in order of time.
+    Seconds, metres, radians, with a decimal point or comma. Columns may stand in any order, further
+    ones are ignored; they are separated by commas, semicolons or tabs. The rows of one agent are in
+    order of time.
 
     Raises:
         InputError: names the line and what to mend.
@@ -233,7 +247,8 @@ def read_csv(text: str, *, name: str) -> ExternalTracks:
     columns = _find_columns(header, first, table)
     for line, cells in rows:
         if len(cells) != len(header):
-            table.refuse(line, f"{len(cells)} cells under {len(header)} columns")
+            hint = f"; {SEPARATE}" if len(cells) > len(header) else ""
+            table.refuse(line, f"{len(cells)} cells under {len(header)} columns{hint}")
         row = {column: cells[k].strip() for column, k in columns.items()}
         agent, subtype = (
             _check_id(row["id"], line, table),
@@ -294,11 +309,9 @@ def _parse_values(row: Mapping[str, str], line: int, table: _Table) -> dict[str,
 
 def _parse_number(cell: str, column: str, line: int, table: _Table) -> float:
     try:
-        if "_" in cell:
-            raise ValueError(cell)
-        return float(cell)
-    except ValueError:
-        what = f"{_crop(cell)!r}, not a number" if cell else "empty; it needs a number"
+        return table.decimals.parse(cell)
+    except ValueError as reason:
+        what = f"{_crop(cell)!r}, {reason}" if cell else "empty; it needs a number"
         table.refuse(line, f"{column} is {what}")
 
 
@@ -398,16 +411,17 @@ def _build_tracks(table: _Table, *, unit: float) -> ExternalTracks:
     if not table.agents:
         raise InputError(f"{table.name} holds no tracks")
     clock = _TimeUnit(unit, _find_step(table, unit), _find_origin(table, unit))
-    stretches = [
-        (who, part)
-        for who, rows in table.agents.items()
-        for part in _split_at_gaps(who, rows, table, clock)
-    ]
-    ids = _assign_ids([who for who, _ in stretches])
-    users = tuple(
-        _build_user(n, table.agents[who], part, clock)
-        for n, (who, part) in zip(ids, stretches, strict=True)
+    stretches, table.rides = leave_out_passengers(
+        [
+            (who, _build_user(rows, part, clock))
+            for who, rows in table.agents.items()
+            for part in _split(who, rows, table, clock)
+        ]
     )
+    if not stretches:
+        raise InputError(f"{table.name} holds no tracks of road users, only of passengers")
+    ids = _assign_ids([who for who, _ in stretches])
+    users = tuple(replace(user, id=n) for n, (_, user) in zip(ids, stretches, strict=True))
     names = dict(zip(ids, (who for who, _ in stretches), strict=True))
     subtypes = {n: table.agents[who].subtype for n, who in names.items()}
     notes = _collect_notes(table, names, users, clock.origin)
@@ -444,11 +458,11 @@ def _find_step(table: _Table, unit: float) -> float:
     return even if abs(step - even) < 1e-6 else step
 
 
-def _split_at_gaps(who: str, rows: _AgentRows, table: _Table, clock: _TimeUnit) -> list[slice]:
-    """The parts of a track between its gaps.
+def _split(who: str, rows: _AgentRows, table: _Table, clock: _TimeUnit) -> list[slice]:
+    """The parts of a track between its gaps and jumps; of one sample none that a jump leaves.
 
     Raises:
-        InputError: a time between two samples, or a jump.
+        InputError: a time between two samples, or nothing but jumps.
     """
     steps = np.diff(rows.get_column("t")) * clock.unit
     count = np.rint(steps / clock.step)
@@ -456,10 +470,13 @@ def _split_at_gaps(who: str, rows: _AgentRows, table: _Table, clock: _TimeUnit) 
     if len(off):
         _refuse_step(who, rows, int(off[0]), float(steps[off[0]]), table, clock)
     cuts = [0, *(np.flatnonzero(count > 1) + 1).tolist(), len(rows.t)]
-    parts = [slice(a, b) for a, b in pairwise(cuts)]
-    for part in parts:
-        _check_drift(who, rows, part, table, clock)
-        _check_jumps(who, rows, part, table, clock)
+    table.gapped += [who] if len(cuts) > 2 else []
+    parts: list[slice] = []
+    for a, b in pairwise(cuts):
+        _check_drift(who, rows, slice(a, b), table, clock)
+        jumps = _find_jumps(who, rows, slice(a, b), table, clock)
+        ends = [a, *(a + k + 1 for k in jumps), b]
+        parts += [slice(i, j) for i, j in pairwise(ends) if not jumps or j - i > 1]
     return parts
 
 
@@ -485,15 +502,38 @@ def _check_drift(who: str, rows: _AgentRows, part: slice, table: _Table, clock: 
         )
 
 
-def _check_jumps(who: str, rows: _AgentRows, part: slice, table: _Table, clock: _TimeUnit) -> None:
+def _find_jumps(
+    who: str, rows: _AgentRows, part: slice, table: _Table, clock: _TimeUnit
+) -> list[int]:
+    """Steps of a part that lead to another agent, whose id was switched, or that a glitch made.
+
+    Such a step is faster than anything of its class, or so much longer than both the two before
+    and the two after it that neither braking nor noise explains it.
+
+    Raises:
+        InputError: half of the steps are, so that units or ids are wrong.
+    """
     way = np.hypot(np.diff(rows.get_column("x")[part]), np.diff(rows.get_column("y")[part]))
-    fast = np.flatnonzero(way > FASTEST * clock.step)
-    if len(fast):
+    fastest, acceleration, noise = JUMPS[_SHAPES[rows.subtype].type]
+    speed = way / clock.step
+    padded = np.concatenate((np.full(2, np.inf), speed, np.full(2, np.inf)))
+    before = np.minimum(padded[:-4], padded[1:-3])
+    after = np.minimum(padded[3:-1], padded[4:])
+    beside = np.maximum(*(np.where(np.isinf(v), fastest / 2, v) for v in (before, after)))
+    possible = beside + acceleration * 2 * clock.step + noise / clock.step
+    jumps = np.flatnonzero(speed > np.minimum(possible, fastest)).tolist()
+    if 2 * len(jumps) > len(way):
         table.refuse(
-            rows.lines[part.start + int(fast[0]) + 1],
-            f"id {_crop(who)} jumps {way[fast[0]]:.4g} m in {clock.step:.4g} s; positions must be "
+            rows.lines[part.start + jumps[0] + 1],
+            f"id {_crop(who)} jumps {way[jumps[0]]:.4g} m in {clock.step:.4g} s; positions must be "
             "metres, times seconds, and each agent needs an id of its own",
         )
+    for k in jumps:
+        time = rows.t[part.start + k + 1] * clock.unit - clock.origin
+        table.jumps.append(
+            f"id {_crop(who)} jumps {way[k]:.3g} m at {time:.1f} s ({speed[k]:.3g} m/s)"
+        )
+    return jumps
 
 
 def _assign_ids(names: list[str]) -> list[int]:
@@ -517,14 +557,15 @@ def _is_number(name: str) -> bool:
     return len(name) < 19 and name.isascii() and name.isdigit() and str(int(name)) == name
 
 
-def _build_user(number: int, rows: _AgentRows, part: slice, clock: _TimeUnit) -> RoadUser:
+def _build_user(rows: _AgentRows, part: slice, clock: _TimeUnit) -> RoadUser:
+    """A road user without a number."""
     shape = _find_shape(rows)
     xy = np.stack((rows.get_column("x")[part], rows.get_column("y")[part]), axis=1)
     course = compute_headings(xy, step=clock.step, least=COURSE[shape.type])
     given = rows.get_column("heading")[part]
     heading = np.where(np.isnan(given), course, given)
     start = rows.t[part.start] * clock.unit - clock.origin
-    return RoadUser(number, Track(xy, heading, start, clock.step), shape)
+    return RoadUser(0, Track(xy, heading, start, clock.step), shape)
 
 
 def _find_shape(rows: _AgentRows) -> Shape:
@@ -569,9 +610,12 @@ def _collect_notes(
 ) -> tuple[str, ...]:
     """What was assumed about the tracks."""
     notes = [f"times are counted from t = {origin:.0f} s"] if origin else []
-    if len(names) > len(table.agents):
-        cut = [name for name, n in Counter(names.values()).items() if n > 1]
-        notes.append(f"{_list_ids(cut)} with gaps: each stretch is an agent of its own")
+    if table.gapped:
+        notes.append(f"{_list_ids(table.gapped)} with gaps: each stretch is an agent of its own")
+    if table.jumps:
+        more = f" and {len(table.jumps) - 5} more" if len(table.jumps) > 5 else ""
+        notes.append(f"tracks are cut where {', '.join(table.jumps[:5])}{more}")
+    notes += describe_rides(table.rides)
     blind = [names[user.id] for user in users if _is_blind(user, table.agents[names[user.id]])]
     if blind:
         notes.append(f"{_list_ids(blind)} without heading or motion: taken to face east")

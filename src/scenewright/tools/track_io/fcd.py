@@ -10,6 +10,7 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.track import VEHICLE_SIZES
+from scenewright.tools.track_io.passengers import describe_rides
 from scenewright.tools.track_io.sampled_recording import (
     AgentSamples,
     SampledRecording,
@@ -31,12 +32,13 @@ class _FcdRows:
 
 
 def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
-    """Vehicles and persons of an FCD file.
+    """Vehicles and persons of an FCD file; persons not while they ride in a vehicle.
 
     Raises:
         InputError: not well-formed, with a document type, or a row without usable numbers.
     """
     agents: dict[str, _FcdRows] = {}
+    rides: dict[str, str] = {}
     now = 0.0
 
     def refuse(*_: object) -> None:
@@ -47,6 +49,8 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
         try:
             if tag == "timestep":
                 now = float(row["time"])
+            elif tag == "person" and row.get("vehicle"):
+                rides[f"person {row['id']}"] = f"vehicle {row['vehicle']}"
             elif tag in ("vehicle", "person"):
                 _add_row(agents, tag, row, now)
         except (KeyError, ValueError):
@@ -60,7 +64,8 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
         parser.Parse(data, True)
     except expat.ExpatError as fault:
         raise InputError(f"{name} is not well-formed XML (line {fault.lineno})") from None
-    return [sort_out("", [("", _convert_to_samples(key, agent)) for key, agent in agents.items()])]
+    found = [("", _convert_to_samples(key, agent)) for key, agent in agents.items()]
+    return [sort_out("", found, describe_rides(rides))]
 
 
 def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: float) -> None:

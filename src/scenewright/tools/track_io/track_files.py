@@ -27,6 +27,7 @@ from scenewright.tools.track_io.dataset_formats import (
     find_partner,
     get_format,
 )
+from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.subtypes import SUBTYPES, find_subtype
 from scenewright.tools.track_io.taf_bw import SETTLING
@@ -286,9 +287,13 @@ def _read_mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent
         if lacking:
             raise InputError(f"{file} has no column {', '.join(lacking)[:120]}; there are: "
                              f"{', '.join(map(str, rows.fieldnames or ()))[:200]}")  # fmt: skip
+        decimals = DecimalReader()
         try:
             for row in rows:
-                _add(agents, row, wanted, f"{file}, line {rows.line_num}")
+                where = f"{file}, line {rows.line_num}"
+                if any(row.get(None, ())):
+                    raise InputError(f"{where}: more cells than columns; {SEPARATE}")
+                _add(agents, row, wanted, where, decimals)
         except csv.Error as fault:
             raise InputError(f"{file}, line {rows.line_num}: {fault}") from None
     return agents
@@ -314,13 +319,16 @@ def _add(
     row: Mapping[str, str | None],
     wanted: Mapping[str, tuple[str, float]],
     where: str,
+    decimals: DecimalReader,
 ) -> None:
     def get_cell(key: str) -> str:
         name = wanted[key][0]
         return name[1:] if name.startswith("=") else str(row[name] or "")
 
     try:
-        t, x, y = (float(get_cell(key)) / wanted[key][1] for key in ("t", "x", "y"))
+        t, x, y = (
+            decimals.parse(get_cell(key).strip()) / wanted[key][1] for key in ("t", "x", "y")
+        )
     except ValueError:
         raise InputError(f"{where}: t, x and y are numbers, got {get_cell('t')[:20]!r}, "
                          f"{get_cell('x')[:20]!r}, {get_cell('y')[:20]!r}") from None  # fmt: skip

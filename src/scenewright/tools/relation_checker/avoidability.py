@@ -1,0 +1,217 @@
+"""What a threatened party would have needed to avoid a collision or a near miss (SEMANTICS 9).
+
+Asked is the constant braking along the party's own path, from the moment at which it could see the
+threat and at the speed of that moment, with which it stops short of the other or passes behind it:
+in a near miss behind its PET of 1.5 s. The other does what it did; after a contact, and after the
+end of its track, it goes on straight ahead at its speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+
+from scenewright.compiled import compiled
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event
+from scenewright.tools.relation_checker.contact import estimate_velocity_before
+from scenewright.tools.relation_checker.events import NEAR_MISS_PET
+from scenewright.tools.relation_checker.footprints import Box, compute_gap, make_pose
+from scenewright.tools.relation_checker.reactions import (
+    NEAR,
+    Perception,
+    Sights,
+    find_first_lasting,
+)
+from scenewright.tools.relation_checker.trajectory import Trajectory
+
+HARDEST = {"vehicle": 8.0, "pedestrian": 3.0, "cyclist": 3.5, "scooter": 3.5}
+"""Braking that counts as possible [m/s^2] (SEMANTICS sections 5 and 8)."""
+REACTION = 1.0
+"""How long a party drives on as it did before it brakes [s]."""
+AFTER = 6.0
+"""How long after the event the other may be in the way [s]."""
+SPACING, RESOLUTION = 0.05, 0.02
+"""Steps along the party's path [m] and of time [s]."""
+
+
+def find_avoidability(
+    events: Sequence[Event], sights: Sights, *, pushed: Collection[int] = ()
+) -> list[dict[str, Any]]:
+    """Two rows for each collision and near miss, one for each party.
+
+    Returns:
+        Rows with `agent`, `other`, `event`, `time` [s], `visible_from` [s], the braking needed from
+        then, `needed_braking`, and 1 s later, `after_reaction` [m/s^2]; None where no braking
+        helps; `avoidable` (after the reaction) and, where it is not, `why_not`.
+    """
+    tracks = {track.id: track for track in sights.tracks}
+    rows = []
+    for event in events:
+        if event.type not in ("collision", "near_miss"):
+            continue
+        for number, by in ((event.from_, event.to), (event.to, event.from_)):
+            view = sights.perceive(tracks[number], tracks[by], event.time)
+            begin, why_not = _find_begin(view, event.time)
+            needed = after = None
+            if begin is not None:
+                needed, after = _compute_needed_braking(tracks[number], tracks[by], event, begin)
+                why_not = _say_why_not(needed, after, HARDEST[tracks[number].type])
+            if number in pushed and event.from_ == number:
+                why_not = "is pushed into it"
+            row = {
+                "agent": number, "other": by, "event": event.type, "time": event.time,
+                "visible_from": begin, "needed_braking": needed, "after_reaction": after,
+                "avoidable": why_not is None,
+            }  # fmt: skip
+            rows.append(row if why_not is None else row | {"why_not": why_not})
+    return rows
+
+
+def _find_begin(view: Perception, time: float) -> tuple[float | None, str | None]:
+    """From when on a party could see the threat [s], or why it could not.
+
+    That is when the conflict is perceptible; where their courses never conflict, as in a near miss
+    by a hair, when the other is in sight in the last 3 s.
+    """
+    threat = view.near if view.near.any() else view.times >= time - NEAR - 1e-6
+    begin = find_first_lasting(threat & view.seen & view.ahead)
+    if begin is not None:
+        return round(float(view.times[begin]), 3), None
+    if not threat.any():
+        return None, "not there"
+    if find_first_lasting(threat & view.seen) is not None:
+        return None, "comes from behind"
+    hidden = find_first_lasting(threat) is not None
+    return None, "no line of sight" if hidden else "too late"
+
+
+def _say_why_not(needed: float | None, after: float | None, hardest: float) -> str | None:
+    """Why braking after the reaction does not help; None where it does."""
+    if needed is None:
+        return "braking does not help"
+    if after is None:
+        return "no time"
+    return f"braking at {after:.1f} m/s² needed" if after > hardest else None
+
+
+def _compute_needed_braking(
+    agent: Trajectory, other: Trajectory, event: Event, begin: float
+) -> tuple[float | None, float | None]:
+    """The braking needed from a moment on, and after the reaction [m/s^2]."""
+    k = agent.index(begin)
+    speed, contact = float(agent.speed[k]), event.type == "collision"
+    # What follows a contact is no course that a party has chosen.
+    until = event.time if contact else np.inf
+    lag = 0.0 if contact or event.evidence.get("pet", np.inf) > NEAR_MISS_PET else NEAR_MISS_PET
+    times = np.arange(max(begin - lag, other.start), event.time + AFTER, RESOLUTION)
+    course = _continue_other(other, until, times)
+    ahead = np.arange(0.0, speed * (event.time + AFTER + lag - begin) + 1.0, SPACING)
+    room = _find_room(
+        *_follow_path(agent, until, float(agent.s[k]) + ahead), _get_box(agent),
+        *course, _get_box(other),
+    )  # fmt: skip
+    due = times + lag - begin
+    return tuple(_find_least_braking(speed, room, due, delay) for delay in (0.0, REACTION))  # type: ignore[return-value]
+
+
+def _get_box(track: Trajectory) -> Box:
+    return track.half_length, track.half_width, track.radius
+
+
+def _cut(track: Trajectory, until: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times [s], positions [m] and headings [rad] of a track up to a time."""
+    count = int(np.searchsorted(track.times, until - 1e-6))
+    if count == len(track):
+        return track.times, track.xy, track.heading
+    xy, heading = track.at(np.array([until]))
+    return (
+        np.append(track.times[:count], until),
+        np.concatenate((track.xy[:count], xy)),
+        np.append(track.heading[:count], heading),
+    )
+
+
+def _continue_other(
+    other: Trajectory, until: float, times: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """[T, 2] positions [m] and [T] headings [rad] of the other, going on at its last speed."""
+    known, xy, heading = _cut(other, until)
+    speed = float(np.hypot(*estimate_velocity_before(other, time=float(known[-1]))))
+    ahead = np.array((np.cos(heading[-1]), np.sin(heading[-1])))
+    beyond = speed * np.maximum(times - known[-1], 0.0)[:, None] * ahead
+    there = np.stack([np.interp(times, known, xy[:, axis]) for axis in (0, 1)], axis=1)
+    return there + beyond, np.interp(times, known, heading)
+
+
+def _follow_path(agent: Trajectory, until: float, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """[S, 2] positions [m] and [S] headings [rad] along an agent's way, straight on beyond it."""
+    _, xy, heading = _cut(agent, until)
+    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))
+    ahead = np.array((np.cos(heading[-1]), np.sin(heading[-1])))
+    beyond = np.maximum(s - way[-1], 0.0)[:, None] * ahead
+    there = np.stack([np.interp(s, way, xy[:, axis]) for axis in (0, 1)], axis=1)
+    return there + beyond, np.interp(s, way, heading)
+
+
+def _find_least_braking(
+    speed: float, room: FloatArray, due: FloatArray, delay: float
+) -> float | None:
+    """The least constant braking [m/s^2] with which an agent is never too far; None without one.
+
+    Args:
+        speed: [m/s]; room: [T] how far it may have come [m], `due` [T] seconds later.
+        delay: how long it drives on before it brakes [s].
+    """
+    # A millimetre of slack: an agent that just clears the other does not need to brake.
+    bound = (due >= 0.0) & ((room <= 0.0) | (speed * due > room + 1e-3))
+    if not bound.any():
+        return 0.0
+    left, time = room[bound] - speed * delay, due[bound] - delay
+    if (left <= 0.0).any() or (time <= 0.0).any():
+        return None
+    slowing, stopping = 2.0 * (speed * time - left) / time**2, speed**2 / (2.0 * left)
+    needed = np.where(slowing * time <= speed, slowing, stopping)
+    return round(float(needed.max()), 3)
+
+
+@compiled
+def _find_room(
+    xy: FloatArray,
+    heading: FloatArray,
+    size: Box,
+    other_xy: FloatArray,
+    other_heading: FloatArray,
+    other_size: Box,
+) -> FloatArray:
+    """[T] how far along its way [S] an agent can go before it touches the other [m]; inf if never.
+
+    Of the way is left out what the gap to the other cannot let it touch.
+    """
+    reach = np.hypot(size[0], size[1]) + size[2]
+    swept = np.zeros(len(heading))
+    for k in range(1, len(heading)):
+        moved = np.hypot(xy[k, 0] - xy[k - 1, 0], xy[k, 1] - xy[k - 1, 1])
+        swept[k] = swept[k - 1] + moved + reach * abs(heading[k] - heading[k - 1])
+    room = np.full(len(other_heading), np.inf)
+    for n in range(len(room)):
+        other = make_pose(other_xy[n, 0], other_xy[n, 1], other_heading[n])
+        k, before = 0, 0.0
+        while k < len(heading):
+            own = make_pose(xy[k, 0], xy[k, 1], heading[k])
+            gap = compute_gap(own, size, other, other_size)
+            if gap <= 0.0:
+                if k > 0:
+                    own = make_pose(xy[k - 1, 0], xy[k - 1, 1], heading[k - 1])
+                    before = max(compute_gap(own, size, other, other_size), 0.0)
+                    room[n] = SPACING * (k - 1 + before / max(before - gap, 1e-9))
+                else:
+                    room[n] = 0.0
+                break
+            bound = swept[k] + gap
+            k += 1
+            while k < len(heading) and swept[k] < bound:
+                k += 1
+    return room
