@@ -15,9 +15,10 @@ from scenewright.nodes.context import Budgets
 from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import Edit
 from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
-from scenewright.scene.record import SceneRecord
+from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT
+from scenewright.tools.account import find_unasked_changes
 
 _PINNED = Budgets(planner=0, filter=1, reasoner=1, generator=1)
 _MOST_TRIES = 10
@@ -117,6 +118,9 @@ def change(
             continue
         found = trial.solve_revision(pins)
         if isinstance(found, Scene):
+            if unasked := find_unasked_changes(record, found.record, text.split(NEXT_TEXT)[-1]):
+                refused = Unsatisfiable(f"more would change than was said: {'; '.join(unasked)}")
+                continue
             return _build_result(found, revision, record, by_hand)
         refused = found
     raise refused

@@ -55,7 +55,6 @@ class SceneMeta(Model):
     driven_by: str | None = Field(default=None, exclude_if=is_left_out)
     rules: Literal[2] | None = Field(default=None, exclude_if=is_left_out)
 
-
     @property
     def texts(self) -> tuple[str, ...]:
         """The instruction and the later changes that are in force."""

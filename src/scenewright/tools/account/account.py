@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import get_args
+from collections.abc import Iterator, Sequence
 
 from scenewright.scene.account import AccountEntry, WordState
 from scenewright.scene.events import Finding, Proof
@@ -60,7 +59,10 @@ def write_account(
         return proof
     texts = scene.meta.texts
     facts = SceneFacts(scene, proof, intersection_map)
-    entries = [each for turn, text in enumerate(texts) for each in _account_text(text, turn, facts)]
+    entries = _drop_replaced(
+        [each for turn, text in enumerate(texts) for each in _account_text(text, turn, facts)],
+        texts,
+    )
     false = tuple(_report(each) for each in entries if each.state == "contradicted")
     return proof.model_copy(
         update={
@@ -69,6 +71,50 @@ def write_account(
             "verified": proof.verified and not false,
         }
     )
+
+
+def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[AccountEntry]:
+    """The entries without earlier words that a later text takes back or replaces.
+
+    In a change, words of what was there before ("the van" that is to be a bus) are no claims.
+    """
+    kept: list[AccountEntry] = []
+    for entry in entries:
+        kind = (entry.claim or "").partition(" ")[0]
+        later = [e for e in entries if e.turn > entry.turn]
+        changed = {(e.claim or "").partition(" ")[0] for e in later if e.state == "seen"}
+        removed = any(_removes(text) for text in texts[entry.turn + 1 :])
+        false = entry.state in ("contradicted", "not_shown") and entry.claim is not None
+        if false and entry.turn < len(texts) - 1 and (kind in changed or removed):
+            continue
+        told = any(e.words.lower() == entry.words.lower() and e.turn < entry.turn for e in entries)
+        if false and told and kind in ("class", "count", "object"):
+            reason = {"state": "stands_anyway", "evidence": "what was there before"}
+            kept.append(entry.model_copy(update=reason))
+            continue
+        kept.append(entry)
+    return kept
+
+
+def _removes(text: str) -> bool:
+    return any(each.text in _REMOVES for each in read_tokens(text))
+
+
+_REMOVES = frozenset(
+    [
+        "remove",
+        "delete",
+        "drop",
+        "rid",
+        "without",
+        "no",
+        "swap",
+        "replace",
+        "reverse",
+        "instead",
+        "nobody",
+    ]
+)
 
 
 def _report(entry: AccountEntry) -> Finding:
@@ -141,7 +187,7 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     for n, found in enumerate(states):
         if found is None or _is_silent(tokens[n], found):
             continue
-        start = n if states[n] != (states[n - 1] if n else None) or start > n else start
+        start = n if found != (states[n - 1] if n else None) or start > n else start
         after = states[n + 1] if n + 1 < len(states) else None
         if after != found or _is_silent(tokens[n + 1], found):
             yield _build_entry(text, turn, start, n + 1, tokens, *found)
@@ -170,12 +216,7 @@ def _find_repeated(
 
 def _is_silent(token: Token, found: _Judged) -> bool:
     """Whether a function word needs no state of its own."""
-    return (
-        _is_function(token) and found[0] != "seen" and not token.has("negation", "sequence")
-    )
-
-
-
+    return _is_function(token) and found[0] != "seen" and not token.has("negation", "sequence")
 
 
 def _judge(
@@ -213,7 +254,12 @@ def _judge(
     false = false or [(c, r) for c, r in found if r.holds is False]
     if false:
         claim, result = false[0]
-        return "contradicted", f"{claim.type} {claim.value}", f"no such thing ({result.evidence})", ()
+        return (
+            "contradicted",
+            f"{claim.type} {claim.value}",
+            f"no such thing ({result.evidence})",
+            (),
+        )
     if token.has("sequence") and not any(r.holds is False for _, r in found):
         return None  # it joins no two events
     if families == {"order"} and token.text in ("first", "last", "second"):

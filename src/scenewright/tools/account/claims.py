@@ -29,15 +29,53 @@ class Result(NamedTuple):
 
 Test = Callable[[SceneFacts, Binding], Result]
 UNTESTED = Result(None)
-_PAST = frozenset("hit struck run cut let shut caught left put cast met".split())
-_BE = frozenset("is are was were be been being gets get got getting gotten 's".split())
-_BREAKS = frozenset("and but while whilst when as then so because before after until where if or".split())
+_PAST = frozenset(
+    ["hit", "struck", "run", "cut", "let", "shut", "caught", "left", "put", "cast", "met"]
+)
+_BE = frozenset(
+    [
+        "is",
+        "are",
+        "was",
+        "were",
+        "be",
+        "been",
+        "being",
+        "gets",
+        "get",
+        "got",
+        "getting",
+        "gotten",
+        "'s",
+    ]
+)
+_BREAKS = frozenset(
+    [
+        "and",
+        "but",
+        "while",
+        "whilst",
+        "when",
+        "as",
+        "then",
+        "so",
+        "because",
+        "before",
+        "after",
+        "until",
+        "where",
+        "if",
+        "or",
+    ]
+)
 _RELATIVE = frozenset({"who", "which", "that"})
 _STRIKES = frozenset(
-    "hit strik ram slam rear-end rear clip plow plough bump knock smash crash shunt sideswip flatten mow".split()
+    ["hit", "strik", "ram", "slam", "rear-end", "rear", "clip", "plow", "plough", "bump", "knock", "smash", "crash", "shunt", "sideswip", "flatten", "mow"]
 )  # fmt: skip
-_PREPOSITIONS = frozenset("behind by beside near with to for into of onto past".split())
-_POSSESSIVE = frozenset("its his her their my our the your".split())
+_PREPOSITIONS = frozenset(
+    ["behind", "by", "beside", "near", "with", "to", "for", "into", "of", "onto", "past"]
+)
+_POSSESSIVE = frozenset(["its", "his", "her", "their", "my", "our", "the", "your"])
 _INTO = frozenset({"into", "over", "down"})
 _UNITS = {
     "km/h": ("m/s", 1 / 3.6), "kmh": ("m/s", 1 / 3.6), "kph": ("m/s", 1 / 3.6), "kmph": ("m/s", 1 / 3.6),
@@ -74,7 +112,12 @@ class ClaimReader:
     def __init__(self, tokens: Sequence[Token], mentions: Sequence[Mention]) -> None:
         self.tokens, self.mentions = tokens, mentions
         self._triggers = sorted(
-            {span for each in tokens for sense, span in each.senses.items() if sense.startswith("event.")}
+            {
+                span
+                for each in tokens
+                for sense, span in each.senses.items()
+                if sense.startswith("event.")
+            }
         )
         self._in_noun = {n for m in mentions for n in m.nouns}
 
@@ -110,8 +153,9 @@ class ClaimReader:
         stop = self.mentions[nearest].stop
         if any(each.text in _RELATIVE for each in self.tokens[stop : stop + 2]):
             stop = n
-        if n == stop or not self._has_break(self.mentions[nearest].stop, n) and (
-            not self._is_object(nearest) or self._describes(nearest, n)
+        if n == stop or (
+            not self._has_break(self.mentions[nearest].stop, n)
+            and (not self._is_object(nearest) or self._describes(nearest, n))
         ):
             return (nearest,)
         return tuple(dict.fromkeys((nearest, *reversed(here))))
@@ -128,9 +172,7 @@ class ClaimReader:
         return self.tokens[a].sentence == self.tokens[b].sentence
 
     def _has_break(self, start: int, stop: int) -> bool:
-        return any(
-            each.kind == "comma" or each.text in _BREAKS for each in self.tokens[start:stop]
-        )
+        return any(each.kind == "comma" or each.text in _BREAKS for each in self.tokens[start:stop])
 
     def _describes(self, index: int, n: int) -> bool:
         """Whether words follow their mention at once: "a man from the west", "a car turning left"."""
@@ -181,7 +223,11 @@ class ClaimReader:
         kind = "pedestrian" if mention.classes <= {"pedestrian"} else (
             None if "any" in mention.classes else "vehicle"
         )  # fmt: skip
-        if mention.absent and mention.start and self.tokens[mention.start].text not in ("no", "zero", "without"):
+        if (
+            mention.absent
+            and mention.start
+            and self.tokens[mention.start].text not in ("no", "zero", "without")
+        ):
             span = (mention.start - 1, *span)
         count = 0 if mention.absent else mention.count
         yield Claim("background", f"{'some' if count is None else count} {kind or 'others'}", span, (),
@@ -233,11 +279,17 @@ class ClaimReader:
         into = any(self.tokens[n].text in _INTO for n in range(start, stop)) or (
             follow is not None and follow.text in _INTO
         )
-        direct = word.stem in _STRIKES - {"crash"} and not (follow is not None and follow.text in ("with", "each", "one", "and"))
+        direct = word.stem in _STRIKES - {"crash"} and not (
+            follow is not None and follow.text in ("with", "each", "one", "and")
+        )
         return into or direct
 
     def _find_parties(self, start: int, stop: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        before = [i for i, m in enumerate(self.mentions) if m.head < start and not (m.absent or m.background)]
+        before = [
+            i
+            for i, m in enumerate(self.mentions)
+            if m.head < start and not (m.absent or m.background)
+        ]
         after = [i for i, m in enumerate(self.mentions)
                  if m.start >= stop and not (m.absent or m.background)
                  and self._same_sentence(m.head, start)]  # fmt: skip
@@ -296,7 +348,11 @@ class ClaimReader:
         """Whether a number only counts the items of a list: "1) ..." or "2. ..."."""
         begins = n == 0 or self.tokens[n - 1].kind in ("end", "comma")
         follow = self.tokens[n + 1] if n + 1 < len(self.tokens) else None
-        counts = follow is not None and follow.start == self.tokens[n].end and follow.text in (")", ".", ":")
+        counts = (
+            follow is not None
+            and follow.start == self.tokens[n].end
+            and follow.text in (")", ".", ":")
+        )
         return counts and (begins or (follow is not None and follow.text == ")"))
 
     def _read_number(self, n: int, token: Token) -> Iterator[Claim]:
@@ -342,11 +398,15 @@ def _test_class(facts: SceneFacts, bound: Bound | None, classes: frozenset[str])
         return Result(False, "no such agent")
     agents = [n for n in bound if isinstance(n, int)]
     if "background" in bound:
-        kind = "pedestrian" if classes <= {"pedestrian"} else None if "any" in classes else "vehicle"
+        kind = (
+            "pedestrian" if classes <= {"pedestrian"} else None if "any" in classes else "vehicle"
+        )
         seen = facts.count_background(kind)
         return Result(seen > 0, f"{seen} in the background")
     if all(facts.fits_class(n, classes) for n in agents):
-        named = ", ".join(f"agent {n} ({facts.agents[n].subtype or facts.agents[n].type})" for n in agents)
+        named = ", ".join(
+            f"agent {n} ({facts.agents[n].subtype or facts.agents[n].type})" for n in agents
+        )
         things = ", ".join(str(n) for n in bound if isinstance(n, str))
         return Result(True, named or things, tuple(agents))
     return Result(False, "another class")
@@ -358,7 +418,9 @@ def _test_count(
     if not bound:
         return Result(False, "no such agents")
     if "background" in bound:
-        kind = "pedestrian" if classes <= {"pedestrian"} else None if "any" in classes else "vehicle"
+        kind = (
+            "pedestrian" if classes <= {"pedestrian"} else None if "any" in classes else "vehicle"
+        )
         seen = facts.count_background(kind)
         return Result(seen == count if count is not None else seen > 1, f"{seen} in the background")
     number = sum(facts.count_members(n) if isinstance(n, int) else 1 for n in bound)
@@ -371,7 +433,11 @@ def _test_object(facts: SceneFacts, bound: Bound | None, kind: str) -> Result:
     named = {n for n in bound or () if isinstance(n, str)}
     if named:
         return Result(named <= ids, f"{kind} {', '.join(sorted(named))}")
-    return Result(bool(ids), f"{kind} {', '.join(sorted(ids))}") if ids else Result(False, f"no {kind}")
+    return (
+        Result(bool(ids), f"{kind} {', '.join(sorted(ids))}")
+        if ids
+        else Result(False, f"no {kind}")
+    )
 
 
 def _test_background(
@@ -417,7 +483,9 @@ class _EventTest:
         )  # fmt: skip
         if found is None and not together and not (self.subjects and self.objects):
             anyone = [(x, y) for x in facts.foreground for y in facts.foreground if x != y]
-            found = next((e for pair in anyone for e in facts.list_between(*pair, (self.kind,))), None)
+            found = next(
+                (e for pair in anyone for e in facts.list_between(*pair, (self.kind,))), None
+            )
         if self.denied:
             if not (pairs or together):
                 kinds = [e for e in facts.proof.events if e.type == self.kind]
@@ -444,7 +512,9 @@ class _EventTest:
         agents = {n for one in (*self.subjects, *self.objects) for n in b.get(one, ())}
         for each in facts.scene.encounters:
             if each.how in hows and (each.agent in agents or not agents):
-                return Result(True, f"agent {each.agent} {each.how.replace('_', ' ')} {each.object}")
+                return Result(
+                    True, f"agent {each.agent} {each.how.replace('_', ' ')} {each.object}"
+                )
         return None
 
 
@@ -460,7 +530,9 @@ class _TimeTest:
         evidence = f"the scene is at {facts.scene.meta.time_of_day}"
         if token.kind == "clock":
             return Result(any(abs(own - each) <= 20 for each in _read_clock(token.text)), evidence)
-        return Result(any(_is_within(own, part) for span in spans for part in span.split("+")), evidence)
+        return Result(
+            any(_is_within(own, part) for span in spans for part in span.split("+")), evidence
+        )
 
 
 def _read_clock(text: str) -> list[int]:
@@ -472,7 +544,10 @@ def _read_clock(text: str) -> list[int]:
         return [60 * (hours % 12 + 12) + minutes]
     if "a" in text:
         return [60 * (hours % 12) + minutes]
-    return [60 * hours + minutes, *([60 * (hours + 12) + minutes] if 0 < hours < 12 and not text.startswith("0") else [])]
+    return [
+        60 * hours + minutes,
+        *([60 * (hours + 12) + minutes] if 0 < hours < 12 and not text.startswith("0") else []),
+    ]
 
 
 def _is_within(own: int, span: str) -> bool:
@@ -499,7 +574,11 @@ def _test_bare_number(
     counts = {facts.count_background(k) for k in (None, "vehicle", "pedestrian")}
     if number in counts:
         return Result(True, f"{number:g} in the background")
-    if any(low <= number * f <= high for _, low, high in facts.list_figures() for f in (1.0, 1 / 3.6, 0.447)):
+    if any(
+        low <= number * f <= high
+        for _, low, high in facts.list_figures()
+        for f in (1.0, 1 / 3.6, 0.447)
+    ):
         return Result(True, "a figure that was asked for")
     if any(len(bound) == number for bound in b.values()):
         return Result(True, f"{number:g} agents")
@@ -512,9 +591,27 @@ Reader = Callable[[ClaimReader, int, str], Iterable[Claim]]
 
 
 _TO = frozenset(
-    "exit exits leaves exiting leaving destination to towards toward into onto for -> → >".split()
+    [
+        "exit",
+        "exits",
+        "leaves",
+        "exiting",
+        "leaving",
+        "destination",
+        "to",
+        "towards",
+        "toward",
+        "into",
+        "onto",
+        "for",
+        "->",
+        "→",
+        ">",
+    ]
 )
-_FROM = frozenset("entry enters entering origin from off of out via fr frm".split())
+_FROM = frozenset(
+    ["entry", "enters", "entering", "origin", "from", "off", "of", "out", "via", "fr", "frm"]
+)
 
 
 def _follows_crosswalk(tokens: Sequence[Token], n: int) -> bool:
@@ -531,7 +628,7 @@ def _read_side(reader: ClaimReader, n: int, side: str) -> Iterator[Claim]:
     before = [each.text for each in tokens[max(0, n - 4) : n]]
     after = tokens[n + 1 : n + 3]
     crosswalk = any(each.has("crosswalk") for each in after) or (
-        n > 0 and _follows_crosswalk(tokens, n)
+        (n > 0 and _follows_crosswalk(tokens, n))
         or (any(each.stem == "cros" for each in tokens[max(0, n - 3) : n])
             and any(each.text in ("leg", "arm", "street", "road", "approach", "side") for each in after))
     )  # fmt: skip
@@ -539,13 +636,17 @@ def _read_side(reader: ClaimReader, n: int, side: str) -> Iterator[Claim]:
     to, source = said in _TO, said in _FROM
     pair = [m for m in (n + 1, n + 2) if m < len(tokens) and tokens[m].has("side")]
     first_of_pair = any(
-        tokens[k].text in ("to", "->", "→", ">", "=>") for k in range(n + 1, min(len(tokens), n + 3))
+        tokens[k].text in ("to", "->", "→", ">", "=>")
+        for k in range(n + 1, min(len(tokens), n + 3))
     ) or bool(pair and tokens[n].end + 1 >= tokens[n + 1].start)
 
     turned = any(
-        each.has("left", "right", "turn") and each.sentence == tokens[n].sentence for each in tokens[:n]
+        each.has("left", "right", "turn") and each.sentence == tokens[n].sentence
+        for each in tokens[:n]
     )
-    heads = n > 0 and tokens[n - 1].has("motion_verb") or (n > 1 and tokens[n - 2].has("motion_verb"))
+    heads = (n > 0 and tokens[n - 1].has("motion_verb")) or (
+        n > 1 and tokens[n - 2].has("motion_verb")
+    )
 
     def holds(facts: SceneFacts, number: int) -> bool:
         agent = facts.agents[number]
@@ -554,7 +655,9 @@ def _read_side(reader: ClaimReader, n: int, side: str) -> Iterator[Claim]:
         if (first_of_pair or source) and not to:
             return agent.entry == side
         if to:
-            return agent.exit == side or (agent.entry == OPPOSITE[side] and agent.type == "pedestrian")
+            return agent.exit == side or (
+                agent.entry == OPPOSITE[side] and agent.type == "pedestrian"
+            )
         if heads:
             return agent.entry == OPPOSITE[side] or (turned and agent.exit == side)
         if agent.type == "vehicle":
@@ -581,9 +684,13 @@ def _read_bound(reader: ClaimReader, n: int, side: str) -> Iterator[Claim]:
 def _movement(*movements: str) -> Reader:
     def read(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
         before = [each.text for each in reader.tokens[max(0, n - 3) : n]]
-        if len(movements) == 1 and before and (
-            before[-1].endswith("'s")
-            or (before[-1] in _POSSESSIVE and {"from", "on", "to", "at"} & set(before[:-1]))
+        if (
+            len(movements) == 1
+            and before
+            and (
+                before[-1].endswith("'s")
+                or (before[-1] in _POSSESSIVE and {"from", "on", "to", "at"} & set(before[:-1]))
+            )
         ):
             yield from _relative(movements[0])(reader, n, "")
             return
@@ -622,8 +729,14 @@ def _read_crosswalk(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]
 def _turned_crosswalk(field: str) -> Reader:
     def read(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
         def test(facts: SceneFacts, b: Binding) -> Result:
-            legs = {getattr(facts.agents[n], field) for n in facts.foreground if facts.agents[n].crosswalk is None}
-            walked = {facts.agents[n].crosswalk for n in facts.foreground if facts.agents[n].crosswalk}
+            legs = {
+                getattr(facts.agents[n], field)
+                for n in facts.foreground
+                if facts.agents[n].crosswalk is None
+            }
+            walked = {
+                facts.agents[n].crosswalk for n in facts.foreground if facts.agents[n].crosswalk
+            }
             return Result(bool(legs & walked), f"crosswalk on the {field} leg")
 
         yield Claim("crosswalk", f"on the {field} leg", (n,), (), test)
@@ -644,8 +757,12 @@ def _relative(*sides: str) -> Reader:
                             continue
                         looked = True
                         seen = compute_side(facts.agents[agent].entry, facts.agents[other].entry)
-                        if seen in sides or ("left" in sides and "right" in sides and seen in ("left", "right")):
-                            return Result(True, f"agent {agent} comes from the {seen} side of {other}")
+                        if seen in sides or (
+                            "left" in sides and "right" in sides and seen in ("left", "right")
+                        ):
+                            return Result(
+                                True, f"agent {agent} comes from the {seen} side of {other}"
+                            )
             return Result(False, "/".join(sides)) if looked else UNTESTED
 
         yield Claim("tie", "/".join(sides), (n,), subjects, test)
@@ -659,7 +776,9 @@ def _read_red(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
 
     def test(facts: SceneFacts, b: Binding) -> Result:
         if denied:
-            return _test_all(facts, b, subjects, lambda a: a not in facts.red_runners, "no red light run")
+            return _test_all(
+                facts, b, subjects, lambda a: a not in facts.red_runners, "no red light run"
+            )
         return _test_all(facts, b, subjects, lambda a: a in facts.red_runners, "a red light run")
 
     yield Claim("red_light", "no run" if denied else "run", (n,), subjects, test)
@@ -700,7 +819,9 @@ def _read_brake(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
 
 def _read_late(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
     def test(facts: SceneFacts, b: Binding) -> Result:
-        late = [e for e in facts.proof.events if e.cause == "late_brake" or "late_brake" in e.evidence]
+        late = [
+            e for e in facts.proof.events if e.cause == "late_brake" or "late_brake" in e.evidence
+        ]
         none = [r for r in facts.reactions if r.get("why_not")]
         return Result(bool(late or none), "braking too late")
 
@@ -728,7 +849,10 @@ def _read_density(reader: ClaimReader, n: int, value: str) -> Iterator[Claim]:
 def _read_background_word(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
     token = reader.tokens[n]
     denied = reader._is_denied(n) or token.text in ("nobody", "alone", "no")
-    denied |= any(each.text in ("no", "nobody", "none", "nothing", "noone", "empty", "alone") for each in reader.tokens[max(0, n - 3) : n + 1])
+    denied |= any(
+        each.text in ("no", "nobody", "none", "nothing", "noone", "empty", "alone")
+        for each in reader.tokens[max(0, n - 3) : n + 1]
+    )
 
     def test(facts: SceneFacts, b: Binding) -> Result:
         seen = facts.count_background()
@@ -840,7 +964,9 @@ def _typed(kind: str, find: Callable[[SceneFacts, str], Iterable[int]]) -> Reade
         def test(facts: SceneFacts, b: Binding) -> Result:
             having = set(find(facts, value))
             if having:
-                return Result(True, f"{value or kind} of agent {', '.join(map(str, sorted(having)))}")
+                return Result(
+                    True, f"{value or kind} of agent {', '.join(map(str, sorted(having)))}"
+                )
             return UNTESTED
 
         yield Claim(kind, value or kind, (n,), (), test)
@@ -862,7 +988,11 @@ def _find_reaction(facts: SceneFacts, value: str) -> list[int]:
 
 
 def _find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
-    return [r.from_ for r in facts.scene.relations if r.manoeuvre == value or (not value and r.manoeuvre)]
+    return [
+        r.from_
+        for r in facts.scene.relations
+        if r.manoeuvre == value or (not value and r.manoeuvre)
+    ]
 
 
 def _find_meeting(facts: SceneFacts, _value: str) -> list[int]:
@@ -891,7 +1021,7 @@ def _read_point(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
         named = {part for each in asked for part in each.split("_")}
         sides = {w for e in facts.proof.events for w in _KIND_POINTS.get(e.kind or "", ())}
         measured = any(m.kind.endswith("point") or "point_" in m.kind for m in facts.scene.measures)
-        if text in named | sides or measured and text not in ("left", "right"):
+        if text in named | sides or (measured and text not in ("left", "right")):
             return Result(True, f"the point of impact ({', '.join(asked) or text})")
         return UNTESTED
 

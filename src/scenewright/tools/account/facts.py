@@ -58,14 +58,11 @@ class SceneFacts:
 
     def count_members(self, number: int) -> int:
         """How many walk in the group of an agent; 1 where it has none."""
-        return 1 + sum(
-            agent.group == number and agent.id != number for agent in self.scene.agents
-        )
+        return 1 + sum(agent.group == number and agent.id != number for agent in self.scene.agents)
 
     def fits_class(self, number: int, classes: frozenset[str]) -> bool:
         """Whether a noun of these classes may stand for an agent."""
-        agent = self.agents[number]
-        return any(_fits(agent, each) for each in classes)
+        return fits_noun(self.agents[number], classes)
 
     def list_between(self, first: int, second: int, kinds: Sequence[str]) -> Iterator[Event]:
         """Events of these types of two agents, whichever is first; groups count as one."""
@@ -126,8 +123,7 @@ class SceneFacts:
     def count_background(self, kind: str | None = None) -> int:
         """Background agents, of a class or of all."""
         return sum(
-            agent.role == "background" and kind in (None, agent.type)
-            for agent in self.scene.agents
+            agent.role == "background" and kind in (None, agent.type) for agent in self.scene.agents
         )
 
     def get_minutes(self) -> int:
@@ -161,6 +157,11 @@ class SceneFacts:
         if sense == "thing":
             return tuple(o for o in self.scene.objects if o.kind in ("bin", "box", "container"))
         return tuple(o for o in self.scene.objects if o.kind == sense)
+
+
+def fits_noun(agent: AgentRecord, classes: frozenset[str]) -> bool:
+    """Whether a noun of these classes may stand for an agent."""
+    return any(_fits(agent, each) for each in classes)
 
 
 def _fits(agent: AgentRecord, kind: str) -> bool:

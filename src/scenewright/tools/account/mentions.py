@@ -10,16 +10,46 @@ from scenewright.tools.account.vocabulary import Token
 
 _INDEFINITE = frozenset({"a", "an", "another", "some", "any", "each", "every"})
 _DEFINITE = frozenset(
-    "the this that these those its his her their my our your said same".split()
+    ["the", "this", "that", "these", "those", "its", "his", "her", "their", "my", "our", "your", "said", "same"]
 )  # fmt: skip
 _PRONOUNS = frozenset(
-    "it he she him her they them itself himself herself themselves who whom latter former".split()
+    [
+        "it",
+        "he",
+        "she",
+        "him",
+        "her",
+        "they",
+        "them",
+        "itself",
+        "himself",
+        "herself",
+        "themselves",
+        "who",
+        "whom",
+        "latter",
+        "former",
+    ]
 )
 _FIRST_PERSON = frozenset({"i", "me", "we", "us", "my", "our"})
 _VEHICLES = frozenset(
-    "vehicle car van taxi truck bus motorcycle emergency ambulance fire_engine police_car".split()
+    [
+        "vehicle",
+        "car",
+        "van",
+        "taxi",
+        "truck",
+        "bus",
+        "motorcycle",
+        "emergency",
+        "ambulance",
+        "fire_engine",
+        "police_car",
+    ]
 )
-_RIDES = frozenset({"on", "riding", "rides", "in", "driving", "drives", "of", "aboard", "rode", "drove"})
+_RIDES = frozenset(
+    {"on", "riding", "rides", "in", "driving", "drives", "of", "aboard", "rode", "drove"}
+)
 _PLURALS = frozenset({"people", "men", "women", "children", "kids", "both", "peds", "folks"})
 _AT = frozenset({"on", "at", "over", "in", "across", "using"})
 _NAMED = re.compile(r"(v|veh|vehicle|p|ped|u)(\d)")
@@ -75,8 +105,8 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
 def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     """The mention whose noun phrase ends at the noun that begins at token n."""
     token = tokens[n]
-    if named := _NAMED.fullmatch(token.text):  # V1, ped2
-        kind = "pedestrian" if named[1].startswith("p") else "any" if named[1] == "u" else "vehicle"
+    if short := _NAMED.fullmatch(token.text):  # V1, ped2
+        kind = "pedestrian" if short[1].startswith("p") else "any" if short[1] == "u" else "vehicle"
         return Mention(n, n, n + 1, frozenset({kind}), label=token.text, nouns=(n,))
     classes = frozenset(token.list_values("noun"))
     things = token.has("object.thing")
@@ -89,7 +119,10 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     if stop < len(tokens) and tokens[stop - 1].kind == tokens[stop].kind == "word" and not things:
         more = frozenset(tokens[stop].list_values("noun"))
         named = not _starts_clause(tokens[stop]) and not tokens[stop - 1].text.endswith("'s")
-        apart = tokens[stop].start - tokens[stop - 1].end == 1 and tokens[stop - 1].text != tokens[stop - 1].stem
+        apart = (
+            tokens[stop].start - tokens[stop - 1].end == 1
+            and tokens[stop - 1].text != tokens[stop - 1].stem
+        )
         if more and named and not apart and tokens[stop].text != "one":  # "police van"
             classes = classes | more if classes | more <= _VEHICLES else more
             stop += 1
@@ -129,7 +162,9 @@ def _is_attribute(tokens: Sequence[Token], n: int) -> bool:
     follow = tokens[n + 1] if n + 1 < len(tokens) else None
     if follow is None or follow.kind != "word" or tokens[n].text.endswith("'s"):
         return False
-    if any(stop > n + 1 for sense, (_, stop) in tokens[n].senses.items() if sense.startswith("noun")):
+    if any(
+        stop > n + 1 for sense, (_, stop) in tokens[n].senses.items() if sense.startswith("noun")
+    ):
         return False
     if follow.has("crosswalk") and not follow.text.endswith("ing"):
         return True
@@ -148,11 +183,23 @@ def _belongs_before(token: Token) -> bool:
         return True
     if token.kind != "word":
         return False
-    if token.text in _INDEFINITE | _DEFINITE | {"both", "all", "several", "no", "few", "many", "other", "two", "zero"}:
+    if token.text in _INDEFINITE | _DEFINITE | {
+        "both",
+        "all",
+        "several",
+        "no",
+        "few",
+        "many",
+        "other",
+        "two",
+        "zero",
+    }:
         return True
     if token.number is not None or token.text in ("one", "of"):
         return token.text != "half" and token.text != "of"
-    if any(stop - start > 1 for start, stop in token.senses.values()) and token.has("left", "right"):
+    if any(stop - start > 1 for start, stop in token.senses.values()) and token.has(
+        "left", "right"
+    ):
         return True
     return token.has(
         "manner", "bound", "object", "opposite", "order", "side", "background", "left", "right",
@@ -192,12 +239,18 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
                        pronoun=True)  # fmt: skip
     follows = tokens[n + 1] if n + 1 < len(tokens) else None
     if token.text in _PRONOUNS and not (
-        token.text == "her" and follows is not None and follows.kind == "word"
+        token.text == "her"
+        and follows is not None
+        and follows.kind == "word"
         and (follows.has("noun", "point", "place", "manner", "left", "right"))
     ):
         return Mention(n, n, n + 1, frozenset(), None if plural else 1, pronoun=True)
     stands_alone = follows is None or not follows.has("noun")
-    if token.text in ("one", "other", "second", "third", "first", "both", "two", "another", "others", "each") and stands_alone:
+    if (
+        token.text
+        in ("one", "other", "second", "third", "first", "both", "two", "another", "others", "each")
+        and stands_alone
+    ):
         if n and tokens[n - 1].text == "no":
             return None
         many = token.text in ("both", "two", "others", "each")

@@ -20,7 +20,8 @@ _FACTS = (
 )
 _LEADS = r"(?:\b(?:in|at|on|with|under|during|and|having|there (?:is|are))\s+)?(?:an?\s+|the\s+)?"
 _STANDING = re.compile(
-    rf"{_LEADS}\b(?:{'|'.join(_FACTS)})\b(?:\s*,)?(?:\s+and(?=\s+(?:in|at|on|with)))?", re.IGNORECASE
+    rf"{_LEADS}\b(?:{'|'.join(_FACTS)})\b(?:\s*,)?(?:\s+and(?=\s+(?:in|at|on|with)))?",
+    re.IGNORECASE,
 )
 
 

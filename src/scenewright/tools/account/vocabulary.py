@@ -154,7 +154,7 @@ def read_tokens(text: str) -> tuple[Token, ...]:
             if stop - start > lengths[n]:
                 lengths[n] = stop - start
                 found[n] = {}
-            found[n] |= {sense: (start, stop) for sense in senses}
+            found[n] |= dict.fromkeys(senses, (start, stop))
     return tuple(
         Token(**{**each.__dict__, "senses": senses})
         for each, senses in zip(plain, found, strict=True)

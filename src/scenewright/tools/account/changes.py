@@ -1,0 +1,126 @@
+"""What a change did beside what its words say, found by comparing the scene before and after."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.tools.account.facts import fits_noun
+from scenewright.tools.account.mentions import Mention, find_mentions
+from scenewright.tools.account.vocabulary import Token, read_tokens
+
+_REMOVES = frozenset(
+    [
+        "remove",
+        "delete",
+        "drop",
+        "rid",
+        "without",
+        "no",
+        "less",
+        "fewer",
+        "out",
+        "away",
+        "nobody",
+        "leave",
+        "lose",
+        "cut",
+        "only",
+    ]
+)
+_ADDS = frozenset(
+    [
+        "add",
+        "another",
+        "more",
+        "also",
+        "put",
+        "include",
+        "second",
+        "third",
+        "plus",
+        "with",
+        "back",
+        "extra",
+    ]
+)
+_CROWD = ("density", "background", "time")
+_CROWD_WORDS = frozenset(
+    ["traffic", "busier", "quieter", "people", "crowd", "everyone", "others", "else", "hour"]
+)
+_EVENTS = ("event", "order", "red", "stop", "brake", "avoid", "priority", "normal", "meets",
+           "manoeuvre", "reaction", "sight", "object")  # fmt: skip
+_SWAPS = frozenset(
+    ["swap", "switch", "reverse", "exchange", "roles", "instead", "other", "undo", "again"]
+)
+MOST_BACKGROUND = 3, 0.25
+"""Background agents that may go or come where others must make room: a number, and a share."""
+
+
+def find_unasked_changes(before: SceneRecord, after: SceneRecord, words: str) -> tuple[str, ...]:
+    """What differs between two versions although the words of the change do not ask for it.
+
+    A removal that takes none of those that it names is one, too.
+    """
+    tokens = read_tokens(words)
+    return tuple(_compare(before, after, tokens, find_mentions(tokens)))
+
+
+def _compare(
+    before: SceneRecord, after: SceneRecord, tokens: Sequence[Token], mentions: Sequence[Mention]
+) -> Iterator[str]:
+    said = {each.text for each in tokens}
+    removes, adds = bool(said & _REMOVES), bool(said & _ADDS)
+    crowd = bool(said & _CROWD_WORDS) or any(each.has(*_CROWD) for each in tokens)
+    deeds = any(each.has(*_EVENTS) for each in tokens) or bool(said & _SWAPS)
+    old, new = _list_foreground(before), _list_foreground(after)
+    gone, come = old.keys() - new.keys(), new.keys() - old.keys()
+    named = any(not m.pronoun and m.classes for m in mentions)
+    if gone and not (removes or named or deeds):
+        yield f"{', '.join(sorted(gone))} would be gone"
+    if come and not (adds or named or deeds):
+        yield f"{', '.join(sorted(come))} would be new"
+    if removes and not crowd:
+        yield from _check_removal(old, new, mentions)
+    yield from _compare_background(
+        before, after, crowd or any(m.background or m.absent for m in mentions)
+    )
+    if before.meta.time_of_day != after.meta.time_of_day and not (
+        crowd or any(each.kind == "clock" or each.number is not None for each in tokens)
+    ):
+        yield f"the time would be {after.meta.time_of_day}"
+    if not (deeds or removes or adds or named) and _list_relations(before) != _list_relations(
+        after
+    ):
+        yield "other events would be asked for"
+
+
+def _check_removal(
+    old: dict[str, AgentRecord], new: dict[str, AgentRecord], mentions: Sequence[Mention]
+) -> Iterator[str]:
+    """Whether those that are to go are gone: "one of the kids", "the cyclist"."""
+    for mention in mentions:
+        there = {name for name, agent in old.items() if fits_noun(agent, mention.classes)}
+        left = {name for name, agent in new.items() if fits_noun(agent, mention.classes)}
+        if not mention.pronoun and there and there <= left and not new.keys() - old.keys():
+            yield f"{', '.join(sorted(there))} would all stay"
+
+
+def _compare_background(before: SceneRecord, after: SceneRecord, crowd: bool) -> Iterator[str]:
+    old, new = (
+        Counter(a.type for a in scene.agents if a.role == "background") for scene in (before, after)
+    )
+    for kind in sorted(old.keys() | new.keys()):
+        number = abs(new[kind] - old[kind])
+        if number > max(MOST_BACKGROUND[0], MOST_BACKGROUND[1] * old[kind]) and not crowd:
+            yield f"there would be {new[kind]} background {kind}s and not {old[kind]}"
+
+
+def _list_foreground(scene: SceneRecord) -> dict[str, AgentRecord]:
+    return {agent.name: agent for agent in scene.agents if agent.role == "foreground"}
+
+
+def _list_relations(scene: SceneRecord) -> set[tuple[str, str, str]]:
+    names = {agent.id: agent.name for agent in scene.agents}
+    return {(each.type, names[each.from_], names[each.to]) for each in scene.relations}
