@@ -98,7 +98,7 @@ def _list_sets(mention: Mention, facts: SceneFacts) -> Iterator[Bound]:
             yield from (frozenset(each) for each in combinations(ids, size))
     agents = [
         n for n in facts.foreground if mention.pronoun or facts.fits_class(n, mention.classes)
-    ]
+    ] or list(facts.foreground)  # of another class: what else is said of it can still be tested
     if mention.count == 1:
         yield from (frozenset({n}) for n in agents)
         return
