@@ -10,7 +10,6 @@ from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.track import STEP, Track, get_vehicle_shape
-from scenewright.tools.map_import.four_leg_map import PLANS
 from scenewright.tools.simulation.corpus import (
     Trip,
     assign_split,
@@ -27,6 +26,7 @@ from scenewright.tools.simulation.corpus_recordings import (
     spread_hours,
 )
 from scenewright.tools.simulation.demand import read_demand
+from scenewright.tools.simulation.four_leg_plan import PLANS
 from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP
 from scenewright.tools.track_io import RecordedAgent, load_recordings
 

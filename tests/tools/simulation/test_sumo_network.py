@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
+from scenewright.intersections import load_map
 from scenewright.scene.map import Route
-from scenewright.tools.map_import.four_leg_map import AMSTERDAM_120, build_map
+from scenewright.tools.simulation.four_leg_plan import AMSTERDAM_120
 from scenewright.tools.simulation.sumo_network import write_network
 from scenewright.tools.simulation.sumo_run import find_sidewalk_edge
 
@@ -16,7 +17,7 @@ pytest.importorskip("sumo")
 
 @pytest.fixture(scope="module")
 def place():
-    return build_map()
+    return load_map("amsterdam_120")
 
 
 @pytest.fixture(scope="module")

@@ -136,19 +136,6 @@ def score_scene(
     return scores, left
 
 
-def score_drawn(
-    scene: SceneRecord, priors: Priors, *, number: int, group: str
-) -> Iterator[AgentScore]:
-    """How likely the waypoints are that were drawn for every agent whose route has a prior."""
-    for agent in scene.agents:
-        prior = priors.waypoints.get(agent.route)
-        if prior is None or prior.tracks == 0 or len(agent.waypoints) != K:
-            continue
-        nll = float(compute_waypoint_nll(prior, np.array(agent.waypoints)[None])[0])
-        drawn: dict[Reading, float] = {"drawn": nll}
-        yield AgentScore(number, group, agent.role, agent.type, drawn, _compute_expected_nll(prior))
-
-
 @lru_cache(maxsize=256)
 def _compute_expected_nll(prior: WaypointPrior) -> float:
     """The mean NLL of draws from a prior [nats]."""

@@ -20,7 +20,6 @@ from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, get_vehicle_shape
-from scenewright.tools.map_import.four_leg_map import PLANS, FourLegPlan
 from scenewright.tools.simulation.corpus import (
     DAYS,
     SPACING,
@@ -36,6 +35,7 @@ from scenewright.tools.simulation.corpus import (
     spawn_hour_seeds,
 )
 from scenewright.tools.simulation.demand import HOURS, Demand, read_demand
+from scenewright.tools.simulation.four_leg_plan import PLANS, FourLegPlan
 from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP, SumoTrack
 from scenewright.tools.track_io import RecordedAgent, Recording, Split, save_recordings
 

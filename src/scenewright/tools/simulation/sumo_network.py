@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 from scenewright.errors import InputError
 from scenewright.scene.base import Compass
 from scenewright.scene.map import IntersectionMap, Lanelet, SignalProgram
-from scenewright.tools.map_import.four_leg_map import LEGS, FourLegPlan, locate_point
+from scenewright.tools.simulation.four_leg_plan import LEGS, FourLegPlan, locate_point
 
 REACH = 300.0
 """How far the approach roads reach from the middle [m]."""

@@ -22,8 +22,8 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import IntersectionMap, Route, VehicleMovement
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.map_import.compass import rotate_compass
-from scenewright.tools.map_import.four_leg_map import FourLegPlan
 from scenewright.tools.simulation.demand import Demand
+from scenewright.tools.simulation.four_leg_plan import FourLegPlan
 from scenewright.tools.simulation.sumo_network import REACH, find_sumo, format_tag, name_edge
 
 HOUR = 3600.0
