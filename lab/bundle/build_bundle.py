@@ -8,15 +8,15 @@ Needs the extra `simulate`. The refiner and `manners.json` have commands of thei
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
-from lab.bundle.corpus_hours import CorpusHour, build_corpus
+from lab.bundle.corpus_hours import DAYS, SPLITS, CorpusHour, build_corpus
 from lab.bundle.derive_demand import derive_demand
 from lab.bundle.fit_priors import (
     SHRINKAGE,
@@ -27,18 +27,14 @@ from lab.bundle.fit_priors import (
     group_trips_by_route,
 )
 from lab.bundle.four_leg_map import write_map
+from lab.bundle.four_leg_plan import PLANS, FourLegPlan
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder
 from scenewright.tools.fitting.custom_bundle import find_version
 from scenewright.tools.fitting.path_frame import FLOOR
 from scenewright.tools.gmm_sampler.priors import HOURS, compute_checksum, save_priors
-from scenewright.tools.simulation.corpus import (
-    DAYS,
-    SPLITS,
-    Progress,
-)
+from scenewright.tools.simulation.corpus import Progress
 from scenewright.tools.simulation.demand import Demand, read_demand
-from scenewright.tools.simulation.four_leg_plan import PLANS, FourLegPlan
 
 _LICENCE = "Apache-2.0"
 _LICENCE_NOTE = """\
@@ -154,32 +150,27 @@ def _write_header(
 ) -> None:
     """Write `bundle.toml`: what this is, what it was made from, under which licence."""
     trips = {s: sum(len(h.trips) for h in hours if h.split == s) for s in SPLITS}
-    lines = [
-        f"name = {json.dumps(plan.name)}",
-        f"title = {json.dumps(plan.title)}",
-        f"licence = {json.dumps(_LICENCE)}",
-        "format = 1",
-        "",
-        "[provenance]",
-        f"sources = {json.dumps(demand.sources, indent=2)}",
-        f"simulator = {json.dumps('Eclipse SUMO ' + find_version('eclipse-sumo') + ' (EPL-2.0)')}",
-        f"scenewright = {json.dumps(find_version('scenewright'))}",
-        f"scikit_learn = {json.dumps(find_version('scikit-learn'))}",
-        f"seed = {seed}",
-        f"days = {days}",
-        *(f"{split}_trips = {count}" for split, count in trips.items()),
-        f"covariance_floor = {FLOOR}",
-        f"shrinkage = {SHRINKAGE}",
-        f"count_window = {WINDOW}",
-        "",
-        "[sha256]",
-        *(
-            f"{json.dumps(name)} = {json.dumps(compute_checksum(out / name))}"
-            for name in _DESCRIBED
-        ),
-    ]
+    header = {
+        "name": plan.name,
+        "title": plan.title,
+        "licence": _LICENCE,
+        "format": 1,
+        "provenance": {
+            "sources": list(demand.sources),
+            "simulator": f"Eclipse SUMO {find_version('eclipse-sumo')} (EPL-2.0)",
+            "scenewright": find_version("scenewright"),
+            "scikit_learn": find_version("scikit-learn"),
+            "seed": seed,
+            "days": days,
+            **{f"{split}_trips": count for split, count in trips.items()},
+            "covariance_floor": FLOOR,
+            "shrinkage": SHRINKAGE,
+            "count_window": WINDOW,
+        },
+        "sha256": {name: compute_checksum(out / name) for name in _DESCRIBED},
+    }
     (out / "LICENSE").write_text(_LICENCE_NOTE, encoding="utf-8")
-    (out / "bundle.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (out / "bundle.toml").write_bytes(tomli_w.dumps(header).encode())
 
 
 def main(argv: Sequence[str] | None = None) -> int:

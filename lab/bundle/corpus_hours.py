@@ -1,28 +1,35 @@
-"""The corpus that priors are fitted on: simulated days of clean trips, kept hour by hour."""
+"""The corpus that priors are fitted on: simulated days of clean trips, kept hour by hour.
+
+Each simulated hour of each day belongs wholly to one of fit, validation and test; with three days
+every hour of the day occurs once in each.
+"""
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.bundle.four_leg_network import write_network
+from lab.bundle.four_leg_plan import FourLegPlan
+from lab.bundle.four_leg_traffic import simulate_hour
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.simulation.corpus import (
-    DAYS,
     Progress,
     Trip,
-    assign_split,
     build_footways,
     clean_trip,
-    simulate_raw_hour,
-    spawn_hour_seeds,
 )
-from scenewright.tools.simulation.demand import Demand
-from scenewright.tools.simulation.four_leg_plan import FourLegPlan
+from scenewright.tools.simulation.demand import HOURS, Demand
+from scenewright.tools.simulation.sumo_run import SumoTrack, read_collided
 from scenewright.tools.track_io.recording import Split
+
+SPLITS: tuple[Split, ...] = ("fit", "validation", "test")
+DAYS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +51,19 @@ class CorpusHour:
     def split(self) -> Split:
         """Which part of the corpus this hour belongs to."""
         return assign_split(self.day, self.hour)
+
+
+def assign_split(day: int, hour: int) -> Split:
+    """Which part of the corpus an hour of a day belongs to."""
+    return SPLITS[(hour + day) % len(SPLITS)]
+
+
+def spawn_hour_seeds(
+    seed: int, *, days: int = DAYS
+) -> dict[tuple[int, int], np.random.SeedSequence]:
+    """The seed of every hour of every day; further days leave those of the first as they are."""
+    hours = [(day, hour) for day in range(days) for hour in range(HOURS)]
+    return dict(zip(hours, np.random.SeedSequence(seed).spawn(len(hours)), strict=True))
 
 
 def build_corpus(
@@ -137,3 +157,27 @@ def load_hour(file: Path) -> CorpusHour:
         )
         day, hour = (int(n) for n in stored["when"])
         return CorpusHour(day, hour, trips, stored["presence"])
+
+
+def simulate_raw_hour(
+    hour: int,
+    *,
+    plan: FourLegPlan,
+    intersection_map: IntersectionMap,
+    demand: Demand,
+    rng: np.random.Generator,
+) -> tuple[list[SumoTrack], int]:
+    """The tracks that SUMO records in one hour of the day, and how many agents collided."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        network = write_network(folder, plan, intersection_map)
+        raw = simulate_hour(
+            folder,
+            network,
+            plan=plan,
+            intersection_map=intersection_map,
+            demand=demand,
+            hour=hour,
+            rng=rng,
+        )
+        return raw, len(read_collided(folder))

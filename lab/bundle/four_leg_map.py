@@ -13,6 +13,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from lab.bundle.four_leg_plan import (
+    AMSTERDAM_120,
+    BEARINGS,
+    LEGS,
+    FourLegPlan,
+    locate_point,
+)
 from scenewright.scene.base import Colour, Compass, FloatArray
 from scenewright.scene.map import (
     Crosswalk,
@@ -37,14 +44,6 @@ from scenewright.tools.map_import.map_parts import (
     build_vehicle_route,
     geos,
     round_points,
-)
-from scenewright.tools.simulation.four_leg_plan import (
-    AMSTERDAM_120,
-    BEARINGS,
-    LEGS,
-    FourLegPlan,
-    RoadPlan,
-    locate_point,
 )
 
 Turn = Literal["straight", "left", "right"]
@@ -94,17 +93,6 @@ def write_map(folder: Path, plan: FourLegPlan = AMSTERDAM_120) -> IntersectionMa
     return built
 
 
-def _measure_lane_middle(road: RoadPlan, index: int) -> float:
-    """From the middle line to the middle of a lane, 0 being the innermost [m]."""
-    return sum(road.lanes[:index]) + road.lanes[index] / 2
-
-
-def _measure_sidewalk(plan: FourLegPlan, leg: Compass, sign: int) -> tuple[float, float]:
-    """Kerb and wall of a sidewalk of a leg, across [m]; sign 1 is the left one."""
-    kerb = plan.get_road(leg).half_width
-    return (sign * kerb, sign * (kerb + plan.get_road(leg).sidewalk))
-
-
 def _build_box(leg: Compass, along: tuple[float, float], across: tuple[float, float]) -> Any:
     (a, b), (c, d) = along, across
     return geos.Polygon([locate_point(leg, *p) for p in ((a, c), (b, c), (b, d), (a, d))])
@@ -129,10 +117,10 @@ def _build_sidewalk(plan: FourLegPlan, leg: Compass, road: Any) -> Any:
     other = rotate_compass(leg, 2)
     strips = [
         _build_box(
-            leg, (plan.get_road(other).half_width, plan.extent), _measure_sidewalk(plan, leg, -1)
+            leg, (plan.get_road(other).half_width, plan.extent), plan.measure_sidewalk(leg, -1)
         ),
         _build_box(
-            other, (plan.get_road(leg).half_width, plan.extent), _measure_sidewalk(plan, other, 1)
+            other, (plan.get_road(leg).half_width, plan.extent), plan.measure_sidewalk(other, 1)
         ),
     ]
     return geos.unary_union(strips).difference(road)
@@ -185,7 +173,7 @@ def _build_driving_lane(
 ) -> Lanelet:
     road, name = plan.get_road(leg), _name_lane(plan, leg, side, index)
     fields = {"width": road.lanes[index], "kind": side, "successors": successors}
-    return _build_strip(plan, leg, side, _measure_lane_middle(road, index), id=name, **fields)
+    return _build_strip(plan, leg, side, road.measure_lane_middle(index), id=name, **fields)
 
 
 def _build_parking(plan: FourLegPlan, leg: Compass, side: _Side) -> Lanelet:
@@ -223,10 +211,10 @@ def _build_curve(
 ) -> FloatArray:
     """[P, 2] middle of the path through the junction, from stop line to the exit lane."""
     start = np.array(
-        locate_point(leg, plan.measure_stop(leg), _measure_lane_middle(plan.get_road(leg), lane_in))
+        locate_point(leg, plan.measure_stop(leg), plan.get_road(leg).measure_lane_middle(lane_in))
     )
     end = np.array(
-        locate_point(to, plan.measure_stop(to), -_measure_lane_middle(plan.get_road(to), lane_out))
+        locate_point(to, plan.measure_stop(to), -plan.get_road(to).measure_lane_middle(lane_out))
     )
     if to == rotate_compass(leg, 4):
         return np.linspace(start, end, 9)
@@ -280,7 +268,7 @@ def _build_goal_regions(plan: FourLegPlan) -> Iterator[GoalRegion]:
         yield GoalRegion(id=f"{leg}:goal", type="vehicle", leg=leg, polygon=area)
         for sign, side in zip((1, -1), find_sides(leg), strict=True):
             area = build_ring(
-                _build_box(leg, (walk_edge - 3.0, walk_edge), _measure_sidewalk(plan, leg, sign))
+                _build_box(leg, (walk_edge - 3.0, walk_edge), plan.measure_sidewalk(leg, sign))
             )
             name = f"{leg}:goal:{side}_sidewalk"
             yield GoalRegion(id=name, type="pedestrian", leg=leg, polygon=area)
@@ -311,8 +299,8 @@ def _build_movement(plan: FourLegPlan, leg: Compass, turn: Turn, to: Compass) ->
 def _build_whole_line(
     plan: FourLegPlan, leg: Compass, to: Compass, lane_in: int, lane_out: int
 ) -> Polyline:
-    start = locate_point(leg, plan.extent, _measure_lane_middle(plan.get_road(leg), lane_in))
-    end = locate_point(to, plan.extent, -_measure_lane_middle(plan.get_road(to), lane_out))
+    start = locate_point(leg, plan.extent, plan.get_road(leg).measure_lane_middle(lane_in))
+    end = locate_point(to, plan.extent, -plan.get_road(to).measure_lane_middle(lane_out))
     return (start, *round_points(_build_curve(plan, leg, to, lane_in, lane_out)), end)
 
 

@@ -243,7 +243,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                                     description=__doc__)  # fmt: skip
     parser.add_argument("--intersection", default="amsterdam_120")
     parser.add_argument("--weights", type=Path, help="the bundle's if none are named")
-    parser.add_argument("--corpus", type=Path, help="file of `intersections corpus`")
+    parser.add_argument("--corpus", type=Path, help="file of `lab.bundle.record_corpus`")
     parser.add_argument("--taf-bw", type=Path, help="folder of real tracks")
     parser.add_argument("--smoothing", type=float, default=SMOOTHING,
                        help="of real positions before anything else [s]")  # fmt: skip

@@ -577,7 +577,7 @@ def test_an_unknown_intersection_lists_the_known(run: Run, tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     "words",
-    [[], ["make"], ["plan"], ["verify"], ["show"], ["intersections"], ["intersections", "corpus"]],
+    [[], ["make"], ["plan"], ["verify"], ["show"], ["intersections"], ["intersections", "train"]],
     ids=" ".join,
 )
 def test_every_command_explains_itself(run: Run, words: list[str]) -> None:

@@ -354,37 +354,12 @@ def show_one(
         write_stdout(format_intersection(facts))
 
 
-@intersections.command("corpus")
-def make_corpus(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    out: Annotated[str, typer.Option(metavar="F", help="File to write, an .npz.")],
-    hours: Annotated[int, typer.Option(help="How many hours, spread over the day.")] = 15,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Simulate hours of traffic and keep the tracks of all agents (needs the extra `simulate`)."""
-    from scenewright.tools.simulation.corpus_recordings import record_traffic
-
-    with show_progress(quiet=quiet) as log:
-        made = record_traffic(
-            name,
-            out=Path(out),
-            hours=hours,
-            seed=seed,
-            progress=lambda line: log("recording", line),
-        )
-    if as_json:
-        agents = sum(len(each.agents) for each in made)
-        write_json({"ok": True, "name": name, "file": out, "hours": len(made), "agents": agents})
-    else:
-        write_stdout(f"{out}\n")
-
-
 @intersections.command("train")
 def train(
     name: Annotated[str, typer.Argument(help="Its name.")],
-    corpus: Annotated[str, typer.Option(metavar="F", help="Recorded hours, of `corpus`.")],
+    corpus: Annotated[
+        str, typer.Option(metavar="F", help="Recorded hours, of `simulate --corpus`.")
+    ],
     out: Annotated[
         str | None,
         typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),

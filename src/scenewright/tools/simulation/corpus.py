@@ -1,16 +1,13 @@
-"""The corpus: simulated days of traffic as clean tracks, split by hour.
+"""Clean tracks of simulated traffic.
 
-Each simulated hour of each day belongs wholly to one of fit, validation and test; with three days
-every hour of the day occurs once in each. A track is kept as its path (evenly spaced) and its
-progress along it (10 Hz): positions over time follow from both.
+A track is kept as its path (evenly spaced) and its progress along it (10 Hz): positions over time
+follow from both.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,14 +19,8 @@ from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, VEHICLE_SIZES
 from scenewright.tools.map_import.map_parts import geos
-from scenewright.tools.simulation.demand import HOURS, Demand
-from scenewright.tools.simulation.four_leg_plan import FourLegPlan
-from scenewright.tools.simulation.sumo_network import write_network
-from scenewright.tools.simulation.sumo_run import HOUR, SumoTrack, read_collided, simulate_hour
-from scenewright.tools.track_io.recording import Split
+from scenewright.tools.simulation.sumo_run import HOUR, SumoTrack
 
-SPLITS: tuple[Split, ...] = ("fit", "validation", "test")
-DAYS = 3
 SPACING = 0.5
 """Between points of a stored path [m]."""
 
@@ -45,7 +36,6 @@ _SIDESLIP = 0.6
 """Sideways movement on the spot that no vehicle can make [m]."""
 
 Progress = Callable[[str], None]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,47 +61,10 @@ class Trip:
         return resample_path(self.path)
 
 
-def assign_split(day: int, hour: int) -> Split:
-    """Which part of the corpus an hour of a day belongs to."""
-    return SPLITS[(hour + day) % len(SPLITS)]
-
-
-def spawn_hour_seeds(
-    seed: int, *, days: int = DAYS
-) -> dict[tuple[int, int], np.random.SeedSequence]:
-    """The seed of every hour of every day; further days leave those of the first as they are."""
-    hours = [(day, hour) for day in range(days) for hour in range(HOURS)]
-    return dict(zip(hours, np.random.SeedSequence(seed).spawn(len(hours)), strict=True))
-
-
 def resample_path(path: FloatArray, count: int = K) -> FloatArray:
     """[count, 2] points at equal arc length along a path [P, 2], both ends included."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     return interpolate_points(np.linspace(0.0, s[-1], count), s, path)
-
-
-def simulate_raw_hour(
-    hour: int,
-    *,
-    plan: FourLegPlan,
-    intersection_map: IntersectionMap,
-    demand: Demand,
-    rng: np.random.Generator,
-) -> tuple[list[SumoTrack], int]:
-    """The tracks that SUMO records in one hour of the day, and how many agents collided."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        network = write_network(folder, plan, intersection_map)
-        raw = simulate_hour(
-            folder,
-            network,
-            plan=plan,
-            intersection_map=intersection_map,
-            demand=demand,
-            hour=hour,
-            rng=rng,
-        )
-        return raw, len(read_collided(folder))
 
 
 def build_footways(intersection_map: IntersectionMap) -> dict[str, Any]:

@@ -18,9 +18,6 @@ PAIRS = (*EVENTS, "lane", "push", "meet", "door")
 SIDES = ("from", "to", "heading", "cw")
 """Tags whose words name a leg or a direction of the compass."""
 
-RELATIVES = ("opp", "left", "right", "same", "lateral", "other", "exit", "entry")
-"""Values of SIDES that are read against another road user."""
-
 _FACTS = (
     *("left", "right", "straight", "uturn", "turn", "cross", "jay", "red", "road"),
     *("brake", "first", "light", "speed", "impact", "pet", "ttc", "headway", "gap", "dist"),

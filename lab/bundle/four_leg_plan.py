@@ -45,6 +45,10 @@ class RoadPlan:
         """From the middle line to the kerb [m]."""
         return sum(self.lanes) + self.parking
 
+    def measure_lane_middle(self, index: int) -> float:
+        """From the middle line to the middle of a lane, 0 being the innermost [m]."""
+        return sum(self.lanes[:index]) + self.lanes[index] / 2
+
 
 @dataclass(frozen=True)
 class FourLegPlan:
@@ -93,6 +97,11 @@ class FourLegPlan:
     def measure_stop(self, leg: Compass) -> float:
         """Where the stop line of a leg lies, from the middle outwards [m]."""
         return self.measure_crosswalk_near(leg) + self.crosswalk_width + self.stop_gap
+
+    def measure_sidewalk(self, leg: Compass, sign: int) -> tuple[float, float]:
+        """Kerb and wall of a sidewalk of a leg, across [m]; sign 1 is the left one."""
+        kerb = self.get_road(leg).half_width
+        return (sign * kerb, sign * (kerb + self.get_road(leg).sidewalk))
 
 
 AMSTERDAM_120 = FourLegPlan(

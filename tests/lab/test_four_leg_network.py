@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
+from lab.bundle.four_leg_network import write_network
+from lab.bundle.four_leg_plan import AMSTERDAM_120
+from lab.bundle.four_leg_traffic import find_sidewalk_edge
 from scenewright.intersections import load_map
 from scenewright.scene.map import Route
-from scenewright.tools.simulation.four_leg_plan import AMSTERDAM_120
-from scenewright.tools.simulation.sumo_network import write_network
-from scenewright.tools.simulation.sumo_run import find_sidewalk_edge
 
 pytest.importorskip("sumo")
 
