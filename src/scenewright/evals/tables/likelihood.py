@@ -8,9 +8,6 @@ not run from one end of its route to the other:
   collision ends a track, and so does the end of a scene.
 - `path`: the ten waypoints that were drawn for the agent, each replaced by where the final track
   passes it. What the agent never reached stays as drawn, so this is about *where* it went alone.
-
-A third, `drawn`, takes the waypoints as they were drawn and selected, whatever came of them; it is
-what `evals.fidelity` prints for any folder of scenes.
 """
 
 from __future__ import annotations
