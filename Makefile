@@ -21,8 +21,7 @@ CASES ?= 100000
 TESTERS ?= 2
 
 # Benchmarks for which files or a folder must be named.
-NAMING := batch_faults consumer_protection own_intersections own_motion pool_transfer ray_faults \
-	same_behaviour trajnet understanding walkers
+NAMING := consumer_protection own_intersections same_behaviour trajnet understanding
 
 .DEFAULT_GOAL := demo
 .PHONY: page-tests demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs

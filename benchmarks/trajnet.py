@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,12 +24,16 @@ from typing import Any
 import numpy as np
 
 from scenewright.evals.trajnet.predictors import (
-    BoostedTrees,
     Predictor,
     Refining,
     predict_constant_velocity,
 )
-from scenewright.evals.trajnet.recording import BenchmarkRecording, read_recording
+from scenewright.evals.trajnet.recording import (
+    OBSERVED,
+    PREDICTED,
+    BenchmarkRecording,
+    read_recording,
+)
 from scenewright.evals.trajnet.score import (
     Goals,
     SceneScore,
@@ -39,9 +43,11 @@ from scenewright.evals.trajnet.score import (
 )
 from scenewright.evals.trajnet.training import build_own_recipe, build_polishing_recipe, train_on
 from scenewright.evals.trajnet.windows import BENDING, cut_training_windows
+from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.model import RefinerConfig
 from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
 from scenewright.tools.trajnet_refiner.train import Epoch, Recipe, train
+from scenewright.tools.trajnet_refiner.windows import Window
 
 FOLDS = (
     "biwi_hotel", "crowds_zara01", "crowds_zara03", "crowds_students003", "lcas", "wildtrack",
@@ -63,6 +69,90 @@ PUBLISHED = (
     ("DAG-Net", "0.66", "1.44", "9.22"),
     ("constant velocity", "0.679", "1.432", "14.5"),
 )
+
+
+class BoostedTrees:
+    """One gradient-boosted ensemble per predicted coordinate: neither recurrent nor neural.
+
+    Each agent is predicted for itself, from its own past and the motion of the nearest five, in
+    the frame of its own motion; what is learned is the deviation from constant velocity.
+    """
+
+    NEIGHBOURS = 5
+
+    def __init__(self, *, seed: int = 0, rounds: int = 100) -> None:
+        from sklearn.ensemble import HistGradientBoostingRegressor
+
+        self._trees: list[Any] = [
+            HistGradientBoostingRegressor(  # type: ignore[no-untyped-call]
+                max_iter=rounds, learning_rate=0.08, max_leaf_nodes=24, random_state=seed,
+                min_samples_leaf=40, l2_regularization=1.0, early_stopping=False,
+            )
+            for _ in range(2 * PREDICTED)
+        ]  # fmt: skip
+
+    def fit(self, windows: Sequence[Window]) -> BoostedTrees:
+        """Learns from all agents of all windows whose next twelve steps are known."""
+        features, targets, weights = [], [], []
+        for window in windows:
+            past, future = window.xy[:, :OBSERVED], window.xy[:, OBSERVED:]
+            own, along = self._compute_features(past)
+            off = _rotate(future - predict_constant_velocity([past])[0], along, back=True)
+            known = np.isfinite(off).all(axis=(1, 2))
+            features.append(own[known])
+            targets.append(off[known].reshape(-1, 2 * PREDICTED))
+            weights.append(window.weight[known])
+        x, y, w = (np.concatenate(part) for part in (features, targets, weights))
+        for k, tree in enumerate(self._trees):
+            tree.fit(x, y[:, k], sample_weight=w)
+        return self
+
+    def __call__(
+        self,
+        pasts: Sequence[FloatArray],
+        goals: Sequence[FloatArray] | None = None,
+        *,
+        due: float | None = None,
+        step: float = 0.4,
+    ) -> list[FloatArray]:
+        """See `Predictor`; goals are not looked at."""
+        del goals, due, step
+        computed = [self._compute_features(past) for past in pasts]
+        x = np.concatenate([features for features, _ in computed])
+        off = np.stack([tree.predict(x) for tree in self._trees], axis=1)
+        parts = np.split(off.reshape(-1, PREDICTED, 2), np.cumsum([len(p) for p in pasts])[:-1])
+        straight = predict_constant_velocity(pasts)
+        return [
+            base + _rotate(part, along, back=False)
+            for base, part, (_, along) in zip(straight, parts, computed, strict=True)
+        ]
+
+    def _compute_features(self, past: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """[N, D] what is known of each agent, NaN where unknown, and [N, 2] its direction."""
+        n, k = len(past), self.NEIGHBOURS
+        moves = np.diff(past, axis=1)
+        way = np.nan_to_num(np.nansum(moves[:, -4:], axis=1))
+        length = np.linalg.norm(way, axis=1, keepdims=True)
+        along = np.where(length > 1e-9, way / np.maximum(length, 1e-9), (1.0, 0.0))
+        offset = past[None, :, -1] - past[:, None, -1]
+        relative = moves[None, :, -1] - moves[:, None, -1]
+        distance = np.linalg.norm(offset, axis=-1) + np.where(np.eye(n, dtype=bool), np.inf, 0.0)
+        nearest = np.argsort(distance, axis=1, kind="stable")[:, :k]
+        row = np.arange(n)[:, None]
+        near = np.full((n, k, 5), np.nan)
+        near[:, : nearest.shape[1], :2] = _rotate(offset[row, nearest], along, back=True)
+        near[:, : nearest.shape[1], 2:4] = _rotate(relative[row, nearest], along, back=True)
+        near[:, : nearest.shape[1], 4] = distance[row, nearest]
+        near[~np.isfinite(near[..., 4])] = np.nan
+        own = _rotate(moves, along, back=True).reshape(n, -1)
+        return np.concatenate((own, length, near.reshape(n, -1)), axis=1), along
+
+
+def _rotate(vectors: FloatArray, along: FloatArray, *, back: bool) -> FloatArray:
+    """[N, K, 2] vectors into (back) or out of the frame in which `along` [N, 2] is +x."""
+    c, s = along[:, None, 0], (-1 if back else 1) * along[:, None, 1]
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack((c * x - s * y, s * x + c * y), axis=-1)
 
 
 def main() -> None:

@@ -24,6 +24,7 @@ from __future__ import annotations
 import argparse
 import json
 import random
+import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -40,7 +41,7 @@ from model_planning import ByFile, OpenError
 
 from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import ScenewrightError
-from scenewright.evals.understanding import calibration, exit_tuning, tuning
+from scenewright.evals.understanding import cases as cases_module
 from scenewright.evals.understanding.cases import SceneCase, Split, assign_split
 from scenewright.evals.understanding.clips import cut_clips, read_source
 from scenewright.evals.understanding.evaluate import MethodScores, evaluate, load_cases
@@ -284,12 +285,15 @@ def score(folder: Path, *, workers: int) -> None:
 
 def tune(folder: Path, *, workers: int) -> None:
     """Fits the exit model and both calibrations, and puts them where they ship."""
-    place = Path(calibration.__file__).parent
-    common = [str(folder / "dev"), "--workers", str(workers)]
-    exit_tuning.main([*common, "--out", str(place / "exits.npz")])
-    tuning.main([*common, "--out", str(place / "calibration.npz")])
-    oracle = ["--oracle", "--limit", str(ORACLE), "--out", str(place / "calibration_oracle.npz")]
-    tuning.main([*common, *oracle])
+    place, dev = Path(cases_module.__file__).parent, str((folder / "dev").resolve())
+    for module, file, options in (
+        ("exit_tuning", "exits.npz", ()),
+        ("tuning", "calibration.npz", ()),
+        ("tuning", "calibration_oracle.npz", ("--oracle", "--limit", str(ORACLE))),
+    ):
+        words = [dev, "--workers", str(workers), "--out", str(place / file), *options]
+        command = [sys.executable, "-m", f"lab.understanding.{module}", *words]
+        subprocess.run(command, cwd=Path(__file__).parents[1], check=True)
 
 
 @contextmanager

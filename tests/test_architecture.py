@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import grimp
@@ -43,6 +44,33 @@ def test_packages_hold_what_they_list_as_public() -> None:
     ]
     for module in map(importlib.import_module, names):
         assert [each for each in getattr(module, "__all__", ()) if not hasattr(module, each)] == []
+
+
+def count_lines(folder: Path) -> int:
+    return sum(len(file.read_text("utf-8").splitlines()) for file in folder.rglob("*.py"))
+
+
+def test_no_room_outgrows_its_lines() -> None:
+    """A change that needs more raises the number in `room_lines.toml`, and says why."""
+    allowed = tomllib.loads(Path(__file__).with_name("room_lines.toml").read_text("utf-8"))
+    folders = [PACKAGE, *PACKAGE.glob("*/"), *PACKAGE.glob("*/*/")]
+    rooms = {
+        folder.relative_to(PACKAGE).as_posix(): lines
+        for folder in folders
+        if "__pycache__" not in folder.parts and (lines := count_lines(folder))
+    }
+    assert rooms.keys() == allowed.keys()
+    assert {room: lines for room, lines in rooms.items() if lines > allowed[room]} == {}
+
+
+def test_the_lab_stays_small_and_outside() -> None:
+    assert count_lines(ROOT / "lab") <= 8000
+    importing = "import lab", "from lab"
+    assert [
+        file.name
+        for file in PACKAGE.rglob("*.py")
+        if any(line.lstrip().startswith(importing) for line in file.read_text("utf-8").splitlines())
+    ] == []
 
 
 def test_import_loads_nothing_heavy() -> None:

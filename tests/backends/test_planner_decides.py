@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from threadpoolctl import threadpool_limits
 
+from annotated_readings import build_reading
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import is_same_plan, plan, read_twice
@@ -17,7 +18,6 @@ from scenewright.backends.builtin.reader.learned_plan import (
     plan_reading,
     read_again,
 )
-from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 

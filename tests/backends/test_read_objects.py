@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from annotated_readings import build_reading
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
-from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 

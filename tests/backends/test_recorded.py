@@ -13,7 +13,6 @@ from backends.misbehaving import KEY
 from scenewright import synthesize
 from scenewright.backends import Prompt, Question, Task, load_backend
 from scenewright.backends.recorded import Answers, record_answers, replay_answers
-from scenewright.backends.scripted import build_scripted_backend
 from scenewright.backends.staged import StagedBackend
 from scenewright.backends.text_backend import Completion
 from scenewright.errors import BackendFault, InputError
@@ -22,6 +21,7 @@ from scenewright.nodes.revision import Turn, read_by_model
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.scene.edits import AgentView, Edits, Situation
 from scenewright.scene.social import SocialGraph
+from scripted import build_scripted_backend
 
 YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
 TASKS: tuple[Task, ...] = ("plan", "constraints", "behavior")

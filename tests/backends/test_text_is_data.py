@@ -10,13 +10,13 @@ import pytest
 
 from scenewright import synthesize
 from scenewright.backends import Question, load_backend
-from scenewright.backends.scripted import ScriptedModel
 from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import encode_scene
 from scenewright.nodes.prompts import Example, format_rejections, quote_text
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
+from scripted import ScriptedModel
 
 PLAIN = "A car from the south turning right yields to a pedestrian. Nobody else is around."
 ATTACKS = [

@@ -571,31 +571,16 @@ def test_intersections_are_listed_and_shown(run: Run, tmp_path: Path) -> None:
     assert [leg["name"] for leg in facts["legs"]] == ["north", "east", "south", "west"]
 
 
-@pytest.mark.parametrize("command", ["show", "build"])
-def test_an_unknown_intersection_lists_the_known(run: Run, tmp_path: Path, command: str) -> None:
-    done = run("intersections", command, "../nowhere")
+def test_an_unknown_intersection_lists_the_known(run: Run, tmp_path: Path) -> None:
+    done = run("intersections", "show", "../nowhere")
     assert done.code == 2
     assert "amsterdam_120" in done.complaint
     assert everything_in(tmp_path) == []
 
 
-def test_build_passes_on_what_it_was_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: dict[str, Any] = {}
-
-    def build(name: str, **how: Any) -> Path:
-        asked.update(how, name=name)
-        how["progress"]("hour 3")
-        return Path(how["out"])
-
-    monkeypatch.setattr("scenewright.tools.fitting.build_bundle.build_bundle", build)
-    done = run("intersections", "build", "amsterdam_120", "--seed", "4", "--counts", "raw")
-    assert (done.out, done.err) == ("intersections/amsterdam_120\n", "building: hour 3\n")
-    assert (asked["name"], asked["seed"], asked["counts"]) == ("amsterdam_120", 4, Path("raw"))
-
-
 @pytest.mark.parametrize(
     "words",
-    [[], ["make"], ["plan"], ["verify"], ["show"], ["intersections"], ["intersections", "build"]],
+    [[], ["make"], ["plan"], ["verify"], ["show"], ["intersections"], ["intersections", "train"]],
     ids=" ".join,
 )
 def test_every_command_explains_itself(run: Run, words: list[str]) -> None:

@@ -15,7 +15,6 @@ import pytest
 from inline_jobs import run_jobs_inline, spread_inline
 from scenewright.backends import TASKS, Question
 from scenewright.backends.recorded import record_answers
-from scenewright.backends.scripted import ScriptedModel, build_scripted_backend
 from scenewright.backends.text_backend import Completion, TextBackend
 from scenewright.cli.main import main
 from scenewright.dataset.batch import carry_out as carrying
@@ -32,6 +31,7 @@ from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
 from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.relations import load_patterns
+from scripted import ScriptedModel, build_scripted_backend
 
 ON = load_map("amsterdam_120")
 OPTIONS = Options("amsterdam_120")

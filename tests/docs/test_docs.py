@@ -29,6 +29,7 @@ _MODULE = re.compile(
     r"`((?:authoring|backends|cli|dataset|driving|evals|geometry|graph|intersections|memory|nodes|scene|tools"
     r"|viz)/[\w/.-]+)`"
 )
+_LAB = re.compile(r"python -m\s+(lab(?:\.\w+)+)")
 _VARIABLES_FOR_MODELS = ("API_KEY", "BASE_URL", "TOKEN")
 _READ_STDIN = ("chat", "mcp")
 
@@ -110,5 +111,7 @@ def test_links_lead_to_files(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_modules_that_are_named_exist(page: Path) -> None:
-    named = set(_MODULE.findall(page.read_text("utf-8")))
-    assert [name for name in named if not (ROOT / "src" / "scenewright" / name).exists()] == []
+    text = page.read_text("utf-8")
+    files = [ROOT / "src" / "scenewright" / name for name in _MODULE.findall(text)]
+    files += [ROOT / f"{name.replace('.', '/')}.py" for name in _LAB.findall(text)]
+    assert [file for file in files if not file.exists()] == []

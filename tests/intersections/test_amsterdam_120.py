@@ -9,7 +9,6 @@ import shapely
 
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, list_intersections, load_map
-from scenewright.tools.map_import.four_leg_map import build_map
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {"north": "west", "east": "north", "south": "east", "west": "south"}
@@ -28,10 +27,6 @@ def road(place):
 
 def movement(place, name):
     return next(m for m in place.movements if m.id == name)
-
-
-def test_shipped_map_is_what_the_builder_makes(place):
-    assert build_map() == place
 
 
 def test_unknown_names_list_what_exists_and_never_leave_the_folder():

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from scenewright import synthesize
-from scenewright.backends.scripted import ScriptedModel
 from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import BackendFault
 from scenewright.graph.examples import recall_from
 from scenewright.memory.episodes import Episodes
+from scripted import ScriptedModel
 
 YIELD = "A car from the south yields to a pedestrian on the north crosswalk"
 GRAPH = {

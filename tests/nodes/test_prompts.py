@@ -14,7 +14,6 @@ from pydantic import ValidationError
 
 from scenewright import synthesize
 from scenewright.backends import TASKS, Prompt, Question, load_backend
-from scenewright.backends.scripted import ScriptedModel, build_scripted_backend
 from scenewright.backends.staged import StagedBackend
 from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import Rejected
@@ -43,6 +42,7 @@ from scenewright.nodes.scene_planner.reply import (
 from scenewright.nodes.schema import inline_references
 from scenewright.nodes.waypoint_filter.reply import ClausesReply
 from scenewright.scene.social import Refusal, SocialGraph
+from scripted import ScriptedModel, build_scripted_backend
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 NODES = Path(__file__).parents[2] / "src" / "scenewright" / "nodes"

@@ -11,7 +11,6 @@ from pydantic import ValidationError
 from test_prompts import drawn, fits
 
 from scenewright.backends import Question
-from scenewright.backends.scripted import build_scripted_backend
 from scenewright.backends.staged import StagedBackend
 from scenewright.errors import Rejected
 from scenewright.nodes.revision import Turn, read_by_model
@@ -30,6 +29,7 @@ from scenewright.scene.edits import (
     apply_edits,
 )
 from scenewright.scene.social import SocialGraph
+from scripted import build_scripted_backend
 
 GRAPH = SocialGraph.model_validate(
     {

@@ -630,7 +630,6 @@ def _change_motion(wish: EditIntent) -> _Answer:
 
 
 _PEOPLE = r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b"
-_CARS = r"\b(?:cars?|vehicles?|traffic)\b"
 
 
 def _count(wish: EditIntent) -> dict[str, int]:

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import IntersectionMap
 from scenewright.tools.fitting.custom_bundle import CustomBundle
 from scenewright.tools.fitting.fit_tracks import FrameChange, find_shifts
 from scenewright.tools.fitting.learn_walks import (
@@ -110,15 +109,6 @@ def _derive_anew(bundle: CustomBundle, survey: Survey, options: dict[str, object
         title=place.title,
         signals=str(options["signals"]),
     )
-
-
-def _keep_lights(made: IntersectionMap, old: IntersectionMap) -> IntersectionMap:
-    """The new map with the old one's programme, which may have been recorded."""
-    groups = {movement.id: movement.signal_group for movement in old.movements}
-    movements = tuple(
-        each.model_copy(update={"signal_group": groups.get(each.id)}) for each in made.movements
-    )
-    return made.model_copy(update={"signals": old.signals, "movements": movements})
 
 
 def _measure_area(outline: FloatArray) -> float:

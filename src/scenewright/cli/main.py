@@ -354,68 +354,12 @@ def show_one(
         write_stdout(format_intersection(facts))
 
 
-@intersections.command("build")
-def build(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    out: Annotated[
-        str | None, typer.Option(help="Folder to write; intersections/NAME if none is named.")
-    ] = None,
-    counts: Annotated[
-        str | None, typer.Option(help="Folder of raw counts to derive the demand from.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Simulate an intersection's traffic and fit its priors (needs the extra `simulate`)."""
-    from scenewright.tools.fitting.build_bundle import build_bundle
-
-    with show_progress(quiet=quiet) as log:
-        folder = build_bundle(
-            name,
-            # A name that there is no plan for is refused before anything is written.
-            out=Path(out or Path("intersections") / name),
-            counts=None if counts is None else Path(counts),
-            seed=seed,
-            progress=lambda line: log("building", line),
-        )
-    if as_json:
-        write_json({"ok": True, "name": name, "folder": str(folder)})
-    else:
-        write_stdout(f"{folder}\n")
-
-
-@intersections.command("corpus")
-def make_corpus(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    out: Annotated[str, typer.Option(metavar="F", help="File to write, an .npz.")],
-    hours: Annotated[int, typer.Option(help="How many hours, spread over the day.")] = 15,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Simulate hours of traffic and keep the tracks of all agents (needs the extra `simulate`)."""
-    from scenewright.tools.simulation.corpus_recordings import record_traffic
-
-    with show_progress(quiet=quiet) as log:
-        made = record_traffic(
-            name,
-            out=Path(out),
-            hours=hours,
-            seed=seed,
-            progress=lambda line: log("recording", line),
-        )
-    if as_json:
-        agents = sum(len(each.agents) for each in made)
-        write_json({"ok": True, "name": name, "file": out, "hours": len(made), "agents": agents})
-    else:
-        write_stdout(f"{out}\n")
-
-
 @intersections.command("train")
 def train(
     name: Annotated[str, typer.Argument(help="Its name.")],
-    corpus: Annotated[str, typer.Option(metavar="F", help="Recorded hours, of `corpus`.")],
+    corpus: Annotated[
+        str, typer.Option(metavar="F", help="Recorded hours, of `simulate --corpus`.")
+    ],
     out: Annotated[
         str | None,
         typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),

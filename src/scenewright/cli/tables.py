@@ -15,7 +15,7 @@ from scenewright.errors import InputError
 FOLDER = "evaluation"
 
 Corpus = Annotated[
-    str | None, typer.Option(metavar="F.npz", help="Recorded hours, of `intersections corpus`.")
+    str | None, typer.Option(metavar="F.npz", help="Recorded hours, of `simulate --corpus`.")
 ]
 RealTracks = Annotated[
     str | None, typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.")

@@ -47,8 +47,8 @@ class MapAreas:
         self._corners, self._ends, self._boxes = _concatenate_polygons(
             each.polygon for each in intersection_map.crosswalks
         )
-        self._road = _merge_areas(intersection_map.road)
-        self._walkable = geos.union_all([_merge_areas(intersection_map.walkable), *crosswalks])
+        self._road = merge_areas(intersection_map.road)
+        self._walkable = geos.union_all([merge_areas(intersection_map.walkable), *crosswalks])
         for area in (self._road, self._walkable):
             geos.prepare(area)
             if not area.is_empty:
@@ -133,5 +133,6 @@ def _is_inside(corners: FloatArray, x: float, y: float) -> bool:
     return inside
 
 
-def _merge_areas(areas: tuple[PolygonWithHoles, ...]) -> Any:
+def merge_areas(areas: tuple[PolygonWithHoles, ...]) -> Any:
+    """The union of areas, as a shape of shapely."""
     return geos.union_all([geos.Polygon(area.exterior, area.holes) for area in areas])

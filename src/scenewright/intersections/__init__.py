@@ -164,17 +164,13 @@ def sign_bundle(folder: Path, *names: str) -> None:
     header = folder / "bundle.toml"
     if not header.is_file():
         return
-    text = header.read_text(encoding="utf-8")
-    for name in names:
-        line = f'"{name}" = "{hashlib.sha256((folder / name).read_bytes()).hexdigest()}"'
-        known = re.compile(rf'^"{re.escape(name)}" = ".*"$', re.MULTILINE)
-        if known.search(text):
-            text = known.sub(line, text)
-        else:
-            head, table, rest = text.partition("[sha256]\n")
-            text = f"{head}{table or chr(10) + '[sha256]' + chr(10)}{line}\n{rest}"
+    import tomli_w
+
+    content = tomllib.loads(header.read_text(encoding="utf-8"))
+    signed = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}
+    content["sha256"] = {**content.get("sha256", {}), **signed}
     draft = header.with_name(header.name + ".part")
-    draft.write_text(text, encoding="utf-8")
+    draft.write_bytes(tomli_w.dumps(content).encode("utf-8"))
     os.replace(draft, header)
 
 

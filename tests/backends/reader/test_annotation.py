@@ -9,16 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from annotated_readings import build_reading, format_annotation
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import (
     AnnotatedText,
     AnnotationError,
     Span,
-    format_annotation,
     parse_annotation,
 )
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
-from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.backends.builtin.training.augmentation import augment, collect_spans, turn
 from scenewright.backends.builtin.training.corpus import (
     find_faults,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from annotated_readings import build_reading
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import count_in, number_in
-from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.backends.builtin.reader.words import find_subtype, time_words_in
 from scenewright.scene.measures import format_measure
 from scenewright.scene.social import Plan, Refusal, SocialGraph

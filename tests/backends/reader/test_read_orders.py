@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from annotated_readings import build_reading
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
-from scenewright.backends.builtin.reader.reading import build_reading
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 TWO = "[veh:1 A car] from the [from:1 north] and [veh:2 a van] from the [from:2 east]"

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.understanding.exit_tuning import ExitRows, fit_exit_model, save_exit_model
 from scenewright.errors import InputError
 from scenewright.evals.understanding.exit_model import (
     NAMES,
@@ -14,7 +15,6 @@ from scenewright.evals.understanding.exit_model import (
     load_exit_model,
     weigh_exits,
 )
-from scenewright.evals.understanding.exit_tuning import ExitRows, fit_exit_model, save_exit_model
 from scenewright.evals.understanding.intent import infer_routes
 from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import list_sides, load_components

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from scenewright.backends import Question, load_backend
-from scenewright.backends.scripted import build_scripted_backend
 from scenewright.errors import BackendFault, InputError
 from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.language_model import TASK, require_language_model
@@ -19,6 +18,7 @@ from scenewright.evals.understanding.observation import ObservationRow, observe
 from scenewright.evals.understanding.pipeline import ATTEMPTS, MethodSettings, understand
 from scenewright.evals.understanding.rule_baseline import predict_constant_velocity
 from scenewright.evals.understanding.scene_description import name_agents
+from scripted import build_scripted_backend
 
 
 def asking(*replies: Any) -> tuple[MethodSettings, Any]:

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.understanding import tuning
 from scenewright.errors import InputError
-from scenewright.evals.understanding import tuning
 from scenewright.evals.understanding.calibration import (
     load_calibration,
-    save_calibration,
     select_relations,
 )
 from scenewright.evals.understanding.cases import SceneCase
@@ -44,7 +43,7 @@ def test_thresholds_are_interpolated_between_windows() -> None:
 
 def test_a_calibration_is_saved_and_loaded(tmp_path: Path) -> None:
     trees, values = load_calibration(), np.random.default_rng(1).uniform(0, 1, (20, len(NAMES)))
-    save_calibration(tmp_path / "mine.npz", trees)
+    tuning.save_calibration(tmp_path / "mine.npz", trees)
     again = load_calibration(tmp_path / "mine.npz")
     assert again.predict_pairs(values) == pytest.approx(trees.predict_pairs(values), abs=1e-5)
 

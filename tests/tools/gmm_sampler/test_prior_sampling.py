@@ -12,8 +12,6 @@ from scenewright.errors import InputError
 from scenewright.geometry.spline import DENSE, build_even_path, build_spline_path
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.candidates import DrivingProfile, K
-from scenewright.tools.fitting.build_bundle import build_bundle
-from scenewright.tools.fitting.fit_priors import FLOOR, count_present, fit_waypoints
 from scenewright.tools.gmm_sampler import (
     CountPrior,
     DrivingProfilePrior,
@@ -30,8 +28,7 @@ from scenewright.tools.gmm_sampler import (
     sample_waypoints,
 )
 from scenewright.tools.gmm_sampler.priors import save_priors
-from scenewright.tools.simulation.corpus import CorpusHour, Trip, resample_path
-from scenewright.tools.simulation.demand import Demand, derive_demand
+from scenewright.tools.simulation.corpus import Trip, resample_path
 
 NAME = "amsterdam_120"
 
@@ -244,70 +241,12 @@ def test_frequency_and_subtypes_cover_every_route(place, priors):
         assert sum(shares.values()) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_fitting_finds_two_lanes():
-    rng = np.random.default_rng(6)
-    x = np.linspace(-50.0, 50.0, 201)
-    lanes = rng.choice([1.65, 4.95], 300) + rng.normal(0, 0.3, 300)
-    paths = [np.stack([x, np.full_like(x, lane)], axis=1) for lane in lanes]
-    prior = fit_waypoints("test", paths)
-    assert len(prior.weights) == 2
-    assert sorted(prior.means[:, 1]) == pytest.approx([1.65, 4.95], abs=0.1)
-    smallest = min(np.linalg.eigvalsh(c @ c.T).min() for c in prior.cholesky)
-    assert smallest >= 0.99 * FLOOR**2
-
-
-def test_fitting_survives_few_tracks():
-    x = np.linspace(-50.0, 50.0, 201)
-    paths = [np.stack([x, np.full_like(x, y)], axis=1) for y in (0.0, 0.2, 0.4)]
-    prior = fit_waypoints("test", paths, most=1)
-    assert np.isfinite(
-        compute_waypoint_nll(prior, np.array([resample_path(p) for p in paths]))
-    ).all()
-
-
 def test_equal_arc_length_is_equal_along_the_curve():
     corner = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
     points = resample_path(corner)
     assert points[0].tolist() == [0.0, 0.0]
     assert points[-1].tolist() == [9.0, 9.0]
     assert np.linalg.norm(np.diff(points, axis=0), axis=1)[:4] == pytest.approx(2.0)
-
-
-def test_presence_counts_who_is_inside_at_any_time_of_the_window():
-    presence = np.array([[0, 5.0, 35.0], [0, 29.0, 30.5], [1, 61.0, 62.0]])
-    counts = count_present(CorpusHour(0, 0, (), presence), 30.0)
-    assert counts[:3].tolist() == [[2, 0], [2, 0], [0, 1]]
-
-
-def test_each_hour_of_the_day_is_in_each_split_once():
-    splits = [[CorpusHour(d, h, (), np.zeros((0, 3))).split for d in range(3)] for h in range(24)]
-    assert all(set(days) == {"fit", "validation", "test"} for days in splits)
-
-
-def test_demand_comes_from_the_named_streets(tmp_path):
-    head = "ID,Segment ID,Roadway Name,From,To,Direction,Date," + ",".join("h" * 24)
-    rows = [head]
-    for road, start, end, ways in (
-        ("AMSTERDAM AVE ", " WEST 118 ST", "WEST 119 ST", ("NB", "SB")),
-        ("Morningside Drive", "120 STREET", "121 STREET", ("EB", "WB")),
-    ):
-        for way in ways:
-            rows += [
-                f"1,1,{road},{start},{end},{way},10/0{d}/2012," + ",".join(["9"] * 24)
-                for d in (1, 2)
-            ]
-            rows.append(f"1,1,{road},{start},{end},{way},10/06/2012," + ",".join(["999"] * 24))
-    (tmp_path / "Traffic_Volume_Counts_x.csv").write_text("\n".join(rows))
-    with pytest.raises(InputError, match="pedestrian"):
-        derive_demand(tmp_path)
-    (tmp_path / "ped").mkdir()
-    lines = ["SIGNAL,TIME1,TDIFF,DIR,PED"]
-    lines += [f"7,2019-01-28 {h:02d}:00:00,60.0,N,4" for h in range(24)]
-    (tmp_path / "ped" / "dat.csv").write_text("\n".join(lines))
-    demand = derive_demand(tmp_path)
-    assert demand.vehicles["south"] == (9.0,) * 24
-    assert demand.pedestrians == (8.0,) * 24
-    assert isinstance(demand, Demand)
 
 
 def test_a_trip_has_ten_waypoints():
@@ -321,19 +260,6 @@ def test_priors_hold_every_route(place, priors):
     wanted = {route.id for route in place.routes}
     assert set(priors.waypoints) == set(priors.driving_profiles) == wanted
     assert all(isinstance(law, DrivingProfilePrior) for law in priors.driving_profiles.values())
-
-
-def test_building_refuses_what_it_cannot_do(tmp_path):
-    with pytest.raises(InputError, match="no plan"):
-        build_bundle("nowhere", out=tmp_path / "out")
-    with pytest.raises(InputError, match="3 days"):
-        build_bundle(NAME, out=tmp_path / "out", days=1)
-    with pytest.raises(InputError, match="Traffic_Volume"):
-        build_bundle(NAME, out=tmp_path / "out", counts=tmp_path)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot write"):
-        build_bundle(NAME, out=tmp_path / "file" / "out")
-    assert not (tmp_path / "out").exists()
 
 
 def test_points_of_a_curve_may_coincide() -> None:

@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from lab.yielding.fit_yielding import format_yielding_model
 from scenewright.errors import InputError
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import find_bundle_folder
@@ -19,7 +20,6 @@ from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, replace_ac
 from scenewright.tools.gmm_sampler.yielding_files import (
     FILE,
     AccelerationProfile,
-    format_yielding_model,
     load_acceleration_profiles,
     load_yielding_model,
 )

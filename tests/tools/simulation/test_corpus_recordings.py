@@ -1,63 +1,13 @@
-"""Recorded hours of the corpus: which, with whom, and until when."""
-
-import json
-from collections import Counter
+"""Simulated traffic as recordings: where agents are, and until when it flows."""
 
 import numpy as np
 import pytest
 
-from scenewright.cli.main import main
-from scenewright.errors import InputError
-from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.track import STEP, Track, get_vehicle_shape
-from scenewright.tools.map_import.four_leg_map import PLANS
-from scenewright.tools.simulation.corpus import (
-    Trip,
-    assign_split,
-    build_footways,
-    clean_trip,
-    simulate_raw_hour,
-    spawn_hour_seeds,
-)
-from scenewright.tools.simulation.corpus_recordings import (
-    build_track,
-    find_jam_time,
-    record_hour,
-    record_traffic,
-    spread_hours,
-)
-from scenewright.tools.simulation.demand import read_demand
-from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP
-from scenewright.tools.track_io import RecordedAgent, load_recordings
-
-NAME = "amsterdam_120"
-
-
-@pytest.mark.parametrize("count", [3, 4, 12, 15, 16, 24, 48, 71, 72])
-def test_every_split_gets_hours_of_its_own_over_the_day(count):
-    hours = spread_hours(count)
-    assert len(set(hours)) == count
-    splits = Counter(assign_split(*each) for each in hours)
-    assert set(splits) == {"fit", "validation", "test"}
-    assert splits["fit"] >= splits["test"] >= splits["validation"]
-    for split, n in splits.items():
-        own = sorted(hour for day, hour in hours if assign_split(day, hour) == split)
-        assert max(np.diff([*own, own[0] + 24])) <= 24 / n + 1
-
-
-def test_fifteen_hours_have_four_to_test_on():
-    assert Counter(assign_split(*each) for each in spread_hours(15))["test"] == 4
-
-
-@pytest.mark.parametrize("count", [2, 73])
-def test_a_number_of_hours_that_cannot_be_is_refused(count):
-    with pytest.raises(InputError, match=str(count)):
-        spread_hours(count)
-
-
-def test_an_unknown_place_is_refused(tmp_path):
-    with pytest.raises(InputError, match="nowhere"):
-        record_traffic("nowhere", out=tmp_path / "c.npz")
+from scenewright.tools.simulation.corpus import Trip
+from scenewright.tools.simulation.corpus_recordings import build_track, find_jam_time
+from scenewright.tools.simulation.sumo_run import HOUR
+from scenewright.tools.track_io import RecordedAgent
 
 
 def test_a_trip_is_where_its_progress_says():
@@ -81,94 +31,3 @@ def test_traffic_flows_until_somebody_is_stuck():
     assert find_jam_time([standing(100.0), standing(30.0)]) == HOUR
     assert find_jam_time([standing(100.0), standing(400.0)]) == pytest.approx(105.0, abs=0.3)
     assert find_jam_time([]) == HOUR
-
-
-@pytest.fixture(scope="module")
-def quiet_hour():
-    """The same hour as a recording and as trips."""
-    pytest.importorskip("sumo")
-    plan, place = PLANS[NAME], load_map(NAME)
-    demand = read_demand(find_bundle_folder(NAME) / "demand.json")
-    seed = spawn_hour_seeds(0)[2, 3]
-    options = {"plan": plan, "intersection_map": place, "demand": demand}
-    made = record_hour(2, 3, rng=np.random.default_rng(seed), **options)
-    rng = np.random.default_rng(seed)
-    raw, _ = simulate_raw_hour(3, rng=rng, **options)
-    trips = []
-    for track in raw:
-        half = plan.extent if track.subtype else plan.pedestrian_extent
-        trips += clean_trip(track, half, build_footways(place), rng)
-    return made, trips
-
-
-def test_every_trip_of_the_corpus_is_in_the_recording_with_its_times(quiet_hour):
-    made, trips = quiet_hour
-    ours = {(a.route, a.track.start): a.track for a in made.agents if a.complete}
-    assert len(ours) == len(trips) > 150
-    for trip in trips:
-        track = ours[trip.route, round(trip.start, 1)]
-        assert len(track.xy) == len(trip.progress)
-        assert np.linalg.norm(track.xy[0] - trip.path[0]) <= trip.progress[0] + 1e-6
-
-
-def test_everybody_is_labelled_and_inside_the_map(quiet_hour):
-    made, _ = quiet_hour
-    place = load_map(NAME)
-    routes = {route.id: route for route in place.routes}
-    assert made.split == "test"
-    for each in made.agents:
-        route = routes[each.route]
-        assert (each.entry, each.exit, each.shape.type) == (route.entry, route.exit, route.type)
-        assert np.abs(each.track.xy).max() <= place.extent + 0.5
-
-
-def test_nobody_enters_the_junction_at_red(quiet_hour):
-    made, _ = quiet_hour
-    place = load_map(NAME)
-    assert made.signal_time == WARM_UP % place.signals.cycle
-    movements = {m.id: m for m in place.movements}
-    lines = {line.id: np.array(line.line).mean(axis=0) for line in place.stop_lines}
-    groups = {m: g.id for g in place.signals.groups for m in g.movements}
-    red = seen = 0
-    for each in made.agents:
-        movement = movements.get(each.route.removeprefix("vehicle:"))
-        if movement is None or not each.complete:
-            continue
-        line = lines[movement.stop_line]
-        inward = -line / np.linalg.norm(line)
-        front = each.track.xy + each.shape.length / 2 * np.column_stack(
-            [np.cos(each.track.heading), np.sin(each.track.heading)]
-        )
-        past = (front - line) @ inward > 0.0
-        time = float(each.track.times[int(np.argmax(past))]) + made.signal_time
-        left = time % place.signals.cycle
-        for phase in place.signals.phases:
-            if left < phase.duration:
-                red += phase.colours[groups[movement.id]] == "red"
-                break
-            left -= phase.duration
-        seen += 1
-    assert seen > 100
-    assert red == 0
-
-
-def test_a_corpus_is_written_and_read(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("sumo")
-    from scenewright.tools.simulation import corpus_recordings as traffic
-
-    monkeypatch.setattr(traffic, "spread_hours", lambda _: [(2, 3)])
-    out = tmp_path / "c.npz"
-    assert main(["intersections", "corpus", NAME, "--out", str(out), "-q", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    (kept,) = load_recordings(out, split="test")
-    assert (told["hours"], told["agents"]) == (1, len(kept.agents))
-    assert kept.name.endswith("hour 03")
-
-
-def test_the_command_refuses_what_cannot_be(tmp_path, capsys):
-    out = ["--out", str(tmp_path / "c.npz"), "-q"]
-    assert main(["intersections", "corpus", NAME, *out, "--hours", "2"]) == 2
-    assert main(["intersections", "corpus", "nowhere", *out]) == 2
-    assert main(["intersections", "corpus", NAME, *out, "--seed", "-1"]) == 2
-    assert "got 2" in capsys.readouterr().err
-    assert not (tmp_path / "c.npz").exists()

@@ -45,9 +45,6 @@ _ROLES = {
 }  # fmt: skip
 _DRIVERS = frozenset({"driver", "drivers", "motorist", "rider", "operator"})
 _RIDERS = frozenset({"biker", "motorcyclist"})
-_IN_VEHICLE = frozenset(
-    {"in", "of", "on", "driving", "drives", "drove", "riding", "steering", "piloting", "operating"}
-)
 _SIDES = frozenset({"north", "east", "south", "west"})
 _LABELLED = re.compile(r"\b(?:car|vehicle|truck|bus|cab|taxi|driver|unit|agent|pedestrian)\s+b\b")
 

@@ -1,7 +1,7 @@
 """Intents of a turn of a conversation, by their probability.
 
 A linear model over what the planner's encoder makes of the words. It is trained on phrases
-(`training/turns.toml`) and only ranks; what is done with the words is decided, and made, by rules.
+(`lab/planner/turns.toml`) and only ranks; what is done with the words is decided by rules.
 """
 
 from __future__ import annotations

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from scenewright.evals.bootstrap import compute_interval
 from scenewright.scene.base import FloatArray
 
-_NOTHING = 1e-9
-"""No share can be taken of a distance below this."""
 CELLS = 2048
 """Cells of the histograms from which intervals are drawn; distances themselves are exact."""
 
@@ -55,15 +54,12 @@ class ClusterSample:
 def compute_wasserstein(first: FloatArray, second: FloatArray) -> float | None:
     """Compute the first Wasserstein distance of two samples, in the unit of their values.
 
-    W1 = integral of |F - G|, F and G their empirical distribution functions: how far on average a
-    value has to move for the one to become the other. None where a sample is empty.
+    How far on average a value has to move for the one to become the other. None where a sample is
+    empty.
     """
     if len(first) == 0 or len(second) == 0:
         return None
-    at = np.sort(np.concatenate([first, second]))
-    one = np.searchsorted(np.sort(first), at[:-1], side="right") / len(first)
-    two = np.searchsorted(np.sort(second), at[:-1], side="right") / len(second)
-    return float(np.sum(np.abs(one - two) * np.diff(at)))
+    return float(stats.wasserstein_distance(first, second))
 
 
 @dataclass(frozen=True)
@@ -137,62 +133,3 @@ def _count_histograms(sample: ClusterSample, edges: FloatArray) -> FloatArray:
 def _compute_cumulated(counts: FloatArray) -> FloatArray:
     """Compute [draws, CELLS] distribution functions of histograms."""
     return np.asarray(np.cumsum(counts, axis=1) / counts.sum(axis=1, keepdims=True))
-
-
-def compute_chance(
-    sample: ClusterSample, reference: ClusterSample, *, draws: int, rng: np.random.Generator
-) -> tuple[float, float] | None:
-    """Compute mean and 95 % quantile of the distance by chance, between parts of the reference.
-
-    Clusters are drawn from the reference without replacement until they hold as many values as
-    `sample` (at most half of the reference's), and compared with the rest. None where there are
-    fewer than two clusters.
-    """
-    if len(np.unique(reference.cluster)) < 2:
-        return None
-    edges = _compute_edges(reference.values)
-    table = _count_histograms(reference, edges)
-    sizes, wanted = table.sum(axis=1), min(len(sample), len(reference) // 2)
-    drawn = np.zeros((draws, len(table)))
-    for row in drawn:
-        order = rng.permutation(len(table))
-        count = 1 + int(np.searchsorted(np.cumsum(sizes[order])[:-1], wanted))
-        row[order[: min(count, len(table) - 1)]] = 1.0
-    gaps = np.abs(_compute_cumulated(drawn @ table) - _compute_cumulated((1.0 - drawn) @ table))
-    found = gaps.sum(axis=1) * (edges[1] - edges[0])
-    return float(found.mean()), float(np.quantile(found, 0.95))
-
-
-@dataclass(frozen=True)
-class DistanceGain:
-    """Share of the first sample's distance that the second has less; negative if it has more."""
-
-    value: float
-    low: float
-    high: float
-
-
-def compute_gain(
-    first: ClusterSample,
-    second: ClusterSample,
-    reference: ClusterSample,
-    *,
-    draws: int,
-    rng: np.random.Generator,
-) -> DistanceGain | None:
-    """Compute how much nearer to the reference the second sample is than the first.
-
-    The reference is resampled once for both, the samples each for itself. None where a sample is
-    empty or the first has no distance.
-    """
-    before = compute_wasserstein(first.values, reference.values)
-    after = compute_wasserstein(second.values, reference.values)
-    if before is None or after is None or before < _NOTHING:
-        return None
-    edges = _compute_edges(first.values, second.values, reference.values)
-    one, two, ref = (_resample_cumulated(s, edges, draws, rng) for s in (first, second, reference))
-    whole, left = np.abs(one - ref).sum(axis=1), np.abs(two - ref).sum(axis=1)
-    drawn = 1 - left[whole > _NOTHING] / whole[whole > _NOTHING]
-    if len(drawn) == 0:
-        return None
-    return DistanceGain(1 - after / before, *compute_interval(drawn))

@@ -8,12 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from scenewright.errors import InputError, Unsatisfiable
-from scenewright.graph.run import load_scene, synthesize
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord, SignalRecord
 from scenewright.scene.track import STEP, Track
@@ -23,24 +20,6 @@ from scenewright.tools.track_io import Recording, RecordingWindow, cut_windows
 
 LENGTH = 30.0
 """Of the scenes cut from a corpus [s]: that of the longest scenes we make."""
-TIMES = ("09:00", "15:00", "21:00", "12:00", "18:00")
-YIELDS = (
-    "A vehicle yields to a pedestrian at {time}",
-    "A car turning left yields to an oncoming car at {time}",
-    "A car turning right yields to a pedestrian at {time}",
-    "A car turning left yields to a pedestrian at {time}",
-    "A car turning right yields to a car going straight on the cross street at {time}",
-    "A pedestrian yields to a car turning right at {time}",
-)
-"""Requests for yielding agents."""
-OTHERS = (
-    "Normal traffic at {time}",
-    "A car follows another car through the intersection at {time}",
-    "A car narrowly misses a pedestrian at {time}",
-    "A car hits a pedestrian at {time}",
-    "Two cars collide at a right angle at {time}",
-)
-"""Requests for everything else that a scene may be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,47 +46,6 @@ def convert_scene(scene: SceneRecord) -> SceneTracks:
         tuple((relation.from_, relation.to) for relation in scene.relations),
         frozenset(agent.id for agent in scene.agents if agent.role == "foreground"),
     )
-
-
-def list_requests(count: int) -> Iterator[tuple[str, int]]:
-    """List instructions and seeds, two in three for yields, over relations and times of day."""
-    for n in range(count):
-        family, k = (OTHERS, n // 3) if n % 3 == 2 else (YIELDS, n - n // 3 - (n % 3 == 2))
-        yield family[k % len(family)].format(time=TIMES[n % len(TIMES)]), n
-
-
-def make_scenes(
-    folder: Path, count: int, *, intersection: str, refiner: str = "none"
-) -> dict[str, int]:
-    """Make `count` scenes into a folder, one folder each, and count the outcomes.
-
-    A request that cannot be met leaves no scene; the next ones are the same with any refiner.
-
-    Raises:
-        InputError: an argument that cannot be used.
-    """
-    counts = {"made": 0, "unsatisfiable": 0}
-    for text, seed in list_requests(count):
-        try:
-            made = synthesize(text, intersection=intersection, seed=seed, refiner=refiner)
-        except Unsatisfiable:
-            counts["unsatisfiable"] += 1
-            continue
-        made.save(folder / f"{seed:04d}")
-        counts["made"] += 1
-    return counts
-
-
-def read_scenes(folder: Path) -> list[SceneTracks]:
-    """Read the scenes below a folder, in order of their names.
-
-    Raises:
-        InputError: there are none, or one cannot be read.
-    """
-    files = sorted(folder.rglob("scene.json"))
-    if not files:
-        raise InputError(f"there is no scene.json below {folder}")
-    return [convert_scene(load_scene(file)) for file in files]
 
 
 def cut_scenes(

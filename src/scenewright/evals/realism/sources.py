@@ -1,6 +1,6 @@
 """Data sets to compare: generated scenes and recordings of any origin, in stretches of 30 s.
 
-A source is a folder of scenes (a batch's output, too), a corpus (`intersections corpus`), or tracks
+A source is a folder of scenes (a batch's output, too), a corpus (`simulate --corpus`), or tracks
 in any form that `intersections fit` reads. All are cut alike, so that the length
 of a track does not separate them.
 """

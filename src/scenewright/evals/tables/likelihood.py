@@ -8,16 +8,12 @@ not run from one end of its route to the other:
   collision ends a track, and so does the end of a scene.
 - `path`: the ten waypoints that were drawn for the agent, each replaced by where the final track
   passes it. What the agent never reached stays as drawn, so this is about *where* it went alone.
-
-A third, `drawn`, takes the waypoints as they were drawn and selected, whatever came of them; it is
-what `evals.fidelity` prints for any folder of scenes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -30,12 +26,10 @@ from scenewright.scene.candidates import K
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.gmm_sampler import (
     Priors,
-    WaypointPrior,
     compute_waypoint_nll,
-    sample_waypoints,
 )
 
-Reading = Literal["track", "path", "drawn"]
+Reading = Literal["track", "path"]
 READINGS: tuple[Reading, ...] = ("track", "path")
 """Those of the paper's tables."""
 CLASSES: tuple[AgentClass, ...] = ("pedestrian", "vehicle")
@@ -45,8 +39,6 @@ _AT_AN_END, _THE_SAME = 1e-3, 2e-3
 """Positions have millimetres [m]."""
 _BESIDE = 2.5
 """Further from the track than this, a point was not passed [m]."""
-_EXPECTED_OF = 2000
-"""Draws from a prior for what a route leads to expect."""
 _SHORTEST = 0.5
 """A track that covers less than this stands, and has no waypoints of its own [m]."""
 
@@ -58,7 +50,6 @@ class AgentScore:
     Attributes:
         scene: number of its scene; group: event that the scene was made for, or `normal`.
         nll: by reading [nats per ten waypoints].
-        expected: the mean NLL of its route's prior; None if not computed.
     """
 
     scene: int
@@ -66,7 +57,6 @@ class AgentScore:
     role: Role
     type: AgentClass
     nll: Mapping[Reading, float]
-    expected: float | None = None
 
 
 @dataclass(frozen=True)
@@ -134,26 +124,6 @@ def score_scene(
         nll: dict[Reading, float] = dict(zip(READINGS, map(float, values), strict=True))
         scores.append(AgentScore(number, group, agent.role, agent.type, nll))
     return scores, left
-
-
-def score_drawn(
-    scene: SceneRecord, priors: Priors, *, number: int, group: str
-) -> Iterator[AgentScore]:
-    """How likely the waypoints are that were drawn for every agent whose route has a prior."""
-    for agent in scene.agents:
-        prior = priors.waypoints.get(agent.route)
-        if prior is None or prior.tracks == 0 or len(agent.waypoints) != K:
-            continue
-        nll = float(compute_waypoint_nll(prior, np.array(agent.waypoints)[None])[0])
-        drawn: dict[Reading, float] = {"drawn": nll}
-        yield AgentScore(number, group, agent.role, agent.type, drawn, _compute_expected_nll(prior))
-
-
-@lru_cache(maxsize=256)
-def _compute_expected_nll(prior: WaypointPrior) -> float:
-    """The mean NLL of draws from a prior [nats]."""
-    drawn = sample_waypoints(prior, np.random.default_rng(0), size=_EXPECTED_OF)
-    return float(compute_waypoint_nll(prior, drawn).mean())
 
 
 def resample_waypoints(xy: FloatArray) -> FloatArray | None:

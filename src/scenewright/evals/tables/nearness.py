@@ -12,7 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.realism import ClusterSample, Distance, compute_distance, compute_wasserstein
+from scenewright.evals.realism.distances import (
+    ClusterSample,
+    Distance,
+    compute_distance,
+    compute_wasserstein,
+)
 from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray

@@ -77,7 +77,7 @@ def make_tables(
     """Every table of a dataset.
 
     Args:
-        corpus: file of `intersections corpus`; without it there is nothing on how scenes move.
+        corpus: file of `simulate --corpus`; without it there is nothing on how scenes move.
         real: folder of real tracks (TAF-BW).
         understand: whether Table 3 is measured.
         draws: resamplings for intervals; seed: of their random numbers.

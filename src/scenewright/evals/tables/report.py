@@ -230,7 +230,7 @@ def _format_understanding(tables: Tables) -> Iterator[str]:
 def _format_distances(near: Sequence[ReferenceDistance]) -> Iterator[str]:
     yield "## How scenes move and keep apart"
     if not near:
-        yield "Not measured: needs recorded hours (`--corpus`), of `intersections corpus`."
+        yield "Not measured: needs recorded hours (`--corpus`), of `simulate --corpus`."
         return
     yield (
         "First Wasserstein distances, 95 % over resampled scenes; *halves* is the distance between "

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,15 +111,6 @@ def load_calibration(file: Path = _SHIPPED) -> Calibration:
         key: array.astype(np.float64 if array.dtype.kind == "f" else np.intp)
         for key, array in arrays.items()
     })  # fmt: skip
-
-
-def save_calibration(file: Path, calibration: Calibration) -> None:
-    """Write the arrays at half their width, which is exact enough for all of them."""
-    arrays: dict[str, Any] = {
-        key: array.astype(np.float32 if array.dtype.kind == "f" else np.int32)
-        for key, array in vars(calibration).items()
-    }
-    np.savez_compressed(file, names=np.array(NAMES), **arrays)
 
 
 def select_relations(

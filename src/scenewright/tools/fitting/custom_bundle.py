@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import tempfile
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
@@ -154,35 +154,18 @@ def _write_header(
 ) -> None:
     """`bundle.toml`: what this is, what it was made from, where it lies, what was assumed."""
     files = sorted(each.name for each in folder.iterdir())
-    top = {
+    made = {**provenance, "scenewright": find_version("scenewright")}
+    header = {
         "name": intersection_map.name,
         "title": intersection_map.title,
         "licence": licence or _UNSTATED,
         "format": FORMAT,
         "notes": list(notes),
+        "provenance": {key: value for key, value in made.items() if value is not None},
+        "frame": {key: value for key, value in frame.items() if value is not None},
+        "sha256": {name: compute_checksum(folder / name) for name in files},
     }
-    tables = {
-        "provenance": {**provenance, "scenewright": find_version("scenewright")},
-        "frame": frame,
-        "sha256": {_format_toml(name): compute_checksum(folder / name) for name in files},
-    }
-    lines = _format_table(top)
-    for name, table in tables.items():
-        lines += ["", f"[{name}]", *_format_table(table)]
-    (folder / "bundle.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _format_table(table: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_format_toml(value)}" for key, value in table.items() if value is not None]
-
-
-def _format_toml(value: Any) -> str:
-    """A string, number or list of them; JSON's syntax for these is TOML's."""
-    if isinstance(value, float):
-        return repr(round(value, 7))
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_format_toml(each) for each in value) + "]"
-    return json.dumps(value, ensure_ascii=True)
+    (folder / "bundle.toml").write_bytes(tomli_w.dumps(header).encode("utf-8", "replace"))
 
 
 def find_version(package: str) -> str:

@@ -396,27 +396,6 @@ def _evaluate_heldout(
             yield HeldOutRow(share, int(np.mean(sizes)), *means)
 
 
-def compute_cross_validated_nll(
-    intersection_map: IntersectionMap,
-    route_lines: RouteLines,
-    matches: Sequence[Match],
-    *,
-    pool: Pool,
-) -> list[float]:
-    """-log p_wp under a pool of the tracks of a place that it has not seen [nats per waypoint].
-
-    Each track's line is known; lower is better.
-    """
-    priors = {
-        route.id: fit_partial_prior(
-            route, lines, [np.zeros((0, K))] * len(lines), pool=pool, predictive=True
-        )
-        for route in intersection_map.routes
-        if (lines := route_lines.get(route.id)) and any(m.route == route.id for m in matches)
-    }
-    return _compute_nlls(priors, route_lines, matches)
-
-
 def _compute_nlls(
     priors: Mapping[str, WaypointPrior], route_lines: RouteLines, matches: Sequence[Match]
 ) -> list[float]:

@@ -7,44 +7,20 @@ lie evenly on the line between them, so the prior is a Gaussian mixture like any
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from scenewright.errors import InputError
-from scenewright.geometry.polyline import rotate_left
 from scenewright.geometry.spline import DENSE
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap, Route
 from scenewright.tools.gmm_sampler.priors import WaypointPrior
 
-_DISTANCES = (19.0, 23.5, 28.0, 32.5, 37.0)
-"""Of the middles of the crossed stretches of a leg from the middle of the map [m]."""
 _DISTANCE_SPREAD = 1.9
 _SKEW_SPREAD = 1.2
 _ONTO_SIDEWALK = 2.0
 _SIDEWALK_SPREAD = 0.45
 _WOBBLE = 0.08
-
-
-def build_jaywalking_prior(intersection_map: IntersectionMap, route: Route) -> WaypointPrior:
-    """p_wp of a jaywalking route: one component per stretch of the leg, equally likely."""
-    leg = next((leg for leg in intersection_map.legs if leg.name == route.crosswalk), None)
-    if leg is None:
-        raise InputError(f"route {route.id} names no leg of {intersection_map.name}")
-    outwards = np.array([math.cos(leg.bearing), math.sin(leg.bearing)])
-    crosswalk = next(c for c in intersection_map.crosswalks if c.leg == route.crosswalk)
-    first, last = np.array(crosswalk.centreline)
-    across = (last - first) / np.linalg.norm(last - first)
-    across = across if crosswalk.sides[0] == route.entry else -across
-    reach = _measure_half_width(intersection_map, route, outwards) + _ONTO_SIDEWALK
-    ends = [
-        np.concatenate([far * outwards - reach * across, far * outwards + reach * across])
-        for far in _DISTANCES
-    ]
-    return _build_mixture(route.id, ends, outwards, across)
 
 
 def build_jaywalking_mixture(
@@ -71,15 +47,6 @@ def _build_mixture(
         base=np.array([(_build_interpolation(DENSE) @ end).reshape(DENSE, 2) for end in ends]),
         tracks=0,
     )
-
-
-def _measure_half_width(
-    intersection_map: IntersectionMap, route: Route, outwards: FloatArray
-) -> float:
-    """From the middle of the leg to its kerb [m]: the outer bound of its kerbside lanes."""
-    own = [lane for lane in intersection_map.lanelets if lane.leg == route.crosswalk]
-    bounds = [np.array(lane.right) @ rotate_left(outwards) for lane in own]
-    return float(np.abs(np.concatenate(bounds)).max())
 
 
 def _build_interpolation(count: int) -> FloatArray:

@@ -189,9 +189,7 @@ def load_priors(name: str | Path) -> Priors:
     folder = name if isinstance(name, Path) else find_bundle_folder(name)
     file = folder / "priors.npz"
     if not file.is_file():
-        raise InputError(
-            f"intersection {folder.name!r} has no priors: run scenewright intersections build"
-        )
+        raise InputError(f"intersection {folder.name!r} has no priors: import its map again")
     return _load_bundle(folder, file.stat().st_mtime_ns)
 
 

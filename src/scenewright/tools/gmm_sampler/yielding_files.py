@@ -92,15 +92,6 @@ def _read_entries(folder: Path, form: TypeAdapter[Any], *, pairs: bool) -> Any:
         raise InputError(f"cannot read {FILE} of {folder.name!r}: {reason}") from None
 
 
-def format_yielding_model(
-    model: YieldingModel, profiles: AccelerationProfiles | None = None
-) -> str:
-    """The text of `manners.json`."""
-    pairs = {f"{yielding}{_TO}{other}": asdict(each) for (yielding, other), each in model.items()}
-    rates = {name: asdict(profile) for name, profile in (profiles or {}).items()}
-    return json.dumps({**pairs, **rates}, indent=1) + "\n"
-
-
 def _split_pair(name: str) -> tuple[AgentClass, AgentClass]:
     yielding, _, other = name.partition(_TO)
     return cast(AgentClass, yielding), cast(AgentClass, other)

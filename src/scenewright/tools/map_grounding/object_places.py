@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from scenewright.geometry.map_areas import merge_areas
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import IntersectionMap, Lanelet, PolygonWithHoles
+from scenewright.scene.map import IntersectionMap, Lanelet
 from scenewright.scene.objects import ObjectRecord, get_size, get_subtype, is_high
 from scenewright.scene.social import STANDING_VEHICLES, ObjectNode
 
@@ -130,7 +131,7 @@ def _check_ground(
     boxes: Any, node: ObjectNode, intersection_map: IntersectionMap, *, in_lane: bool
 ) -> Any:
     """[N] whether rectangles are clear of crosswalks and lie where such an object belongs."""
-    road, walkable = _merge_areas(intersection_map.road), _merge_areas(intersection_map.walkable)
+    road, walkable = merge_areas(intersection_map.road), merge_areas(intersection_map.walkable)
     crosswalks = geos.union_all([geos.Polygon(c.polygon) for c in intersection_map.crosswalks])
     ground = geos.union(road, walkable) if node.kind in STANDING_VEHICLES or in_lane else walkable
     if node.kind == "container":
@@ -139,10 +140,6 @@ def _check_ground(
     edge = intersection_map.extent
     inside = geos.covers(geos.box(-edge, -edge, edge, edge), boxes)
     return (share >= _ON_ITS_GROUND) & inside & (geos.distance(boxes, crosswalks) > _OFF_CROSSWALK)
-
-
-def _merge_areas(areas: tuple[PolygonWithHoles, ...]) -> Any:
-    return geos.union_all([geos.Polygon(area.exterior, area.holes) for area in areas])
 
 
 def _find_roadside(intersection_map: IntersectionMap, leg: Compass, side: Side) -> _Roadside | None:
@@ -193,7 +190,7 @@ def _measure_room(
     edge: FloatArray, outward: FloatArray, intersection_map: IntersectionMap
 ) -> float:
     """Width of the road beside the driving lanes [m], up to the kerb: parking lane and shoulder."""
-    road = _merge_areas(intersection_map.road)
+    road = merge_areas(intersection_map.road)
     reach = np.arange(0.05, _WIDEST_VERGE, 0.05)
     middle = edge[len(edge) // 3 :: 8], outward[len(edge) // 3 :: 8]
     rooms = []

@@ -2,8 +2,7 @@
 
 `check_file` makes sure that a file is safe to read, `read_sumo` and `read_lanelet2` make a `survey`
 of one junction of it, `legs` names its arms, `ground_areas` derives the ground, `signal_programs`
-the signals, and `assemble` builds the map and reports what was assumed. `four_leg_map` builds the
-shipped map from measures; `map_parts` is what both have in common.
+the signals, and `assemble` builds the map and reports what was assumed.
 """
 
 from __future__ import annotations

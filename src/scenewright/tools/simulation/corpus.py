@@ -1,16 +1,13 @@
-"""The corpus: simulated days of traffic as clean tracks, split by hour.
+"""Clean tracks of simulated traffic.
 
-Each simulated hour of each day belongs wholly to one of fit, validation and test; with three days
-every hour of the day occurs once in each. A track is kept as its path (evenly spaced) and its
-progress along it (10 Hz): positions over time follow from both.
+A track is kept as its path (evenly spaced) and its progress along it (10 Hz): positions over time
+follow from both.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,15 +18,9 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, VEHICLE_SIZES
-from scenewright.tools.map_import.four_leg_map import FourLegPlan
 from scenewright.tools.map_import.map_parts import geos
-from scenewright.tools.simulation.demand import HOURS, Demand
-from scenewright.tools.simulation.sumo_network import write_network
-from scenewright.tools.simulation.sumo_run import HOUR, SumoTrack, read_collided, simulate_hour
-from scenewright.tools.track_io.recording import Split
+from scenewright.tools.simulation.sumo_run import HOUR, SumoTrack
 
-SPLITS: tuple[Split, ...] = ("fit", "validation", "test")
-DAYS = 3
 SPACING = 0.5
 """Between points of a stored path [m]."""
 
@@ -45,7 +36,6 @@ _SIDESLIP = 0.6
 """Sideways movement on the spot that no vehicle can make [m]."""
 
 Progress = Callable[[str], None]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,120 +61,10 @@ class Trip:
         return resample_path(self.path)
 
 
-@dataclass(frozen=True, eq=False)
-class CorpusHour:
-    """One simulated hour.
-
-    Attributes:
-        trips: complete paths through the map.
-        presence: [A, 3] class (0 vehicle, 1 pedestrian), first and last time inside [s], of
-            all agents, complete or not.
-    """
-
-    day: int
-    hour: int
-    trips: tuple[Trip, ...]
-    presence: FloatArray
-
-    @property
-    def split(self) -> Split:
-        """Which part of the corpus this hour belongs to."""
-        return assign_split(self.day, self.hour)
-
-
-def assign_split(day: int, hour: int) -> Split:
-    """Which part of the corpus an hour of a day belongs to."""
-    return SPLITS[(hour + day) % len(SPLITS)]
-
-
-def spawn_hour_seeds(
-    seed: int, *, days: int = DAYS
-) -> dict[tuple[int, int], np.random.SeedSequence]:
-    """The seed of every hour of every day; further days leave those of the first as they are."""
-    hours = [(day, hour) for day in range(days) for hour in range(HOURS)]
-    return dict(zip(hours, np.random.SeedSequence(seed).spawn(len(hours)), strict=True))
-
-
 def resample_path(path: FloatArray, count: int = K) -> FloatArray:
     """[count, 2] points at equal arc length along a path [P, 2], both ends included."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     return interpolate_points(np.linspace(0.0, s[-1], count), s, path)
-
-
-def build_corpus(
-    folder: Path,
-    *,
-    plan: FourLegPlan,
-    intersection_map: IntersectionMap,
-    demand: Demand,
-    seed: int = 0,
-    days: int = DAYS,
-    progress: Progress | None = None,
-) -> list[CorpusHour]:
-    """Simulate every hour of `days` days; hours already in `folder` are read, not repeated."""
-    folder.mkdir(parents=True, exist_ok=True)
-    corpus: list[CorpusHour] = []
-    for (day, hour), child in spawn_hour_seeds(seed, days=days).items():
-        file = folder / f"day{day}_hour{hour:02d}.npz"
-        if not file.is_file():
-            rng = np.random.default_rng(child)
-            made = _simulate_and_clean_hour(
-                day, hour, plan=plan, intersection_map=intersection_map, demand=demand, rng=rng
-            )
-            save_hour(file, made)
-        corpus.append(load_hour(file))
-        if progress is not None:
-            progress(f"day {day + 1}, hour {hour:02d}: {len(corpus[-1].trips)} trips")
-    return corpus
-
-
-def _simulate_and_clean_hour(
-    day: int,
-    hour: int,
-    *,
-    plan: FourLegPlan,
-    intersection_map: IntersectionMap,
-    demand: Demand,
-    rng: np.random.Generator,
-) -> CorpusHour:
-    raw, _ = simulate_raw_hour(
-        hour, plan=plan, intersection_map=intersection_map, demand=demand, rng=rng
-    )
-    footways = build_footways(intersection_map)
-    trips: list[Trip] = []
-    presence: list[tuple[float, float, float]] = []
-    for track in raw:
-        kind = track.route.split(":")[0]
-        half = plan.extent if kind == "vehicle" else plan.pedestrian_extent
-        inside = track.time[np.abs(track.xy).max(axis=1) <= half]
-        if len(inside):
-            presence.append((float(kind == "pedestrian"), float(inside[0]), float(inside[-1])))
-            trips += clean_trip(track, half, footways, rng)
-    return CorpusHour(day, hour, tuple(trips), np.array(presence).reshape(-1, 3))
-
-
-def simulate_raw_hour(
-    hour: int,
-    *,
-    plan: FourLegPlan,
-    intersection_map: IntersectionMap,
-    demand: Demand,
-    rng: np.random.Generator,
-) -> tuple[list[SumoTrack], int]:
-    """The tracks that SUMO records in one hour of the day, and how many agents collided."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        network = write_network(folder, plan, intersection_map)
-        raw = simulate_hour(
-            folder,
-            network,
-            plan=plan,
-            intersection_map=intersection_map,
-            demand=demand,
-            hour=hour,
-            rng=rng,
-        )
-        return raw, len(read_collided(folder))
 
 
 def build_footways(intersection_map: IntersectionMap) -> dict[str, Any]:
@@ -283,44 +163,3 @@ def _correct_walk(path: FloatArray, footway: Any, rng: np.random.Generator) -> F
 def _find_first_last(inside: NDArray[np.bool_]) -> tuple[int, int]:
     where = np.flatnonzero(inside)
     return (int(where[0]), int(where[-1])) if len(where) else (0, 0)
-
-
-def save_hour(file: Path, hour: CorpusHour) -> None:
-    """Keep one hour as plain arrays."""
-    trips = hour.trips
-    partial = file.with_suffix(".partial.npz")
-    np.savez_compressed(
-        partial,
-        when=np.array([hour.day, hour.hour]),
-        presence=hour.presence,
-        route=np.array([trip.route for trip in trips], dtype=np.str_),
-        subtype=np.array([trip.subtype or "" for trip in trips], dtype=np.str_),
-        start=np.array([trip.start for trip in trips]),
-        path=_join([trip.path for trip in trips], (0, 2)),
-        path_length=np.array([len(trip.path) for trip in trips], dtype=np.int64),
-        progress=_join([trip.progress for trip in trips], (0,)),
-        progress_length=np.array([len(trip.progress) for trip in trips], dtype=np.int64),
-    )
-    partial.replace(file)
-
-
-def _join(arrays: list[FloatArray], empty: tuple[int, ...]) -> NDArray[np.float32]:
-    joined = np.concatenate(arrays) if arrays else np.zeros(empty)
-    return joined.astype(np.float32)
-
-
-def load_hour(file: Path) -> CorpusHour:
-    """One hour from its file."""
-    with np.load(file, allow_pickle=False) as stored:
-        paths = np.split(stored["path"].astype(float), np.cumsum(stored["path_length"])[:-1])
-        progress = np.split(
-            stored["progress"].astype(float), np.cumsum(stored["progress_length"])[:-1]
-        )
-        trips = tuple(
-            Trip(str(route), str(subtype) or None, path, along, float(start))
-            for route, subtype, path, along, start in zip(
-                stored["route"], stored["subtype"], paths, progress, stored["start"], strict=False
-            )
-        )
-        day, hour = (int(n) for n in stored["when"])
-        return CorpusHour(day, hour, trips, stored["presence"])

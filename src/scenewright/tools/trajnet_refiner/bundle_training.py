@@ -101,7 +101,7 @@ def train_bundle(
         for split in ("fit", "validation", "test")
     }
     if not by_split["fit"]:
-        raise InputError("the corpus holds no hours to fit; make one with `intersections corpus`")
+        raise InputError("the corpus holds no hours to fit; make one with `simulate --corpus`")
     foreign = [each.name for each in recordings if not each.name.startswith(f"{name} ")]
     if foreign:
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
@@ -134,7 +134,7 @@ def train_bundle(
         "windows": len(windows),
         "recipe": recipe.model_dump(mode="json"),
         "losses": losses,
-        "command": command or "scenewright intersections corpus",
+        "command": command or "python -m lab.bundle.record_corpus",
         "started": start is not None,
         "figures": _run_single_threaded(
             lambda: compute_figures(net, by_split["test"] or by_split["fit"], stride=stride)

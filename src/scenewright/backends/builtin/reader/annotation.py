@@ -6,7 +6,6 @@ The format is described in docs/instructions.md. The same spans are what the enc
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 MENTIONS = ("veh", "ped", "cyc", "scoot", "obj", "other")
@@ -18,9 +17,6 @@ PAIRS = (*EVENTS, "lane", "push", "meet", "door")
 
 SIDES = ("from", "to", "heading", "cw")
 """Tags whose words name a leg or a direction of the compass."""
-
-RELATIVES = ("opp", "left", "right", "same", "lateral", "other", "exit", "entry")
-"""Values of SIDES that are read against another road user."""
 
 _FACTS = (
     *("left", "right", "straight", "uturn", "turn", "cross", "jay", "red", "road"),
@@ -114,25 +110,3 @@ def parse_annotation(line: str) -> AnnotatedText:
 
 def _parse_ids(text: str | None) -> tuple[int, ...]:
     return tuple(int(each) for each in text.split(",") if each) if text else ()
-
-
-def format_annotation(annotated: AnnotatedText) -> str:
-    """The line that `parse_annotation` reads back."""
-    pieces: list[str] = [] if annotated.kind == "scene" else [f"%{annotated.kind} "]
-    at = 0
-    for span in sorted(annotated.spans, key=lambda each: each.start):
-        pieces += [annotated.text[at : span.start], _format_span(annotated.text, span)]
-        at = span.end
-    return "".join([*pieces, annotated.text[at:]]).replace(" \n", "\\n")
-
-
-def _format_span(text: str, span: Span) -> str:
-    value = "" if span.value is None else f"={span.value}"
-    subjects = f":{_join(span.subjects)}" if span.subjects else ""
-    objects = f">{_join(span.objects)}" if span.objects else ""
-    words = text[span.start : span.end]
-    return f"[{'!' if span.negated else ''}{span.tag}{value}{subjects}{objects} {words}]"
-
-
-def _join(ids: Sequence[int]) -> str:
-    return ",".join(map(str, ids))

@@ -11,10 +11,8 @@ import numpy as np
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.annotation import (
     KINDS,
-    MENTIONS,
     PAIRS,
     SEPARATOR,
-    AnnotatedText,
 )
 from scenewright.backends.builtin.reader.encoder import Encoder, Floats, load_encoder
 from scenewright.backends.builtin.reader.labels import (
@@ -286,22 +284,3 @@ def _choose(
     subjects = tuple(int(user) + 1 for user in np.flatnonzero(picked == 1))
     objects = tuple(int(user) + 1 for user in np.flatnonzero(picked == 2))
     return subjects, objects, sure
-
-
-def build_reading(annotated: AnnotatedText) -> Reading:
-    """The reading that an annotation is, as if the encoder had read it without doubt."""
-    spans = tuple(
-        ReadSpan(
-            each.start, each.end, annotated.text[each.start : each.end], each.tag, each.value,
-            each.negated, each.value if each.value in COMPASS else None, each.subjects,
-            each.objects, 1.0,
-        )
-        for each in annotated.spans
-    )  # fmt: skip
-    users = {
-        user: at
-        for at, each in enumerate(annotated.spans)
-        if each.tag in MENTIONS
-        for user in each.subjects
-    }
-    return Reading(annotated.text, annotated.kind, 1.0, spans, users)

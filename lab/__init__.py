@@ -1,0 +1,1 @@
+"""What the shipped bundle and networks are made with: run from a clone, not part of the wheel."""

@@ -1,0 +1,1 @@
+"""The shipped intersection: its map, demand, simulated corpus and priors."""

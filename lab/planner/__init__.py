@@ -1,0 +1,1 @@
+"""The model that ranks what a turn of a conversation may mean."""

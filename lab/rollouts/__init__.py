@@ -1,0 +1,1 @@
+"""How near the refiner stays to tracks that were held out."""

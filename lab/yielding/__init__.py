@@ -1,0 +1,1 @@
+"""How people give way, measured on a corpus."""
