@@ -34,8 +34,6 @@ from scenewright.authoring.read_turn import (
     build_situation,
     find_narrator,
     read_words,
-    says_nothing_happens,
-    tells_event,
 )
 from scenewright.authoring.second_opinion import (
     check_first_words,
@@ -250,7 +248,7 @@ class Session:
                 ThreadState,
                 {
                     **{"argument": "", "heading": self._heading, "reading": None},
-                    **{"models": {}, "reply": {}, "said": ""},
+                    **{"models": {}, "reply": {}},
                     **said,
                 },
             ),
@@ -382,38 +380,23 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     ):
         intersection_map = load_map(state["heading"]["intersection"])
         reading = ask_what_is_meant(turn.words, intersection_map) or reading
-    taken: Clarification | None = None
-    likeliest = _take_likeliest(reading, state, words)
-    if likeliest is not None:  # nothing is lost where nothing is there yet, and it is said
-        taken, reading = cast(Clarification, reading), NewScene()
-        turn = turn.model_copy(update={"words": likeliest})
     lost = isinstance(reading, DeclinedTurn) and reading.code in ("no_change", "out_of_scope")
     if pending is not None and lost and not pending["ask"]["choices"][0]["answer"].isdigit():
         first = pending["ask"]["choices"][0]["answer"]
         reason = f"I still cannot tell which is meant; say it anew with an id, such as {first}."
         reading = DeclinedTurn(code="no_change", reason=reason)
     plain = reading.model_dump(mode="json", by_alias=True)
-    question = taken or (reading if isinstance(reading, Clarification) else None)
+    question = reading if isinstance(reading, Clarification) else None
     open_: PendingChoice | None = None
     if question is not None:
         asked = question.model_dump(mode="json", by_alias=True)
         open_ = {"words": turn.words, "ask": asked, "chosen": chosen}
     out: ThreadState = {
         "words": turn.words, "reading": plain, "pending": open_, "before": words,
-        "narrator": narrator, "said": words if taken else "",
+        "narrator": narrator,
         "models": sum_costs_by_task(calls),
     }  # fmt: skip
     return {**out, "current": state.get("current")} if other else out
-
-
-def _take_likeliest(reading: Reading, state: ThreadState, words: str) -> str | None:
-    """The first sentence offered, where there is no scene yet and it has what the words tell."""
-    if state.get("current") is not None or not isinstance(reading, Clarification):
-        return None
-    noun, _, sentence = reading.choices[0].means.partition("=")
-    if noun != SENTENCE or not sentence:
-        return None
-    return None if says_nothing_happens(sentence) and tells_event(words) else sentence
 
 
 def _take_back(state: ThreadState) -> ThreadState:
@@ -617,7 +600,7 @@ def _enter_version(
     version: Version = {
         "number": max((each["number"] for each in versions), default=0) + 1,
         "parent": parent,
-        "words": state.get("said") or state["words"],
+        "words": state["words"],
         "text": text,
         "edits": [each.model_dump(mode="json", by_alias=True) for each in edits],
         "graph": made.graph.model_dump(mode="json", by_alias=True),
@@ -644,15 +627,8 @@ def _enter_version(
             "kind": "made",
             "version": version["number"],
             "from": parent,
-            **_build_doubt(state),
         },
     }
-
-
-def _build_doubt(state: ThreadState) -> dict[str, Any]:
-    """What doubtful words were taken to mean, and what else they may."""
-    pending = state.get("pending")
-    return {} if pending is None else {"taken": pending["ask"]["question"]}
 
 
 def _build_provenance(

@@ -74,7 +74,7 @@ class ThreadState(TypedDict, total=False):
         pending: a question that waits for its answer; refused: the last refusal.
         before: the words of the turn before, which a correction is about.
         narrator: the noun of what the one who writes drives or is.
-        topic: what the last question was about; said: the words, where a plainer sentence is made.
+        topic: what the last question was about.
         reply: what became of this turn: `made`, `asked`, `refused`, `moved_to`, `nothing`.
     """
 
@@ -93,6 +93,5 @@ class ThreadState(TypedDict, total=False):
     before: str
     narrator: str | None
     topic: str | None
-    said: str
     refused: RefusedTurn | None
     reply: dict[str, Any]

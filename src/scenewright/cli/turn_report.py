@@ -61,8 +61,6 @@ def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list
     first, *rest = summarize_scene(shown.record, shown.proof, intersection_map)
     branch = f" on branch {reply['branch']}" if "branch" in reply else ""
     lines = [(GOOD, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
-    if "taken" in reply:
-        lines.insert(0, (ASK, f"taken as 1, say another number for another: {reply['taken']}"))
     if reply["kind"] == "made" and reply.get("from") is not None and reply["edits"]:
         lines.append((FAINT, f"  {_format_others(reply)}"))
     return lines

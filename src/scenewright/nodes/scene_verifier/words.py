@@ -8,6 +8,7 @@ from scenewright.backends import get_backend_of_task
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.remaining import quote_words, refuse_words
 from scenewright.scene.events import Proof
+from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.rejection import Rejection
 
 REDRAWN = ("sequence", "stop", "braking", "order", "cause")
@@ -36,4 +37,12 @@ def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejecti
     if not (asked or planned or get_backend_of_task(context.backend, "plan").deterministic):
         ask = f"{detail}; plan what they say, or answer refused: out_of_scope"
         return Rejection(stage="scene_verifier", code="words_not_shown", detail=ask)
-    return refuse_words((*false, *unshown), state["social_graph"], "scene_verifier")
+    if false:
+        graph = describe_graph(state["social_graph"])
+        return Rejection(
+            stage="scene_verifier",
+            code="out_of_scope",
+            detail=f"The scene would show something else than {quote_words(false)}: the text was "
+            f"read as '{graph}' Say it in other words, or with more of who does what to whom.",
+        )
+    return refuse_words(unshown, state["social_graph"], "scene_verifier")

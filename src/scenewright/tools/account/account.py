@@ -257,9 +257,11 @@ def _judge(
         return (
             "contradicted",
             f"{claim.type} {claim.value}",
-            f"no such thing ({result.evidence})",
+            result.evidence,
             (),
         )
+    if token.text in ("let", "have") and not found:
+        return "stands_anyway", None, "true of every scene made here", ()
     if token.has("sequence") and not any(r.holds is False for _, r in found):
         return None  # it joins no two events
     if families == {"order"} and token.text in ("first", "last", "second"):

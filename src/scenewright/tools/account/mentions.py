@@ -245,6 +245,8 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
         and (follows.has("noun", "point", "place", "manner", "left", "right"))
     ):
         return Mention(n, n, n + 1, frozenset(), None if plural else 1, pronoun=True)
+    if token.text in ("everyone", "everybody"):
+        return Mention(n, n, n + 1, frozenset(), None, pronoun=True, other=True)
     stands_alone = follows is None or not follows.has("noun")
     if (
         token.text
