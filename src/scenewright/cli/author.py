@@ -84,13 +84,13 @@ def _load_model(
     """The chat model, and what hides its key in whatever is said of it."""
     if name is None:
         return None, lambda text: text
-    from scenewright.backends.chat.faults import hide_key
+    from scenewright.backends.chat.faults import quote
     from scenewright.backends.chat.naming import load_chat_model
 
     endpoint = load_chat_model(
         name, base_url=base_url, timeout=timeout or _SECONDS, max_tokens=_MOST_TOKENS
     )
-    return endpoint.model, lambda text: hide_key(text, endpoint.key)
+    return endpoint.model, lambda text: quote(text, endpoint.key)
 
 
 def _write(made: AgentResult, target: Path, *, seed: int, model: str | None) -> list[str]:
