@@ -274,6 +274,7 @@ def format_provenance(made: AgentResult, *, seed: int, model: str | None) -> byt
             "seed": seed,
             "backend": "agent" if model is None else f"agent {model}",
             "intersection": made.record.meta.intersection,
+            "scene_digest": made.proof.scene_digest,
             "calls": [{"tool": name, "ok": fine} for name, fine in made.calls],
         }
     )
