@@ -48,10 +48,11 @@ def author(
     """Have an agent make a scene by calling the stages as tools: a model, or a fixed router."""
     from scenewright.authoring.agent import author as authored
     from scenewright.cli.make import SCENES, choose_folder_name, read_instruction
-    from scenewright.cli.output_folder import target_folder
+    from scenewright.cli.output_folder import target_folder, try_folder
 
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=None)
+    try_folder(out or SCENES)
     chat_model, hide = _load_model(model, base_url, timeout)
     with show_progress(quiet=quiet) as log:
         made = authored(

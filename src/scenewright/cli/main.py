@@ -62,6 +62,7 @@ from scenewright.cli.import_commands import (
 )
 from scenewright.cli.interruption import forget, get_note
 from scenewright.cli.interrupts import watch_signals
+from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.cli.planner import planner
 from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
@@ -203,7 +204,9 @@ def _log_summary(lines: list[str]) -> None:
 @app.command()
 def plan(
     rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows; `-` is stdin.")],
-    out: Annotated[str, typer.Option(help="File to write; `-` is stdout.")] = "-",
+    out: Annotated[
+        str, typer.Option(help="File to write; `-` is stdout.", callback=try_file)
+    ] = "-",
     intersection: Annotated[
         str | None, typer.Option(help="Where it happens; else four legs, in right-hand traffic.")
     ] = None,
@@ -215,12 +218,11 @@ def plan(
 ) -> None:
     """Read instructions, one JSON row each, and write what was understood, one row each."""
     from scenewright.backends import Call
-    from scenewright.cli.plan import check_out, plan_all, read_rows, sum_costs, write_rows
+    from scenewright.cli.plan import plan_all, read_rows, sum_costs, write_rows
     from scenewright.intersections import load_map
 
     if as_json and out == "-":
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
-    check_out(out)
     chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
@@ -358,7 +360,10 @@ def show_one(
 def build(
     name: Annotated[str, typer.Argument(help="Its name.")],
     out: Annotated[
-        str | None, typer.Option(help="Folder to write; intersections/NAME if none is named.")
+        str | None,
+        typer.Option(
+            help="Folder to write; intersections/NAME if none is named.", callback=try_folder
+        ),
     ] = None,
     counts: Annotated[
         str | None, typer.Option(help="Folder of raw counts to derive the demand from.")
@@ -388,7 +393,9 @@ def build(
 @intersections.command("corpus")
 def make_corpus(
     name: Annotated[str, typer.Argument(help="Its name.")],
-    out: Annotated[str, typer.Option(metavar="F", help="File to write, an .npz.")],
+    out: Annotated[
+        str, typer.Option(metavar="F", help="File to write, an .npz.", callback=try_file)
+    ],
     hours: Annotated[int, typer.Option(help="How many hours, spread over the day.")] = 15,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
     quiet: Quiet = False,
@@ -418,7 +425,10 @@ def train(
     corpus: Annotated[str, typer.Option(metavar="F", help="Recorded hours, of `corpus`.")],
     out: Annotated[
         str | None,
-        typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),
+        typer.Option(
+            help="Folder to write; one's own intersection, else intersections/NAME.",
+            callback=try_folder,
+        ),
     ] = None,
     epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
     walkers: Annotated[
