@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -475,6 +476,14 @@ def train(
         write_stdout(f"{made['folder']}\n")
 
 
+_PREFIX = "SCENEWRIGHT_"
+_VARIABLES = (
+    *("API_KEY", "DATA", "INTERSECTIONS", "MAX_AGENTS"),
+    *("PLANNER", "REFINER", "RELATIONS", "TRACEBACK"),
+)
+"""What the environment can set, by what follows the prefix."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; no exception but a bug's, if asked for.
 
@@ -483,6 +492,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     forget()
+    for name in sorted(os.environ):
+        rest = name.removeprefix(_PREFIX)
+        if rest != name and rest not in _VARIABLES:
+            for meant in get_close_matches(rest, _VARIABLES, 1, 0.75):
+                log_line(f"note: {name} is not used; is {_PREFIX}{meant} meant?")
     with watch_signals(), _collect_garbage_rarely() if argv is None else nullcontext():
         return _run(words)
 

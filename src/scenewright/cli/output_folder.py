@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from scenewright.errors import InputError
 
-OutT = TypeVar("OutT", str, Path, str | None)
+OutT = TypeVar("OutT", bound="str | Path | None")
 
 SCENE_FILES = (
     "provenance.json",
