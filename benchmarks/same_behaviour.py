@@ -98,6 +98,7 @@ def digest_maps(rows: list[dict[str, object]], scratch: Path) -> dict[str, str]:
     root = os.environ.get("SCENEWRIGHT_TAF_BW")
     if root is None:
         return {}
+    (scratch / "intersections").mkdir(exist_ok=True)
     os.environ["SCENEWRIGHT_INTERSECTIONS"] = str(scratch / "intersections")
     found: dict[str, str] = {}
     for name, part in MAPS.items():

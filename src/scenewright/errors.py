@@ -2,6 +2,7 @@
 
     ScenewrightError
     ├── InputError          the caller's input is at fault; one clear line, exit code 2
+    │   └── BusyError       another turn of the conversation is being worked on
     ├── Unsatisfiable       a sane request that cannot be met; carries every rejection, exit code 3
     │   └── OutOfTime       the time limit was reached before it was met or given up
     ├── BackendFault        a backend failed for good, or never answered usably, exit code 4
@@ -38,6 +39,10 @@ class InputError(ScenewrightError):
     """The input cannot be used; the message says what was wrong and how to mend it."""
 
     exit_code = 2
+
+
+class BusyError(InputError):
+    """Another turn of the conversation is still being worked on."""
 
 
 class Unsatisfiable(ScenewrightError):

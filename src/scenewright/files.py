@@ -1,4 +1,4 @@
-"""Files that are either whole or absent."""
+"""Files that are either whole or absent, and folders that the environment names."""
 
 from __future__ import annotations
 
@@ -24,6 +24,20 @@ def write_atomically(path: str | Path, data: bytes) -> None:
         if isinstance(error, OSError):
             raise InputError(f"cannot write {target}: {error.strerror or error}") from error
         raise
+
+
+def find_env_folder(variable: str) -> Path | None:
+    """The folder that an environment variable names; None where it is not set.
+
+    Raises:
+        InputError: there is no such folder; a mistyped name must not look like an empty folder.
+    """
+    named = os.environ.get(variable)
+    if not named:
+        return None
+    if not Path(named).is_dir():
+        raise InputError(f"{variable} names {named}, which is no folder; make it or mend the name")
+    return Path(named)
 
 
 def _discard(part: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import threading
 from collections.abc import Callable, Iterator
@@ -173,6 +174,16 @@ def drips(handler: Handler, good: str) -> None:
     handler.close_connection = True
 
 
+def packs(handler: Handler, good: str) -> None:
+    """A few kilobytes that are a thousand times as many once they are unpacked."""
+    data = gzip.compress(b" " * 10**7)
+    handler.send_response(200)
+    handler.send_header("Content-Encoding", "gzip")
+    handler.send_header("Content-Length", str(len(data)))
+    handler.end_headers()
+    handler.wfile.write(data)
+
+
 def floods(handler: Handler, good: str) -> None:
     """More than anybody can read."""
     handler.send_response(200)
@@ -211,6 +222,7 @@ PASSING: dict[str, Fault] = {
     "closed within the reply": closes_within,
     "drips": drips,
     "floods": floods,
+    "packs": packs,
     "not JSON": not_json,
     "empty body": lambda handler, _: handler.send(200, ""),
     "no choices": no_choices,
@@ -218,7 +230,10 @@ PASSING: dict[str, Fault] = {
 """Faults that may pass: asked again, in the end a BackendFault."""
 
 STAYING: dict[str, tuple[Fault, str]] = {
-    "400": (status(400, f"bad request for {KEY}"), "answered 400: bad request for [key]"),
+    "400": (status(400, "bad request"), "answered 400: bad request"),
+    "400 on a key": (status(400, f"bad request for {KEY[:7]}***"), "is not repeated"),
+    "400 on headers": (status(400, "Authorization: QmVhcmVyIHNr"), "is not repeated"),
+    "400 with a piece": (status(400, f"no user {KEY[5:14]}"), "is not repeated"),
     "401": (status(401, f"wrong key {KEY[:8]}***"), "does not accept the key"),
     "404": (status(404), "no such model or address"),
     "redirect": (status(307, Location="http://127.0.0.1:9/v1"), "redirects elsewhere"),

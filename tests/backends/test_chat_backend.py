@@ -20,6 +20,7 @@ from backends.misbehaving import (
     UNREADABLE,
     Prompted,
     Server,
+    packs,
     said,
     status,
 )
@@ -232,6 +233,18 @@ def question(seed: int = 0, words: str = "x") -> Question:
 def test_a_key_that_a_server_quotes_is_hidden(server: Server) -> None:
     server.faults = [said(lambda _: json.dumps({"secret": f"Bearer {KEY}"}))]
     assert TextBackend(model(server)).answer(question()) == {"secret": "Bearer [key]"}
+    server.faults = [said(lambda _: json.dumps({"secret": f"x{KEY[3:13]}...", "agent": "car"}))]
+    assert TextBackend(model(server)).answer(question(words="y")) == {
+        "secret": "[key]", "agent": "car",
+    }  # fmt: skip
+
+
+@pytest.mark.usefixtures("pauses")
+def test_a_packed_reply_is_not_unpacked(server: Server) -> None:
+    server.faults, server.forever = [packs], True
+    with pytest.raises(BackendFault, match="sent no reply: the reply is packed"):
+        TextBackend(model(server)).answer(question())
+    assert server.headers[0]["accept-encoding"] == "identity"
 
 
 def test_the_same_question_is_put_once(server: Server) -> None:
@@ -459,10 +472,10 @@ def test_what_planning_has_cost_that_a_model_left_is_reported(
 def test_a_model_that_cannot_be_reached_is_one_line_and_exit_code_4(
     server: Server, pauses: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    server.faults, server.forever = [status(503, f"overloaded, {KEY}")], True
+    server.faults, server.forever = [status(503, "overloaded")], True
     assert main(["make", YIELD, "--backend", "openai:m", "--base-url", server.url]) == 4
     said = capsys.readouterr()
-    assert said.err.splitlines()[-1].endswith("answered 503: overloaded, [key] (4 attempts)")
+    assert said.err.splitlines()[-1].endswith("answered 503: overloaded (4 attempts)")
     assert (len(server.requests), pauses, said.out) == (4, [1.0, 2.0, 4.0], "")
 
 

@@ -34,6 +34,7 @@ def talk(
 ) -> Talk:
     """A conversation as typed into `scenewright chat`, in this process."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
     monkeypatch.setenv("SCENEWRIGHT_DATA", str(tmp_path / "data"))
 
     def typed(*lines: str | bytes, options: tuple[str, ...] = (), code: int = 0) -> Told:
@@ -112,6 +113,7 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
     mcp = pytest.importorskip("mcp")
     import anyio
 
+    (tmp_path / "data").mkdir()
     server = mcp.StdioServerParameters(
         command=sys.executable,
         args=["-m", "scenewright", "mcp", "--seed", "1", "--out", str(tmp_path / "kept")],

@@ -252,7 +252,8 @@ def test_a_file_in_the_way_is_kept(run: Run, tmp_path: Path) -> None:
 def test_a_folder_without_permission(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(os, "access", lambda *_: False)
+    refused = PermissionError(errno.EACCES, "Permission denied")
+    monkeypatch.setattr("scenewright.cli.output_folder.tempfile.TemporaryFile", raiser(refused))
     done = run("make", QUICK, "--out", "x")
     assert (done.code, everything_in(tmp_path)) == (2, [])
     assert "cannot write" in done.complaint

@@ -25,6 +25,7 @@ TAF = os.environ.get("SCENEWRIGHT_TAF_BW")
 
 @pytest.fixture(autouse=True)
 def own(tmp_path, monkeypatch):
+    (tmp_path / "own").mkdir(exist_ok=True)
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     monkeypatch.chdir(tmp_path)
     return tmp_path / "own"

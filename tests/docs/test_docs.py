@@ -62,6 +62,7 @@ def offline() -> dict[str, str]:
 
 def run_process(words: list[str], folder: Path) -> int:
     """The exit code of a command in a process of its own that has nothing to read."""
+    (folder / "data").mkdir(exist_ok=True)
     done = subprocess.run(
         [str(BIN / "scenewright"), *words],
         cwd=folder,
@@ -84,6 +85,7 @@ def test_documented_commands_run(
     (tmp_path / "tracks.csv").write_text(example_tracks())
     monkeypatch.chdir(tmp_path)
     run_jobs_inline(monkeypatch)
+    (tmp_path / "data").mkdir(exist_ok=True)
     monkeypatch.setenv("SCENEWRIGHT_DATA", str(tmp_path / "data"))
     for name in os.environ.keys() - offline().keys():
         monkeypatch.delenv(name)

@@ -52,6 +52,7 @@ def said(command: str, typed: list[str], folder: Path) -> list[str]:
     words = shlex.split(command)
     hidden = ("API_KEY", "BASE_URL", "TOKEN", "SCENEWRIGHT_REFINER", "SCENEWRIGHT_MAX_AGENTS")
     kept = {key: value for key, value in os.environ.items() if not key.endswith(hidden)}
+    (folder / "data").mkdir(exist_ok=True)
     done = subprocess.run(
         [str(Path(sys.executable).parent / words[0]), *words[1:]],
         cwd=folder,

@@ -10,9 +10,11 @@ from typing import Any
 import pytest
 
 from scenewright import synthesize, verify
+from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene
 from scenewright.scene.digest import digest_json
+from scenewright.scene.record import SceneRecord
 
 Json = dict[str, Any]
 
@@ -184,3 +186,50 @@ def test_an_empty_path_is_not_the_current_folder(
     monkeypatch.chdir(copied)
     with pytest.raises(InputError, match="empty"):
         load_scene("")
+
+
+def test_a_provenance_names_the_scene_that_it_is_of(copied: Path, made: Path) -> None:
+    about = json.loads((made / "provenance.json").read_bytes())
+    assert about["scene_digest"] == digest_json((copied / "scene.json").read_bytes())
+    (copied / "provenance.json").write_text(json.dumps(about))
+    assert find_rules(copied, strict=True) == set()
+    (copied / "provenance.json").write_text(json.dumps({**about, "scene_digest": "sha256:0"}))
+    assert find_rules(copied) == set()
+    assert find_rules(copied, strict=True) == {"provenance_contradicted"}
+
+
+def test_what_strict_has_not_looked_at_is_named(
+    copied: Path, made: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("provenance.json", "scene.png"):
+        (copied / name).write_bytes((made / "provenance.json").read_bytes())
+    assert main(["verify", "--strict", str(copied)]) == 0
+    assert "not looked at: provenance.json but for the digest, scene.png" in capsys.readouterr().err
+    assert main(["verify", str(copied), "--json"]) == 0
+    assert "unchecked" not in json.loads(capsys.readouterr().out)["scenes"][0]
+
+
+@pytest.mark.parametrize("name", ["scene.json", "proof.json", "provenance.json"])
+def test_a_key_twice_is_refused(copied: Path, made: Path, name: str) -> None:
+    data = (made / name).read_text()
+    first = next(iter(json.loads(data)))
+    (copied / name).write_text(f'{{"{first}": null,{data[1:]}')
+    with pytest.raises(InputError, match=rf"{name} is .*'{first}' stands there twice"):
+        verify(copied, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "row"),
+    [
+        ("relations", {"type": "yielding", "from": 1, "to": 2}),
+        ("ties", {"agent": 1, "of": 2, "side": "left"}),
+        ("sights", {"observer": 1, "subject": 2, "object": "box-1", "lead": [0, 1]}),
+    ],
+)
+def test_more_relations_than_pairs_are_refused(copied: Path, name: str, row: Json) -> None:
+    rewrite(copied / "scene.json", lambda scene: scene.update({name: [row] * 20_000}))
+    with pytest.raises(InputError, match=f"it has 20000 {name}; a scene of"):
+        verify(copied)
+    scene = json.loads((copied / "scene.json").read_bytes())
+    with pytest.raises(InputError, match=f"it has 20000 {name}; a scene of"):
+        verify(SceneRecord.model_validate(scene))

@@ -194,8 +194,8 @@ def build_agent(
         except (InputError, BackendFault):
             raise
         except Exception as error:  # every provider has exceptions of its own
-            reason = hide(f"{type(error).__name__}: {error}")[:400]
-            raise BackendFault(f"the model failed: {reason}") from None
+            reason = hide(str(error))
+            raise BackendFault(f"the model failed: {type(error).__name__}: {reason}") from None
         return {"messages": [said]}
 
     def act(state: AgentState) -> dict[str, Any]:
@@ -274,6 +274,7 @@ def format_provenance(made: AgentResult, *, seed: int, model: str | None) -> byt
             "seed": seed,
             "backend": "agent" if model is None else f"agent {model}",
             "intersection": made.record.meta.intersection,
+            "scene_digest": made.proof.scene_digest,
             "calls": [{"tool": name, "ok": fine} for name, fine in made.calls],
         }
     )

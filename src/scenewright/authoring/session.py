@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from contextvars import Context
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, cast
@@ -195,6 +196,10 @@ class Session:
         """The thread as it was last checkpointed."""
         return cast(ThreadState, self._graph.get_state(self._config).values)
 
+    def take_turn(self, *, wait: bool = True) -> AbstractContextManager[None]:
+        """Keep the thread for one turn and what is told of it (see `Threads.take_turn`)."""
+        return self._threads.take_turn(self.thread, wait=wait)
+
     def say(self, words: str) -> dict[str, Any]:
         """One turn in words; the reply says what became of it."""
         return self._turn({"act": "say", "words": words})
@@ -209,12 +214,13 @@ class Session:
         Raises:
             InputError: they are no such list, or there is no scene yet.
         """
-        version = _find_version(self.state, None)
-        if version is None:
-            raise InputError("there is no scene yet; say what shall happen")
-        graph = SocialGraph.model_validate(version["graph"])
-        edits, words = read_direct_edits(asked, graph)
-        return self._turn({"act": "edit", "words": words, "argument": _dump_edits(edits)})
+        with self.take_turn():
+            version = _find_version(self.state, None)
+            if version is None:
+                raise InputError("there is no scene yet; say what shall happen")
+            graph = SocialGraph.model_validate(version["graph"])
+            edits, words = read_direct_edits(asked, graph)
+            return self._turn({"act": "edit", "words": words, "argument": _dump_edits(edits)})
 
     def list_handles(self, which: str | int | None = None) -> list[dict[str, Any]]:
         """What can be changed by hand in a version (`list_handles`); empty before there is one."""
@@ -242,22 +248,24 @@ class Session:
         return self._turn({"act": "branch", "words": f"/branch {name}", "argument": name})
 
     def _turn(self, said: Mapping[str, Any]) -> dict[str, Any]:
-        self.interrupted = None
-        out = self._graph.invoke(
-            cast(
-                ThreadState,
-                {
-                    **{"argument": "", "heading": self._heading, "reading": None},
-                    **{"models": {}, "reply": {}},
-                    **said,
-                },
-            ),
-            config=self._config,
-            context=self._context,
-            durability="sync",
-        )
-        reply: dict[str, Any] = out["reply"]
-        return reply
+        with self.take_turn():
+            self.interrupted = None
+            self._heading = self.state.get("heading") or self._heading  # another's may be first
+            out = self._graph.invoke(
+                cast(
+                    ThreadState,
+                    {
+                        **{"argument": "", "heading": self._heading, "reading": None},
+                        **{"models": {}, "reply": {}},
+                        **said,
+                    },
+                ),
+                config=self._config,
+                context=self._context,
+                durability="sync",
+            )
+            reply: dict[str, Any] = out["reply"]
+            return reply
 
     def find_version(self, which: str | int | None = None) -> SessionVersion | None:
         """A version by number or by branch; the current one if none is named.

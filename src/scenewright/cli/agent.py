@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -19,7 +20,6 @@ from scenewright.cli.batch import (
     build_options,
     check_row_timeout,
     count_cores,
-    parse_folder,
     show_batch_progress,
 )
 from scenewright.cli.common_options import Json, Quiet
@@ -90,7 +90,7 @@ def run_agent(
     wanted = Order(
         text=order,
         wish=wish,
-        out=parse_folder(out),
+        out=Path(out),
         options=build_options(
             intersection=intersection,
             backend=backend,
@@ -154,7 +154,7 @@ def make_paper_dataset(
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
         wish=build_paper_order(backends, scale=scale),
-        out=parse_folder(out),
+        out=Path(out),
         options=build_options(
             intersection=intersection,
             backend=backends[:1],

@@ -48,10 +48,11 @@ def author(
     """Have an agent make a scene by calling the stages as tools: a model, or a fixed router."""
     from scenewright.authoring.agent import author as authored
     from scenewright.cli.make import SCENES, choose_folder_name, read_instruction
-    from scenewright.cli.output_folder import target_folder
+    from scenewright.cli.output_folder import target_folder, try_folder
 
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=None)
+    try_folder(out or SCENES)
     chat_model, hide = _load_model(model, base_url, timeout)
     with show_progress(quiet=quiet) as log:
         made = authored(
@@ -84,13 +85,13 @@ def _load_model(
     """The chat model, and what hides its key in whatever is said of it."""
     if name is None:
         return None, lambda text: text
-    from scenewright.backends.chat.faults import hide_key
+    from scenewright.backends.chat.faults import quote
     from scenewright.backends.chat.naming import load_chat_model
 
     endpoint = load_chat_model(
         name, base_url=base_url, timeout=timeout or _SECONDS, max_tokens=_MOST_TOKENS
     )
-    return endpoint.model, lambda text: hide_key(text, endpoint.key)
+    return endpoint.model, lambda text: quote(text, endpoint.key)
 
 
 def _write(made: AgentResult, target: Path, *, seed: int, model: str | None) -> list[str]:

@@ -24,6 +24,7 @@ from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import format_one_line, is_terminal, log_line, write_json, write_stdout
 from scenewright.cli.interruption import keep
 from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT
 
@@ -38,7 +39,7 @@ EVERY = 5.0
 SHOWN = 5
 """Rows that a dry run shows."""
 
-Out = Annotated[str, typer.Option(metavar="DIR", help="Folder to write.")]
+Out = Annotated[str, typer.Option(metavar="DIR", help="Folder to write.", callback=try_folder)]
 Workers = Annotated[
     int | None, typer.Option(help="Processes at work; as many as there are cores if not said.")
 ]
@@ -112,7 +113,7 @@ def make_batch(
 
     request = Request(
         source=Path(rows),
-        out=parse_folder(out),
+        out=Path(out),
         options=build_options(
             intersection=intersection,
             backend=backend,
@@ -218,16 +219,6 @@ def build_asking(*, record: str | None, timeout: float | None, at_once: int | No
     from scenewright.dataset.batch.answering import Asking
 
     return Asking(None if record is None else Path(record), timeout, at_once)
-
-
-def parse_folder(out: str) -> Path:
-    """The folder that --out names; InputError if it cannot be one."""
-    if not out.strip() or "\0" in out:
-        raise InputError("--out must name a folder")
-    target = Path(out)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{out} is a file; --out must name a folder")
-    return target
 
 
 def _print_plan(request: Request, *, as_json: bool) -> None:

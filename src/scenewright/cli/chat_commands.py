@@ -16,6 +16,7 @@ from scenewright.cli.backend_options import (
 )
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
+from scenewright.cli.output_folder import try_folder
 from scenewright.time_limit import DEFAULT_LIMIT
 
 memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples for prompts.")
@@ -35,7 +36,9 @@ def open_chat(
     refiner: Annotated[
         str | None, typer.Option(help="trajnet or none, in a new thread; that of make.")
     ] = None,
-    out: Annotated[str | None, typer.Option(help="Folder that /save writes to.")] = None,
+    out: Annotated[
+        str | None, typer.Option(help="Folder that /save writes to.", callback=try_folder)
+    ] = None,
     threads: Annotated[
         str | None, typer.Option(metavar="FILE", help="Where threads are kept.")
     ] = None,
@@ -85,7 +88,9 @@ def serve_mcp(
     timeout: Timeout = None,
     time_limit: TimeLimit = DEFAULT_LIMIT,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
-    out: Annotated[str | None, typer.Option(help="Folder that scenes may be kept in.")] = None,
+    out: Annotated[
+        str | None, typer.Option(help="Folder that scenes may be kept in.", callback=try_folder)
+    ] = None,
     threads: Annotated[
         str | None, typer.Option(metavar="FILE", help="Where threads are kept.")
     ] = None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenewright.cli.batch import count_cores, parse_folder
+from scenewright.cli.batch import Out, count_cores
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
@@ -18,7 +18,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.errors import NOT_VERIFIED
-from scenewright.cli.export import Ego, Form, OutFolder, To, log_files
+from scenewright.cli.export import Ego, Form, To, log_files
 from scenewright.cli.interrupts import stop_if_asked
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def sign(
 
 
 @dataset.command("split")
-def split(folder: Folder, out: OutFolder, as_json: Json = False) -> None:
+def split(folder: Folder, out: Out, as_json: Json = False) -> None:
     """Write a dataset's tables divided into train, validation and test.
 
     Rows of one intersection that one voice worded, or whose texts differ by numbers alone, share a
@@ -119,7 +119,7 @@ def split(folder: Folder, out: OutFolder, as_json: Json = False) -> None:
     """
     from scenewright.dataset.tables.divide import divide_tables
 
-    counts = divide_tables(Path(folder), parse_folder(out))
+    counts = divide_tables(Path(folder), Path(out))
     if as_json:
         write_json({"folder": folder, "out": out, "scenes": counts})
     else:
@@ -131,7 +131,7 @@ def split(folder: Folder, out: OutFolder, as_json: Json = False) -> None:
 def export_dataset(
     folder: Folder,
     to: To,
-    out: OutFolder,
+    out: Out,
     form: Form = None,
     ego: Ego = None,
     as_json: Json = False,
@@ -141,5 +141,5 @@ def export_dataset(
     from scenewright.graph.export import export
 
     scenes = list_scenes(Path(folder))
-    files = export(scenes, to, parse_folder(out), form=form, ego=ego)
+    files = export(scenes, to, Path(out), form=form, ego=ego)
     log_files(files, scenes=len(scenes), to=to, out=out, as_json=as_json)

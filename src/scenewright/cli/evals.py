@@ -21,6 +21,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +47,9 @@ def score_trajnet(
     ] = None,
     out: Annotated[
         str | None,
-        typer.Option(help="Folder for the predictions in the benchmark's format."),
+        typer.Option(
+            help="Folder for the predictions in the benchmark's format.", callback=try_folder
+        ),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -145,7 +148,9 @@ def _format_cell(row: ScoreRow, measure: str) -> str:
 @evals.command("trajnet-train")
 def train_trajnet(
     files: Files,
-    out: Annotated[str, typer.Option(metavar="W.safetensors", help="File for the weights.")],
+    out: Annotated[
+        str, typer.Option(metavar="W.safetensors", help="File for the weights.", callback=try_file)
+    ],
     epochs: Annotated[
         int, typer.Option(min=1, help="How often half of all windows are seen, at first.")
     ] = 18,
@@ -159,15 +164,12 @@ def train_trajnet(
     """Train the refiner on recordings; started again after a kill, it goes on where it was."""
     from scenewright.evals.trajnet.training import build_own_recipe, train_on
 
-    target = Path(out)
-    if not target.parent.is_dir():
-        raise InputError(f"cannot write {out}: there is no folder {target.parent}")
     recordings, held = read_recordings(files), read_recordings(held_out or [])
     with show_training_bar(quiet=quiet) as (log, log_epoch):
         about = train_on(
             recordings,
             held_out=held,
-            out=target,
+            out=Path(out),
             recipe=build_own_recipe(epochs=epochs, seed=seed),
             log=log,
             after_epoch=log_epoch,
@@ -227,7 +229,10 @@ def score_realism(
         float | None, typer.Option(help="Metres per pixel of tracks in pixels.")
     ] = None,
     out: Annotated[
-        str | None, typer.Option(help="Folder for realism.md, realism.json and realism.png.")
+        str | None,
+        typer.Option(
+            help="Folder for realism.md, realism.json and realism.png.", callback=try_folder
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of splits and resamplings.")] = 0,
     quiet: Quiet = False,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.batch import parse_folder
+from scenewright.cli.batch import Out
 from scenewright.cli.common_options import Json
 from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
 
@@ -21,7 +21,6 @@ Form = Annotated[
 Ego = Annotated[
     str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")
 ]
-OutFolder = Annotated[str, typer.Option(metavar="DIR", help="Folder to write.")]
 
 
 def export(
@@ -29,7 +28,7 @@ def export(
         list[str], typer.Argument(metavar="SCENE...", help="scene.json, or folders of scenes.")
     ],
     to: To,
-    out: OutFolder,
+    out: Out,
     form: Form = None,
     ego: Ego = None,
     intersection: Annotated[
@@ -43,7 +42,7 @@ def export(
 
     given = [each for path in scenes for each in list_scene_files(path)]
     log_files(
-        write(given, to, parse_folder(out), form=form, ego=ego, intersection=intersection),
+        write(given, to, Path(out), form=form, ego=ego, intersection=intersection),
         scenes=len(given), to=to, out=out, as_json=as_json,
     )  # fmt: skip
 

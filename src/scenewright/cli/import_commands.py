@@ -16,6 +16,7 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
+from scenewright.cli.output_folder import try_file
 
 
 def import_map_file(
@@ -104,7 +105,10 @@ def show_junctions(
 def export_map(
     name: Annotated[str, typer.Argument(help="An intersection; see `list`.")],
     out: Annotated[
-        str, typer.Argument(metavar="FILE", help="F.xodr (OpenDRIVE), F.osm (Lanelet2).")
+        str,
+        typer.Argument(
+            metavar="FILE", help="F.xodr (OpenDRIVE), F.osm (Lanelet2).", callback=try_file
+        ),
     ],
 ) -> None:
     """Write an intersection's map as OpenDRIVE or Lanelet2, by the ending of FILE."""

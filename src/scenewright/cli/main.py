@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -62,6 +63,7 @@ from scenewright.cli.import_commands import (
 )
 from scenewright.cli.interruption import forget, get_note
 from scenewright.cli.interrupts import watch_signals
+from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.cli.planner import planner
 from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
@@ -203,7 +205,9 @@ def _log_summary(lines: list[str]) -> None:
 @app.command()
 def plan(
     rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows; `-` is stdin.")],
-    out: Annotated[str, typer.Option(help="File to write; `-` is stdout.")] = "-",
+    out: Annotated[
+        str, typer.Option(help="File to write; `-` is stdout.", callback=try_file)
+    ] = "-",
     intersection: Annotated[
         str | None, typer.Option(help="Where it happens; else four legs, in right-hand traffic.")
     ] = None,
@@ -215,12 +219,11 @@ def plan(
 ) -> None:
     """Read instructions, one JSON row each, and write what was understood, one row each."""
     from scenewright.backends import Call
-    from scenewright.cli.plan import check_out, plan_all, read_rows, sum_costs, write_rows
+    from scenewright.cli.plan import plan_all, read_rows, sum_costs, write_rows
     from scenewright.intersections import load_map
 
     if as_json and out == "-":
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
-    check_out(out)
     chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
@@ -362,7 +365,10 @@ def train(
     ],
     out: Annotated[
         str | None,
-        typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),
+        typer.Option(
+            help="Folder to write; one's own intersection, else intersections/NAME.",
+            callback=try_folder,
+        ),
     ] = None,
     epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
     walkers: Annotated[
@@ -409,6 +415,14 @@ def train(
         write_stdout(f"{made['folder']}\n")
 
 
+_PREFIX = "SCENEWRIGHT_"
+_VARIABLES = (
+    *("API_KEY", "DATA", "INTERSECTIONS", "MAX_AGENTS"),
+    *("PLANNER", "REFINER", "RELATIONS", "TRACEBACK"),
+)
+"""What the environment can set, by what follows the prefix."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; no exception but a bug's, if asked for.
 
@@ -417,6 +431,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     forget()
+    for name in sorted(os.environ):
+        rest = name.removeprefix(_PREFIX)
+        if rest != name and rest not in _VARIABLES:
+            for meant in get_close_matches(rest, _VARIABLES, 1, 0.75):
+                log_line(f"note: {name} is not used; is {_PREFIX}{meant} meant?")
     with watch_signals(), _collect_garbage_rarely() if argv is None else nullcontext():
         return _run(words)
 

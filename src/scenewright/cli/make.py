@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.output_folder import fill_folder, target_folder
+from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
 from scenewright.cli.views import ViewKind, write_view
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -107,6 +107,7 @@ def make_scene(request: MakeOptions, *, log: ProgressCallback) -> MakeResult:
         InputError, Unsatisfiable, BackendFault: as `synthesize`; or the folder cannot be written.
     """
     target = None if request.out is None else target_folder(request.out, force=request.force)
+    try_folder(request.out or SCENES)
     scene = _synthesize(request, log)
     if target is None:
         name = Path(SCENES) / choose_folder_name(scene.record.meta.scene_id)

@@ -9,6 +9,8 @@ and the tools of `nodes/toolbox.py` make one step by step.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,11 +125,11 @@ class _ClientState:
 
     def make_scene(self, instruction: str) -> dict[str, Any]:
         """A new scene from an instruction, such as "A car yields to a pedestrian at 8 am"."""
-        return self._reply(self._session.make(instruction))
+        return self._act("make", instruction)
 
     def edit_scene(self, words: str) -> dict[str, Any]:
         """Changes the scene as the words say, such as "now have it be a collision"."""
-        return self._reply(self._session.say(words))
+        return self._act("say", words)
 
     def edit_by_hand(self, edits: list[dict[str, Any]]) -> dict[str, Any]:
         """Typed changes, such as {"edit": "move_stop", "agent": "vehicle-1", "metres": -1.5}.
@@ -136,13 +138,13 @@ class _ClientState:
         (entry, exit, movement, crosswalk).
         """
         try:
-            return self._reply(self._session.edit(edits))
+            return self._act("edit", edits)
         except InputError as error:
             return _build_refusal("unusable_input", str(error))
 
     def branch(self, name: str) -> dict[str, Any]:
         """A branch from the current version; or over to the one of that name."""
-        return self._reply(self._session.branch(name))
+        return self._act("branch", name)
 
     def list_versions(self) -> dict[str, Any]:
         """All versions with their words; scene://version/N/picture.png shows one."""
@@ -164,14 +166,15 @@ class _ClientState:
             return _build_refusal(
                 "unusable_input", "a thread's name has up to 64 letters, digits, ., - and _"
             )
-        before = self._threads
-        try:
-            if thread != self._session.thread:
-                self._open(thread)
-                before.close()
-        except InputError as error:
-            return _build_refusal("unusable_input", str(error))
-        return {"ok": True, "thread": thread, "current": self._session.state.get("current")}
+        with self._take_turn() as session:
+            before = self._threads
+            try:
+                if thread != session.thread:
+                    self._open(thread)
+                    before.close()
+            except InputError as error:
+                return _build_refusal("unusable_input", str(error))
+            return {"ok": True, "thread": thread, "current": self._session.state.get("current")}
 
     def read_picture(self, version: str) -> bytes:
         """The picture of a version, a number or `current`."""
@@ -208,11 +211,11 @@ class _ClientState:
 
     def undo(self) -> dict[str, Any]:
         """Back to the version before."""
-        return self._reply(self._session.undo())
+        return self._act("undo")
 
     def redo(self) -> dict[str, Any]:
         """Forth to the version that was undone."""
-        return self._reply(self._session.redo())
+        return self._act("redo")
 
     def show_scene(self) -> dict[str, Any]:
         """The current version: its agents, its events, whether it is verified."""
@@ -261,7 +264,7 @@ class _ClientState:
             return _build_refusal(
                 "unusable_input", "the server was started without --out, so nothing is kept"
             )
-        name = f"{self._served.thread}-{shown.version['number']}"
+        name = f"{self._session.thread}-{shown.version['number']}"
         try:
             folder, files, _ = save_version(shown, str(Path(self._served.out) / name))
         except InputError as error:
@@ -318,7 +321,7 @@ class _ClientState:
         if self._bench is None:
             return _build_refusal("unusable_input", "no scene was started; call start_scene first")
         try:
-            with limit_time(self._served.time_limit):
+            with self._take_turn(), limit_time(self._served.time_limit):
                 return {"ok": True, **getattr(self._bench, name)(**arguments)}
         except TimeLimitReachedError as error:
             return _build_refusal("time_limit", str(error))
@@ -337,6 +340,21 @@ class _ClientState:
         write_atomically(folder / "proof.json", encode_proof(proof))
         write_atomically(folder / "scene.json", encode_scene(record))
         return str(folder)
+
+    @contextmanager
+    def _take_turn(self) -> Iterator[Session]:
+        """One call at a time, on the conversation that is open when its turn has come."""
+        while True:
+            session = self._session
+            with session.take_turn():
+                if session is self._session:
+                    yield session
+                    return
+
+    def _act(self, act: str, *argument: Any) -> dict[str, Any]:
+        """One turn of the conversation, and the scene as it left it."""
+        with self._take_turn() as session:
+            return self._reply(getattr(session, act)(*argument))
 
     def _get_record(self) -> Any:
         shown = self._session.find_version()

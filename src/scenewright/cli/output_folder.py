@@ -1,15 +1,19 @@
-"""An output folder that appears whole or not at all."""
+"""What --out names: tried before any work is done; a folder appears whole or not at all."""
 
 from __future__ import annotations
 
 import os
 import secrets
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
 from scenewright.errors import InputError
+
+OutT = TypeVar("OutT", bound="str | Path | None")
 
 SCENE_FILES = (
     "provenance.json",
@@ -23,6 +27,46 @@ SCENE_FILES = (
 """What a run may write, scene.json last: where it is, the rest is."""
 
 
+def try_folder(out: OutT) -> OutT:
+    """The value of an option that names a folder to write, once it is clear that it can be.
+
+    Raises:
+        InputError: no usable path, a file is in the way, or nothing can be written there.
+    """
+    if out is not None:
+        target = _resolve(out, "folder")
+        if target.exists() and not target.is_dir():
+            raise InputError(f"{out} is a file; --out must name a folder")
+        _try_to_write(next(each for each in (target, *target.parents) if each.exists()))
+    return out
+
+
+def try_file(out: OutT) -> OutT:
+    """The value of an option that names a file to write, `-` for stdout (see `try_folder`)."""
+    if out is not None and str(out) != "-":
+        target = _resolve(out, "file")
+        if target.is_dir() or not target.parent.is_dir():
+            raise InputError(
+                f"cannot write {str(out)!r}: it must name a file in a folder that exists"
+            )
+        _try_to_write(target.parent)
+    return out
+
+
+def _resolve(out: str | Path, kind: str) -> Path:
+    if not str(out).strip() or "\0" in str(out):
+        raise InputError(f"--out must name a {kind}")
+    return Path(os.path.realpath(out))
+
+
+def _try_to_write(folder: Path) -> None:
+    try:
+        with tempfile.TemporaryFile(dir=folder):  # permissions alone do not tell it everywhere
+            pass
+    except OSError as error:
+        raise InputError(f"cannot write in {folder}: {error.strerror or error}") from error
+
+
 def target_folder(path: str, *, force: bool | None) -> Path:
     """The folder to write, checked before any work is done.
 
@@ -33,26 +77,16 @@ def target_folder(path: str, *, force: bool | None) -> Path:
     Raises:
         InputError: no usable path, a file is in the way, or the folder holds other things.
     """
-    if not path.strip() or "\0" in path:
-        raise InputError("--out must name a folder")
-    target = Path(os.path.realpath(path))
+    target = _resolve(path, "folder")
     try:
-        _check(target, force=force)
+        try_folder(path)
+        if target.is_dir() and not force and not _is_replaceable(target):
+            beside = ", or add --force to keep them and write the scene beside them"
+            more = "" if force is None else beside
+            raise InputError(f"{target} holds other files; choose another --out{more}")
     except OSError as error:
         raise InputError(f"cannot use {target}: {error.strerror or error}") from error
     return target
-
-
-def _check(target: Path, *, force: bool | None) -> None:
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target} is a file; --out must name a folder")
-    if target.is_dir() and not force and not _is_replaceable(target):
-        beside = ", or add --force to keep them and write the scene beside them"
-        more = "" if force is None else beside
-        raise InputError(f"{target} holds other files; choose another --out{more}")
-    nearest = next(each for each in (target, *target.parents) if each.exists())
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError(f"cannot write in {nearest}: no permission, or not a folder")
 
 
 def _is_replaceable(target: Path) -> bool:

@@ -303,10 +303,3 @@ def write_rows(path: str, rows: list[dict[str, Any]]) -> None:
         write_stdout(data.decode("utf-8"))
     else:
         write_atomically(path, data)
-
-
-def check_out(path: str) -> None:
-    """InputError, before any work, where the file clearly cannot be written."""
-    target = Path(path)
-    if path != "-" and (target.is_dir() or not target.parent.is_dir() or not path.strip()):
-        raise InputError(f"cannot write {path!r}: --out must name a file in a folder that exists")

@@ -9,6 +9,7 @@ import typer
 
 from scenewright.cli.common_options import Json
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
+from scenewright.cli.output_folder import try_file
 from scenewright.errors import InputError
 
 planner = typer.Typer(name="planner", help="Train the builtin planner on annotated instructions.")
@@ -40,9 +41,9 @@ def train(
         list[Path] | None,
         typer.Argument(metavar="[FILE...]", help="Your annotated instructions, if any."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="File to write the weights to.")] = Path(
-        "planner.safetensors"
-    ),
+    out: Annotated[
+        Path, typer.Option(help="File to write the weights to.", callback=try_file)
+    ] = Path("planner.safetensors"),
     minilm: Annotated[
         Path | None,
         typer.Option(help="Folder of all-MiniLM-L6-v2, to train from the beginning."),
@@ -66,8 +67,6 @@ def train(
     for path in own:
         for fault in find_faults(path):
             raise InputError(f"{path}: {fault}")
-    if not out.parent.is_dir():
-        raise InputError(f"cannot write {out}: --out must name a file in a folder that exists")
     with show_progress(quiet=False) as log:
         rows = train_reader(
             [*list_package_files(), *own], own=own, out=out, minilm=minilm,

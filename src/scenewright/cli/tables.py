@@ -10,6 +10,7 @@ import typer
 
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
+from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
 
 FOLDER = "evaluation"
@@ -27,7 +28,8 @@ def print_tables(
     corpus: Corpus = None,
     taf_bw: RealTracks = None,
     out: Annotated[
-        str | None, typer.Option(help="Folder to write; DIR/evaluation if none is named.")
+        str | None,
+        typer.Option(help="Folder to write; DIR/evaluation if none is named.", callback=try_folder),
     ] = None,
     understanding: Annotated[
         bool, typer.Option("--understanding/--no-understanding", help="Measure Table 3.")
@@ -79,6 +81,7 @@ def write_tables(
     from scenewright.files import write_atomically
     from scenewright.graph.run import make_folder
 
+    try_folder(out or folder / FOLDER)
     found = make_tables(folder, **options)
     target = make_folder(out or folder / FOLDER)
     page, values = format_markdown(found), to_json(found)

@@ -16,6 +16,7 @@ from scenewright.cli.backend_options import (
 )
 from scenewright.cli.common_options import BoardFile, BoardName, Json, Quiet
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
+from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,11 +47,18 @@ def score_understanding(
     ] = None,
     write_observations: Annotated[
         str | None,
-        typer.Option(metavar="F.jsonl", help="Write what may be seen, without the labels."),
+        typer.Option(
+            metavar="F.jsonl",
+            help="Write what may be seen, without the labels.",
+            callback=try_file,
+        ),
     ] = None,
     out: Annotated[
         str | None,
-        typer.Option(help="Folder for report.md, report.json and every method's predictions."),
+        typer.Option(
+            help="Folder for report.md, report.json and every method's predictions.",
+            callback=try_folder,
+        ),
     ] = None,
     whole: Annotated[
         bool, typer.Option("--whole", help="Whole scenes instead of clips cut from them.")
@@ -81,7 +89,6 @@ def score_understanding(
     named = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout) if (
         backend
     ) else None  # fmt: skip
-    _check_places(out, write_observations)
     with show_progress(quiet=quiet) as log_stage:
         log: ProgressLog = lambda line: log_stage("understanding", line)  # noqa: E731
         cases = load_cases(Path(folder), split=_split(half), whole=whole, log=log)
@@ -165,16 +172,6 @@ def read_windows(text: str | None) -> tuple[float, ...]:
 
 def _split(half: str | None) -> Split | None:
     return None if half is None else "dev" if half == "dev" else "test"
-
-
-def _check_places(out: str | None, observations: str | None) -> None:
-    """Whether what is to be written can be, before any work is done."""
-    if observations is not None and not Path(observations).parent.is_dir():
-        raise InputError(
-            f"cannot write {observations}: there is no folder {Path(observations).parent}"
-        )
-    if out is not None and Path(out).exists() and not Path(out).is_dir():
-        raise InputError(f"{out} is a file; --out must name a folder")
 
 
 def _write_observations(file: Path, cases: list[SceneCase], windows: tuple[float, ...]) -> None:

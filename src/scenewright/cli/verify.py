@@ -28,13 +28,18 @@ class Checked:
     scene: SceneRecord | None = None
     proof: Proof | None = None
     error: str | None = None
+    unchecked: tuple[str, ...] = ()
+    """Files beside it that no check has looked at, of `--strict`."""
 
     def to_json(self) -> dict[str, Any]:
         """One entry of `--json`."""
         if self.proof is None:
             return {"path": str(self.path), "verified": None, "error": self.error}
         proof = self.proof.model_dump(mode="json", by_alias=True)
-        return {"path": str(self.path), "verified": self.proof.verified, "proof": proof}
+        unchecked = {"unchecked": list(self.unchecked)} if self.unchecked else {}
+        return {
+            "path": str(self.path), "verified": self.proof.verified, "proof": proof, **unchecked
+        }  # fmt: skip
 
 
 def check_paths(
@@ -84,9 +89,28 @@ def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Check
         if _has_tracks(path) and not path.is_dir():
             return check_tracks(path, intersection=intersection)
         scene = load_scene(path)
-        return [Checked(path, scene, verify(path, intersection=intersection, strict=strict))]
+        proof = verify(path, intersection=intersection, strict=strict)
+        return [Checked(path, scene, proof, unchecked=_list_unchecked(path) if strict else ())]
     except (InputError, OSError) as error:
         return [Checked(path, error=_describe_fault(error))]
+
+
+def _list_unchecked(path: Path) -> tuple[str, ...]:
+    """What lies beside a scene and was not compared with it: pictures, recordings, other files."""
+    from scenewright.graph.run import find_scene_file
+    from scenewright.graph.written_proof import read_origin_digest
+
+    folder = find_scene_file(path).parent
+    if not (folder / "scene.json").exists():
+        return ()
+    named = read_origin_digest(folder / "provenance.json") is not None
+    origin = "provenance.json but for the digest" if named else "provenance.json"
+    names = sorted(each.name for each in folder.iterdir() if each.is_file())
+    return tuple(
+        origin if name == "provenance.json" else name
+        for name in names
+        if name not in ("scene.json", "proof.json")
+    )
 
 
 def _has_tracks(path: Path) -> bool:
@@ -116,12 +140,15 @@ def is_good(checked: Checked | CheckedTracks) -> bool:
 
 
 def list_notes(checked: list[Checked | CheckedTracks]) -> list[str]:
-    """What was assumed about tracks, one line each."""
+    """What was assumed about tracks and what beside scenes was not looked at, one line each."""
     return [
         format_one_line(f"{each.path}: {note}")
         for each in checked
-        if isinstance(each, CheckedTracks)
-        for note in each.tracks.notes
+        for note in (
+            each.tracks.notes
+            if isinstance(each, CheckedTracks)
+            else [f"not looked at: {', '.join(each.unchecked)}"] * bool(each.unchecked)
+        )
     ]
 
 

@@ -9,6 +9,7 @@ from scenewright.driving.report import Report
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.graph.run import encode_proof, encode_scene, format_json_line, make_folder
+from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 
 
@@ -26,7 +27,7 @@ def save_drive(
         raise InputError("a drive on recorded tracks has no scene to save")
     target = make_folder(folder)
     scene, proof = report.scene.record, report.scene.proof
-    write_atomically(target / "provenance.json", format_json_line(_describe_origin(report)))
+    write_atomically(target / "provenance.json", format_json_line(_describe_origin(report, proof)))
     write_atomically(target / "drive.json", format_json_line(report.to_json()))
     write_atomically(target / "proof.json", encode_proof(proof))
     write_atomically(target / "scene.json", encode_scene(scene))
@@ -37,12 +38,12 @@ def save_drive(
     return target
 
 
-def _describe_origin(report: Report) -> dict[str, object]:
+def _describe_origin(report: Report, proof: Proof) -> dict[str, object]:
     drive, record = report.drive, report.drive.scenario.record
     scene_id = record.meta.scene_id if isinstance(record, SceneRecord) else None
     return {
         "scenewright": version("scenewright"), "driven": scene_id, "policy": drive.policy,
-        "others": drive.others, "seed": drive.seed,
+        "others": drive.others, "seed": drive.seed, "scene_digest": proof.scene_digest,
     }  # fmt: skip
 
 

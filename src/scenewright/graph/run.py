@@ -30,7 +30,7 @@ from scenewright.errors import (
 from scenewright.files import write_atomically
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.graph.collector import collect_rarely
-from scenewright.graph.written_proof import compare_proofs, read_proof
+from scenewright.graph.written_proof import compare_origin, compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
@@ -229,7 +229,7 @@ def verify(
 
     Args:
         strict: demand a proof, of the file or the `Scene`, that names the digest and is the
-            checker's own to the last figure.
+            checker's own to the last figure; a provenance.json may name no other digest.
 
     Raises:
         InputError: there is no scene there, or it is none; the proof beside it cannot be read.
@@ -243,12 +243,17 @@ def verify(
         written = read_proof(beside) if file.name == "scene.json" and beside.exists() else None
     else:
         record, written = (scene.record, scene.proof) if isinstance(scene, Scene) else (scene, None)
+        if (excess := find_excess(record)) is not None:
+            raise InputError(f"this is no scene: {excess}")
         digest = digest_scene(record)
     name = intersection or record.meta.intersection
     proof = prove(record, load_map(name), labelled=True)
     proof = proof.model_copy(update={"scene_digest": digest})
     other_map = name != record.meta.intersection
-    return compare_proofs(proof, written, strict=strict, other_map=other_map)
+    proof = compare_proofs(proof, written, strict=strict, other_map=other_map)
+    if strict and isinstance(scene, str | Path):
+        proof = compare_origin(proof, file.with_name("provenance.json"))
+    return proof
 
 
 def verify_tracks(
@@ -567,6 +572,7 @@ def _describe_provenance(
         "refiner": context.refiner,
         "refinement": state["refinement"].model_dump(mode="json"),
         "intersection": context.intersection.name,
+        "scene_digest": state["proof"].scene_digest,
         "versions": _list_versions(),
         "constraints": [format_clause(each) for each in state["constraints"].clauses],
         "patterns": [each.pattern for each in state["candidates"].cast.patterns],

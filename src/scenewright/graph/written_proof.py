@@ -1,7 +1,8 @@
-"""A proof.json that lies beside a scene, held against what the checker finds now."""
+"""A proof.json and a provenance.json beside a scene, held against what the checker finds now."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from scenewright.errors import InputError
+from scenewright.scene.digest import digest_json
 from scenewright.scene.events import Finding, Proof
 
 ROUNDING = 0.011
@@ -22,13 +24,18 @@ def read_proof(file: Path) -> Proof:
         InputError: it cannot be read, or is no proof; says where the first fault is.
     """
     try:
-        return Proof.model_validate_json(file.read_bytes())
+        data = file.read_bytes()
+        proof = Proof.model_validate_json(data)
+        digest_json(data)  # which refuses a key twice, of which readers see one or the other
+        return proof
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "file"
         raise InputError(f"{file} is not a proof: {where}: {first['msg']}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file} is not a proof: {error}") from error
 
 
 def compare_proofs(
@@ -45,6 +52,33 @@ def compare_proofs(
     if against is None:
         return found
     return found.model_copy(update={"verified": False, "missing": (*found.missing, against)})
+
+
+def compare_origin(found: Proof, file: Path) -> Proof:
+    """What the checker found, with a finding where provenance.json names another scene."""
+    if read_origin_digest(file) in (None, found.scene_digest):
+        return found
+    against = _report("provenance_contradicted", "provenance.json is that of another scene")
+    return found.model_copy(update={"verified": False, "missing": (*found.missing, against)})
+
+
+def read_origin_digest(file: Path) -> str | None:
+    """The digest of the scene that a provenance.json is of; None if it names none, or is not there.
+
+    Raises:
+        InputError: it cannot be read, or is no JSON.
+    """
+    try:
+        data = file.read_bytes()
+        digest_json(data)  # which refuses a key twice
+        about = json.loads(data)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file} is no provenance: {error}") from error
+    return about.get("scene_digest") if isinstance(about, dict) else None
 
 
 def _find_difference(

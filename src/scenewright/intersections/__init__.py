@@ -23,6 +23,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from scenewright.errors import InputError
+from scenewright.files import find_env_folder
 from scenewright.intersections.map_checks import find_map_fault
 from scenewright.scene.map import IntersectionMap
 
@@ -80,16 +81,14 @@ def check_name(name: str) -> str:
 
 
 def find_custom_root() -> Path:
-    """The folder of the user's own bundles; it need not exist."""
-    named = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
-    return Path(named) if named else find_data_folder() / "intersections"
+    """The folder of the user's own bundles; it need not exist where no variable names it."""
+    return find_env_folder("SCENEWRIGHT_INTERSECTIONS") or find_data_folder() / "intersections"
 
 
 def find_data_folder() -> Path:
     """The folder for the user's own data, which the variable SCENEWRIGHT_DATA names otherwise."""
-    named = os.environ.get("SCENEWRIGHT_DATA")
-    if named:
-        return Path(named)
+    if (named := find_env_folder("SCENEWRIGHT_DATA")) is not None:
+        return named
     from platformdirs import user_data_path  # only here, so that the command line starts faster
 
     return user_data_path("scenewright", appauthor=False)

@@ -10,16 +10,17 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+import threading
 import weakref
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from filelock import BaseFileLock, FileLock, Timeout
 from langgraph.checkpoint.sqlite import SqliteSaver
 
-from scenewright.errors import InputError
+from scenewright.errors import BusyError, InputError
 
 _KEPT = "CREATE TABLE IF NOT EXISTS kept (key TEXT PRIMARY KEY, body BLOB NOT NULL)"
 _PATIENCE = 10.0
@@ -90,6 +91,7 @@ class Threads:
             raise InputError(f"cannot use {self.path} for threads: {error}") from error
         self._lock = self.saver.lock
         self._held: BaseFileLock | None = None
+        self._turns: dict[str, BaseFileLock | threading.RLock] = {}
 
     def keep(self, body: bytes) -> str:
         """The fingerprint under which the bytes are kept from now on."""
@@ -126,14 +128,42 @@ class Threads:
         """
         if self.path == ":memory:":
             return
-        name = hashlib.sha256(thread.encode("utf-8", "surrogatepass")).hexdigest()[:16]
-        self._held = FileLock(f"{self.path}.{name}.lock")
+        self._held = FileLock(self._name_lock(thread))
         try:
             self._held.acquire(blocking=False)
         except Timeout as error:
             raise InputError(
                 f"thread {thread} is open in another process; use another one"
             ) from error
+
+    @contextmanager
+    def take_turn(self, thread: str, *, wait: bool = True) -> Iterator[None]:
+        """Work on a thread alone, whatever other objects and processes use the same file.
+
+        The one that works on it may take it again within.
+
+        Raises:
+            BusyError: another turn goes on and is not to be waited for.
+        """
+        lock = self._turns.get(thread)
+        if lock is None:
+            memory = self.path == ":memory:"
+            new = threading.RLock() if memory else FileLock(self._name_lock(thread, ".turn"))
+            lock = self._turns.setdefault(thread, new)
+        try:
+            taken = bool(lock.acquire(blocking=wait))
+        except Timeout:
+            taken = False
+        if not taken:
+            raise BusyError("a turn of this conversation is still being worked on")
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def _name_lock(self, thread: str, kind: str = "") -> str:
+        name = hashlib.sha256(thread.encode("utf-8", "surrogatepass")).hexdigest()[:16]
+        return f"{self.path}.{name}{kind}.lock"
 
     def close(self) -> None:
         """Lets go of the file."""

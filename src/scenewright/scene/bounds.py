@@ -9,6 +9,7 @@ from __future__ import annotations
 from itertools import chain
 
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.social import MOST_RELATIONS
 
 STEPS = (0.001, 1.0)
 """Shortest and longest time between two samples [s]."""
@@ -16,11 +17,22 @@ MOST_STEPS = 10_000
 """Samples from the start of a scene to its end."""
 FARTHEST = 20_000.0
 """Positions are within this of the map's origin [m]; maps reach half as far."""
+MOST_BOUND = 1_000
+"""Relations, ties and sights of a scene, however many pairs of agents it has."""
+MOST_STANDING = 100
+"""Objects of a scene; a request places six at most."""
 
 
 def find_excess(record: SceneRecord) -> str | None:
     """Say what of a scene is out of bounds, and how to mend it; None if nothing is."""
-    meta = record.meta
+    meta, count = record.meta, len(record.agents)
+    pairs = min(max(count * (count - 1) // 2, MOST_RELATIONS), MOST_BOUND)
+    for name, most in (
+        *(("relations", pairs), ("ties", pairs), ("sights", pairs)),
+        ("objects", MOST_STANDING),
+    ):
+        if (found := len(getattr(record, name))) > most:
+            return f"it has {found} {name}; a scene of {count} agents has at most {most}"
     if not STEPS[0] <= meta.step <= STEPS[1]:
         return f"meta.step must be {STEPS[0]} to {STEPS[1]:g} seconds, not {meta.step:g}"
     ends = [abs(each.spawn_time) + meta.step * len(each.trajectory) for each in record.agents]

@@ -119,7 +119,7 @@ def test_a_file_must_be_whole(
         (("--method", "agent"), "needs --backend"),
         (("--method", "gmm", "--windows", "two"), "--windows takes seconds"),
         (("--method", "nowhere.jsonl"), "cannot read nowhere.jsonl"),
-        (("--write-observations", "no/such/folder.jsonl"), "there is no folder"),
+        (("--write-observations", "no/such/folder.jsonl"), "in a folder that exists"),
     ],
 )
 def test_impossible_requests_are_one_line(

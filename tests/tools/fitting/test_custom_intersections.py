@@ -43,6 +43,7 @@ def ways(made):
 
 @pytest.fixture
 def bundle(made, tmp_path, monkeypatch):
+    (tmp_path / "own").mkdir(exist_ok=True)
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     place, ways = made.intersection_map, made.route_lines
     return write_custom_bundle(
@@ -165,6 +166,7 @@ def test_a_bundle_comes_back_as_it_was_written(bundle, made):
 
 
 def test_the_same_map_gives_the_same_bytes(bundle, made, tmp_path, monkeypatch):
+    (tmp_path / "other").mkdir(exist_ok=True)
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "other"))
     place, ways = made.intersection_map, made.route_lines
     again = write_custom_bundle(

@@ -70,6 +70,7 @@ def test_a_survey_comes_back_as_it_was_written(file):
 
 
 def test_fit_moves_a_derived_crosswalk_and_says_so(file, place, tmp_path, monkeypatch):
+    (tmp_path / "own").mkdir(exist_ok=True)
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     options = dict.fromkeys(("center", "junction", "left_hand", "extent", "title", "licence"))
     import_file(str(file), name="four", signals="keep", force=False, log=print, **options)

@@ -109,6 +109,7 @@ def test_where_a_road_bends_the_lane_decides_and_not_the_direction(place):
 def test_in_left_hand_traffic_a_right_turn_across_the_path_is_made_and_proven(
     tmp_path, monkeypatch
 ):
+    (tmp_path / "own").mkdir(exist_ok=True)
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     net = map_files.sumo_net(tmp_path / "left.net.xml", (0, 90, 180, 270), left_hand=True)
     made = import_map(net, name="left")

@@ -6,6 +6,7 @@ their packages has to be there.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import httpx
@@ -20,6 +21,13 @@ _TIMED_OUT = "APITimeoutError"
 _UNREACHED = "APIConnectionError"
 _NO_RESPONSE = "APIResponseValidationError"
 _LONGEST = 200
+_PIECE = 8
+"""So many characters in a row of a key, where it is twice as long or more, are as good as it."""
+_WORD = re.compile(r"[^\s\"',;{}()\[\]]+")
+_ABOUT_KEYS = re.compile(
+    r"\bkeys?\b|api.?key|authori[sz]ation|bearer|secret|password|credential|\bsk-|://[^/\s]*@",
+    re.IGNORECASE,
+)
 _OPTIONS = {
     "response_format": (
         *("response_format", "json_schema", "output_config", "output_format"),
@@ -68,7 +76,11 @@ def convert_fault(error: Exception, *, model: str, key: str | None) -> Exception
     if _TIMED_OUT in names or isinstance(error, httpx.TimeoutException):
         return TransientError(f"{model} did not answer in time")
     if _UNREACHED in names or isinstance(error, httpx.TransportError):
-        return TransientError(f"{model} cannot be reached: {_find_cause(error)}")
+        cause = _find_cause(error)
+        what = (
+            "sent no reply" if isinstance(cause, httpx.RemoteProtocolError) else "cannot be reached"
+        )
+        return TransientError(f"{model} {what}: {quote(cause, key) or type(cause).__name__}")
     if _NO_RESPONSE in names or _is_garbled(error):
         return TransientError(f"{model} sent no answer of a chat model")
     return None
@@ -110,13 +122,28 @@ def _format_reason(error: Exception, status: int, key: str | None) -> str:
             return ": there is no such model or address"
         case 300 | 301 | 302 | 303 | 307 | 308:
             return ": it redirects elsewhere, which is not followed"
-    text = " ".join("".join(c if c.isprintable() else " " for c in _get_message(error)).split())
-    return f": {hide_key(text, key)[:_LONGEST]}" if text else ""
+    text = quote(_get_message(error), key)
+    return f": {text}" if text else ""
+
+
+def quote(words: object, key: str | None) -> str:
+    """One short line of what another program says; nothing of it where it speaks of keys."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in str(words)).split())
+    if _ABOUT_KEYS.search(text) or hide_key(text, key) != text:
+        return "what it says is about keys and is not repeated"
+    return text[:_LONGEST]
 
 
 def hide_key(text: str, key: str | None) -> str:
-    """Remove the key from a text."""
-    return text.replace(key, "[key]") if key and len(key) > 3 else text
+    """The text without the words that have the key, or a piece of it, in them."""
+    key = key if key and len(key) > 3 else ""
+    size = _PIECE if len(key) >= 2 * _PIECE else len(key)
+    pieces = [key[i : i + size] for i in range(len(key) - size + 1)] if key else []
+    if not any(each in text for each in pieces):
+        return text
+    return _WORD.sub(
+        lambda word: "[key]" if any(each in word[0] for each in pieces) else word[0], text
+    )
 
 
 def _parse_retry_after(error: Exception) -> float | None:
@@ -128,8 +155,8 @@ def _parse_retry_after(error: Exception) -> float | None:
     return seconds if 0.0 <= seconds < 1e6 else None
 
 
-def _find_cause(error: Exception) -> str:
+def _find_cause(error: Exception) -> BaseException:
     root: BaseException = error
     while root.__cause__ is not None:
         root = root.__cause__
-    return (str(root) or type(root).__name__)[:_LONGEST]
+    return root

@@ -14,6 +14,7 @@ from scenewright.backends.chat.faults import (
     hide_key,
     is_cut_off,
     is_filtered,
+    quote,
 )
 from scenewright.backends.chat.naming import Endpoint
 from scenewright.backends.chat.retry import RetryPolicy, retry_transient
@@ -165,8 +166,7 @@ def _describe_too_long() -> str:
 
 
 def _describe_declined(why: str) -> str:
-    words = " ".join("".join(c if c.isprintable() else " " for c in why[:400]).split())
-    return f"the model declined to answer ({words[:160]}); this is a simulated traffic scene"
+    return f"the model declined to answer ({quote(why, None)}); this is a simulated traffic scene"
 
 
 def _extract_text(content: str | Sequence[Any]) -> str:

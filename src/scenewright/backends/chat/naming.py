@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from scenewright.backends.chat.faults import quote
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,7 +56,8 @@ def load_chat_model(
     if base_url is not None:
         base_url = _check_url(base_url)
     if provider not in _PACKAGE:
-        return Endpoint(_load_other(name, provider, base_url), name)
+        key = os.environ.get(f"{provider.upper()}_API_KEY")
+        return Endpoint(_load_other(name, provider, base_url, key), name, key)
     if provider == "anthropic" and base_url is not None:
         raise InputError("--base-url is for OpenAI-compatible endpoints; name the model openai:...")
     if find_spec(_PACKAGE[provider]) is None:
@@ -134,7 +136,7 @@ def _load_openai(
 def _load_anthropic(
     model: str, *, key: str, base_url: str, timeout: float, max_tokens: int, most_bytes: int
 ) -> BaseChatModel:
-    del most_bytes  # its client takes none of ours
+    del most_bytes  # its client takes none of ours; it asks at Anthropic's own address alone
     from langchain_anthropic import ChatAnthropic
     from pydantic import SecretStr
 
@@ -149,7 +151,7 @@ def _load_anthropic(
     )
 
 
-def _load_other(name: str, provider: str, base_url: str | None) -> BaseChatModel:
+def _load_other(name: str, provider: str, base_url: str | None, key: str | None) -> BaseChatModel:
     """A model of another provider, if the package `langchain` is there and knows it."""
     if base_url is not None:
         raise InputError("--base-url is for OpenAI-compatible endpoints; name the model openai:...")
@@ -162,5 +164,5 @@ def _load_other(name: str, provider: str, base_url: str | None) -> BaseChatModel
     try:
         made: BaseChatModel = import_module("langchain.chat_models").init_chat_model(name)
     except (ImportError, ValueError) as error:
-        raise InputError(f"{name} cannot be used: {str(error).splitlines()[0][:160]}") from error
+        raise InputError(f"{name} cannot be used: {quote(error, key)}") from None
     return made

@@ -37,9 +37,14 @@ class _BoundedTransport(httpx.HTTPTransport):
         self._seconds, self._most_bytes = seconds, most_bytes
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
-        """The response, its body bounded in time and size."""
+        """The response, its body bounded in time and size; a packed one could be of any size."""
         until = time.monotonic() + self._seconds
+        request.headers["accept-encoding"] = "identity"
         response = super().handle_request(request)
+        packed = response.headers.get("content-encoding", "identity")
+        if packed.strip().lower() != "identity":
+            response.close()
+            raise httpx.RemoteProtocolError("the reply is packed, though it was asked for as it is")
         body: Any = response.stream
         response.stream = _Bounded(body, until=until, most_bytes=self._most_bytes)
         return response

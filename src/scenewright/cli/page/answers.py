@@ -12,15 +12,11 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
-from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 
 MOST_BODY = 100_000
 """Bytes of a request in JSON; words are far shorter."""
 Answer = Callable[[Request], Awaitable[Response]]
-
-
-class BusyError(Exception):
-    """A turn of this conversation is still being worked on."""
 
 
 def answer_safely(answer: Answer) -> Answer:

@@ -6,7 +6,7 @@ import json
 import re
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from scenewright.authoring.compare import compare_versions
@@ -15,7 +15,6 @@ from scenewright.authoring.session import MAIN, Session, SessionVersion, list_br
 from scenewright.authoring.thread_state import ThreadSetting
 from scenewright.backends import Backend
 from scenewright.cli.chat import build_facts
-from scenewright.cli.page.answers import BusyError
 from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
 from scenewright.graph.run import choose_refiner
@@ -35,8 +34,13 @@ class Conversation:
 
     session: Session
     threads: Threads
-    log: ProgressCallback = field(default=lambda _stage, _line: None)
-    lock: threading.Lock = field(default_factory=threading.Lock)
+    log: ProgressCallback | None = None
+    """Of the turn that is being worked on."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a turn is being worked on."""
+        return self.log is not None
 
     def act(self, action: str, argument: str, log: ProgressCallback) -> dict[str, Any]:
         """One turn: `say`, `edit`, `undo`, `redo` or `branch`; the reply with lines for people.
@@ -45,14 +49,12 @@ class Conversation:
             BusyError: another turn is being worked on.
             InputError: there is no such action, or it cannot be done.
         """
-        if not self.lock.acquire(blocking=False):
-            raise BusyError("a turn of this conversation is still being worked on")
-        try:
+        with self.session.take_turn(wait=False):
             self.log = log
-            return self._report(self._turn(action, argument))
-        finally:
-            self.log = lambda _stage, _line: None
-            self.lock.release()
+            try:
+                return self._report(self._turn(action, argument))
+            finally:
+                self.log = None
 
     def _turn(self, action: str, argument: str) -> dict[str, Any]:
         if action == "say":
@@ -99,7 +101,7 @@ class Conversation:
             "current": state.get("current"),
             "branch": state.get("branch", MAIN),
             "branches": list_branches(state),
-            "busy": self.lock.locked(),
+            "busy": self.busy,
             "interrupted": self.session.interrupted,
         }
 
@@ -202,7 +204,8 @@ class Conversations:
             each.threads.close()
 
     def _log(self, name: str, stage: str, line: str) -> None:
-        self._open[name].log(stage, line)
+        if (log := self._open[name].log) is not None:
+            log(stage, line)
 
     def _start(self, name: str, intersection: str, seed: int) -> Conversation:
         threads = Threads(self._file)

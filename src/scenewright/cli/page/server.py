@@ -20,7 +20,6 @@ from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 from scenewright.cli.page.answers import (
-    BusyError,
     answer_safely,
     describe_fault,
     read_object,
@@ -32,7 +31,7 @@ from scenewright.cli.page.conversations import Conversation, Conversations
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.schema import describe_routes
-from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.intersections import list_intersections, load_map
 
 _POLICY = (
@@ -151,7 +150,7 @@ class Page:
         """
         found, asked = await self._find(request), await read_object(request)
         action, argument = read_text(asked, "action"), read_text(asked, "argument", "")
-        if found.lock.locked():
+        if found.busy:
             raise BusyError("a turn of this conversation is still being worked on")
         lines: asyncio.Queue[dict[str, Any] | None] = asyncio.Queue()
         task = asyncio.create_task(_work(found, action, argument, lines))
@@ -226,7 +225,7 @@ async def _work(
 
     try:
         reply = await run_in_threadpool(found.act, action, argument, log)
-    except (InputError, Unsatisfiable, BackendFault, BusyError) as error:
+    except (InputError, Unsatisfiable, BackendFault) as error:
         reply = {"kind": "refused", "lines": [f"refused: {error}"], "why": [], "choices": []}
     except Exception as error:
         reply = {"kind": "refused", "lines": [describe_fault(error)], "why": [], "choices": []}
