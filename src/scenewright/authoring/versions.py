@@ -118,7 +118,7 @@ def change(
             continue
         found = trial.solve_revision(pins)
         if isinstance(found, Scene):
-            if unasked := find_unasked_changes(record, found.record, text.split(NEXT_TEXT)[-1]):
+            if unasked := find_unasked_changes(record, found.record, text.rsplit(NEXT_TEXT, maxsplit=1)[-1]):
                 refused = Unsatisfiable(f"more would change than was said: {'; '.join(unasked)}")
                 continue
             return _build_result(found, revision, record, by_hand)

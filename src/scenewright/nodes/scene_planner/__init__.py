@@ -23,8 +23,8 @@ from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.remaining import Unserved
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
-from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
 from scenewright.tools.account import blank_standing_facts, list_unknown_words
+from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
 from scenewright.tools.map_grounding.grounding import can_ground, ground_graph
 
 
