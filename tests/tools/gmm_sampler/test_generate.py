@@ -25,6 +25,7 @@ from scenewright.tools.gmm_sampler.generate import (
     choose_hour,
 )
 from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
+from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 from scenewright.tools.gmm_sampler.sample import compute_total_mass
 from scenewright.tools.map_grounding.grounding import ground_graph
 
@@ -269,3 +270,15 @@ def test_who_drifts_leaves_its_lane_for_the_others(kind):
 
     assert max(away(waypoints) for waypoints in drifting.drawn.waypoints) < 3.0
     assert np.isfinite(drifting.nll).all()
+
+
+def test_riders_on_a_crosswalk_come_from_the_edge_of_the_map_and_leave_there():
+    crossing = [r for r in ON.routes if r.type == "pedestrian" and r.movement == "crossing"]
+    for route in crossing:
+        prior = build_rider_priors(PRIORS, "cyclist", route, intersection_map=ON)
+        base = prior.waypoints[route.id].base
+        assert np.abs(base[:, [0, -1]]).max(axis=2) == pytest.approx(ON.extent - 0.1)
+        # The way over the crosswalk between stays where pedestrians walk.
+        walked = PRIORS.waypoints[route.id].base
+        middle = np.linalg.norm(walked[:, 108, None] - base, axis=2).min(axis=1)
+        assert middle.max() < 0.3

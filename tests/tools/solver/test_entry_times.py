@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import load_map
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.selection import Stop
+from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock
 from scenewright.tools.solver.entry_times import (
     SceneTiming,
@@ -18,6 +21,7 @@ from scenewright.tools.solver.entry_times import (
     find_queue_tail,
     limit_to_leader,
     passes_on_green,
+    select_unseen_times,
 )
 from solver_agents import BARE, EAST, actor, candidate, law, straight
 
@@ -41,6 +45,23 @@ def test_a_line_is_passed_on_green_alone(enters, allowed):
     arriving = actor(TEN_M_PER_S, landmarks=AT_20_M)
     assert arriving.motion.find_time_at(20.0) == pytest.approx(2.0, abs=0.05)
     assert passes_on_green(arriving, MOMENT, enters) is allowed
+
+
+@pytest.mark.parametrize(
+    ("place", "allowed"),
+    [
+        ((0.0, 21.0), [-20, 0, 10, 20, 60, 180, 260]),  # beside its beginning
+        ((80.0, 21.0), [-20, 60, 70, 90, 100, 180, 260]),  # beside its end, 8 s after it came
+        ((40.0, 21.0), [-20, 0, 10, 20, 60, 70, 90, 100, 180, 260]),  # out of view of both
+    ],
+)
+def test_nobody_comes_or_goes_in_view_of_a_conflict(place, allowed):
+    """A conflict at 10 s; the last to come, at 26 s, are still there when the scene ends."""
+    steps = np.array([-20, 0, 10, 20, 60, 70, 90, 100, 180, 260])
+    moment = replace(MOMENT, conflicts=((10.0, place),))
+    walker = actor(TEN_M_PER_S, landmarks=BARE)
+    assert STEP * (len(walker.motion.s) - 1) == pytest.approx(8.0, abs=0.2)
+    assert select_unseen_times(walker, steps, moment).tolist() == allowed
 
 
 def test_who_never_gets_to_the_line_and_who_has_none_may_come_at_any_time():

@@ -1,7 +1,8 @@
 """Priors of cyclists and scooter riders: where they ride, and how fast (SEMANTICS section 8).
 
 No bundle has tracks of them. They ride where vehicles drive, but on the outer side of the
-outermost lane that leads their way, and on a crosswalk where pedestrians walk. Their speeds are
+outermost lane that leads their way, and on a crosswalk where pedestrians walk, coming from and
+leaving to the edge of the map along the sidewalks. Their speeds are
 stated, not fitted: medians of 18 km/h for a bicycle in town, 16 km/h for an e-scooter and 13 km/h
 on a crosswalk, chosen about SUMO's default bicycle (20 km/h, 1.2 m/s^2 up, 3 m/s^2 down), which
 lies within the bounds, as these lie within the limits of SEMANTICS.
@@ -13,7 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.polyline import compute_normals, resample_to_count
+from scenewright.geometry.map_areas import MapAreas
+from scenewright.geometry.polyline import (
+    compute_normals,
+    measure_arc_lengths,
+    resample_to_count,
+)
 from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap, Route
@@ -28,6 +34,12 @@ _WANDERS = 0.4
 
 _SAME_LANE = 1.5
 """Mean paths less than this apart [m] are of one lane."""
+
+_COURSE = 3.0
+"""Over which a path's direction at its beginning is measured [m]."""
+
+_INSIDE = 0.1
+"""How far within the edge of the map a path along a sidewalk begins [m]."""
 
 _SPREAD = np.array([0.20, 0.15, 0.20, 0.12])
 _LOW, _HIGH = np.array([2.4, 0.5, 0.9, 1.2]), np.array([7.5, 1.5, 2.5, 3.0])
@@ -53,6 +65,8 @@ def build_rider_priors(
     if route.crosswalk is None:
         aside = _find_lane_offset(kind, route, intersection_map)
         waypoints = shift_prior(waypoints, aside)
+    else:
+        waypoints = _extend_prior(waypoints, MapAreas(intersection_map))
     return replace(
         priors, waypoints={route.id: waypoints}, driving_profiles={route.id: law}, subtypes={}
     )
@@ -72,6 +86,34 @@ def _find_lane_offset(kind: AgentClass, route: Route, intersection_map: Intersec
     widths = [lane.width for lane in intersection_map.lanelets if lane.id in lanes]
     aside = max(min(widths, default=3.0) / 2 - RIDER_SIZES[kind][1] / 2 - _FROM_EDGE, 0.0)
     return aside if intersection_map.left_hand_traffic else -aside
+
+
+def _extend_prior(prior: WaypointPrior, map_areas: MapAreas) -> WaypointPrior:
+    """The components from edge to edge of the map, and narrower: riders are in view for long."""
+    lines = [
+        _extend_to_edge(_extend_to_edge(line, map_areas)[::-1], map_areas)[::-1]
+        for line in prior.base
+    ]
+    base = np.stack([resample_to_count(line, DENSE) for line in lines])
+    return replace(
+        prior,
+        means=base[:, ::PER_INTERVAL].reshape(len(base), -1),
+        cholesky=prior.cholesky * _WANDERS,
+        base=base,
+        tracks=0,
+    )
+
+
+def _extend_to_edge(line: FloatArray, map_areas: MapAreas) -> FloatArray:
+    """The line with its beginning straight from the edge of the map, where that is walkable."""
+    inner = line[int(np.searchsorted(measure_arc_lengths(line), _COURSE))]
+    course = (line[0] - inner) / np.hypot(*(line[0] - inner))
+    edge = map_areas.intersection_map.extent - _INSIDE
+    with np.errstate(divide="ignore"):
+        away = float(((edge - np.sign(course) * line[0]) / np.abs(course)).min())
+    added = line[0] + course * np.linspace(max(away, 0.0), 0.0, DENSE)[:-1, None]
+    free = away > 0.0 and map_areas.compute_walkable_share(added) == 1.0
+    return np.concatenate([added, line]) if free else line
 
 
 def shift_prior(prior: WaypointPrior, aside: float) -> WaypointPrior:

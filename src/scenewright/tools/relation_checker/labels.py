@@ -17,6 +17,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.track_ends import EDGE
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 LABEL_TIME = 0.3
@@ -157,9 +158,14 @@ def _walks_back(agent: AgentRecord, track: Trajectory) -> bool:
 
 
 def _is_goal_near_exit(agent: AgentRecord, intersection_map: IntersectionMap) -> bool:
-    """Whether a goal is one of its exit; jaywalkers may be bound for any place beside the road."""
+    """Whether a goal is one of its exit; jaywalkers may be bound for any place beside the road.
+
+    So may riders on a crosswalk at the edge of the map, to which they follow the sidewalk.
+    """
     x, y = agent.goal
-    if agent.movement == "jaywalking":
+    leaves_map = max(abs(x), abs(y)) >= intersection_map.extent - EDGE
+    rides_on = agent.type != "pedestrian" and agent.crosswalk is not None and leaves_map
+    if agent.movement == "jaywalking" or rides_on:
         return not get_ground_raster(intersection_map).road.contains(np.array([(x, y)]))[0]
     return any(
         west - GOAL <= x <= east + GOAL and south - GOAL <= y <= north + GOAL

@@ -42,10 +42,6 @@ STEP_FACTOR = 1.2
 STEP_MARGIN = 0.05
 HELD = np.deg2rad(5.0)
 ON_ROAD = 0.98
-ENDS_WITHIN = 0.2 + 1e-6
-"""A track that ends this shortly before the scene [s] was ended by it."""
-OUTSKIRTS = 8.0
-"""How far beside the goal regions of its class a track may end before the scene does [m]."""
 LONGEST = 30.0
 SIZE = 0.3
 """How much a vehicle may differ from the usual size of its subtype, as a share of it."""
@@ -278,39 +274,6 @@ def check_ground(
                 f"at least {ON_ROAD:.0%}",
             ))  # fmt: skip
     return tuple(found)
-
-
-def check_vanishing(
-    tracks: Sequence[Trajectory],
-    intersection_map: IntersectionMap,
-    *,
-    until: float,
-    collided: frozenset[int],
-) -> tuple[Finding, ...]:
-    """Tracks that end before the scene does, far from every goal, though nothing ended them.
-
-    Pedestrians may end anywhere beside the road: there are doors.
-
-    Args:
-        until: end of the scene [s]; collided: ids of those that a collision may end.
-    """
-    ground = get_ground_raster(intersection_map)
-    goals = ground.goals
-    return tuple(
-        Finding(
-            rule="vanishes", agents=(track.id,), time=round(track.end, 3),
-            detail=f"{track.type} {track.id} ends at {track.end:.1f} s in the middle of the map",
-        )
-        for track in tracks
-        if goals and track.end < until - ENDS_WITHIN and track.id not in collided
-        and (track.is_vehicle or ground.road.contains(track.xy[-1:])[0])
-        and not any(
-            max(west - x, x - east, south - y, y - north) <= OUTSKIRTS
-            for x, y in (track.xy[-1].tolist(),)
-            for kind, _, (west, south, east, north) in goals
-            if kind == track.type or track.is_rider
-        )
-    )  # fmt: skip
 
 
 def compute_ground_shares(

@@ -59,7 +59,6 @@ from scenewright.tools.relation_checker.plausibility import (
     check_form,
     check_ground,
     check_motion_limits,
-    check_vanishing,
     find_extremes,
 )
 from scenewright.tools.relation_checker.pushes import (
@@ -73,6 +72,7 @@ from scenewright.tools.relation_checker.reactions import (
     find_reactions,
 )
 from scenewright.tools.relation_checker.signals import check_signal_plan
+from scenewright.tools.relation_checker.track_ends import check_ends, list_late_beginnings
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
 
 PET_TOLERANCE = 0.15
@@ -192,9 +192,10 @@ def _build_proof(
     motion = (
         *check_form(scene),
         *check_places(scene.objects, intersection_map),
-        *_check_motion(scene, observed, intersection_map, roles),
+        *_check_motion(scene, observed, intersection_map, roles, matching),
     )
     red = _check_red_crossings(scene, observed, intersection_map, roles)
+    late = list_late_beginnings(observed.tracks, matching) if scene.meta.rules is not None else []
     return Proof(
         verified=not (missing or unasked or motion or red),
         events=events,
@@ -205,7 +206,8 @@ def _build_proof(
         | ({"first_visible": sights} if sights else {})
         | ({"encounters": encounters} if encounters else {})
         | ({"reactions": reactions} if reactions else {})
-        | ({"avoidability": avoidability} if avoidability else {}),
+        | ({"avoidability": avoidability} if avoidability else {})
+        | ({"late_beginnings": late} if late else {}),
     )  # fmt: skip
 
 
@@ -403,6 +405,7 @@ def _check_motion(
     observed: SceneObservation,
     intersection_map: IntersectionMap | None,
     roles: AgentRoles,
+    matching: Sequence[Event],
 ) -> tuple[Finding, ...]:
     found: list[Finding] = []
     exceptions = [_list_exceptions(agent, observed.events) for agent in scene.agents]
@@ -414,8 +417,10 @@ def _check_motion(
         hits = (e for e in observed.events if e.type == "collision")
         collided = frozenset(n for e in hits for n in (e.from_, e.to))
         collided |= {agent for agent, _ in list_asked_hits(scene)}
-        until = scene.meta.duration
-        found += check_vanishing(observed.tracks, intersection_map, until=until, collided=collided)
+        found += check_ends(
+            observed.tracks, intersection_map, until=scene.meta.duration, collided=collided,
+            foreground=roles.foreground, events=matching, objects=scene.objects,
+        )  # fmt: skip
         jaywalkers = frozenset(a.id for a in scene.agents if _jaywalks(a, roles))
         found += check_ground(observed.tracks, intersection_map, jaywalkers=jaywalkers)
     return tuple(found)

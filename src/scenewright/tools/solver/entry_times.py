@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.candidates import Candidate, DrivingProfile
 from scenewright.scene.map import IntersectionMap, Route, SignalProgram
 from scenewright.scene.selection import Stop
@@ -43,6 +43,9 @@ _LANE_OFFSET, _ONE_WAY = 2.6, 0.85
 _SEEN, _GRID = 4.0, 0.5
 """How long every agent is visible at least; spacing of the entry times tried [s]."""
 
+_IN_VIEW, _NEAR_CONFLICT = 22.0, 3.5
+"""How far from a conflict, and how long before or after it, pedestrians come and go [m, s]."""
+
 STARTED = -6.0
 """An agent that set off longer before the scene than this has hardly anything of its start left
 [s]."""
@@ -55,11 +58,16 @@ _FOR_GOOD = 60.0
 
 @dataclass(frozen=True)
 class SceneTiming:
-    """When agents may come: lights, scene length [s], whether a wreck will stand in the way."""
+    """When agents may come: lights, scene length [s], whether a wreck will stand in the way.
+
+    Attributes:
+        conflicts: time [s] and place of the events, in view of which no pedestrian comes or goes.
+    """
 
     clock: SignalClock | None
     duration: float
     blocked: bool
+    conflicts: tuple[tuple[float, Point], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +145,23 @@ def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.i
     if actor.candidate.route.type == "pedestrian" and clock.get_colour(group, 0.0) == "red":
         allowed &= ~_is_on_crosswalk(actor, np.asarray(-STEP * steps, dtype=np.float64))
     return steps[allowed]
+
+
+def select_unseen_times(
+    actor: ScheduledAgent, starts: NDArray[np.int64], moment: SceneTiming
+) -> NDArray[np.int64]:
+    """Select the entry times [steps] at which it does not come or go in view of a conflict."""
+    comes = STEP * starts
+    goes = comes + STEP * (len(actor.motion.s) - 1)
+    unseen = np.ones(len(starts), dtype=np.bool_)
+    for times, there, s in (
+        (comes, comes > 0.0, 0.0),
+        (goes, goes < moment.duration, float(actor.motion.s[-1])),
+    ):
+        for time, place in moment.conflicts:
+            if math.dist(actor.get_pose(s)[:2], place) < _IN_VIEW:
+                unseen &= ~(there & (np.abs(times - time) < _NEAR_CONFLICT))
+    return starts[unseen]
 
 
 def _is_on_crosswalk(actor: ScheduledAgent, times: FloatArray) -> NDArray[np.bool_]:

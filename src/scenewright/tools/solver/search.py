@@ -102,6 +102,7 @@ from scenewright.tools.solver.entry_times import (
     find_queue_tail,
     limit_to_leader,
     passes_on_green,
+    select_unseen_times,
     starts_on_red,
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
@@ -133,10 +134,10 @@ from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
 
 MAX_SECONDS = 30.0
 """Length of a scene [s]: as long as the windows in which p_tod counts agents."""
-_FIRST_EVENT = (2.5, 26.5)
+_FIRST_EVENT = (3.0, 26.5)
 """When the first event happens [s], as far as its approach and end are visible."""
 
-_HIDDEN_FIRST = (4.0, 3.2, 2.5)
+_HIDDEN_FIRST = (4.0, 3.5, 3.0)
 """When the first event may happen [s] where a pedestrian is hidden up to it."""
 
 _DISCHARGE = 1.0
@@ -764,7 +765,12 @@ class Search:
         if timed.offset is not None and self._ground.intersection_map.signals is not None:
             clock = SignalClock(self._ground.intersection_map.signals, timed.offset)
         blocked = any(actor.contact is not None for actor in timed.schedule.actors.values())
-        return SceneTiming(clock, timed.duration, blocked)
+        conflicts = tuple(
+            (each.time, each.location)
+            for each in timed.schedule.events
+            if not isinstance(each.clause, Headway)
+        )
+        return SceneTiming(clock, timed.duration, blocked, conflicts)
 
     def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
         """Assign all other agents around the foreground; reserves replace those without room."""
@@ -802,7 +808,7 @@ class Search:
         An agent that arrives at red looks for room to wait on a few candidates before it takes
         other times.
         """
-        yield from self._list_beside(draws, moment, assigned)
+        yield from _select_unseen(draws, self._list_beside(draws, moment, assigned), moment)
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
@@ -810,7 +816,8 @@ class Search:
             built = self._get_candidate(draws.name, m)
             if built is None or is_in_way(built[0], objects):
                 continue
-            ways = self._list_candidate_options(draws, m, built, moment, assigned, later)
+            every = self._list_candidate_options(draws, m, built, moment, assigned, later)
+            ways = _select_unseen(draws, every, moment)
             first = next(ways, None)
             if first is not None:
                 yield first
@@ -818,7 +825,7 @@ class Search:
             tried += first is not None or bool(later)
             if tried == _PATIENCE or (tried and not later):
                 break
-        yield from later
+        yield from _select_unseen(draws, later, moment)
 
     def _list_candidate_options(
         self,
@@ -1045,6 +1052,19 @@ def _follows(draws: AgentCandidates) -> bool:
     """Return whether it is a random arrival among the background vehicles."""
     vehicle = draws.shape.type == "vehicle" and draws.role == "background"
     return vehicle and draws.chance is not None
+
+
+def _select_unseen(
+    draws: AgentCandidates, options: Iterable[Option], moment: SceneTiming
+) -> Iterator[Option]:
+    """Select the options with which no pedestrian comes or goes in view of a conflict."""
+    for option in options:
+        if draws.shape.type != "pedestrian":
+            yield option
+            continue
+        starts = select_unseen_times(option.actor, option.starts, moment)
+        if len(starts):
+            yield replace(option, starts=starts)
 
 
 def _list_green_passes(
