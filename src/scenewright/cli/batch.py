@@ -15,6 +15,7 @@ import typer
 from scenewright.cli.backend_options import (
     BackendNames,
     BaseUrl,
+    Lawful,
     MaxAgents,
     Record,
     TimeLimit,
@@ -87,6 +88,7 @@ def make_batch(
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
     max_agents: MaxAgents = None,
+    lawful: Lawful = False,
     exports: Annotated[
         list[str] | None,
         typer.Option(
@@ -122,6 +124,7 @@ def make_batch(
             base_url=base_url,
             lenient=lenient,
             max_agents=max_agents,
+            lawful=lawful,
             time_limit=time_limit,
         ),
         workers=workers or count_cores(),
@@ -182,6 +185,7 @@ def build_options(
     selection: Literal["draw", "map"] = "draw",
     lenient: bool = False,
     max_agents: int | None = None,
+    lawful: bool = False,
     time_limit: float = DEFAULT_LIMIT,
 ) -> Options:
     """What all rows share, as the command line says it."""
@@ -202,6 +206,7 @@ def build_options(
         base_url=base_url,
         lenient=lenient,
         max_agents=max_agents,
+        lawful=lawful,
         time_limit=time_limit,
     )
 

@@ -34,6 +34,8 @@ RejectionCode = Literal[
     "wrong_braker",
     "background_interferes",
     "implausible_motion",
+    "unlawful",
+    "work_spent",
 ]
 
 MISPLANNED: tuple[RejectionCode, ...] = ("wrong_braker",)
