@@ -16,8 +16,8 @@ from contextvars import ContextVar
 from scenewright.time_limit import check_time
 
 MOST_WORK = 20_000
-"""Units of one request. Of 84 instructions of others that became scenes one took more than 1,500
-(4,358), and 20,000 take about ten seconds of an idle core where nothing is solved."""
+"""Units of one request. Of 79 instructions by others that became scenes one took more than 1,500
+(4,358); 20,000 take some ten to twenty seconds of an idle core."""
 
 
 class WorkLimitReachedError(Exception):
