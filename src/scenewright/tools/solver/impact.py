@@ -14,7 +14,6 @@ from scenewright.scene.social import CollisionKind, ImpactPoint
 from scenewright.scene.track import Shape
 from scenewright.tools.solver.path_conflict import Half, compute_axis_gap, compute_clearance
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
-from scenewright.work_limit import count_work
 
 _LEFT, _LEFT_OF_HEAD_ON = np.radians(15.0), np.radians(25.0)
 """How far a vehicle must have turned left for its collision to count as a left turn's [rad]; the
@@ -77,7 +76,6 @@ def find_first_contact(
     Args:
         left_hand: people drive on the left, so that right turns lead across the others' way.
     """
-    count_work()
     times = get_shared_times(a, b)
     if times is None:
         return None
