@@ -142,7 +142,7 @@ def test_unlawful_samples_come_after_as_many_lawful_ones(
     drawn, state = 0, cast(Any, {"rejections": []})
     onwards = "agent_generator"
     while onwards == "agent_generator":
-        obeys = graph is EITHER and count_samples(state) <= 2
+        obeys = graph is EITHER and count_samples(state["rejections"], None) <= 2
         found = assign_foreground(
             graph, grounding, PRIORS, intersection_map=ON, hour=12.0,
             rng=np.random.default_rng(drawn), lawful=obeys,

@@ -107,7 +107,8 @@ def _can_plan_anew(state: SceneState, context: RunContext) -> bool:
 
 def _sample_afresh(state: SceneState, context: RunContext) -> Literal["agent_generator", "give_up"]:
     """Lawful samples within the budget; then as many with a red light that is run unasked."""
-    spent, budget = count_samples(state), context.budgets.generator
+    spent = count_samples(state.get("rejections", []), state.get("refinement"))
+    budget = context.budgets.generator
     if spent == budget + 1:
         more = not context.lawful and _may_break_the_law(state, context)
     else:

@@ -46,7 +46,11 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     which an agent runs a red light unasked.
     """
     context = runtime.context
-    lawful = context.lawful or count_samples(state) <= context.budgets.generator
+    lawful = (
+        context.lawful
+        or count_samples(state.get("rejections", []), state.get("refinement"))
+        <= context.budgets.generator
+    )
     try:
         return _draw(state, context, lawful=lawful)
     except Rejected as error:
@@ -56,10 +60,9 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     return _draw(state, context, lawful=False)
 
 
-def count_samples(state: GeneratorReads) -> int:
+def count_samples(rejections: list[Rejection], refinement: Refinement | None) -> int:
     """Count refusals after the planner, each a fresh sample unless it led to refining less."""
-    spent = sum(each.stage != "scene_planner" for each in state.get("rejections", []))
-    refinement = state.get("refinement")
+    spent = sum(each.stage != "scene_planner" for each in rejections)
     return spent - (0 if refinement is None else refinement.retries)
 
 
