@@ -30,7 +30,9 @@ def led(stage: Stage, refusals: list[tuple[Stage, RejectionCode]], *, model: boo
     found = [Rejection(stage=who, code=code, detail="so") for who, code in refusals]
     last = found[-1] if found and found[-1].stage == stage else None
     state: SceneState = {"refused": last, "rejections": found}
-    context = SimpleNamespace(backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS)
+    context = SimpleNamespace(
+        backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS, lawful=True
+    )
     return str(AFTER[stage](state, SimpleNamespace(context=context)))
 
 
@@ -178,7 +180,9 @@ def refused_after(
     fault = Rejection(stage="scene_verifier", code=code, detail="so", repairable=repairable)
     found = [fault] * refusals
     state: SceneState = {"refused": found[-1], "rejections": found, "refinement": refinement}
-    context = SimpleNamespace(backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS)
+    context = SimpleNamespace(
+        backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS, lawful=True
+    )
     return str(routes.route_after_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
 
 

@@ -38,6 +38,7 @@ from scenewright.time_limit import (
     stop_clock,
 )
 from scenewright.tools.gmm_sampler import load_priors
+from scenewright.work_limit import MOST_WORK, WorkLimitReachedError, limit_work
 
 if TYPE_CHECKING:
     from langchain_core.language_models import BaseChatModel
@@ -111,14 +112,14 @@ def author(
     calls: list[tuple[str, bool]] = []
     tools = {each.name: each for each in build_tools(bench)}
     try:
-        with limit_time(time_limit):
+        with limit_time(time_limit), limit_work(MOST_WORK):
             if model is None:
                 words = _run_router(instruction, bench, tools, calls)
             else:
                 words = _converse(instruction, model, bench, tools, calls, most_calls, hide)
-    except TimeLimitReachedError as error:
-        rejections = tuple(bench.state["rejections"])
-        raise OutOfTime(f"no verified scene; {error}", rejections) from error
+    except (TimeLimitReachedError, WorkLimitReachedError) as error:
+        kind = OutOfTime if isinstance(error, TimeLimitReachedError) else Unsatisfiable
+        raise kind(f"no verified scene; {error}", tuple(bench.state["rejections"])) from error
     if not bench.verified:
         rejections = tuple(bench.state["rejections"])
         last = rejections[-1].detail if rejections else words or "the agent made no scene"

@@ -24,6 +24,8 @@ _ADVICE = {
     "relation_not_realised": "A less exact request may help.",
     "wrong_braker": "A less exact request may help.",
     "implausible_motion": "A gentler request may help.",
+    "unlawful": "Say that the light is run, or let it be run unasked (without --lawful).",
+    "work_spent": "Fewer others or a less exact request helps.",
 }
 
 

@@ -82,6 +82,7 @@ from scenewright.scene.events import Proof
 from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT, limit_time
+from scenewright.work_limit import MOST_WORK, limit_work
 
 MAIN = "main"
 _READING: TypeAdapter[Reading] = TypeAdapter(Reading)
@@ -115,7 +116,7 @@ class SessionContext:
     Attributes:
         backend: the planner and reasoner; log: called with (stage, line) as the turn goes.
         recall: finds accepted answers to requests like this one, for prompts.
-        time_limit: longest that a turn may compute [s].
+        lawful, time_limit: as in `synthesize`, the latter for a turn.
     """
 
     threads: Threads
@@ -123,6 +124,7 @@ class SessionContext:
     log: ProgressCallback = field(default=lambda _stage, _line: None)
     recall: ExampleRetriever = recall_nothing
     time_limit: float = DEFAULT_LIMIT
+    lawful: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +166,7 @@ class Session:
         log: ProgressCallback | None = None,
         recall: ExampleRetriever | None = None,
         time_limit: float = DEFAULT_LIMIT,
+        lawful: bool = False,
     ) -> None:
         check_time_limit(time_limit)
         self.thread = thread
@@ -174,6 +177,7 @@ class Session:
             log or (lambda _stage, _line: None),
             recall or recall_nothing,
             time_limit,
+            lawful,
         )
         self._graph = build_session().compile(checkpointer=threads.saver)
         self._config: RunnableConfig = {
@@ -522,6 +526,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
         heading["refiner"],
         context.recall,
         context.time_limit,
+        context.lawful,
     )
     reading = _READING.validate_python(state["reading"])
     version = _find_version(state, None)
@@ -562,7 +567,7 @@ def _run_apart(
     it is not checkpointed."""
 
     def run_limited() -> EditResult:
-        with limit_time(setting.time_limit):
+        with limit_time(setting.time_limit), limit_work(MOST_WORK):
             return make(*args, **named)
 
     return Context().run(run_limited)

@@ -35,7 +35,7 @@ class Setting:
     Attributes:
         intersection: name of a bundle; backend: name of the planner and reasoner.
         seed: of everything drawn; refiner, recall: as in `synthesize`.
-        time_limit: longest that a turn may compute [s].
+        lawful, time_limit: as in `synthesize`, the latter for a turn.
     """
 
     intersection: str
@@ -44,6 +44,7 @@ class Setting:
     refiner: str = "none"
     recall: ExampleRetriever = recall_nothing
     time_limit: float = DEFAULT_LIMIT
+    lawful: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,7 @@ def begin(text: str, setting: Setting, *, log: ProgressCallback | None = None) -
         seed=setting.seed,
         refiner=setting.refiner,
         recall=setting.recall,
+        lawful=setting.lawful,
         time_limit=setting.time_limit,
         log=log,
     )
@@ -176,6 +178,7 @@ def _solve(
         pinned=pins,
         budgets=_PINNED if pins.known else _UNPINNED,
         recall=setting.recall,
+        lawful=setting.lawful,
         time_limit=setting.time_limit,
         log=log,
     )

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, TimeLimit, Timeout
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    LawfulOrder,
+    Record,
+    TimeLimit,
+    Timeout,
+)
 from scenewright.cli.batch import (
     AtOnce,
     EngineName,
@@ -56,6 +63,7 @@ def run_agent(
     at_once: AtOnce = None,
     row_timeout: RowTimeout = None,
     time_limit: TimeLimit = DEFAULT_LIMIT,
+    lawful: LawfulOrder = True,
     refiner: Refiner = None,
     intersection: Place = "amsterdam_120",
     seed: OrderSeed = 0,
@@ -97,6 +105,7 @@ def run_agent(
             refiner=refiner,
             seed=seed,
             base_url=base_url,
+            lawful=lawful,
             time_limit=time_limit,
         ),
         writer=writer,
@@ -123,6 +132,7 @@ def make_paper_dataset(
     at_once: AtOnce = None,
     row_timeout: RowTimeout = None,
     time_limit: TimeLimit = DEFAULT_LIMIT,
+    lawful: LawfulOrder = True,
     refiner: Refiner = None,
     intersection: Place = "amsterdam_120",
     seed: OrderSeed = 0,
@@ -161,6 +171,7 @@ def make_paper_dataset(
             refiner=refiner,
             seed=seed,
             base_url=base_url,
+            lawful=lawful,
             time_limit=time_limit,
         ),
         writer=writer,

@@ -43,13 +43,27 @@ MaxAgents = Annotated[
     ),
 ]
 
+Lawful = Annotated[
+    bool,
+    typer.Option(
+        "--lawful", help="Refuse scenes in which an agent runs a red light that no word asks for."
+    ),
+]
+LawfulOrder = Annotated[
+    bool,
+    typer.Option(
+        "--lawful/--no-lawful",
+        help="Refuse scenes in which an agent runs a red light that no word asks for.",
+    ),
+]
+
 TimeLimit = Annotated[
     float,
     typer.Option(
         "--time-limit",
         metavar="S",
-        help="Longest that a scene may be computed [s], answers of models aside; then it is "
-        "refused with the best reason so far.",
+        help="Emergency brake: longest that a scene may be computed [s], answers of models aside. "
+        "Counted work ends long before, and alone decides what is made.",
     ),
 ]
 

@@ -15,6 +15,7 @@ import typer
 from scenewright.cli.backend_options import (
     BackendNames,
     BaseUrl,
+    Lawful,
     MaxAgents,
     Record,
     TimeLimit,
@@ -88,6 +89,7 @@ def make_batch(
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
     max_agents: MaxAgents = None,
+    lawful: Lawful = False,
     exports: Annotated[
         list[str] | None,
         typer.Option(
@@ -123,6 +125,7 @@ def make_batch(
             base_url=base_url,
             lenient=lenient,
             max_agents=max_agents,
+            lawful=lawful,
             time_limit=time_limit,
         ),
         workers=workers or count_cores(),
@@ -183,6 +186,7 @@ def build_options(
     selection: Literal["draw", "map"] = "draw",
     lenient: bool = False,
     max_agents: int | None = None,
+    lawful: bool = False,
     time_limit: float = DEFAULT_LIMIT,
 ) -> Options:
     """What all rows share, as the command line says it."""
@@ -203,6 +207,7 @@ def build_options(
         base_url=base_url,
         lenient=lenient,
         max_agents=max_agents,
+        lawful=lawful,
         time_limit=time_limit,
     )
 

@@ -67,6 +67,7 @@ class ChatRequest:
     out: str | None
     memory: bool
     time_limit: float
+    lawful: bool
     quiet: bool
     as_json: bool
 
@@ -101,6 +102,7 @@ def run_chat(request: ChatRequest) -> None:
             log=progress_log,
             recall=None if episodes is None else recall_from(episodes),
             time_limit=request.time_limit,
+            lawful=request.lawful,
         )
         talk = _ChatLoop(session, request, progress_log, episodes)
         talk.run()

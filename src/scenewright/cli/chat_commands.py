@@ -9,6 +9,7 @@ import typer
 from scenewright.cli.backend_options import (
     BackendNames,
     BaseUrl,
+    Lawful,
     Record,
     TimeLimit,
     Timeout,
@@ -32,6 +33,7 @@ def open_chat(
     record: Record = None,
     timeout: Timeout = None,
     time_limit: TimeLimit = DEFAULT_LIMIT,
+    lawful: Lawful = False,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
     refiner: Annotated[
         str | None, typer.Option(help="trajnet or none, in a new thread; that of make.")
@@ -73,6 +75,7 @@ def open_chat(
             out=out,
             memory=not no_memory,
             time_limit=time_limit,
+            lawful=lawful,
             quiet=quiet,
             as_json=as_json,
         )
@@ -87,6 +90,7 @@ def serve_mcp(
     record: Record = None,
     timeout: Timeout = None,
     time_limit: TimeLimit = DEFAULT_LIMIT,
+    lawful: Lawful = False,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
     out: Annotated[
         str | None, typer.Option(help="Folder that scenes may be kept in.", callback=try_folder)
@@ -99,7 +103,9 @@ def serve_mcp(
     from scenewright.cli.mcp import ServerOptions, serve
 
     chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
-    serve(ServerOptions(threads, thread, intersection, chosen_backend, seed, out, time_limit))
+    serve(
+        ServerOptions(threads, thread, intersection, chosen_backend, seed, out, time_limit, lawful)
+    )
 
 
 @memory.command("list")

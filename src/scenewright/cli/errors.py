@@ -27,6 +27,8 @@ _ADVICE = {
     "relation_not_realised": "Another --seed or a less exact request may help.",
     "wrong_braker": "Another --seed or a less exact request may help.",
     "implausible_motion": "Another --seed or a less severe event may help.",
+    "unlawful": "Say that the light is run, or drop --lawful (orders: --no-lawful).",
+    "work_spent": "Another --seed, less traffic or a less exact request may help.",
 }
 
 

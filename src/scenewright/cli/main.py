@@ -24,6 +24,7 @@ from scenewright.cli.author import author
 from scenewright.cli.backend_options import (
     BackendNames,
     BaseUrl,
+    Lawful,
     MaxAgents,
     Record,
     TimeLimit,
@@ -153,6 +154,7 @@ def make(
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
     max_agents: MaxAgents = None,
+    lawful: Lawful = False,
     gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
     html: Annotated[
         bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
@@ -181,6 +183,7 @@ def make(
         html=html,
         lenient=lenient,
         max_agents=max_agents,
+        lawful=lawful,
         time_limit=time_limit,
     )
     with show_progress(quiet=quiet) as log:

@@ -46,6 +46,7 @@ class MakeOptions:
     html: bool = False
     lenient: bool = False
     max_agents: int | None = None
+    lawful: bool = False
     time_limit: float = DEFAULT_LIMIT
 
 
@@ -144,6 +145,7 @@ def _synthesize(request: MakeOptions, log: ProgressCallback) -> Scene:
         selection=request.selection,
         lenient=request.lenient,
         max_agents=request.max_agents,
+        lawful=request.lawful,
         time_limit=request.time_limit,
         log=log,
     )

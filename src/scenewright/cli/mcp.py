@@ -43,6 +43,7 @@ class ServerOptions:
     Attributes:
         out: folder that scenes are kept in; None: nowhere.
         time_limit: longest that a call may compute [s].
+        lawful: scenes in which an agent runs a red light unasked are refused.
     """
 
     threads: str | None
@@ -52,6 +53,7 @@ class ServerOptions:
     seed: int
     out: str | None
     time_limit: float = DEFAULT_LIMIT
+    lawful: bool = False
 
 
 def serve(served: ServerOptions) -> None:
@@ -121,6 +123,7 @@ class _ClientState:
                 "refiner": choose_refiner(None),
             },
             time_limit=served.time_limit,
+            lawful=served.lawful,
         )
 
     def make_scene(self, instruction: str) -> dict[str, Any]:

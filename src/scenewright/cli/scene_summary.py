@@ -69,10 +69,11 @@ def list_unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
 
 
 def format_verdict(proof: Proof) -> str:
-    """Verified, or how many findings stand against it."""
+    """Verified, or how many findings stand against it; and red lights that are run unasked."""
     against = len(list_findings(proof))
     noun = "finding" if against == 1 else "findings"
-    return "verified" if proof.verified else f"not verified ({against} {noun})"
+    verdict = "verified" if proof.verified else f"not verified ({against} {noun})"
+    return f"{verdict}, {proof.caveat}" if proof.caveat else verdict
 
 
 def list_findings(proof: Proof) -> tuple[Finding, ...]:

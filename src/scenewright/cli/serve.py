@@ -13,6 +13,7 @@ import typer
 from scenewright.cli.backend_options import (
     BackendNames,
     BaseUrl,
+    Lawful,
     Record,
     TimeLimit,
     Timeout,
@@ -34,6 +35,7 @@ def serve(
     record: Record = None,
     timeout: Timeout = None,
     time_limit: TimeLimit = DEFAULT_LIMIT,
+    lawful: Lawful = False,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new conversation.")] = 0,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8765,
     threads: Annotated[
@@ -64,12 +66,13 @@ def serve(
     listener = _listen(port)
     port = listener.getsockname()[1]
     conversations = Conversations(
-        str(find_threads_file(threads)), backend=chosen_backend, seed=seed, time_limit=time_limit
-    )
+        str(find_threads_file(threads)), backend=chosen_backend, seed=seed, time_limit=time_limit,
+        lawful=lawful,
+    )  # fmt: skip
     name = ", ".join(backend) if backend else "builtin"
     token = secrets.token_urlsafe(24)
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
-    batches = Batches(find_data_folder() / "page-batches", time_limit=time_limit)
+    batches = Batches(find_data_folder() / "page-batches", time_limit=time_limit, lawful=lawful)
     page = Page(
         conversations, choice=ModelChoice(conversations, name), intersection=intersection,
         batches=batches, own_maps=OwnMaps(find_data_folder() / "page-maps"),

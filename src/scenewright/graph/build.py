@@ -20,7 +20,8 @@ from scenewright.nodes.scene_planner import plan_scene
 from scenewright.nodes.scene_verifier import verify_scene
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.nodes.waypoint_filter import filter_waypoints
-from scenewright.time_limit import check_time
+from scenewright.time_limit import TimeLimitReachedError
+from scenewright.work_limit import WorkLimitReachedError, count_work
 
 STAGES: dict[str, Callable[..., Any]] = {
     "scene_planner": plan_scene,
@@ -41,11 +42,11 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     )
     transport = RetryPolicy(max_attempts=3, retry_on=_is_transient)
     for name, node in STAGES.items():
-        graph.add_node(name, _catch_rejection(node), retry_policy=transport)
+        graph.add_node(name, _catch_rejection(name, node), retry_policy=transport)
     graph.add_node("give_up", give_up)
     graph.add_edge(START, "scene_planner")
     graph.add_conditional_edges("scene_planner", routes.route_after_planner)
-    graph.add_edge("agent_generator", "waypoint_filter")
+    graph.add_conditional_edges("agent_generator", routes.route_after_generator)
     graph.add_conditional_edges("waypoint_filter", routes.route_after_filter)
     graph.add_conditional_edges("event_reasoner", routes.route_after_reasoner)
     graph.add_edge("trajectory_refiner", "scene_verifier")
@@ -68,16 +69,19 @@ def give_up(state: SceneState) -> SceneState:
     return {}
 
 
-def _catch_rejection(node: NodeT) -> NodeT:
+def _catch_rejection(name: str, node: NodeT) -> NodeT:
     """Wrap a node: a refused product becomes a rejection in the state, for the routes."""
 
     @wraps(node)
     def run(state: Any, *, runtime: Runtime[RunContext]) -> Any:
-        check_time()
         try:
+            count_work()
             return {**node(state, runtime=runtime), "refused": None}
         except Rejected as error:
             runtime.context.log(error.rejection.stage, f"refused: {error.rejection.detail}")
             return {**error.kept, "refused": error.rejection, "rejections": [error.rejection]}
+        except (TimeLimitReachedError, WorkLimitReachedError) as error:
+            error.stage = name
+            raise
 
     return run  # type: ignore[return-value]

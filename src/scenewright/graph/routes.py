@@ -8,8 +8,10 @@ from langgraph.runtime import Runtime
 
 from scenewright.backends import get_backend_of_task
 from scenewright.memory.state import SceneState
+from scenewright.nodes.agent_generator import count_samples
 from scenewright.nodes.context import RunContext
 from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
+from scenewright.tools.map_grounding.grounding import list_unasked_runners, may_run_unasked
 
 _FINAL = ("out_of_scope", "contradictory", "impossible", "ungroundable")
 
@@ -30,6 +32,14 @@ def route_after_planner(
     return "scene_planner"
 
 
+def route_after_generator(
+    state: SceneState, runtime: Runtime[RunContext]
+) -> Literal["waypoint_filter", "give_up"]:
+    """On to the filter; a request that only a red light run unasked could meet is refused."""
+    del runtime
+    return "waypoint_filter" if state.get("refused") is None else "give_up"
+
+
 def route_after_filter(
     state: SceneState, runtime: Runtime[RunContext]
 ) -> Literal["event_reasoner", "waypoint_filter", "agent_generator", "give_up"]:
@@ -47,7 +57,7 @@ def route_after_filter(
         rule = get_backend_of_task(runtime.context.backend, "constraints").deterministic
         idle = rule or malformed > budgets.filter
         return "give_up" if idle else "waypoint_filter"
-    return _sample_afresh(state, budgets.generator)
+    return _sample_afresh(state, runtime.context)
 
 
 def route_after_reasoner(
@@ -62,7 +72,7 @@ def route_after_reasoner(
     idle = not refused.repairable or get_backend_of_task(context.backend, "behavior").deterministic
     if not idle and _count_attempts(state, "event_reasoner") <= context.budgets.reasoner:
         return "event_reasoner"
-    return _sample_afresh(state, context.budgets.generator)
+    return _sample_afresh(state, context)
 
 
 def route_after_verifier(
@@ -86,7 +96,7 @@ def route_after_verifier(
     mendable = refused.repairable and refinement is not None and refinement.may_retry
     if mendable and refinement is not None and refinement.attempt <= budgets.refiner:
         return "trajectory_refiner"
-    return _sample_afresh(state, budgets.generator)
+    return _sample_afresh(state, runtime.context)
 
 
 def _can_plan_anew(state: SceneState, context: RunContext) -> bool:
@@ -97,16 +107,23 @@ def _can_plan_anew(state: SceneState, context: RunContext) -> bool:
     )
 
 
-def _sample_afresh(state: SceneState, budget: int) -> Literal["agent_generator", "give_up"]:
-    """Every refusal after the planner costs one fresh sample, unless it only refined less."""
-    spent = sum(each.stage != "scene_planner" for each in state.get("rejections", []))
-    return "agent_generator" if spent - _count_refined_less(state) <= budget else "give_up"
+def _sample_afresh(state: SceneState, context: RunContext) -> Literal["agent_generator", "give_up"]:
+    """Lawful samples within the budget; then as many with a red light that is run unasked."""
+    spent = count_samples(state.get("rejections", []), state.get("refinement"))
+    budget = context.budgets.generator
+    if spent == budget + 1:
+        more = not context.lawful and _may_break_the_law(state, context)
+    else:
+        more = spent <= 2 * budget + 1
+    return "agent_generator" if more else "give_up"
 
 
-def _count_refined_less(state: SceneState) -> int:
-    """How many refusals of the verifier led back to the refiner."""
-    refinement = state.get("refinement")
-    return 0 if refinement is None else refinement.retries
+def _may_break_the_law(state: SceneState, context: RunContext) -> bool:
+    """Whether the last sample was lawful and another need not be."""
+    graph = state["social_graph"]
+    return not list_unasked_runners(graph, state["candidates"].cast) and may_run_unasked(
+        graph, state["grounding"], intersection_map=context.intersection
+    )
 
 
 def _count_attempts(state: SceneState, stage: Stage, *codes: str) -> int:

@@ -41,7 +41,7 @@ from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
-from scenewright.scene.rejection import Rejection
+from scenewright.scene.rejection import Rejection, Stage
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
@@ -66,6 +66,7 @@ from scenewright.tools.track_io.external_tracks import (
     describe_too_large,
     read_external_recordings,
 )
+from scenewright.work_limit import MOST_WORK, WorkLimitReachedError, limit_work
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
@@ -132,6 +133,7 @@ def synthesize(
     recall: ExampleRetriever | None = None,
     lenient: bool = False,
     max_agents: int | None = None,
+    lawful: bool = False,
     time_limit: float | None = DEFAULT_LIMIT,
     log: ProgressCallback | None = None,
 ) -> Scene:
@@ -155,9 +157,12 @@ def synthesize(
         lenient: leave out words that cannot be realised, and list them, instead of refusing.
         max_agents: most agents that the scene may hold; None is what the environment variable
             SCENEWRIGHT_MAX_AGENTS says, else as many as the time of day has.
-        time_limit: longest that the stages may compute [s], without what models take to answer;
-            None for as long as their budgets of attempts last. It never changes a scene: a run
-            that reaches it is refused (OutOfTime).
+        lawful: refuse a scene in which an agent runs a red light that no word asks for; else it is
+            made where as many lawful samples have failed, or there can be none, and named in the
+            proof (`figures.unasked_red_light_runs`).
+        time_limit: the emergency brake: longest that the stages may compute [s], without what
+            models take to answer; None for as long as counted attempts and work last, which decide
+            alone what is made. A run that reaches it is refused (OutOfTime).
         log: called with (stage, line) as the run goes.
 
     Raises:
@@ -190,6 +195,7 @@ def synthesize(
         recall=recall or recall_nothing,
         lenient=lenient,
         max_agents=choose_max_agents(max_agents),
+        lawful=lawful,
         log=note,
         account=calls.append,
     )
@@ -202,7 +208,7 @@ def synthesize(
     }
     _load_stages(refined=context.learned is not None)
     try:
-        with collect_rarely(), limit_time(time_limit):
+        with collect_rarely(), limit_time(time_limit), limit_work(MOST_WORK):
             state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
             rule = get_backend_of_task(context.backend, "constraints").deterministic
@@ -454,8 +460,8 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
                 for stage in chunk:
                     seconds[stage] = seconds.get(stage, 0.0) + now - before
                 before = now
-    except TimeLimitReachedError as error:
-        raise _build_out_of_time(cast(SceneState, state), error) from error
+    except (TimeLimitReachedError, WorkLimitReachedError) as error:
+        raise _build_cut_off(cast(SceneState, state), error) from error
     return cast(SceneState, state), seconds
 
 
@@ -527,7 +533,7 @@ def _build_refusal(state: SceneState, *, rule: bool) -> InputError | Unsatisfiab
     if last.code in ("malformed_reply", "malformed_program") and not rule:
         asked = f"{last.stage.replace('_', ' ')} got no usable answer; last: {last.detail}"
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
-    if last.stage == "scene_planner" or last.code == "malformed_program":
+    if last.stage == "scene_planner" or last.code in ("malformed_program", "unlawful"):
         return Unsatisfiable(last.detail, rejections)
     reason = _choose_best_reason(rejections)
     return Unsatisfiable(
@@ -535,13 +541,23 @@ def _build_refusal(state: SceneState, *, rule: bool) -> InputError | Unsatisfiab
     )
 
 
-def _build_out_of_time(state: SceneState, error: TimeLimitReachedError) -> OutOfTime:
+def _build_cut_off(
+    state: SceneState, error: TimeLimitReachedError | WorkLimitReachedError
+) -> Unsatisfiable:
+    """What a limit cut off, and the best reason so far."""
     rejections = tuple(state.get("rejections", []))
     reason = _choose_best_reason(rejections) if rejections else "the first attempt was not done"
     count = f"{len(rejections)} attempt{'' if len(rejections) == 1 else 's'}"
-    return OutOfTime(
-        f"no verified scene within {error.seconds:g} s, the time limit, and {count}; {reason}",
-        rejections,
+    cut = f"{count}: it cut off the {error.stage.replace('_', ' ')}; {reason}"
+    if isinstance(error, TimeLimitReachedError):
+        return OutOfTime(
+            f"no verified scene within {error.seconds:g} s, the time limit, and {cut}", rejections
+        )
+    last = Rejection(stage=cast(Stage, error.stage), code="work_spent", detail=str(error))
+    return Unsatisfiable(
+        f"no verified scene within {error.units:,} steps of the search, the limit of work, and "
+        f"{cut}",
+        (*rejections, last),
     )
 
 
@@ -568,6 +584,7 @@ def _describe_provenance(
         "selection": context.selection,
         **({} if context.max_agents is None else {"max_agents": context.max_agents}),
         **({"lenient": True} if context.lenient else {}),
+        **({"lawful": True} if context.lawful else {}),
         **_describe_optimality(state["selection"], context.selection),
         "refiner": context.refiner,
         "refinement": state["refinement"].model_dump(mode="json"),

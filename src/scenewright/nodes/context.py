@@ -28,6 +28,8 @@ class Budgets:
     """How often each retry edge may be taken.
 
     Attributes:
+        generator: fresh samples; as many again in which a red light is run unasked, where that may
+            be and no lawful scene came of these.
         misplanned: samples of a plan that the tracks contradict. Of 458 scenes that were made no
             one had any such refusal, so that there is little hope in more.
     """
@@ -54,6 +56,7 @@ class RunContext:
         recall: finds accepted answers to requests like this one, for prompts.
         lenient: words that cannot be realised are left out and listed, not refused.
         max_agents: most agents that a scene may hold; None for as many as p_tod gives.
+        lawful: a scene in which an agent runs a red light unasked is refused.
     """
 
     backend: Backend
@@ -71,6 +74,7 @@ class RunContext:
     recall: ExampleRetriever = recall_nothing
     lenient: bool = False
     max_agents: int | None = None
+    lawful: bool = False
 
     @property
     def intersection(self) -> IntersectionMap:

@@ -97,6 +97,18 @@ class Proof(Model):
         """The words of the texts in one state, in order."""
         return tuple(each for each in self.account if each.state == state)
 
+    @property
+    def unasked_red_lights(self) -> int:
+        """How many red lights are run that no word of the request asks for."""
+        runs = self.figures.get("unasked_red_light_runs", ())
+        return len(runs) if isinstance(runs, list | tuple) else 0
+
+    @property
+    def caveat(self) -> str:
+        """What stands beside the tick; empty where nothing does."""
+        count = self.unasked_red_lights
+        return f"{count} red light{'s' if count > 1 else ''} run unasked" if count else ""
+
     @model_serializer(mode="wrap")
     def _leave_out_no_digest(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
         plain: dict[str, Any] = write(self)

@@ -35,6 +35,8 @@ RejectionCode = Literal[
     "words_not_shown",
     "background_interferes",
     "implausible_motion",
+    "unlawful",
+    "work_spent",
 ]
 
 MISPLANNED: tuple[RejectionCode, ...] = ("wrong_braker", "words_not_shown")

@@ -302,6 +302,8 @@ def _draw_header(figure: Figure, scene: SceneRecord, proof: Proof | None) -> Non
         words = [words[0], words[1] + " …"]
     tall, wide = figure.get_figheight(), figure.get_figwidth()
     verdict = "" if proof is None else "verified" if proof.verified else "not verified"
+    if proof is not None and proof.caveat:
+        verdict += f", {proof.caveat}"
     text = figure.text(0.1 / wide, 1 - 0.08 / tall, "\n".join(words), fontsize=7.8, color=INK,
                        va="top", ha="left", linespacing=1.3)  # fmt: skip
     share = text.get_window_extent().width / (figure.dpi * SIDE)

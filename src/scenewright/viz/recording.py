@@ -465,6 +465,7 @@ def _write_report(scene: SceneRecord, proof: Proof | None) -> str:
         return "\n".join([*lines, "", "### Proof", "The scene was not checked."])
     verdict = "**Verified**: every relation is observed and no rule is broken."
     lines += ["", "### Proof", verdict if proof.verified else "**Not verified.**", ""]
+    lines += [f"**{proof.caveat}**", ""] if proof.caveat else []
     lines += _format_events(proof.events, {agent.id: agent.name for agent in scene.agents})
     for title in ("missing", "interference", "implausible", "signal_violations"):
         lines += _format_findings(title.replace("_", " "), getattr(proof, title))

@@ -403,6 +403,8 @@ def _draw_title(figure: Figure, lines: list[str], scene: SceneRecord, proof: Pro
                 color=SOFT_INK, va="top", ha="left")  # fmt: skip
     if proof is not None:
         words, colour = ("✓ verified", "#15803D") if proof.verified else ("not verified", STOP_RED)
+        if proof.caveat:
+            words, colour = f"{words}, {proof.caveat}", STOP_RED
         figure.text(1 - left, below, words, fontsize=8.5, color=colour, fontweight="bold", va="top",
                     ha="right")  # fmt: skip
 

@@ -32,8 +32,10 @@ _ROWS, _OUT, _SETTING, _ERRORS = "rows.jsonl", "out", "setting.json", "errors.tx
 class Batches:
     """The batches of one folder; one process each while it is being made."""
 
-    def __init__(self, folder: Path, *, time_limit: float = DEFAULT_LIMIT) -> None:
-        self._folder, self._time_limit = folder, time_limit
+    def __init__(
+        self, folder: Path, *, time_limit: float = DEFAULT_LIMIT, lawful: bool = False
+    ) -> None:
+        self._folder, self._time_limit, self._lawful = folder, time_limit, lawful
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._lock = threading.Lock()
 
@@ -117,7 +119,7 @@ class Batches:
         with self._lock:
             process = self._running.get(name)
             if process is None or process.poll() is not None:
-                self._running[name] = _launch(folder, self._time_limit)
+                self._running[name] = _launch(folder, self._time_limit, lawful=self._lawful)
 
     def stop(self, name: str) -> None:
         """Ends the process of a batch; what is made stays."""
@@ -176,11 +178,12 @@ class Batches:
         return folder
 
 
-def _launch(folder: Path, time_limit: float) -> subprocess.Popen[bytes]:
+def _launch(folder: Path, time_limit: float, *, lawful: bool) -> subprocess.Popen[bytes]:
     setting = json.loads((folder / _SETTING).read_bytes())
     command = [sys.executable, "-m", "scenewright", "batch", str(folder / _ROWS)]
     command += ["--out", str(folder / _OUT), "--workers", "1", "--quiet"]
     command += ["--intersection", setting["intersection"], "--time-limit", str(time_limit)]
+    command += ["--lawful"] if lawful else []
     for backend in setting["backend"]:
         command += ["--backend", backend]
     with (folder / _ERRORS).open("wb") as errors:

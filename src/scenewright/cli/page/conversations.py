@@ -158,10 +158,11 @@ class Conversations:
     """All conversations of one file of threads; opened when they are first used."""
 
     def __init__(
-        self, file: str, *, backend: Backend, seed: int, time_limit: float = DEFAULT_LIMIT
-    ) -> None:
+        self, file: str, *, backend: Backend, seed: int, time_limit: float = DEFAULT_LIMIT,
+        lawful: bool = False,
+    ) -> None:  # fmt: skip
         self._file, self._backend, self._seed = file, backend, seed
-        self._time_limit = time_limit
+        self._time_limit, self._lawful = time_limit, lawful
         self._open: dict[str, Conversation] = {}
         self._lock = threading.Lock()
 
@@ -217,6 +218,7 @@ class Conversations:
             session = Session(
                 threads, name, backend=self._backend, setting=setting,
                 log=lambda stage, line: self._log(name, stage, line), time_limit=self._time_limit,
+                lawful=self._lawful,
             )  # fmt: skip
         except BaseException:
             threads.close()

@@ -22,7 +22,12 @@ from scenewright.dataset.batch.statistics import Statistics, draw_statistics
 from scenewright.dataset.batch.worker import Job
 from scenewright.dataset.tables.card import ABSTRACT, Contents, format_card
 from scenewright.dataset.tables.croissant import describe_in_croissant
-from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter
+from scenewright.dataset.tables.parquet import (
+    TABLES,
+    SceneFiles,
+    TableWriter,
+    count_unasked_red_lights,
+)
 from scenewright.files import write_atomically
 
 PICTURES = ("figures/overview.png", "figures/statistics.png")
@@ -41,6 +46,7 @@ class _Tally:
     agents: Counter[int] = field(default_factory=Counter)
     places: dict[str, array[float]] = field(default_factory=dict)
     verified: int = 0
+    unlawful: int = 0
     intersections: Counter[str] = field(default_factory=Counter)
     statistics: Statistics = field(default_factory=Statistics)
 
@@ -53,6 +59,7 @@ class _Tally:
             return
         self.statistics.note(files)
         self.verified += bool((files.proof or {})["verified"])
+        self.unlawful += count_unasked_red_lights(files.proof or {}) > 0
         self.patterns.update((files.provenance or {}).get("patterns", ()))
         self.agents[len(files.scene["agents"])] += 1
         self.intersections[files.scene["meta"]["intersection"]] += 1
@@ -188,6 +195,7 @@ def _build_contents(tally: _Tally, *, title: str, given: int, about: Mapping[str
         "rows given": given,
         **{f"rows {status}": count for status, count in _count_statuses(tally).items()},
         "scenes verified": tally.verified,
+        "scenes with a red light run unasked": tally.unlawful,
         "agents per scene, least, median, most": "–"
         if not len(sizes)
         else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",

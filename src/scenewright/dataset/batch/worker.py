@@ -41,8 +41,9 @@ class Options:
         lenient: words that cannot be realised are left out and listed, not refused.
         max_agents: most agents of a scene; what the environment says where none is named, so that
             the dataset's own files say; None for as many as the time of day has.
-        time_limit: longest that a scene may be computed [s]; it may change from run to run, as it
-            never changes a scene.
+        lawful: a scene in which an agent runs a red light unasked is refused.
+        time_limit: the emergency brake: longest that a scene may be computed [s]; it may change
+            from run to run, as it never changes a scene.
     """
 
     intersection: str
@@ -53,6 +54,7 @@ class Options:
     base_url: str | None = None
     lenient: bool = False
     max_agents: int | None = None
+    lawful: bool = False
     time_limit: float = DEFAULT_LIMIT
 
     def __post_init__(self) -> None:
@@ -64,8 +66,9 @@ class Options:
         """As plain JSON."""
         found = {**asdict(self), "backend": label(self.backend)}
         del found["time_limit"]
-        if not self.lenient:  # a dataset begun before there was this option must go on
-            del found["lenient"]
+        for name in ("lenient", "lawful"):  # a dataset begun before they were there must go on
+            if not found[name]:
+                del found[name]
         if self.max_agents is None:
             del found["max_agents"]
         return found
@@ -98,6 +101,7 @@ class Job:
     base_url: str | None = None
     lenient: bool = False
     max_agents: int | None = None
+    lawful: bool = False
     time_limit: float = DEFAULT_LIMIT
     asking: Asking = PLAINLY
 
@@ -141,6 +145,7 @@ def build_job(named: Named, options: Options, asking: Asking) -> Job:
         base_url=options.base_url,
         lenient=options.lenient,
         max_agents=options.max_agents,
+        lawful=options.lawful,
         time_limit=options.time_limit,
         asking=asking,
     )
@@ -193,6 +198,7 @@ def _make_scene(job: Job) -> Outcome:
         selection=job.selection,
         lenient=job.lenient,
         max_agents=job.max_agents,
+        lawful=job.lawful,
         time_limit=job.time_limit,
     )
     # What differs from run to run would make every file differ; the journal has it.

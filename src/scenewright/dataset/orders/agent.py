@@ -42,6 +42,7 @@ from scenewright.dataset.orders.writers import StoryRequest, Writer, WrittenText
 from scenewright.intersections import load_map
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import Density
+from scenewright.tools.map_grounding.grounding import can_be_lawful
 
 REWORDED = 2
 """Attempts at one pattern before another one of the kind takes its place."""
@@ -296,7 +297,17 @@ def draw_story(slot: Slot, context: OrderContext, rng: np.random.Generator) -> S
     is_given = bool(windows) or rng.random() < _TIME_GIVEN
     minute = draw_minute(windows, rng) if is_given else None
     drawn = _DENSITIES[int(rng.integers(len(_DENSITIES)))]
-    return Story(slot.quota.event, leaf, parties, minute, context.wish.context.density or drawn)
+    density = context.wish.context.density or drawn
+    runner = choose_runner(leaf, context.options.intersection) if context.options.lawful else None
+    return Story(slot.quota.event, leaf, parties, minute, density, runner)
+
+
+@cache
+def choose_runner(leaf: str | None, intersection: str) -> int | None:
+    """The party that a text has run a red light, as without that the pattern cannot be there."""
+    if leaf is None or can_be_lawful(get_pattern(leaf), intersection_map=load_map(intersection)):
+        return None
+    return 0 if get_pattern(leaf).violator == "from" else 1
 
 
 def _choose_leaf(slot: Slot) -> str | None:
@@ -324,6 +335,7 @@ def build_jobs(
             asked=entry.event,
             voice=entry.voice,
             base_url=find_url(entry.backend, options.base_url),
+            lawful=options.lawful,
             time_limit=options.time_limit,
             asking=asking[tuple(entry.backend)],
         )

@@ -110,6 +110,7 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
         intersection_map=intersection_map,
         base_url=order.options.base_url,
         asking=replace(order.asking, record=kept),
+        lawful=order.options.lawful,
     )
     header = build_order_header(order)
     with BatchFolder(order.out, header=header) as batch:

@@ -47,6 +47,7 @@ class Story:
     Attributes:
         event: as the checker calls it, or `normal`; leaf: id of the pattern, None for normal.
         minute: time of day [min], None: not given.
+        runner: the party that runs a red light, if one does.
     """
 
     event: str
@@ -54,6 +55,7 @@ class Story:
     parties: tuple[Party, ...]
     minute: int | None
     density: Density | None
+    runner: int | None = None
 
     @property
     def clock(self) -> str | None:

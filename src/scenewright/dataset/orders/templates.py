@@ -30,6 +30,12 @@ _NOUNS: Mapping[AgentClass, Mapping[str, float]] = {
     "cyclist": {"cyclist": 6, "bicyclist": 1, "bike": 1},
     "scooter": {"e-scooter": 4, "e-scooter rider": 1},
 }  # fmt: skip
+_RUNS: Mapping[AgentClass, tuple[str, ...]] = {
+    "vehicle": ("that runs a red light", "running a red light"),
+    "pedestrian": ("against a red light", "on red"),
+    "cyclist": ("who runs a red light", "running a red light"),
+    "scooter": ("that runs a red light", "running a red light"),
+}
 _SURELY_ON_FOOT = ("pedestrian", "jogger")
 """Nouns of one that hits another pedestrian; a man or a woman that does might be driving."""
 
@@ -174,7 +180,10 @@ def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list
         others = {n: w for n, w in _NOUNS[story.parties[1].type].items() if n != names[0]}
         names[1] = _draw_weighted(others, rng)
     pairs = zip(story.parties, names, strict=True)
-    return names, [_render_party(party, name, rng) for party, name in pairs]
+    nouns = [_render_party(party, name, rng) for party, name in pairs]
+    if story.runner is not None:
+        nouns[story.runner] += f" {_draw_one(_RUNS[story.parties[story.runner].type], rng)}"
+    return names, nouns
 
 
 def _render_normal(story: Story, voice: str, rng: np.random.Generator) -> str:

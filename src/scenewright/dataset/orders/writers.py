@@ -19,7 +19,11 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.map_grounding.grounding import find_assignments, ground_graph
+from scenewright.tools.map_grounding.grounding import (
+    find_asked_runners,
+    find_assignments,
+    ground_graph,
+)
 
 TRIES = 6
 """Texts of one story that are read back before another story is drawn."""
@@ -72,8 +76,9 @@ class BuiltinWriter:
 
     name = "builtin"
 
-    def __init__(self, intersection_map: IntersectionMap) -> None:
+    def __init__(self, intersection_map: IntersectionMap, *, lawful: bool = False) -> None:
         self._reader, self._on = load_backend("builtin"), intersection_map
+        self._lawful = lawful
 
     def write_text(
         self, story: Story, asked: StoryRequest, *, rng: np.random.Generator
@@ -84,16 +89,25 @@ class BuiltinWriter:
             voice = voices[(asked.turn + k) % len(voices)]
             text = render_text(story, voice, rng)
             if text not in asked.avoid and is_read_as(
-                self._reader, text, story, intersection_map=self._on
+                self._reader, text, story, intersection_map=self._on, lawful=self._lawful
             ):
                 return WrittenText(text, voice, k)
         return None
 
 
 def is_read_as(
-    reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap
+    reader: Backend,
+    text: str,
+    story: Story,
+    *,
+    intersection_map: IntersectionMap,
+    lawful: bool = False,
 ) -> bool:
-    """Whether a text is understood as its story, and whether the map has room for it."""
+    """Whether a text is understood as its story, and whether the map has room for it.
+
+    Args:
+        lawful: there must be room without a red light that is run unasked.
+    """
     graph = _read_back(reader, text, intersection_map)
     if graph is None:
         return False
@@ -106,7 +120,9 @@ def is_read_as(
         return not graph.relations and kinds == wanted and context.background is None
     if context.background is not None or not _has_same_event(graph, story):
         return False
-    return _is_pattern_certain(graph, story.leaf, intersection_map)
+    if lawful and (story.runner is None) != (not find_asked_runners(graph)):
+        return False
+    return _is_pattern_certain(graph, story.leaf, intersection_map, lawful=lawful)
 
 
 def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) -> SocialGraph | None:
@@ -122,13 +138,19 @@ def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) ->
     return graph
 
 
-def _is_pattern_certain(graph: SocialGraph, leaf: str, intersection_map: IntersectionMap) -> bool:
+def _is_pattern_certain(
+    graph: SocialGraph, leaf: str, intersection_map: IntersectionMap, *, lawful: bool
+) -> bool:
     """Whether the text leaves no other pattern to be drawn, so that patterns come out even."""
     grounding = ground_graph(graph, intersection_map=intersection_map)
     draws = (
         next(
             find_assignments(
-                graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(k)
+                graph,
+                grounding,
+                intersection_map=intersection_map,
+                rng=np.random.default_rng(k),
+                lawful=lawful,
             ),
             None,
         )
@@ -159,7 +181,13 @@ def _has_same_event(graph: SocialGraph, story: Story) -> bool:
 
 
 def describe_misreading(
-    reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap, strict: bool
+    reader: Backend,
+    text: str,
+    story: Story,
+    *,
+    intersection_map: IntersectionMap,
+    strict: bool,
+    lawful: bool = False,
 ) -> str | None:
     """What a text says that its story does not, as feedback for the writer; None if nothing.
 
@@ -167,7 +195,7 @@ def describe_misreading(
         strict: whether the reader must understand it; else only a contradiction counts, as a text
             may be clear to others that the reader cannot read.
     """
-    if strict and is_read_as(reader, text, story, intersection_map=intersection_map):
+    if strict and is_read_as(reader, text, story, intersection_map=intersection_map, lawful=lawful):
         return None
     reply = reader.answer(Question(task="plan", facts=_list_requested(text, intersection_map)))
     if "agents" not in reply:
@@ -224,13 +252,16 @@ class ModelWriter:
     most ASKED times; then a builtin template is used.
     """
 
-    def __init__(self, backend: Backend, intersection_map: IntersectionMap) -> None:
+    def __init__(
+        self, backend: Backend, intersection_map: IntersectionMap, *, lawful: bool = False
+    ) -> None:
         self.name = backend.name
         self._backend, self._else, self._on = (
             backend,
-            BuiltinWriter(intersection_map),
+            BuiltinWriter(intersection_map, lawful=lawful),
             intersection_map,
         )
+        self._lawful = lawful
         self._reader = load_backend("builtin")
 
     def write_text(
@@ -280,7 +311,12 @@ class ModelWriter:
         if text in asked.avoid or text in asked.taken:
             return "this very text was written before; word it differently"
         return describe_misreading(
-            self._reader, text, story, intersection_map=self._on, strict=asked.grammar
+            self._reader,
+            text,
+            story,
+            intersection_map=self._on,
+            strict=asked.grammar,
+            lawful=self._lawful,
         )
 
 
@@ -292,6 +328,8 @@ def build_facts(story: Story) -> dict[str, Any]:
         found["what exactly"] = get_pattern(story.leaf).subtype
     for role, party in zip(roles, story.parties, strict=False):
         found[role] = {key: value for key, value in asdict(party).items() if value is not None}
+    if story.runner is not None:
+        found[roles[story.runner]]["runs a red light"] = True
     return {key: value for key, value in found.items() if value is not None}
 
 
@@ -301,10 +339,10 @@ def load_writer(
     intersection_map: IntersectionMap,
     base_url: str | None = None,
     asking: Asking = PLAINLY,
+    lawful: bool = False,
 ) -> Writer:
     """The writer of that name for a place; InputError for a backend that does not exist."""
     if name == "builtin":
-        return BuiltinWriter(intersection_map)
-    return ModelWriter(
-        load_speaking_backend((name,), find_url((name,), base_url), asking), intersection_map
-    )
+        return BuiltinWriter(intersection_map, lawful=lawful)
+    backend = load_speaking_backend((name,), find_url((name,), base_url), asking)
+    return ModelWriter(backend, intersection_map, lawful=lawful)

@@ -52,6 +52,7 @@ SCHEMAS: Mapping[str, Fields] = {
         "attempts": ("int16", "how often the pipeline began anew"),
         "scene_id": ("string", "as in scene.json"),
         "verified": ("bool", "whether the checker confirms everything that was asked for"),
+        "unasked_red_lights": ("int16", "red lights that are run though no word asks for it"),
         "relations": ("list", "events asked for; empty: none shall happen"),
         "patterns": ("list", "leaves of the taxonomy that play them"),
         "time_of_day": ("string", "HH:MM or a range"),
@@ -212,6 +213,7 @@ def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
         "patterns": list(about.get("patterns", [])),
         "scene_id": meta["scene_id"],
         "verified": bool((files.proof or {})["verified"]),
+        "unasked_red_lights": count_unasked_red_lights(files.proof or {}),
         "relations": [each["type"] for each in scene["relations"]],
         "time_of_day": meta["time_of_day"],
         "timestamp": meta["timestamp"],
@@ -226,6 +228,11 @@ def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
         "background": sum(agent["role"] == "background" for agent in agents),
         "objects": _format_json(scene["objects"]) if scene.get("objects") else None,
     }
+
+
+def count_unasked_red_lights(proof: Mapping[str, Any]) -> int:
+    """How many red lights are run in a scene that no word of the request asks for."""
+    return len(proof["figures"].get("unasked_red_light_runs", ()))
 
 
 def _build_agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[str, Any]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from langgraph.runtime import Runtime
 
+from scenewright.errors import Rejected
 from scenewright.nodes.context import RunContext
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
+from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import build_candidates_with_frozen
@@ -20,9 +22,6 @@ _KEEPS = 6
 _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""
 
-_LAWFUL_ATTEMPTS = 9
-"""Refusals after which a red light may be run without being asked for."""
-
 
 class GeneratorReads(TypedDict):
     """Channels read."""
@@ -31,6 +30,7 @@ class GeneratorReads(TypedDict):
     grounding: Grounding
     pinned: FrozenAgents | None
     rejections: list[Rejection]
+    refinement: NotRequired[Refinement]
 
 
 class GeneratorWrites(TypedDict):
@@ -40,11 +40,37 @@ class GeneratorWrites(TypedDict):
 
 
 def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> GeneratorWrites:
-    """Draws the foreground agents, the number of background agents and M candidates per agent."""
+    """Draws the foreground agents, the number of background agents and M candidates per agent.
+
+    Lawful samples come first; where there can be none, or after as many as the budget has, those in
+    which an agent runs a red light unasked.
+    """
     context = runtime.context
+    lawful = (
+        context.lawful
+        or count_samples(state.get("rejections", []), state.get("refinement"))
+        <= context.budgets.generator
+    )
+    try:
+        return _draw(state, context, lawful=lawful)
+    except Rejected as error:
+        if context.lawful or error.rejection.code != "unlawful":
+            raise
+        context.log("agent_generator", error.rejection.detail)
+    return _draw(state, context, lawful=False)
+
+
+def count_samples(rejections: list[Rejection], refinement: Refinement | None) -> int:
+    """Count refusals after the planner, each a fresh sample unless it led to refining less."""
+    spent = sum(each.stage != "scene_planner" for each in rejections)
+    return spent - (0 if refinement is None else refinement.retries)
+
+
+def _draw(state: GeneratorReads, context: RunContext, *, lawful: bool) -> GeneratorWrites:
+    """One sample: lawful, or with a red light that is run unasked."""
     graph, pins = state["social_graph"], state.get("pinned")
     if pins is not None:
-        return _draw_around_frozen(pins, state, context)
+        return _draw_around_frozen(pins, state, context, lawful=lawful)
     rejections = state.get("rejections", [])
     rng = context.make_rng("agent_generator", rejections)
     hour = choose_hour(graph.context, context.priors, context.make_rng("agent_generator", []))
@@ -57,7 +83,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
         intersection_map=context.intersection,
         hour=hour,
         rng=rng,
-        lawful=len(state.get("rejections", [])) < _LAWFUL_ATTEMPTS,
+        lawful=lawful,
     )
     pool = amplify(
         graph,
@@ -77,7 +103,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
 
 
 def _draw_around_frozen(
-    pins: FrozenAgents, state: GeneratorReads, context: RunContext
+    pins: FrozenAgents, state: GeneratorReads, context: RunContext, *, lawful: bool
 ) -> GeneratorWrites:
     """The same around agents of an earlier version."""
     pool = build_candidates_with_frozen(
@@ -89,6 +115,7 @@ def _draw_around_frozen(
         size=context.draws,
         background_size=_CROWD_DRAWS if context.selection == "draw" else None,
         rng=context.make_rng("agent_generator", state.get("rejections", [])),
+        lawful=lawful,
     )
     context.log("agent_generator", f"{len(pins.same)} agents stay as they were")
     return {"candidates": pool}

@@ -82,11 +82,16 @@ def build_candidates_with_frozen(
     size: int,
     background_size: int | None,
     rng: np.random.Generator,
+    lawful: bool = True,
 ) -> CandidateSet:
-    """Candidates of all agents, those of an earlier version first (see `amplify`)."""
+    """Candidates of all agents, those of an earlier version first (see `amplify`).
+
+    Raises:
+        Rejected: as `assign_foreground` does.
+    """
     assignment = assign_foreground(
         _settle_patterns(graph, pins), grounding, priors,
-        intersection_map=intersection_map, hour=pins.hour, rng=rng,
+        intersection_map=intersection_map, hour=pins.hour, rng=rng, lawful=lawful,
     )  # fmt: skip
     patterns = tuple(pins.patterns.get(each.edge, each) for each in assignment.patterns)
     counts = Background.model_construct(  # more may have been drawn than can be asked for

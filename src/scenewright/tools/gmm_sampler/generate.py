@@ -12,10 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from scenewright.errors import Rejected
 from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet, DrawnWaypoints
 from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, get_rider_shape, get_vehicle_shape
@@ -57,7 +59,7 @@ QUIET = 0.5
 """Hours with less than this share of the busiest hour's trips are had only by being asked for."""
 _ASSIGNMENTS, _RIDER_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 24, 40
 """Assignments drawn, of which the best is taken: without and with riders; where a speed asked for
-or lawful routes want more."""
+wants more."""
 
 _RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
 """Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
@@ -101,12 +103,19 @@ def assign_foreground(
     rng: np.random.Generator,
     lawful: bool = True,
 ) -> RoleAssignment:
-    """Routes and patterns of the foreground; no red light is run where that can be avoided.
+    """Routes and patterns of the foreground.
 
     Args:
-        lawful: look longer for routes on which no agent runs a red light unasked.
+        lawful: no agent runs a red light unasked; else some agent does, if one can.
+
+    Raises:
+        Rejected: `unlawful`: in every assignment some agent runs a red light unasked.
     """
-    from scenewright.tools.map_grounding.grounding import count_signal_conflicts, find_assignments
+    from scenewright.tools.map_grounding.grounding import (
+        count_signal_conflicts,
+        find_assignments,
+        list_unasked_runners,
+    )
 
     weights = {
         route.id: math.sqrt(_get_rate(priors, route, hour)) + 1e-3
@@ -117,35 +126,35 @@ def assign_foreground(
     def weigh(route: Route) -> float:
         return weights[route.id]
 
-    def count_faults(assignment: RoleAssignment) -> tuple[int, Any, int]:
+    def count_faults(assignment: RoleAssignment) -> tuple[int, int, int, int]:
         violators = {each.violator for each in assignment.patterns if each.violator is not None}
         conflicts = count_signal_conflicts(assignment, intersection_map=intersection_map)
-        return count_slow_routes(graph, assignment), conflicts, len(violators)
+        obeys = not lawful and not list_unasked_runners(graph, assignment)
+        return int(obeys), count_slow_routes(graph, assignment), conflicts, len(violators)
 
-    def falls_short(assignment: RoleAssignment) -> bool:
-        unasked = lawful and list_unasked_runners(graph, assignment)
-        return count_slow_routes(graph, assignment) > 0 or bool(unasked)
-
-    def draw() -> RoleAssignment:
-        return next(
-            find_assignments(
-                graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh
-            )
-        )
+    def draw(*, lawful: bool = lawful) -> RoleAssignment:
+        found = find_assignments(
+            graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh,
+            lawful=lawful,
+        )  # fmt: skip
+        try:
+            return next(found)
+        except StopIteration:
+            runners = list_unasked_runners(graph, draw(lawful=False))
+            raise Rejected(_reject_unlawful(runners)) from None
 
     tries = _RIDER_ASSIGNMENTS if any(a.type in RIDERS for a in graph.agents) else _ASSIGNMENTS
     drawn = [draw() for _ in range(tries)]
-    while len(drawn) < _MOST_ASSIGNMENTS and falls_short(min(drawn, key=count_faults)):
+    while len(drawn) < _MOST_ASSIGNMENTS and any(min(map(count_faults, drawn))[:2]):
         drawn.append(draw())
     return min(drawn, key=count_faults)
 
 
-def list_unasked_runners(graph: SocialGraph, assignment: RoleAssignment) -> list[str]:
-    """List red-light runners that the request does not mention."""
-    caused = {edge.cause for edge in graph.relations}
-    if "red_light_run" in caused or any(agent.runs_red for agent in graph.agents):
-        return []
-    return sorted({each.violator for each in assignment.patterns if each.violator is not None})
+def _reject_unlawful(runners: list[str]) -> Rejection:
+    detail = (
+        f"{' and '.join(runners)} would have to run a red light, which the request does not say"
+    )
+    return Rejection(stage="agent_generator", code="unlawful", agents=tuple(runners), detail=detail)
 
 
 def amplify(

@@ -140,10 +140,59 @@ def find_assignments(
     intersection_map: IntersectionMap,
     rng: np.random.Generator,
     weight: RouteWeight = lambda _route: 1.0,
+    lawful: bool = False,
 ) -> Iterator[RoleAssignment]:
-    """Consistent choices of routes and patterns, likelier ones more often early; lazily."""
+    """Consistent choices of routes and patterns, likelier ones more often early; lazily.
+
+    Args:
+        lawful: only those in which no agent runs a red light unasked.
+    """
     order = {key: _shuffle_routes(each, rng, weight) for key, each in grounding.routes.items()}
-    yield from _assign(graph, intersection_map, rng, order, {}, ())
+    allowed = find_asked_runners(graph) if lawful else frozenset(grounding.routes)
+    yield from _assign(graph, intersection_map, rng, order, allowed, {}, ())
+
+
+def find_asked_runners(graph: SocialGraph) -> frozenset[str]:
+    """Agents of which the request says that they run a red light, or that one of two does."""
+    caused = (edge for edge in graph.relations if edge.cause == "red_light_run")
+    pairs = {name for edge in caused for name in (edge.from_, edge.to)}
+    return frozenset(pairs | {agent.id for agent in graph.agents if agent.runs_red})
+
+
+def list_unasked_runners(graph: SocialGraph, assignment: RoleAssignment) -> list[str]:
+    """Agents that run a red light in an assignment though the request does not say so."""
+    runners = {each.violator for each in assignment.patterns if each.violator is not None}
+    return sorted(runners - find_asked_runners(graph))
+
+
+def may_run_unasked(
+    graph: SocialGraph, grounding: Grounding, *, intersection_map: IntersectionMap
+) -> bool:
+    """Whether some assignment of a single relation has an agent that runs a red light unasked."""
+    rng = np.random.default_rng(0)
+    return any(
+        list_unasked_runners(graph, each)
+        for edge in graph.relations
+        for each in find_assignments(
+            graph.model_copy(update={"relations": (edge,)}), grounding,
+            intersection_map=intersection_map, rng=rng,
+        )
+    )  # fmt: skip
+
+
+def can_be_lawful(pattern: Pattern, *, intersection_map: IntersectionMap) -> bool:
+    """Whether a pattern has routes on a map on which nobody has to run a red light."""
+    if pattern.violator is None:
+        return True
+    mirrored = _is_mirrored(pattern, intersection_map)
+    routes = (*intersection_map.routes, *map(make_route, intersection_map.uturns))
+    roles = (pattern.from_, pattern.to)
+    ways = (_list_playable_routes(routes, role, mirrored=mirrored) for role in roles)
+    return any(
+        share_green(a, b, intersection_map=intersection_map)
+        and _meet_so(pattern, a, b, intersection_map)
+        for a, b in product(*ways)
+    )
 
 
 def have_conflict(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
@@ -268,17 +317,22 @@ def _assign(
     intersection_map: IntersectionMap,
     rng: np.random.Generator,
     order: dict[str, list[Route]],
+    allowed: frozenset[str],
     chosen: dict[str, Route],
     played: tuple[AssignedPattern, ...],
 ) -> Iterator[RoleAssignment]:
-    """Depth first over the edges, then over agents that no edge binds."""
+    """Depth first over the edges, then over agents that no edge binds.
+
+    Args:
+        allowed: agents that may run a red light.
+    """
     if len(played) < len(graph.relations):
         index = len(played)
         edge = graph.relations[index]
         for routes, cast_pattern in _play(edge, index, graph, intersection_map, rng, order, chosen):
-            yield from _assign(
-                graph, intersection_map, rng, order, chosen | routes, (*played, cast_pattern)
-            )
+            if cast_pattern.violator is None or cast_pattern.violator in allowed:
+                now, done = chosen | routes, (*played, cast_pattern)
+                yield from _assign(graph, intersection_map, rng, order, allowed, now, done)
         return
     for routes in _assign_free_agents(graph, intersection_map, order, chosen):
         yield RoleAssignment(routes=routes, patterns=played)

@@ -69,7 +69,7 @@ from scenewright.tools.map_import.survey import (
     SurveyLane,
 )
 
-_TIME_LIMIT = 60.0
+_TIME_LIMIT = 600.0
 """netconvert is stopped after that long [s]."""
 _LANE_REACH = 120.0
 """Lanes are followed that far out of the junction [m]."""

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.time_limit import check_time, find_time_left
 from scenewright.tools.solver.background_assignment import ConflictTable, Option
 from scenewright.tools.solver.offers import OptionWindow
 from scenewright.tools.solver.reservation import Steps
+from scenewright.work_limit import count_work
 
 Placement = tuple[int, int, int]
 """Agent, option and entry time [steps]."""
@@ -198,11 +198,8 @@ class AssignmentModel:
         solver.parameters.random_seed = 1
         solver.parameters.max_deterministic_time = max(self._state.seconds, 0.0)
         solver.parameters.cp_model_presolve = False
-        left = find_time_left()
-        if left is not None:
-            solver.parameters.max_time_in_seconds = max(left, 0.0)
+        count_work()
         status = solver.solve(self._model)
-        check_time()  # what it found in the time that was left depends on the machine
         self._state.seconds -= solver.response_proto.deterministic_time
         return solver, status
 

@@ -33,7 +33,6 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.selection import Stop
-from scenewright.time_limit import check_time
 from scenewright.tools.map_grounding.signal_plan import SignalDemand
 from scenewright.tools.solver.contact import schedule_contacts
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
@@ -47,6 +46,7 @@ from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.time_gaps import schedule_headways, schedule_time_gaps
 from scenewright.tools.solver.yielding import schedule_yields
+from scenewright.work_limit import count_work
 
 _CLEARLY = 0.2
 """How much earlier [s] the first agent in the zone of a collision must be there."""
@@ -106,7 +106,7 @@ class ForegroundSolver:
             return
         first, *others = clauses
         for scheduled in _schedule_clause(first, schedule, self._context):
-            check_time()
+            count_work()
             self._context.misses.note_met(first)
             yield from self._schedule_rest(tuple(others), scheduled)
 

@@ -23,6 +23,7 @@ from scenewright.scene.track import Shape
 from scenewright.tools.map_grounding.object_places import Side, find_places, make_footprint
 from scenewright.tools.solver.line_of_sight import find_lead
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
+from scenewright.work_limit import count_work
 
 geos: Any = import_module("shapely")
 
@@ -179,6 +180,7 @@ class ObjectPlacer:
         for leg, side in self._list_sides(node, schedule):
             places = self._find_places(node, leg, side)
             for k in self._rng.permutation(len(places)):
+                count_work()
                 if _keeps_apart(places[k], others) and self._hides(node, places[k], schedule):
                     yield places[k]
 
@@ -195,6 +197,7 @@ class ObjectPlacer:
             places = self._find_places(node, leg, side)
             away = [float(geos.distance(around, geos.Point(p.x, p.y))) for p in places]
             for k in np.argsort(away):
+                count_work()
                 between = geos.LineString([(first.x, first.y), (places[k].x, places[k].y)])
                 gap = geos.distance(make_footprint(first), make_footprint(places[k]))
                 if (

@@ -23,7 +23,7 @@ from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Shape
-from scenewright.time_limit import check_time
+from scenewright.work_limit import count_work
 
 FOREVER = 1e4
 """Longer than any scene [s]: how long a wreck stays."""
@@ -244,7 +244,7 @@ def find_conflict_intervals(
     pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
 ) -> Intervals:
     """Find C(c) as disjoint intervals of delta = o_b - o_a [s]; see `find_meeting_intervals`."""
-    check_time()
+    count_work()
     return find_meeting_intervals(pair, a, b, exact=exact).compute_intervals(c)
 
 

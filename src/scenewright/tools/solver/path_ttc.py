@@ -11,6 +11,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.path_conflict import PathConflict
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
+from scenewright.work_limit import count_work
 
 _LOOK = 0.05
 """How finely the time ahead is searched for a contact [s]."""
@@ -44,6 +45,7 @@ def compute_path_ttc(
 ) -> PathTtc:
     """Compute the path TTC of two agents, up to `horizon` [s], from the nodes at which they
     touch."""
+    count_work()
     times = get_shared_times(a, b)
     if times is None or not pair.touches:
         return PathTtc(np.empty(0), np.empty(0))

@@ -26,7 +26,6 @@ from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.track import STEP
-from scenewright.time_limit import check_time
 from scenewright.tools.solver.path_conflict import (
     SLACK,
     Half,
@@ -35,6 +34,7 @@ from scenewright.tools.solver.path_conflict import (
     compute_occupancy,
 )
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.work_limit import count_work
 
 Steps = NDArray[np.int64]
 ConflictRuns = tuple[IntArray, IntArray]
@@ -182,7 +182,7 @@ class ReservationTable:
         self, actor: ScheduledAgent, *, foreground: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Find the ends [N] of the intervals of entry times [s] at which the agents would meet."""
-        check_time()
+        count_work()
         corridor = get_corridor(actor.candidate)
         come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         nodes, keeping, _ = self._build_table()

@@ -56,7 +56,6 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
 from scenewright.scene.track import STEP
-from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.map_grounding.signal_plan import (
@@ -131,6 +130,7 @@ from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, 
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
 from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
+from scenewright.work_limit import count_work
 
 MAX_SECONDS = 30.0
 """Length of a scene [s]: as long as the windows in which p_tod counts agents."""
@@ -328,7 +328,7 @@ class Search:
                 orders = [self._rng.permutation(len(each.nll)) for each in draws]
 
     def _try(self, choice: dict[str, int]) -> Selection | None:
-        check_time()
+        count_work()
         built = {name: self._get_candidate(name, m) for name, m in choice.items()}
         if None in built.values():
             self._vary_only(name for name, pair in built.items() if pair is None)
@@ -812,7 +812,7 @@ class Search:
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
-            check_time()
+            count_work()
             built = self._get_candidate(draws.name, m)
             if built is None or is_in_way(built[0], objects):
                 continue

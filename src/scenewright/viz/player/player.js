@@ -526,8 +526,9 @@ function markEvent() {
 function buildProof() {
   const verified = data.proof?.verified;
   const words = data.proof === null ? "Not checked: the folder holds no proof" : verified ? "✓ Verified" : "✗ Not verified";
-  find("verdict").textContent = words;
-  find("verdict").className = verified ? "good" : "bad";
+  const unasked = data.proof?.figures?.unasked_red_light_runs?.length ?? 0;
+  find("verdict").textContent = unasked ? `${words}, ${unasked} red light${unasked > 1 ? "s" : ""} run unasked` : words;
+  find("verdict").className = verified && !unasked ? "good" : "bad";
   data.events.forEach((event, n) => {
     const figures = make("span", { className: "figures", textContent: formatEvidence(event.evidence) });
     const button = make("button", { type: "button" }, make("span", { textContent: formatEvent(event) }), figures);
