@@ -6,7 +6,7 @@ from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.references import read_choice
 from scenewright.backends.builtin.revising import read
-from scenewright.cli.scene_summary import list_unshown
+from scenewright.cli.scene_summary import list_choices
 from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.social import Refusal
 from scenewright.scene.streets import expand_name
@@ -55,7 +55,7 @@ def test_which_leg_of_a_street_with_two_is_drawn_and_said(words):
     assert [graph.agents[0].entry for graph in graphs] == ["north", "south"] * 2
     (entry,) = (each for each in graphs[1].said if each.became == "entry")
     assert entry.note.endswith("has the legs north and south; the words leave open which")
-    assert list_unshown(graphs[1].said)[-1].startswith("chosen: the south leg (Borough High St")
+    assert list_choices(graphs[1].said)[-1].startswith("chosen: the south leg (Borough High St")
 
 
 def test_two_on_one_street_who_cannot_meet_on_one_leg_come_from_both():

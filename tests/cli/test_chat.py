@@ -71,7 +71,9 @@ def test_a_script_gets_one_object_for_every_line(tmp_path: Path, talk: Talk) -> 
     ]  # fmt: skip
     assert all(each["ok"] is (each["kind"] != "refused") for each in made)
     assert made[1]["moved"] == []
-    assert made[1]["verified"]
+    assert [made[1][key] for key in ("verified", "verdict", "caveat")] == [True, "verified", ""]
+    assert {each["turn"] for each in made[1]["account"]} == {0, 1}
+    assert made[8]["verdict"] == "verified"
     assert made[4]["changed"] == ["vehicle-1"]
     assert verify(tmp_path / "there").verified
     assert (tmp_path / "there" / "scene.png").is_file()
@@ -134,15 +136,16 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
 
             assert not (await call("show_scene"))["ok"]
             made = await call("make_scene", instruction=YIELD)
-            assert made["verified"]
+            assert (made["verified"], made["verdict"]) == (True, "verified")
+            assert {each["state"] for each in made["account"]} == {"seen"}
             hit = await call("edit_scene", words="now have it be a collision")
             assert [each["type"] for each in hit["events"]] == ["collision"]
             assert not (await call("edit_scene", words="remove the bus"))["ok"]
             assert (await call("explain_refusal"))["lines"]
             scene = (await call("scene_json"))["scene"]
-            assert (await call("verify_scene", scene=scene))["verified"]
+            assert (await call("verify_scene", scene=scene))["verdict"] == "verified"
             scene["agents"][0]["trajectory"] = scene["agents"][0]["trajectory"][::-1]
-            assert not (await call("verify_scene", scene=scene))["verified"]
+            assert (await call("verify_scene", scene=scene))["verdict"] == "not verified"
             assert not (await call("verify_scene", scene={"meta": 1}))["ok"]
             assert (await call("undo"))["version"] == 1
             picture = await client.read_resource("scene://version/2/picture.png")

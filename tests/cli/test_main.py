@@ -76,6 +76,25 @@ def test_make_writes_a_whole_folder(run: Run, tmp_path: Path) -> None:
     assert "nothing happens" in done.err
 
 
+def test_words_that_are_not_shown_stand_beside_the_verdict_everywhere(
+    run: Run, tmp_path: Path
+) -> None:
+    told = run("make", f"{QUICK}, a dog barks", "--lenient", "--out", "x", "--json", *PLAIN)
+    made = json.loads(told.out)
+    assert (made["verified"], made["verdict"]) == (True, "partly")
+    assert made["caveat"] == "'dog', 'barks' not shown"
+    amber = [each["words"] for each in made["account"] if each["state"] == "not_shown"]
+    assert amber == ["dog", "barks"]
+    proof = json.loads((tmp_path / "x" / "proof.json").read_bytes())
+    assert proof["account"] == made["account"]
+    (checked,) = json.loads(run("verify", "x", "--json").out)["scenes"]
+    assert (checked["verdict"], checked["caveat"]) == ("partly", made["caveat"])
+    shown = run("verify", "x")
+    assert shown.code == 0
+    assert "partly: " in shown.out
+    assert "x: not shown: 'dog' (animals are not shown), 'barks'" in shown.out.splitlines()[-1]
+
+
 def test_make_names_a_folder_itself(run: Run) -> None:
     done = run("make", QUICK, *PLAIN)
     folder = Path(done.out.strip())
@@ -87,7 +106,8 @@ def test_make_names_a_folder_itself(run: Run) -> None:
 def test_make_reports_to_machines_in_one_object(run: Run) -> None:
     done = run("make", CROSSING, "--out", "x", "--json", *PLAIN)
     given = json.loads(done.out)
-    assert (given["ok"], given["verified"], given["folder"]) == (True, True, "x")
+    assert (given["ok"], given["verdict"], given["folder"]) == (True, "verified", "x")
+    assert {each["state"] for each in given["account"]} == {"seen"}
     assert [event["type"] for event in given["events"]] == ["collision"]
     assert given["files"] == FILES
     assert given["warnings"] == []

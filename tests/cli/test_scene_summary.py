@@ -2,14 +2,81 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from scenewright.cli.console import format_one_line
 from scenewright.cli.make import choose_folder_name
-from scenewright.cli.scene_summary import place
+from scenewright.cli.scene_summary import (
+    choose_style,
+    format_verdict,
+    list_choices,
+    list_unseen_words,
+    place,
+)
 from scenewright.intersections import load_map
+from scenewright.scene.events import Proof
 
 ON = load_map("amsterdam_120")
+
+
+WORDS = {
+    "car": "seen", "dog": "not_shown", "honks": "not_shown", "bus": "contradicted",
+    "daylight": "stands_anyway", "carelessly": "manner", "x\x1b": "not_shown",
+}  # fmt: skip
+
+
+def prove(*words: str, verified: bool = True, **fields: Any) -> Proof:
+    """A proof with these words in the account."""
+    entries = [
+        {"start": 0, "end": 1, "words": each, "state": WORDS[each], "evidence": f"why {each}"}
+        for each in words
+    ]
+    return Proof.model_validate({"verified": verified, "events": (), "account": entries, **fields})
+
+
+RUN = {"unasked_red_light_runs": [{"agent": 1, "time": 2.0}]}
+
+
+@pytest.mark.parametrize(
+    ("proof", "words", "style"),
+    [
+        (prove("car", "daylight", "carelessly"), "verified", "green"),
+        (prove("car", "dog", "honks"), "partly: 'dog', 'honks' not shown", "yellow"),
+        (prove("car", figures=RUN), "verified, 1 red light run unasked", "yellow"),
+        (prove("dog", figures=RUN), "partly: 'dog' not shown, 1 red light run unasked", "yellow"),
+        (prove(), "verified, no account of words", "yellow"),
+        (prove("bus", verified=False), "not verified (0 findings)", "red"),
+        (
+            prove("x\x1b", verified=False),
+            "not verified, 'x\\x1b' not shown (0 findings)",
+            "red",
+        ),
+    ],
+)
+def test_the_verdict_has_beside_it_what_it_does_not_cover(
+    proof: Proof, words: str, style: str
+) -> None:
+    assert format_verdict(proof) == words
+    assert choose_style(verified=proof.verified, caveat=proof.caveat) == style
+
+
+def test_every_word_that_was_not_seen_is_listed_by_its_state() -> None:
+    assert list_unseen_words(prove(*list(WORDS)[:-1])) == [
+        "not shown: 'dog' (why dog), 'honks' (why honks)",
+        "contradicted: 'bus' (why bus)",
+        "stands anyway: 'daylight'",
+        "without effect on tracks: 'carelessly'",
+    ]
+    assert list_unseen_words(prove("car")) == []
+
+
+def test_what_the_planner_took_words_for_is_no_part_of_the_summary() -> None:
+    hint = {"start": 0, "end": 3, "words": "dog", "became": "nothing", "status": "unrealised"}
+    proof = prove("car", said=[hint])
+    assert (format_verdict(proof), list_unseen_words(proof)) == ("verified", [])
+    assert list_choices(proof.said) == []
 
 
 @pytest.mark.parametrize("crosswalk", ON.crosswalks, ids=lambda each: each.leg)

@@ -65,7 +65,7 @@ def thread(client: TestClient) -> str:
     name = client.post("/api/threads", json={"intersection": "amsterdam_120"}).json()["thread"]
     *stages, last = take_turn(client, name, "say", YIELD)
     assert [each["stage"] for each in stages][-1] == "scene_verifier"
-    assert last["reply"]["kind"] == "made"
+    assert (last["reply"]["kind"], last["reply"]["caveat"]) == ("made", "")
     (undone,) = take_turn(client, name, "undo")
     assert undone["reply"]["kind"] in ("moved_to", "nothing")
     return str(name)

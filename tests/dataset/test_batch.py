@@ -201,15 +201,12 @@ def test_the_account_of_words_is_a_table_with_the_checkers_evidence(whole: Path)
     rows = import_parquet().read_table(whole / "tables" / "account.parquet").to_pylist()
     proof = json.loads((whole / "follow" / "proof.json").read_bytes())
     assert [each for each in rows if each["row"] == "follow"] == [
-        {"row": "follow", **entry} for entry in proof["said"]
+        {"row": "follow", **entry} for entry in proof["account"]
     ]
-    (follows,) = (e for e in rows if e["row"] == "follow" and e["became"] == "relation")
+    (follows,) = (e for e in rows if e["row"] == "follow" and e["words"] == "follows")
     assert TEXTS["follow"][follows["start"] : follows["end"]] == follows["words"] == "follows"
-    assert (follows["agents"], follows["value"], follows["status"]) == (
-        [1, 2],
-        "follow",
-        "realised",
-    )
+    assert (follows["agents"], follows["turn"], follows["state"]) == ([1, 2], 0, "seen")
+    assert follows["claim"] == "event follow"
     assert follows["evidence"].startswith("follow of 1 and 2 at ")
     assert "pizza" not in {each["row"] for each in rows}
 
@@ -218,7 +215,7 @@ def test_a_scene_of_an_earlier_version_has_no_rows_of_account(whole: Path) -> No
     scene, proof = (
         json.loads((whole / "follow" / name).read_bytes()) for name in ("scene.json", "proof.json")
     )
-    del scene["said"], proof["said"]
+    del scene["said"], proof["account"]
     about = {
         "row": "follow",
         "text": TEXTS["follow"],
@@ -339,12 +336,16 @@ def test_lenient_makes_the_row_and_lists_the_words_that_it_leaves_out(tmp_path: 
     assert strict.counts == {"refused": 1}
     lenient = run_batch(Request(path, tmp_path / "out", replace(OPTIONS, lenient=True)))
     assert lenient.counts == {"made": 1}
-    said = json.loads((tmp_path / "out" / "wet" / "scene.json").read_bytes())["said"]
-    assert [each["words"] for each in said if each["status"] == "unrealised"] == ["In the rain"]
-    account = (
-        import_parquet().read_table(tmp_path / "out" / "tables" / "account.parquet").to_pylist()
+    scenes, account = (
+        import_parquet().read_table(tmp_path / "out" / "tables" / f"{name}.parquet").to_pylist()
+        for name in ("scenes", "account")
     )
-    assert [each["words"] for each in account if each["status"] == "unrealised"] == ["In the rain"]
+    assert [each["words"] for each in account if each["state"] == "not_shown"] == ["rain"]
+    assert [(each["verdict"], each["not_shown"]) for each in scenes] == [("partly", ["rain"])]
+    card = (tmp_path / "out" / "README.md").read_text()
+    assert "| scenes verified | 0 |" in card
+    assert "| scenes verified in part, without all words | 1 |" in card
+    assert "| words not shown, those of most scenes | 'rain' |" in card
     assert audit_dataset(tmp_path / "out").faults == ()
 
 
@@ -445,7 +446,7 @@ def test_the_card_names_licence_tables_and_counts(whole: Path) -> None:
     assert "path: tables/tracks.parquet" in card
     assert "| rows made | 3 |" in card
     assert "path: tables/account.parquet" in card
-    assert "| `agents` | list of int16 | those it is said of |" in card
+    assert "| `agents` | list of int16 | those in the evidence |" in card
     manifest = json.loads((whole / "manifest.json").read_bytes())
     assert manifest["rows"] == {"given": 4, "made": 3, "refused": 1, "failed": 0, "left": 0}
 

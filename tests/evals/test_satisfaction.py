@@ -17,6 +17,7 @@ from scenewright.evals.leaderboard import enter_leaderboard
 from scenewright.evals.satisfaction import (
     Submission,
     Verdict,
+    collect,
     count_verdicts,
     judge,
     read_submission,
@@ -26,6 +27,7 @@ from scenewright.evals.satisfaction import (
 from scenewright.evals.satisfaction.seen import SeenAgent, see_agents
 from scenewright.graph.run import Scene
 from scenewright.intersections import load_map
+from scenewright.scene.account import AccountEntry
 from scenewright.scene.events import Event
 from scenewright.scene.track import Shape, Track
 from scenewright.tools.relation_checker import RoadUser
@@ -73,7 +75,7 @@ def test_what_was_said_and_nothing_else_satisfies() -> None:
         (Submission((CAR, replace(WALKER, crosswalks=frozenset({"west"}))), (YIELD,)), "does not"),
         (Submission((CAR, WALKER, OTHER), (YIELD, event("collision", 3, 1))), "unasked collision"),
         (Submission((CAR, WALKER, OTHER), (YIELD, event("near_miss", 3, 2, pet=1.4))), "near_miss"),
-        (Submission((CAR, WALKER), (YIELD,), fault="'in the rain' was left out"), "left out"),
+        (Submission((CAR, WALKER), (YIELD,), fault="partly: 'rain' not shown"), "not shown"),
     ],
 )
 def test_anything_missing_turned_or_added_is_wrong(submission: Submission, reason: str) -> None:
@@ -142,6 +144,18 @@ def test_our_scene_and_its_tracks_in_another_format_are_judged_alike(
     (tmp_path / "csv" / "one.xosc").write_text("")
     with pytest.raises(InputError, match="keep one"):
         read_submission(tmp_path / "csv", "one", intersection="amsterdam_120")
+
+
+def test_a_scene_that_does_not_show_all_words_does_not_satisfy(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene.save(tmp_path / "one")
+    dog = AccountEntry(start=0, end=3, words="dog", state="not_shown")
+    partly = scene.proof.model_copy(update={"account": (*scene.proof.account, dog)})
+    monkeypatch.setattr(collect, "verify", lambda _: partly)
+    found = read_submission(tmp_path, "one", intersection="amsterdam_120")
+    assert found is not None
+    assert found.fault == "partly: 'dog' not shown"
 
 
 def test_figures_have_their_own_denominators_and_the_board_is_ordered(tmp_path: Path) -> None:

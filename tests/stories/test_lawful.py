@@ -18,7 +18,6 @@ from scenewright.dataset.batch.worker import Job, Options, build_job, work
 from scenewright.dataset.orders.agent import build_slots, choose_runner, draw_story
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.writers import BuiltinWriter, StoryRequest
-from scenewright.dataset.tables.parquet import count_unasked_red_lights
 from scenewright.errors import Rejected, Unsatisfiable
 from scenewright.graph import routes
 from scenewright.graph.run import Scene
@@ -79,7 +78,7 @@ def test_what_is_run_unasked_stands_beside_the_tick(tmp_path: Path) -> None:
     scene = unlawful()
     assert (scene.proof.verified, scene.proof.unasked_red_lights) == (True, 1)
     assert format_verdict(scene.proof) == "verified, 1 red light run unasked"
-    assert count_unasked_red_lights(scene.proof.model_dump(mode="json")) == 1
+    assert scene.proof.unasked_red_lights == 1
     assert '"unasked_red_light_runs":' in build_player(
         scene=scene.record, proof=scene.proof, intersection=ON
     )

@@ -12,6 +12,7 @@ from math import pi
 import numpy as np
 import pytest
 
+from scenewright.scene.account import AccountEntry
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.map import (
@@ -342,7 +343,27 @@ def yielding_proof() -> Proof:
             "evidence": {"pet": 2.4, "clearance": 2.1, "lowest_speed": 0.0},
         }
     )
-    return Proof(verified=True, events=(event,), figures={"vehicles": 4, "pedestrians": 3})
+    return Proof(
+        verified=True,
+        events=(event,),
+        account=(account_entry("car", "seen", claim="class car", agents=(1,)),),
+        figures={"vehicles": 4, "pedestrians": 3},
+    )
+
+
+def account_entry(words: str, state: str, text: str = PROMPT, **fields: object) -> AccountEntry:
+    """The entry of words of a text."""
+    start = text.index(words)
+    return AccountEntry.model_validate(
+        {"start": start, "end": start + len(words), "words": words, "state": state, **fields}
+    )
+
+
+@pytest.fixture
+def partly(proof: Proof) -> Proof:
+    """The proof where two words of the prompt are not shown."""
+    amber = (account_entry("coming", "not_shown"), account_entry("light", "not_shown"))
+    return proof.model_copy(update={"account": (*proof.account, *amber)})
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.scene.account import SaidRecord
+from scenewright.scene.account import AccountEntry, SaidRecord
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
@@ -47,6 +47,32 @@ def test_the_page_holds_every_track_and_the_proof(
     assert data["proof"]["verified"] is True
 
 
+def test_words_have_their_state_and_their_place_in_all_the_texts(
+    scene: SceneRecord, proof: Proof, intersection: IntersectionMap
+) -> None:
+    texts = ("A car yields, a dog barks", "make the car a bus")
+    entries = (
+        AccountEntry(start=2, end=5, words="car", state="seen", claim="class car", agents=(1,)),
+        AccountEntry(start=16, end=19, words="dog", state="not_shown", evidence="no animals"),
+        AccountEntry(turn=1, start=15, end=18, words="bus", state="seen", agents=(1,)),
+    )
+    hint = SaidRecord(start=0, end=5, words="A car", became="agent", status="realised")
+    checked = proof.model_copy(update={"account": entries, "said": (hint,)})
+    talked = change_prompt(scene, "; then: ".join(texts))
+    data = read_data(build_player(scene=talked, proof=checked, intersection=intersection))
+    prompt = data["meta"]["user_prompt"]
+    assert [prompt[each["start"] : each["end"]] for each in data["account"]] == [
+        "car",
+        "dog",
+        "bus",
+    ]
+    assert [each["state"] for each in data["account"]] == ["seen", "not_shown", "seen"]
+    assert data["proof"]["verdict"] == "partly: 'dog' not shown"
+    assert "said" not in data
+    unchecked = read_data(build_player(scene=talked, proof=None, intersection=intersection))
+    assert unchecked["account"] == []
+
+
 def test_no_text_of_a_scene_becomes_markup(
     scene: SceneRecord, proof: Proof, intersection: IntersectionMap
 ) -> None:
@@ -75,9 +101,12 @@ def test_numbers_that_are_not_finite_are_refused() -> None:
 def test_a_browser_shows_the_words_the_proof_and_no_error(
     tmp_path: Path, scene: SceneRecord, proof: Proof, intersection: IntersectionMap
 ) -> None:
-    said = SaidRecord(start=0, end=5, words="A car", became="agent", agents=(1,), value="car")
-    hostile = change_prompt(scene, HOSTILE).model_copy(update={"said": (said,)})
-    checked = proof.model_copy(update={"said": (said,)})
+    entries = (
+        AccountEntry(start=0, end=5, words="A car", state="seen", claim="class car", agents=(1,)),
+        AccountEntry(start=8, end=14, words="script", state="not_shown", evidence="<b>no</b>"),
+    )
+    hostile = change_prompt(scene, HOSTILE)
+    checked = proof.model_copy(update={"account": entries})
     write_player(tmp_path / "page.html", scene=hostile, proof=checked, intersection=intersection)
     done = subprocess.run(
         [
@@ -93,7 +122,9 @@ def test_a_browser_shows_the_words_the_proof_and_no_error(
     )
     shown = done.stdout
     assert "CONSOLE" not in done.stderr
-    assert re.search(r"<mark[^>]*>A car</mark> &lt;/script&gt;", shown)
+    assert re.search(r'<mark class="seen"[^>]*>A car</mark> &lt;/<mark class="not_shown"', shown)
+    assert "<td>class car (vehicle-1)</td>" in shown
+    assert '<td class="state">not shown</td><td></td><td>&lt;b&gt;no' in shown
     assert "<title>A car &lt;/script" in shown
-    assert "✓ Verified" in shown
+    assert '<h2 id="verdict" class="amber">✓ Partly: \'script\' not shown</h2>' in shown
     assert "8.2 s: vehicle-1 yields to pedestrian-2" in shown

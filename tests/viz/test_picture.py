@@ -23,7 +23,9 @@ from scenewright.viz.appearance import (
     make_printable,
     parse_colour,
 )
+from scenewright.viz.figure import use_plain_style
 from scenewright.viz.frame_times import choose_frame_times
+from scenewright.viz.still import draw_figure
 from scenewright.viz.video import film_scene
 
 HOSTILE = (
@@ -70,6 +72,25 @@ def test_north_is_up_and_east_right(
         spots[number] = found.mean(axis=0)
     assert spots[1][1] > 350
     assert spots[2][0] < spots[1][0]
+
+
+def test_amber_words_stand_beside_the_tick_of_picture_and_animation(
+    scene: SceneRecord, proof: Proof, partly: Proof, intersection: IntersectionMap
+) -> None:
+    bare = proof.model_copy(update={"account": ()})
+    for checked, words, colour in (
+        (proof, "✓ verified", "#15803D"),
+        (partly, "✓ partly\n'coming', 'light' not shown", "#A15C00"),
+        (bare, "✓ verified\nno account of words", "#A15C00"),
+        (partly.model_copy(update={"verified": False}), "not verified\n'coming', 'light' not shown",
+         "#B3202A"),
+    ):  # fmt: skip
+        figure = draw_figure(scene, checked, intersection, 60)
+        assert [each.get_color() for each in figure.texts if each.get_text() == words] == [colour]
+        with use_plain_style():
+            facts = AnimatedScene(scene, checked, intersection).figure.texts[-1]
+        assert facts.get_text().endswith(f" {checked.describe_verdict()}")
+        assert facts.get_color() == colour
 
 
 def test_same_scene_gives_the_same_bytes(

@@ -118,6 +118,17 @@ def test_report_holds_the_findings_as_plain_words(
     assert r"\*\*never\*\* slowed \# down" in page
 
 
+def test_the_report_has_the_verdict_and_a_row_for_every_word(
+    tmp_path: Path, scene: SceneRecord, partly: Proof, intersection: IntersectionMap
+) -> None:
+    record_scene(tmp_path / "a.rrd", scene=scene, proof=partly, intersection=intersection,
+                 candidates=None, priors=None, messages=[])  # fmt: skip
+    page = str(column(chunks_of(tmp_path / "a.rrd")["/report"], "TextDocument:text")[0])
+    assert "**Partly: 'coming', 'light' not shown.**" in page
+    assert "| car | seen | class car |  |" in page
+    assert "| light | not shown |  |  |" in page
+
+
 def test_nothing_is_left_where_a_recording_cannot_be_written(
     tmp_path: Path, scene: SceneRecord, intersection: IntersectionMap
 ) -> None:

@@ -30,6 +30,7 @@ def compare_versions(
 
 def _build_rows(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) -> list[list[str]]:
     return [
+        ["verdict", a_proof.describe_verdict(), b_proof.describe_verdict()],
         ["events", _format_events(a, a_proof), _format_events(b, b_proof)],
         ["agents", str(len(a.agents)), str(len(b.agents))],
         ["time of day", a.meta.time_of_day, b.meta.time_of_day],

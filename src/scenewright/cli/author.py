@@ -49,6 +49,7 @@ def author(
     from scenewright.authoring.agent import author as authored
     from scenewright.cli.make import SCENES, choose_folder_name, read_instruction
     from scenewright.cli.output_folder import target_folder, try_folder
+    from scenewright.cli.scene_summary import format_verdict
 
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=None)
@@ -72,9 +73,11 @@ def author(
     if not quiet:
         for name, fine in made.calls:
             log_line(f"  {format_one_line(name, limit=40)}{'' if fine else ': refused'}")
+        log_line(format_verdict(made.proof))
     if as_json:
         calls = [{"tool": name, "ok": fine} for name, fine in made.calls]
-        write_json({"ok": True, "folder": str(target), "files": files, "calls": calls})
+        write_json({"ok": True, "folder": str(target), "files": files, "calls": calls,
+                    **made.proof.build_verdict()})  # fmt: skip
     else:
         write_stdout(f"{target}\n")
 

@@ -396,7 +396,7 @@ def build_facts(shown: SessionVersion) -> dict[str, Any]:
     """What a script wants to know of a version."""
     version = shown.version
     return {
-        "verified": shown.proof.verified,
+        **shown.proof.build_verdict(),
         "events": shown.record.to_json()["events"],
         "agents": [
             {

@@ -77,7 +77,7 @@ def check(
         faults = [vars(fault) for fault in found.faults]
         write_json({"ok": not found.faults, **about, "faults": faults})
     else:
-        counts = f"{found.files} files, {found.verified} of {found.scenes} scenes verified"
+        counts = f"{found.files} files, {found.verified} of {found.scenes} proofs confirmed"
         write_stdout(f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n")
     for fault in found.faults[:_SHOWN]:
         log_line(format_one_line(f"{fault.where}: {fault.what}"))

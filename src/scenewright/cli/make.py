@@ -76,7 +76,7 @@ class MakeResult:
             "scene_id": record.meta.scene_id,
             "folder": str(self.folder),
             "files": list(self.files),
-            "verified": proof.verified,
+            **proof.build_verdict(),
             "events": record.to_json()["events"],
             "agents": len(record.agents),
             "seed": record.meta.seed,

@@ -221,7 +221,7 @@ class _ClientState:
         return self._act("redo")
 
     def show_scene(self) -> dict[str, Any]:
-        """The current version: its agents, its events, whether it is verified."""
+        """The current version: its agents, its events, its verdict and account of words."""
         return self._reply({"kind": "shown"})
 
     def explain_refusal(self) -> dict[str, Any]:
@@ -247,7 +247,8 @@ class _ClientState:
             return _build_refusal("unusable_input", f"this is no scene: {where}: {first['msg']}")
         except InputError as error:
             return _build_refusal("unusable_input", str(error))
-        return {"ok": True, **proof.model_dump(mode="json", by_alias=True)}
+        return {"ok": True, "verdict": proof.verdict, "caveat": proof.caveat,
+                **proof.model_dump(mode="json", by_alias=True)}  # fmt: skip
 
     def scene_json(self) -> dict[str, Any]:
         """The current version as in scene.json: tracks every 0.1 s, annotations, signals."""

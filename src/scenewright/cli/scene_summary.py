@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 from scenewright.cli.console import format_one_line
-from scenewright.scene.account import SaidRecord, SaidSpan, list_manner, list_unrealised
+from scenewright.scene.account import SaidRecord, SaidSpan, WordState
 from scenewright.scene.base import Point
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap, Lanelet
@@ -29,7 +29,7 @@ KERB = 1.0
 def summarize_scene(
     scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap
 ) -> list[str]:
-    """The events, whether they are proven, and the other agents: a few lines."""
+    """The verdict, the events, the other agents, and words not seen: a few lines."""
     names = {agent.id: format_one_line(agent.name, limit=40) for agent in scene.agents}
     figures = proof.figures.get("avoidability", ())
     lines = [
@@ -44,36 +44,50 @@ def summarize_scene(
         lines = ["nothing happens: no collision, near miss or yielding"]
     lines += _describe_unasked_runs(scene, proof)
     lines += [_describe_object(each, scene, proof) for each in scene.objects]
-    result = [
-        format_verdict(proof),
-        *(f"  {line}" for line in lines),
-        f"  {_describe_background(scene)}",
-    ]
-    return [*result, *(f"  {line}" for line in list_unshown(proof.said))]
+    lines += [_describe_background(scene), *list_unseen_words(proof), *list_choices(scene.said)]
+    return [format_verdict(proof), *(f"  {line}" for line in lines)]
 
 
-def list_unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
-    """The words of the instruction that tracks do not show, a line for each kind."""
-    kinds = (("left out", list_unrealised(said)), ("without effect on tracks", list_manner(said)))
-    lines = [
-        f"{title}: {', '.join(repr(format_one_line(each, limit=80)) for each in words)}"
-        for title, words in kinds
-        if words
-    ]
-    chosen = [
+_TITLES: dict[WordState, str] = {
+    "not_shown": "not shown", "contradicted": "contradicted",
+    "stands_anyway": "stands anyway", "manner": "without effect on tracks",
+}  # fmt: skip
+
+
+def list_unseen_words(proof: Proof) -> list[str]:
+    """The words that the checker did not see on the tracks, a line for each state."""
+    lines = []
+    for state, title in _TITLES.items():
+        words = [
+            f"{each.words!r} ({each.evidence})"
+            if state in ("not_shown", "contradicted")
+            else repr(each.words)
+            for each in proof.list_words(state)
+        ]
+        lines += [format_one_line(f"{title}: {', '.join(words)}")] if words else []
+    return lines
+
+
+def list_choices(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
+    """What the planner chose where the words leave it open; no claim of what the scene shows."""
+    return [
         f"chosen: the {each.value} leg ({format_one_line(each.note, limit=80)})"
         for each in said
-        if each.note and each.became != "nothing"
+        if each.note and each.became in ("entry", "exit")
     ]
-    return [*lines, *chosen]
 
 
 def format_verdict(proof: Proof) -> str:
-    """Verified, or how many findings stand against it; and red lights that are run unasked."""
+    """The verdict with what stands beside it, and how many findings stand against the scene."""
+    verdict = format_one_line(proof.describe_verdict())
     against = len(list_findings(proof))
     noun = "finding" if against == 1 else "findings"
-    verdict = "verified" if proof.verified else f"not verified ({against} {noun})"
-    return f"{verdict}, {proof.caveat}" if proof.caveat else verdict
+    return verdict if proof.verified else f"{verdict} ({against} {noun})"
+
+
+def choose_style(*, verified: bool, caveat: str) -> str:
+    """The colour of a verdict: yellow where something stands beside it."""
+    return "red" if not verified else "yellow" if caveat else "green"
 
 
 def list_findings(proof: Proof) -> tuple[Finding, ...]:

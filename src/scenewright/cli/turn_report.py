@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from scenewright.cli.scene_summary import VERBS
+from scenewright.cli.console import format_one_line
+from scenewright.cli.scene_summary import VERBS, choose_style, summarize_scene
 
 if TYPE_CHECKING:
     from scenewright.authoring.session import SessionVersion
@@ -54,13 +55,13 @@ def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Li
 def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     if shown is None:
         return [(PLAIN, f"version {reply['version']}")]
-    from scenewright.cli.scene_summary import summarize_scene
     from scenewright.intersections import load_map
 
     intersection_map = load_map(shown.record.meta.intersection)
     first, *rest = summarize_scene(shown.record, shown.proof, intersection_map)
     branch = f" on branch {reply['branch']}" if "branch" in reply else ""
-    lines = [(GOOD, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
+    style = choose_style(verified=shown.proof.verified, caveat=shown.proof.caveat)
+    lines = [(style, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
     if reply["kind"] == "made" and reply.get("from") is not None and reply["edits"]:
         lines.append((FAINT, f"  {_format_others(reply)}"))
     return lines
@@ -87,10 +88,11 @@ def _format_names(names: list[str]) -> str:
 
 
 def _format_shown(reply: dict[str, Any]) -> list[Line]:
-    proven = "verified" if reply["verified"] else "not verified"
+    beside = f" ({format_one_line(reply['caveat'])})" if reply["caveat"] else ""
     lines = [
-        (GOOD, f"version {reply['version']}: {proven}, {reply['time_of_day']}, "
-               f"{reply['duration']:g} s"),
+        (choose_style(verified=reply["verified"], caveat=reply["caveat"]),
+         f"version {reply['version']}: {reply['verdict']}{beside}, {reply['time_of_day']}, "
+         f"{reply['duration']:g} s"),
     ]  # fmt: skip
     names = {each["id"]: each["name"] for each in reply["agents"]}
     for event in reply["events"]:

@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.cli.console import format_one_line, render_table
-from scenewright.cli.scene_summary import format_verdict, list_findings, name_agent
+from scenewright.cli.scene_summary import (
+    choose_style,
+    format_verdict,
+    list_findings,
+    list_unseen_words,
+    name_agent,
+)
 from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, format_tracks_report
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Proof
@@ -35,11 +41,13 @@ class Checked:
         """One entry of `--json`."""
         if self.proof is None:
             return {"path": str(self.path), "verified": None, "error": self.error}
-        proof = self.proof.model_dump(mode="json", by_alias=True)
-        unchecked = {"unchecked": list(self.unchecked)} if self.unchecked else {}
+        proof = self.proof
         return {
-            "path": str(self.path), "verified": self.proof.verified, "proof": proof, **unchecked
-        }  # fmt: skip
+            "path": str(self.path),
+            **{"verified": proof.verified, "verdict": proof.verdict, "caveat": proof.caveat},
+            "proof": proof.model_dump(mode="json", by_alias=True),
+            **({"unchecked": list(self.unchecked)} if self.unchecked else {}),
+        }
 
 
 def check_paths(
@@ -161,7 +169,7 @@ def report(checked: list[Checked | CheckedTracks]) -> str:
 
 
 def _format_scenes(checked: list[Checked]) -> str:
-    """A table of events and verdicts, and below it what stands against a scene."""
+    """A table of events and verdicts; below it what stands against a scene, and words not seen."""
     from rich import box
     from rich.table import Table
 
@@ -183,10 +191,10 @@ def _build_rows(checked: Checked) -> list[tuple[Any, ...]]:
 
     if checked.scene is None or checked.proof is None:
         return []
-    good = checked.proof.verified
+    style = choose_style(verified=checked.proof.verified, caveat=checked.proof.caveat)
     head = (
         Text(format_one_line(str(checked.path))),
-        Text(format_verdict(checked.proof), style="green" if good else "red"),
+        Text(format_verdict(checked.proof), style=style),
     )
     tails = [_format_event(event, checked.scene) for event in checked.proof.events]
     tails = tails or [(Text("normal"), Text(""), Text(""), Text(""), Text(""))]
@@ -213,8 +221,7 @@ def _list_findings(checked: Checked) -> list[str]:
     if checked.proof is None:
         return []
     found = list_findings(checked.proof)
-    lines = [
-        format_one_line(f"{checked.path}: {each.rule}: {each.detail}") for each in found[:SHOWN]
-    ]
-    more = len(found) - SHOWN
-    return [*lines, f"{checked.path}: and {more} more"] if more > 0 else lines
+    lines = [f"{each.rule}: {each.detail}" for each in found[:SHOWN]]
+    lines += [f"and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
+    lines += list_unseen_words(checked.proof)
+    return [format_one_line(f"{checked.path}: {line}") for line in lines]

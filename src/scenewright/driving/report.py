@@ -378,7 +378,7 @@ def _describe_scene(
     met = [e for e in scene.events if {e.from_, e.to} & {me} and {e.from_, e.to} & partners]
     apart = [e for e in scene.events if e.type == "collision" and me not in (e.from_, e.to)]
     return {
-        "verified": scene.proof.verified,
+        **scene.proof.build_verdict(),
         "as_asked": not scene.dropped and not scene.proof.missing,
         "encounter": [
             {"type": e.type, "with": one.names[ids.index(e.to if e.from_ == me else e.from_)],

@@ -206,7 +206,7 @@ class ToolState:
         names = {each.id: each.name for each in made["scene"].agents}
         proof = made["proof"]
         return {
-            "verified": proof.verified,
+            **proof.build_verdict(),
             "events": [
                 f"{e.type} of {names[e.from_]} and {names[e.to]} at {e.time:.1f} s"
                 for e in proof.events

@@ -50,13 +50,11 @@ class SaidSpan(Model):
 
 
 class SaidRecord(Model):
-    """An entry of the account in scene.json, and with its evidence in proof.json.
+    """What the planner took words for, as scene.json has it: a hint that claims nothing.
 
     Attributes:
         agents: numbers of agents as in scene.json; the rest as in `SaidSpan`.
-        status: `realised` once the checker has found it on the tracks; `manner` for words without
-            effect on tracks; `unrealised` for what was left out because the user allowed it.
-        evidence: what the checker saw.
+        status, evidence: whether the checker found it on the tracks; for its own use.
     """
 
     start: int
@@ -94,14 +92,9 @@ class AccountEntry(Model):
     agents: tuple[int, ...] = ()
 
 
-def list_unrealised(said: Iterable[SaidSpan | SaidRecord]) -> tuple[str, ...]:
+def list_unrealised(said: Iterable[SaidSpan]) -> tuple[str, ...]:
     """The words that became nothing, in order."""
     return tuple(each.words for each in said if each.became == "nothing")
-
-
-def list_manner(said: Iterable[SaidSpan | SaidRecord]) -> tuple[str, ...]:
-    """The words for manner and feeling that tracks cannot show, in order."""
-    return tuple(each.words for each in said if each.became == "manner")
 
 
 def format_background(counts: Mapping[str, int]) -> str:

@@ -93,10 +93,6 @@ class Proof(Model):
             return "not verified"
         return "partly" if self.list_words("not_shown") else "verified"
 
-    def list_words(self, state: WordState) -> tuple[AccountEntry, ...]:
-        """The words of the texts in one state, in order."""
-        return tuple(each for each in self.account if each.state == state)
-
     @property
     def unasked_red_lights(self) -> int:
         """How many red lights are run that no word of the request asks for."""
@@ -106,8 +102,29 @@ class Proof(Model):
     @property
     def caveat(self) -> str:
         """What stands beside the tick; empty where nothing does."""
-        count = self.unasked_red_lights
-        return f"{count} red light{'s' if count > 1 else ''} run unasked" if count else ""
+        words, count = self.list_words("not_shown"), self.unasked_red_lights
+        found = [f"{', '.join(repr(each.words) for each in words)} not shown"] if words else []
+        found += ["no account of words"] if self.verified and not self.account else []
+        found += [f"{count} red light{'s' if count > 1 else ''} run unasked"] if count else []
+        return ", ".join(found)
+
+    def describe_verdict(self) -> str:
+        """The verdict with what stands beside it: "partly: 'dog' not shown"."""
+        joint = ": " if self.verdict == "partly" else ", "
+        return f"{self.verdict}{joint}{self.caveat}" if self.caveat else self.verdict
+
+    def build_verdict(self) -> dict[str, Any]:
+        """What replies say of a scene: the verdict and the account, as plain JSON values."""
+        return {
+            "verified": self.verified,
+            "verdict": self.verdict,
+            "caveat": self.caveat,
+            "account": [each.model_dump(mode="json") for each in self.account],
+        }
+
+    def list_words(self, state: WordState) -> tuple[AccountEntry, ...]:
+        """The words of the texts in one state, in order."""
+        return tuple(each for each in self.account if each.state == state)
 
     @model_serializer(mode="wrap")
     def _leave_out_no_digest(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from scenewright.viz.appearance import (
     LIGHTS,
     DrawnMotion,
     choose_view,
+    colour_verdict,
     find_light_colours,
     list_motions,
     parse_colour,
@@ -301,16 +302,15 @@ def _draw_header(figure: Figure, scene: SceneRecord, proof: Proof | None) -> Non
     if len(words) > 2:
         words = [words[0], words[1] + " …"]
     tall, wide = figure.get_figheight(), figure.get_figwidth()
-    verdict = "" if proof is None else "verified" if proof.verified else "not verified"
-    if proof is not None and proof.caveat:
-        verdict += f", {proof.caveat}"
     text = figure.text(0.1 / wide, 1 - 0.08 / tall, "\n".join(words), fontsize=7.8, color=INK,
                        va="top", ha="left", linespacing=1.3)  # fmt: skip
     share = text.get_window_extent().width / (figure.dpi * SIDE)
     text.set_fontsize(7.8 / max(1.0, share))
-    facts = f"{scene.meta.scene_id}  {verdict}" if verdict else scene.meta.scene_id
-    figure.text(1 - 0.1 / wide, (SIDE + 0.13) / tall, make_drawable(facts, limit=80), fontsize=6.5,
-                color=SOFT_INK, va="bottom", ha="right")  # fmt: skip
+    verdict = "" if proof is None else f"  {proof.describe_verdict()}"
+    colour = SOFT_INK if proof is None else colour_verdict(proof)
+    figure.text(1 - 0.1 / wide, (SIDE + 0.13) / tall,
+                make_drawable(scene.meta.scene_id + verdict, limit=100), fontsize=6.5,
+                color=colour, va="bottom", ha="right")  # fmt: skip
 
 
 def _encode_gif(frames: Iterator[Pixels], *, palette: bytes, fps: int) -> bytes:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.base import RIDERS, Colour, FloatArray
+from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord, SegmentStatus
@@ -196,6 +197,11 @@ def make_printable(text: str, *, limit: int = 400) -> str:
     line = " ".join(kept.split())
     whole = len(line) <= limit and len(head) == len(text)
     return line if whole else line[: limit - 1].rstrip() + "…"
+
+
+def colour_verdict(proof: Proof) -> str:
+    """Green, amber where something stands beside the tick, or red."""
+    return "#B3202A" if not proof.verified else "#A15C00" if proof.caveat else "#15803D"
 
 
 def find_light_colours(scene: SceneRecord, time: float) -> dict[str, Colour]:

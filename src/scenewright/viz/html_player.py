@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import SceneRecord
+from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.viz.appearance import (
     DrawnMotion,
     choose_view,
@@ -102,7 +103,7 @@ def build_player_data(
         "signals": [each.model_dump(mode="json") for each in scene.signals],
         "events": _list_events(scene, proof, intersection),
         "proof": None if proof is None else _describe_proof(proof),
-        "said": [each.model_dump(mode="json") for each in (proof or scene).said],
+        "account": [] if proof is None else _list_words(scene, proof),
     }
 
 
@@ -195,7 +196,18 @@ def _find_zone(intersection: IntersectionMap, *ids: str | None) -> list[Any] | N
 def _describe_proof(proof: Proof) -> dict[str, Any]:
     fields = {"verified", "incidental", "missing", "interference", "implausible",
               "signal_violations", "figures"}  # fmt: skip
-    return proof.model_dump(mode="json", by_alias=True, include=fields)
+    verdict = {"verdict": proof.describe_verdict(), "caveat": proof.caveat}
+    return {**proof.model_dump(mode="json", by_alias=True, include=fields), **verdict}
+
+
+def _list_words(scene: SceneRecord, proof: Proof) -> list[dict[str, Any]]:
+    """The account with its places counted from the beginning of the first text."""
+    starts = [0, *accumulate(len(text) + len(NEXT_TEXT) for text in scene.meta.texts)]
+    return [
+        {**each.model_dump(mode="json"), "start": starts[each.turn] + each.start,
+         "end": starts[each.turn] + each.end}
+        for each in proof.account
+    ]  # fmt: skip
 
 
 def _round(values: ArrayLike, digits: int = 2) -> list[Any]:

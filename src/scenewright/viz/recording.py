@@ -463,12 +463,15 @@ def _write_report(scene: SceneRecord, proof: Proof | None) -> str:
              " · ".join(escape_markdown(fact) for fact in facts)]  # fmt: skip
     if proof is None:
         return "\n".join([*lines, "", "### Proof", "The scene was not checked."])
-    verdict = "**Verified**: every relation is observed and no rule is broken."
-    lines += ["", "### Proof", verdict if proof.verified else "**Not verified.**", ""]
-    lines += [f"**{proof.caveat}**", ""] if proof.caveat else []
+    verdict = escape_markdown(make_printable(proof.describe_verdict(), limit=400))
+    lines += ["", "### Proof", f"**{verdict[0].upper()}{verdict[1:]}.**", ""]
     lines += _format_events(proof.events, {agent.id: agent.name for agent in scene.agents})
     for title in ("missing", "interference", "implausible", "signal_violations"):
         lines += _format_findings(title.replace("_", " "), getattr(proof, title))
+    lines += ["", "### Words", "| words | state | claim | evidence |", "|---|---|---|---|"]
+    for each in proof.account:
+        cells = (each.words, each.state.replace("_", " "), each.claim or "", each.evidence)
+        lines.append(f"| {' | '.join(escape_markdown(make_printable(c)) for c in cells)} |")
     return "\n".join(lines)
 
 

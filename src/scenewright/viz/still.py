@@ -20,6 +20,7 @@ from scenewright.viz.appearance import (
     STANDING,
     DrawnMotion,
     choose_view,
+    colour_verdict,
     describe_object,
     find_light_colours,
     find_main_time,
@@ -76,19 +77,21 @@ def draw_scene(
         InputError: the file cannot be written; nothing is left behind.
     """
     with use_plain_style():
-        write_atomically(path, encode_png(_draw_figure(scene, proof, intersection, dpi)))
+        write_atomically(path, encode_png(draw_figure(scene, proof, intersection, dpi)))
 
 
-def _draw_figure(
+def draw_figure(
     scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap, dpi: int
 ) -> Figure:
+    """The picture, not yet written."""
     title = textwrap.wrap(make_drawable(scene.meta.user_prompt, limit=320), 84) or [
         "Untitled scene"
     ]
     moving = list_motions(scene)
     entries = _list_legend_entries(scene, moving)
     side = WIDTH - 2 * MARGIN
-    above = 0.52 + 0.2 * len(title)
+    beside = [] if proof is None else textwrap.wrap(make_drawable(proof.caveat), 96)
+    above = 0.52 + 0.2 * (len(title) + len(beside))
     below = 0.12 + 0.2 * len(entries)
     figure = create_figure(WIDTH, above + side + below, dpi=dpi)
     height = above + side + below
@@ -97,7 +100,7 @@ def _draw_figure(
     _draw_agents(axes, scene, moving, intersection)
     draw_scale(axes)
     draw_north(axes)
-    _draw_title(figure, title, scene, proof)
+    _draw_title(figure, title, beside, scene, proof)
     _draw_legend(figure, entries, height)
     return figure
 
@@ -388,7 +391,10 @@ def _mark_times(axes: Axes, layout: LabelLayout, motion: DrawnMotion, time: floa
                          color=motion.colour, zorder=20)  # fmt: skip
 
 
-def _draw_title(figure: Figure, lines: list[str], scene: SceneRecord, proof: Proof | None) -> None:
+def _draw_title(
+    figure: Figure, lines: list[str], beside: list[str], scene: SceneRecord, proof: Proof | None
+) -> None:
+    """The instruction, facts and the verdict; below the verdict what stands beside it."""
     meta, height = scene.meta, figure.get_figheight()
     left = MARGIN / WIDTH
     text = figure.text(left, 1 - 0.14 / height, "\n".join(lines), fontsize=10.5, color=INK,
@@ -402,11 +408,10 @@ def _draw_title(figure: Figure, lines: list[str], scene: SceneRecord, proof: Pro
     figure.text(left, below, make_drawable("  ·  ".join(facts), limit=110), fontsize=8,
                 color=SOFT_INK, va="top", ha="left")  # fmt: skip
     if proof is not None:
-        words, colour = ("✓ verified", "#15803D") if proof.verified else ("not verified", STOP_RED)
-        if proof.caveat:
-            words, colour = f"{words}, {proof.caveat}", STOP_RED
-        figure.text(1 - left, below, words, fontsize=8.5, color=colour, fontweight="bold", va="top",
-                    ha="right")  # fmt: skip
+        mark = "✓ " if proof.verified else ""
+        figure.text(1 - left, below, mark + "\n".join([proof.verdict, *beside]), fontsize=8.5,
+                    color=colour_verdict(proof), fontweight="bold", va="top", ha="right",
+                    linespacing=1.5)  # fmt: skip
 
 
 def _list_legend_entries(

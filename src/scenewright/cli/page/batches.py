@@ -21,6 +21,7 @@ from scenewright.dataset.batch.rows import DatasetRow, read_source
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
+from scenewright.scene.events import Proof
 from scenewright.time_limit import DEFAULT_LIMIT
 
 MOST_ROWS_BYTES = 20_000_000
@@ -238,8 +239,10 @@ def _describe_row(
     path = folder / _OUT / entry["folder"] / "proof.json"
     if entry["status"] != "made" or not path.exists():
         return row
-    events = json.loads(path.read_bytes()).get("events", [])
-    return {**row, "events": [_describe_event(each) for each in events]}
+    data = path.read_bytes()
+    proof, events = Proof.model_validate_json(data), json.loads(data)["events"]
+    verdict = {"verdict": proof.describe_verdict(), "caveat": proof.caveat}
+    return {**row, **verdict, "events": [_describe_event(each) for each in events]}
 
 
 def _describe_event(event: dict[str, Any]) -> dict[str, Any]:

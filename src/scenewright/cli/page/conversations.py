@@ -82,7 +82,8 @@ class Conversation:
             explain_refusal(refused) if reply["kind"] == "refused" and refused is not None else []
         )
         choices = [each["answer"] for each in self._list_pending_choices()]
-        return {"kind": reply["kind"], "lines": lines, "why": reasons, "choices": choices}
+        return {"kind": reply["kind"], "lines": lines, "why": reasons, "choices": choices,
+                "caveat": reply.get("caveat", "")}  # fmt: skip
 
     def _list_pending_choices(self) -> list[dict[str, Any]]:
         pending = self.session.state.get("pending")

@@ -22,13 +22,9 @@ from scenewright.dataset.batch.statistics import Statistics, draw_statistics
 from scenewright.dataset.batch.worker import Job
 from scenewright.dataset.tables.card import ABSTRACT, Contents, format_card
 from scenewright.dataset.tables.croissant import describe_in_croissant
-from scenewright.dataset.tables.parquet import (
-    TABLES,
-    SceneFiles,
-    TableWriter,
-    count_unasked_red_lights,
-)
+from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter
 from scenewright.files import write_atomically
+from scenewright.scene.events import Proof
 
 PICTURES = ("figures/overview.png", "figures/statistics.png")
 CARD, CROISSANT = "README.md", "croissant.json"
@@ -45,7 +41,8 @@ class _Tally:
     patterns: Counter[str] = field(default_factory=Counter)
     agents: Counter[int] = field(default_factory=Counter)
     places: dict[str, array[float]] = field(default_factory=dict)
-    verified: int = 0
+    verdicts: Counter[str] = field(default_factory=Counter)
+    unshown: Counter[str] = field(default_factory=Counter)
     unlawful: int = 0
     intersections: Counter[str] = field(default_factory=Counter)
     statistics: Statistics = field(default_factory=Statistics)
@@ -58,8 +55,10 @@ class _Tally:
         if files.scene is None:
             return
         self.statistics.note(files)
-        self.verified += bool((files.proof or {})["verified"])
-        self.unlawful += count_unasked_red_lights(files.proof or {}) > 0
+        proof = Proof.model_validate(files.proof)
+        self.verdicts[proof.verdict] += 1
+        self.unshown.update(list(dict.fromkeys(e.words for e in proof.list_words("not_shown"))))
+        self.unlawful += proof.unasked_red_lights > 0
         self.patterns.update((files.provenance or {}).get("patterns", ()))
         self.agents[len(files.scene["agents"])] += 1
         self.intersections[files.scene["meta"]["intersection"]] += 1
@@ -194,7 +193,12 @@ def _build_contents(tally: _Tally, *, title: str, given: int, about: Mapping[str
     figures = {
         "rows given": given,
         **{f"rows {status}": count for status, count in _count_statuses(tally).items()},
-        "scenes verified": tally.verified,
+        "scenes verified": tally.verdicts["verified"],
+        "scenes verified in part, without all words": tally.verdicts["partly"],
+        "words not shown, those of most scenes": ", ".join(
+            repr(words) for words, _ in tally.unshown.most_common(12)
+        )
+        or "none",
         "scenes with a red light run unasked": tally.unlawful,
         "agents per scene, least, median, most": "–"
         if not len(sizes)

@@ -21,6 +21,7 @@ from scenewright.dataset.tables.splits import choose_split
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass
+from scenewright.scene.events import Proof
 from scenewright.scene.track import VEHICLE_SIZES
 
 TABLES = ("scenes", "agents", "tracks", "events", "account", "lights", "map")
@@ -51,7 +52,9 @@ SCHEMAS: Mapping[str, Fields] = {
         "selection": ("string", "draw among the candidates, or map: the likeliest"),
         "attempts": ("int16", "how often the pipeline began anew"),
         "scene_id": ("string", "as in scene.json"),
-        "verified": ("bool", "whether the checker confirms everything that was asked for"),
+        "verified": ("bool", "whether every event is proven and no word is contradicted"),
+        "verdict": ("string", "verified, not verified, or partly: words are not shown"),
+        "not_shown": ("list", "words that the scene does not show"),
         "unasked_red_lights": ("int16", "red lights that are run though no word asks for it"),
         "relations": ("list", "events asked for; empty: none shall happen"),
         "patterns": ("list", "leaves of the taxonomy that play them"),
@@ -122,17 +125,13 @@ SCHEMAS: Mapping[str, Fields] = {
     "account": {
         "row": ("string", "id of the row"),
         "words": ("string", "words of the instruction"),
-        "start": ("int32", "their first character in `text` of `scenes`, counted from 0"),
+        "start": ("int32", "their first character in the text of the turn, counted from 0"),
         "end": ("int32", "the character after their last"),
-        "became": (
-            "string",
-            "what they became: agent, entry, relation, measure, manner, nothing, …",
-        ),
-        "agents": ("ids", "those it is said of"),
-        "value": ("string", "which leg, relation, time or number"),
-        "note": ("string", "why the words became nothing"),
-        "status": ("string", "realised, manner or unrealised, as the checker finds it"),
-        "evidence": ("string", "what the tracks show of it"),
+        "turn": ("int16", "number of the text, from 0: `text` of `scenes` is the only one"),
+        "state": ("string", "seen, stands_anyway, manner, not_shown or contradicted"),
+        "claim": ("string", "what the words were taken to say; null where no claim covers them"),
+        "evidence": ("string", "what the checker saw, or why nothing shows the words"),
+        "agents": ("ids", "those in the evidence"),
     },
     "lights": {
         "row": ("string", "id of the row"),
@@ -189,7 +188,7 @@ def build_rows(files: SceneFiles) -> dict[str, Any]:
         "tracks": _build_track_rows(row, scene),
         "events": list(_build_event_rows(row, scene, files.proof)),
         # Proofs of earlier versions have no account.
-        "account": [{"row": row, **entry} for entry in files.proof.get("said", ())],
+        "account": [{"row": row, **entry} for entry in files.proof.get("account", ())],
         "lights": [{"row": row, **light} for light in scene["signals"] or ()],
         "map": [],
     }
@@ -205,6 +204,7 @@ def _describe_row(files: SceneFiles) -> dict[str, Any]:
 def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
     scene, about = files.scene or {}, files.provenance or {}
     meta, agents = scene["meta"], scene["agents"]
+    proof = Proof.model_validate(files.proof)
     return {
         **_describe_row(files),
         "intersection": meta["intersection"],
@@ -212,8 +212,10 @@ def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
         "selection": about.get("selection"),
         "patterns": list(about.get("patterns", [])),
         "scene_id": meta["scene_id"],
-        "verified": bool((files.proof or {})["verified"]),
-        "unasked_red_lights": count_unasked_red_lights(files.proof or {}),
+        "verified": proof.verified,
+        "verdict": proof.verdict,
+        "not_shown": [each.words for each in proof.list_words("not_shown")],
+        "unasked_red_lights": proof.unasked_red_lights,
         "relations": [each["type"] for each in scene["relations"]],
         "time_of_day": meta["time_of_day"],
         "timestamp": meta["timestamp"],
@@ -228,11 +230,6 @@ def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
         "background": sum(agent["role"] == "background" for agent in agents),
         "objects": _format_json(scene["objects"]) if scene.get("objects") else None,
     }
-
-
-def count_unasked_red_lights(proof: Mapping[str, Any]) -> int:
-    """How many red lights are run in a scene that no word of the request asks for."""
-    return len(proof["figures"].get("unasked_red_light_runs", ()))
 
 
 def _build_agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[str, Any]:

@@ -39,9 +39,8 @@ def _read_scene(folder: Path) -> Submission:
     proof = verify(folder)
     if not proof.verified:
         fault = "the checker does not confirm the scene"
-    elif any(each.status == "unrealised" for each in proof.said):
-        words = next(each.words for each in proof.said if each.status == "unrealised")
-        fault = f"{words!r} was left out"
+    elif proof.verdict == "partly":
+        fault = proof.describe_verdict()
     users = read_users(record)
     agents = see_agents(users, load_map(record.meta.intersection))
     events = (*proof.events, *proof.incidental)

@@ -6,7 +6,6 @@ const STEP = data.meta.step, END = data.meta.duration;
 const STATUS = { keep: "#6C8EBF", stop: "#C1272D", proceed: "#3A9D6B", terminate: "#4A4A4A" };
 const LIGHT = { green: "#19A974", yellow: "#F2B705", red: "#DB2B39" };
 const EVENT = { collision: "collides with", near_miss: "has a near miss with", yielding: "yields to", follow: "follows" };
-const SHADES = ["#D55E00", "#0072B2", "#009E73", "#AA3377", "#9A6A00", "#3C7FB0", "#5B3A9E", "#8C564B"];
 const LABEL_FONT = "600 12px system-ui, sans-serif";
 const LABEL_STEPS = [0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5], LABEL_HEIGHT = 17, LEG_SIDES = [0, 8, -8, 10, -10, 12, -12, 14, -14, 17, -17, 20, -20, 24, -24, 30, -30];
 const MARK_SECONDS = 2.5, LEAD_SECONDS = 2, BRAKING = 1.0, FURTHEST_TTC = 8;
@@ -525,10 +524,9 @@ function markEvent() {
 }
 function buildProof() {
   const verified = data.proof?.verified;
-  const words = data.proof === null ? "Not checked: the folder holds no proof" : verified ? "✓ Verified" : "✗ Not verified";
-  const unasked = data.proof?.figures?.unasked_red_light_runs?.length ?? 0;
-  find("verdict").textContent = unasked ? `${words}, ${unasked} red light${unasked > 1 ? "s" : ""} run unasked` : words;
-  find("verdict").className = verified && !unasked ? "good" : "bad";
+  const words = data.proof === null ? "Not checked: the folder holds no proof" : `${verified ? "✓" : "✗"} ${data.proof.verdict[0].toUpperCase()}${data.proof.verdict.slice(1)}`;
+  find("verdict").textContent = words;
+  find("verdict").className = !verified ? "bad" : data.proof.caveat ? "amber" : "good";
   data.events.forEach((event, n) => {
     const figures = make("span", { className: "figures", textContent: formatEvidence(event.evidence) });
     const button = make("button", { type: "button" }, make("span", { textContent: formatEvent(event) }), figures);
@@ -550,34 +548,26 @@ function listFindings(rows, title) {
 }
 
 // ---- the account of words ------------------------------------------------------------------------
-const shadeOf = (span) => SHADES[(span.agents[0] ?? 1) % SHADES.length];
 function buildInstruction() {
-  const letters = [...data.meta.user_prompt], spans = [...data.said].sort((a, b) => a.start - b.start);
-  const title = find("instruction");
+  const letters = [...data.meta.user_prompt], title = find("instruction");
   let at = 0;
-  for (const span of spans.filter((each) => each.end > each.start)) {
-    if (span.start < at) continue;
-    title.append(letters.slice(at, span.start).join(""));
-    const mark = make("mark", { textContent: letters.slice(span.start, span.end).join(""), title: describeSpan(span) });
-    mark.style.setProperty("--shade", span.became === "nothing" ? "#888888" : shadeOf(span));
-    if (span.status === "unrealised") mark.className = "lost";
-    title.append(mark);
-    at = span.end;
+  for (const each of [...data.account].sort((a, b) => a.start - b.start)) {
+    if (each.start < at || each.end <= each.start) continue;
+    title.append(letters.slice(at, each.start).join(""));
+    title.append(make("mark", { className: each.state, title: describeWords(each), textContent: letters.slice(each.start, each.end).join("") }));
+    at = each.end;
   }
   title.append(letters.slice(at).join("") || (at ? "" : "Untitled scene"));
 }
-function describeSpan(span) {
-  const value = span.value ? `: ${span.value}` : "";
-  const whom = span.agents.map(describeAgent).join(", ");
-  return `${span.became.replaceAll("_", " ")}${value}${whom ? ` (${whom})` : ""}`;
-}
+const describeWords = (each) => [each.state.replaceAll("_", " "), each.claim, each.evidence].filter(Boolean).join(": ");
 function buildAccount() {
   const body = find("account").tBodies[0];
-  for (const span of data.said) {
-    const seen = span.evidence ?? span.note ?? span.status ?? "";
-    body.append(make("tr", {}, ...[span.words, describeSpan(span), seen].map((text) => make("td", { textContent: text }))));
+  for (const each of data.account) {
+    const whom = each.agents.map(describeAgent).join(", "), claim = `${each.claim ?? ""}${whom ? ` (${whom})` : ""}`;
+    body.append(make("tr", { className: each.state }, make("td", { textContent: each.words }), make("td", { className: "state", textContent: each.state.replaceAll("_", " ") }),
+      make("td", { textContent: claim }), make("td", { textContent: each.evidence })));
   }
-  if (!data.said.length) body.append(make("tr", {}, make("td", { colSpan: 3, textContent: "The scene keeps no account of words." })));
+  if (!data.account.length) body.append(make("tr", {}, make("td", { colSpan: 4, textContent: "There is no account of words." })));
 }
 
 // ---- figures over time -----------------------------------------------------------------------------

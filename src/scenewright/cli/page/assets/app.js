@@ -39,8 +39,8 @@ function addToLog(element) {
 function logWords(words) {
   addToLog(make("div", { className: "said", textContent: words }));
 }
-function logReply({ kind, lines, why = [] }) {
-  const box = make("div", { className: `answer ${kind}` }, ...lines.map((line) => make("p", { textContent: line })));
+function logReply({ kind, lines, why = [], caveat = "" }) {
+  const box = make("div", { className: `answer ${kind}${caveat ? " partly" : ""}` }, ...lines.map((line) => make("p", { textContent: line })));
   if (why.length) box.append(make("details", {}, make("summary", { textContent: "Why" }), ...why.map((line) => make("p", { textContent: line }))));
   addToLog(box);
 }
@@ -118,7 +118,7 @@ async function openThread(name) {
   await refresh();
   for (const version of app.state?.versions ?? []) {
     logWords(version.words);
-    logReply({ kind: "made", lines: [`version ${version.number}`] });
+    logReply({ kind: "moved_to", lines: [`version ${version.number}`] });
   }
   if (app.state?.interrupted) logReply({ kind: "nothing", lines: [`The last turn was cut short and left nothing behind: ${app.state.interrupted}`] });
   if (app.state?.busy) waitUntilFree();

@@ -69,7 +69,7 @@ function showRow(row) {
     .map(([key, value]) => `${FIGURE_NAMES[key].replace(/ \[.*/, "")} ${Number(value.toFixed(2))}`)].join(", ")).join("; ");
   const open = make("button", { type: "button", textContent: row.id, disabled: row.status !== "made" });
   open.addEventListener("click", () => openScene(row));
-  return make("tr", {}, make("td", {}, open), make("td", { textContent: row.text }), make("td", { className: row.status === "made" ? "good" : "bad", textContent: row.status }),
+  return make("tr", {}, make("td", {}, open), make("td", { textContent: row.text }), make("td", { className: row.status !== "made" ? "bad" : row.caveat ? "amber" : "good", textContent: row.verdict ?? row.status }),
     make("td", { textContent: words || row.reason || "" }));
 }
 function openScene(row) {
