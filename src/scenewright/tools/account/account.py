@@ -20,9 +20,12 @@ _TURNS_MEANING = ("negation", "sequence", "order")
 """Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
 _Judged = tuple[WordState, str | None, str, tuple[int, ...]]
 """State, claim, evidence and agents of a word."""
-_STAGES = ("constraint", "behavior", "measure", "impact_point", "road", "cause", "motion",
-           "reaction", "object", "sight", "encounter", "manoeuvre", "order")  # fmt: skip
-"""What a planner's hint may be believed for, where the checker found it on the tracks."""
+_SERVED = {
+    "constraint": ("order",),
+    "behavior": ("stop", "brake", "times"),
+    "impact_point": ("point", "place"),
+}
+"""Senses of words for which what a later stage served them as is believed."""
 _STRICT = ("event", "side", "heading", "movement", "tie")
 _WEAK = ("moves", "crosswalk", "crossing", "light")
 """Types that hold of nearly every scene: they do not outweigh a claim of the others that fails."""
@@ -153,7 +156,7 @@ def _is_denied(tokens: Sequence[Token], n: int) -> bool:
     for each in reversed(tokens[max(0, n - 4) : n]):
         if each.kind in ("end", "comma") or each.text in ("a", "an", "the", "and", "but"):
             return False
-        if each.has("negation"):
+        if each.negates:
             return True
     return False
 
@@ -181,7 +184,7 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
             by_token[n] = [(claim, Result(False, "one agent in place of two"))]
     states = [_judge(n, tokens, by_token.get(n, []), facts, text) for n in range(len(tokens))]
     for n in reversed(range(len(tokens))):
-        if tokens[n].has("negation", "almost") and not (states[n] or ("",))[0] == "seen":
+        if (tokens[n].negates or tokens[n].has("almost")) and not (states[n] or ("",))[0] == "seen":
             states[n] = _copy_near(states, tokens, n)
     start = 0
     for n, found in enumerate(states):
@@ -216,7 +219,7 @@ def _find_repeated(
 
 def _is_silent(token: Token, found: _Judged) -> bool:
     """Whether a function word needs no state of its own."""
-    return _is_function(token) and found[0] != "seen" and not token.has("negation", "sequence")
+    return _is_function(token) and found[0] != "seen" and not (token.negates or token.has("sequence"))
 
 
 def _judge(
@@ -232,8 +235,7 @@ def _judge(
         return "seen", f"{claim.type} {claim.value}", result.evidence, result.agents
     if _is_function(token):
         return None
-    hint = _find_hint(token, facts)
-    if hint is not None and token.senses:
+    if hint := _find_hint(token, found, facts):
         return "seen", hint[0], hint[1], ()
     if _names_road(token, facts.intersection_map):
         return "seen", "road", "a street of this place", ()
@@ -282,13 +284,21 @@ def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int
     return following or states[n]
 
 
-def _find_hint(token: Token, facts: SceneFacts) -> tuple[str, str] | None:
-    """What the planner took the word for, where the checker found it on the tracks."""
+def _find_hint(
+    token: Token, found: Sequence[tuple[Claim, Result]], facts: SceneFacts
+) -> tuple[str, str] | None:
+    """What a later stage served a word as, where the checker found it on the tracks.
+
+    Believed for what no claim of a text can say by itself, such as clauses and standstills, and
+    only of words of that kind.
+    """
+    if any(r.holds is False and c.type not in ("stop", "braking") for c, r in found):
+        return None
     for entry in facts.proof.said:
+        senses = _SERVED.get(entry.became, ())
         covers = entry.start <= token.start and token.end <= entry.end
-        if covers and entry.became in _STAGES and entry.status == "realised" and entry.evidence:
-            if entry.evidence != "no claim on the tracks by itself":
-                return f"{entry.became} {entry.value or ''}".strip(), entry.evidence
+        if covers and token.has(*senses) and entry.status == "realised" and entry.evidence:
+            return f"{entry.became} {entry.value or ''}".strip(), entry.evidence
     return None
 
 

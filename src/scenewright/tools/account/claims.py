@@ -146,6 +146,8 @@ class ClaimReader:
         before = [i for i, m in enumerate(self.mentions) if m.head < n and self._may_be(m, kinds)]
         after = [i for i, m in enumerate(self.mentions) if m.start > n and self._may_be(m, kinds)]
         here = [i for i in before if self._same_sentence(self.mentions[i].head, n)]
+        if here and n and self.tokens[n - 1].text in ("without", "while", "not"):
+            return (here[0],)
         if not here:
             ahead = [i for i in after if self._same_sentence(self.mentions[i].head, n)]
             return tuple((*ahead[:2], *before[-2:]))
@@ -329,7 +331,7 @@ class ClaimReader:
         for each in reversed(self.tokens[max(0, start - 5) : start]):
             if each.kind in ("end", "comma") or each.text in ("and", "but", "then"):
                 break
-            found |= each.has("negation")
+            found |= each.negates
         return found
 
     # --- everything else
@@ -528,6 +530,9 @@ class _TimeTest:
         own, token = facts.get_minutes(), self.tokens[self.n]
         spans = [s.partition("|")[0] for s in token.list_values("time")]
         evidence = f"the scene is at {facts.scene.meta.time_of_day}"
+        if any(each.text in ("not", "never") for each in self.tokens[max(0, self.n - 3) : self.n]):
+            spans = [span for span in spans if not _is_within(own, span.partition("+")[0])]
+            return Result(bool(spans), evidence)
         if token.kind == "clock":
             return Result(any(abs(own - each) <= 20 for each in _read_clock(token.text)), evidence)
         return Result(
@@ -809,12 +814,11 @@ def _read_brake(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
 
     def holds(facts: SceneFacts, number: int) -> bool:
         if denied:
-            reacts = any(r["agent"] == number and r.get("how") for r in facts.reactions)
-            return facts.agents[number].reaction == "none" or not reacts
+            return facts.agents[number].reaction == "none" or facts.compute_braking(number) < 2.0
         return facts.compute_braking(number) >= 1.0
 
     yield Claim("braking", "no braking" if denied else "brakes", (n,), subjects,
-                lambda facts, b: _test_all(facts, b, subjects, lambda a: holds(facts, a), "brakes"))  # fmt: skip
+                lambda facts, b: _test_all(facts, b, subjects, lambda a: holds(facts, a), "no braking" if denied else "braking"))  # fmt: skip
 
 
 def _read_late(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
