@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 import pytest
-from scenewright.backends.scripted import build_scripted_backend
+from scripted import build_scripted_backend
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected

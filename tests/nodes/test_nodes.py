@@ -156,7 +156,7 @@ def test_the_planner_asks_with_the_maps_legs_and_earlier_faults():
     ],
 )
 def test_a_plan_that_cannot_be_is_refused(reply, code):
-    state = {"instruction": "x", "previous": None, "rejections": []}
+    state = {"instruction": "a car", "previous": None, "rejections": []}
     rejection = refused(plan_scene, state, Scripted(reply))
     assert (rejection.stage, rejection.code) == ("scene_planner", code)
 
@@ -230,9 +230,10 @@ def test_a_record_holds_what_the_stages_made(run):
 
 def test_a_scene_without_events_says_normal_in_one_row(run):
     state = run | {
+        "instruction": "nothing happens",
         "social_graph": run["social_graph"].model_copy(
             update={"relations": (), "ties": (), "said": ()}
-        )
+        ),
     }
     bare = assemble(
         TEXT,
@@ -274,7 +275,9 @@ def test_stages_say_what_they_did(run):
 
 
 def test_where_no_agent_is_named_only_the_planner_is_asked():
-    backend = Scripted({"agents": [], "relations": []})
+    backend = Scripted(
+        {"agents": [], "relations": [], "context": {"time_of_day": "12:00", "density": "low"}}
+    )
     scene = synthesize("Light traffic at noon.", backend=backend, seed=1, refiner="none")
     assert scene.proof.verified
     assert [question.task for question in backend.asked] == ["plan"]

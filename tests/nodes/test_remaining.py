@@ -44,7 +44,8 @@ class Scripted:
         if question.task == "plan":
             return {
                 "agents": [
-                    {"id": CAR, "type": "vehicle", "entry": "south", "movement": "right"},
+                    {"id": CAR, "type": "vehicle", "subtype": "car", "entry": "south",
+                     "movement": "right"},
                     {"id": WALKER, "type": "pedestrian"},
                 ],
                 "relations": [{"type": "yield_to", "from": CAR, "to": WALKER}],

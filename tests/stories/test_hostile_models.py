@@ -19,10 +19,6 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 HOSTILE: Any = importlib.import_module("hostile_models")
 ATTACKS = list(HOSTILE.list_attacks())
 QUICK = ATTACKS[::5]  # benchmarks/hostile_models.py makes them all
-BELIEVED = pytest.mark.xfail(
-    strict=True, reason="the account believes hints of words that it has read"
-)
-GREEN = ("served 0:", "borrowed 1:", "served 5:", "served 15:")
 HALF = "A car yields to a pedestrian and a truck runs a red light and hits a van"
 YIELD = {
     "agents": [{"id": "vehicle-1", "subtype": "car"}, {"id": "pedestrian-1"}],
@@ -36,10 +32,7 @@ def make(text: str, plan: Script) -> Scene:
     return synthesize(text, backend=backend, seed=1, refiner="none")
 
 
-@pytest.mark.parametrize("attack", [
-    pytest.param(each, id=each.name, marks=[BELIEVED] if each.name.startswith(GREEN) else [])
-    for each in QUICK
-])  # fmt: skip
+@pytest.mark.parametrize("attack", QUICK, ids=[each.name for each in QUICK])
 def test_a_hostile_model_gets_no_verified_scene(attack: Any) -> None:
     scene = attack.make()
     assert scene is None or scene.proof.verdict != "verified"

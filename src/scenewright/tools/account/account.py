@@ -90,6 +90,12 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
         false = entry.state in ("contradicted", "not_shown") and entry.claim is not None
         if false and entry.turn < len(texts) - 1 and (kind in changed or removed):
             continue
+        relative = kind in _RELATIVE or entry.claim is None
+        if entry.state in ("contradicted", "not_shown") and relative and entry.turn:
+            if {each.text for each in read_tokens(texts[entry.turn])} & _COMPARES:
+                reason = {"state": "stands_anyway", "evidence": "a change to what was there before"}
+                kept.append(entry.model_copy(update=reason))
+                continue
         told = any(e.words.lower() == entry.words.lower() and e.turn < entry.turn for e in entries)
         if false and told and kind in ("class", "count", "object"):
             reason = {"state": "stands_anyway", "evidence": "what was there before"}
@@ -97,6 +103,14 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
             continue
         kept.append(entry)
     return kept
+
+
+_RELATIVE = ("number", "count", "stop", "braking", "density", "background", "order")
+"""Types of claims that a change may make of how it was before: "half a metre earlier"."""
+_COMPARES = frozenset(
+    "earlier later faster slower add remove more less fewer closer nearer further farther longer"
+    " shorter half double twice another sooner harder softer quicker increase reduce".split()
+)
 
 
 def _removes(text: str) -> bool:

@@ -370,6 +370,11 @@ class ClaimReader:
             value = (token.number or 0.0) * factor
             yield Claim("number", f"{value:.3g} {name}", (n,), (),
                         lambda facts, b: _test_number(facts, name, value))  # fmt: skip
+        elif (span := next((s for s in self._triggers if 0 < s[0] - n <= 2), None)) is not None:
+            kinds = self.tokens[span[0]].list_values("event")
+            number = token.number or 0.0
+            yield Claim("count", f"{number:g} {'/'.join(kinds)}", (n,), (),
+                        lambda facts, b: _count_events(facts, kinds, number))  # fmt: skip
         elif not self._is_list_label(n) and not any(m.start <= n < m.stop for m in self.mentions):
             number = token.number or 0.0
             yield Claim("number", f"{number:g}", (n,), (),
@@ -562,10 +567,16 @@ def _is_within(own: int, span: str) -> bool:
 
 
 def _test_number(facts: SceneFacts, unit: str, value: float) -> Result:
-    for name, low, high in facts.list_figures():
-        if name == unit and low - 1e-6 <= value <= high + 1e-6:
+    known = [(low, high) for name, low, high in facts.list_figures() if name == unit]
+    for low, high in known:
+        if low - 1e-6 <= value <= high + 1e-6:
             return Result(True, f"asked for and measured: {low:.3g} to {high:.3g} {unit}")
-    return Result(False, f"no figure of {value:.3g} {unit} was asked for")
+    return Result(False, f"no figure of {value:.3g} {unit} was asked for") if known else UNTESTED
+
+
+def _count_events(facts: SceneFacts, kinds: Sequence[str], number: float) -> Result:
+    found = sum(e.type in kinds for e in facts.proof.events)
+    return Result(found == number, f"{found} of them")
 
 
 def _test_bare_number(
@@ -814,7 +825,7 @@ def _read_brake(reader: ClaimReader, n: int, _value: str) -> Iterator[Claim]:
 
     def holds(facts: SceneFacts, number: int) -> bool:
         if denied:
-            return facts.agents[number].reaction == "none" or facts.compute_braking(number) < 2.0
+            return facts.agents[number].reaction == "none" or facts.compute_braking(number) < 1.0
         return facts.compute_braking(number) >= 1.0
 
     yield Claim("braking", "no braking" if denied else "brakes", (n,), subjects,

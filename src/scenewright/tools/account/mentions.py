@@ -127,12 +127,17 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
             classes = classes | more if classes | more <= _VEHICLES else more
             stop += 1
     head = stop - 1
+    number = None
+    if stop + 1 < len(tokens) and tokens[stop].text == "of" and tokens[stop + 1].number and not (
+        stop + 2 < len(tokens) and tokens[stop + 2].has("noun")
+    ):  # "a class of six"
+        number, stop = tokens[stop + 1].number, stop + 2
     start = n
     while start > 0 and _belongs_before(tokens[start - 1]):
         start -= 1
     before = tokens[start:n]
     words = [each.text for each in before]
-    number = next((each.number for each in before if each.number), None)
+    number = number or next((each.number for each in before if each.number), None)
     plural = _is_plural(tokens[head]) or "several" in words or token.has("group")
     label = _read_label(tokens, stop)
     count = int(number) if number and number >= 1 else None if plural else 1
@@ -153,7 +158,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         label=label,
         other="other" in words,
         definite=bool(_DEFINITE & set(words)),
-        nouns=tuple(range(n, stop)),
+        nouns=tuple(range(n, head + 1)),
     )  # fmt: skip
 
 
