@@ -27,7 +27,7 @@ _SERVED = {
 }
 """Senses of words for which what a later stage served them as is believed."""
 _STRICT = ("event", "side", "heading", "movement", "tie")
-_WEAK = ("moves", "crosswalk", "crossing", "light")
+_WEAK = ("phrase", "moves", "crosswalk", "crossing", "light")
 """Types that hold of nearly every scene: they do not outweigh a claim of the others that fails."""
 _DENIABLE = ("normal", "stop", "brake", "red", "reaction", "beyond", "background", "noun", "avoid", "manner",
              "crosswalk", "jaywalking", "turn", "order", "light", "sight")  # fmt: skip
@@ -161,9 +161,9 @@ def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
     if token.kind != "word" or token.text.endswith("ly"):
         return None
     families = {sense.partition(".")[0] for sense in token.senses}
-    if families == {"beyond"} and not _is_denied(tokens, n):
+    if families == {"beyond"} and not token.phrase and not _is_denied(tokens, n):
         return _BEYOND[token.list_values("beyond")[0]]
-    return None if families else _NOT_SHOWN
+    return None if families or token.phrase else _NOT_SHOWN
 
 
 def _is_denied(tokens: Sequence[Token], n: int) -> bool:
@@ -244,6 +244,8 @@ def _judge(
         return None
     held = [(c, r) for c, r in found if r.holds]
     false = [(c, r) for c, r in found if r.holds is False and c.type in _STRICT]
+    if any(c.type == "phrase" for c, _ in held):  # the whole phrase says it, not a word of it
+        false = [(c, r) for c, r in false if c.type != "event"]
     if held and not (false and all(c.type in _WEAK for c, _ in held)):
         claim, result = min(held, key=lambda each: each[0].type in _WEAK)
         return "seen", f"{claim.type} {claim.value}", result.evidence, result.agents

@@ -130,7 +130,15 @@ class ClaimReader:
             found += self._read_event(span)
         for n, token in enumerate(self.tokens):
             found += self._read_token(n, token)
+        found += self._read_phrases()
         return found
+
+    def _read_phrases(self) -> Iterator[Claim]:
+        """Words of relation files' phrases, for what none of them says by itself."""
+        for kind, start, stop in dict.fromkeys(each.phrase for each in self.tokens if each.phrase):
+            subjects, objects = self._find_parties(start, stop)
+            yield Claim("phrase", kind, tuple(range(start, stop)), (*subjects, *objects),
+                        _EventTest(kind, subjects, objects, False, False))  # fmt: skip
 
     # --- whom words are said of
 
@@ -143,6 +151,11 @@ class ClaimReader:
         for index, m in enumerate(self.mentions):
             if m.start <= n < m.head and not m.pronoun:
                 return (index,)
+        for k in range(n + 1, min(n + 4, len(self.tokens))):  # "the U-turn of a truck"
+            if self.tokens[k].text == "of":
+                of = [i for i, m in enumerate(self.mentions) if m.start == k + 1]
+                if of and self._may_be(self.mentions[of[0]], kinds):
+                    return (of[0],)
         before = [i for i, m in enumerate(self.mentions) if m.head < n and self._may_be(m, kinds)]
         after = [i for i, m in enumerate(self.mentions) if m.start > n and self._may_be(m, kinds)]
         here = [i for i in before if self._same_sentence(self.mentions[i].head, n)]
@@ -343,6 +356,9 @@ class ClaimReader:
             yield from self._read_number(n, token)
         for sense in token.senses:
             family, _, value = sense.partition(".")
+            after = self.tokens[token.senses[sense][1] :][:1]
+            if family in ("from_left", "from_right") and after and after[0].has("turn"):
+                family = family.removeprefix("from_")  # "on its left turn"
             if reader := _READERS.get(family):
                 yield from reader(self, n, value)
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from itertools import chain
+
+from scenewright.scene.relations import load_patterns
 
 _TOKEN = re.compile(
     r"(?P<clock>[0-2]\d[0-5]\d(?=\s?(?:h|hrs|hours)\b)|\d{1,2}[:.h]\d{2}\s*(?:[ap]\.?\s?m\b\.?)?|\d{1,2}\s*[ap]\.?\s?m\b\.?)"
@@ -50,9 +52,9 @@ class Token:
         text: the characters, lower case; stem: the word without its ending.
         number, unit: of a figure, or of a number that is spelt out.
         senses: what the word may claim; nouns have `noun.CLASS`.
-        phrase: first and last token (exclusive) of the phrase that gave the senses.
         sentence: number of its sentence; kind: word, figure, clock, end, comma or arrow.
         mended: the known word that a misspelt one was taken for.
+        phrase: type of the event, and tokens, of a phrase of a relation file that it belongs to.
     """
 
     start: int
@@ -65,6 +67,7 @@ class Token:
     unit: str | None = None
     senses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     mended: str | None = None
+    phrase: tuple[str, int, int] | None = None
 
     def has(self, *senses: str) -> bool:
         """Whether it has any of the senses, or one of a family such as `density`."""
@@ -160,10 +163,28 @@ def read_tokens(text: str) -> tuple[Token, ...]:
                 lengths[n] = stop - start
                 found[n] = {}
             found[n] |= dict.fromkeys(senses, (start, stop))
+    phrases = _find_relation_phrases(plain)
     return tuple(
-        Token(**{**each.__dict__, "senses": senses})
-        for each, senses in zip(plain, found, strict=True)
+        replace(each, senses=senses, phrase=phrases.get(n))
+        for n, (each, senses) in enumerate(zip(plain, found, strict=True))
     )
+
+
+def _find_relation_phrases(tokens: list[Token]) -> dict[int, tuple[str, int, int]]:
+    """Tokens that belong to a phrase of a relation file, the shipped ones and the user's."""
+    found: dict[int, tuple[str, int, int]] = {}
+    stems = [each.stem for each in tokens]
+    for pattern in load_patterns():
+        for phrase in pattern.phrases:
+            for part in re.split(r"\{(?:from|to)\}", phrase):
+                words = [reduce_word(w) for w in re.findall(r"[^\W\d_]+", part.lower())]
+                if len(words) < 2 and not any(len(w) > 3 for w in words):
+                    continue
+                for n in range(len(stems) - len(words) + 1):
+                    if stems[n : n + len(words)] == words:
+                        span = (pattern.proof.event, n, n + len(words))
+                        found |= dict.fromkeys(range(n, n + len(words)), span)
+    return found
 
 
 def _cut(text: str) -> Iterator[Token]:
@@ -207,7 +228,7 @@ def _mend_spelling(token: Token) -> Token:
     if not near:
         return token
     best = min(near, key=lambda w: (w[0] != token.text[0], abs(len(w) - len(token.text)), w))
-    return Token(**{**token.__dict__, "text": best, "stem": reduce_word(best), "mended": best})
+    return replace(token, text=best, stem=reduce_word(best), mended=best)
 
 
 def _is_one_slip(word: str, known: str) -> bool:
