@@ -95,16 +95,13 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
 
     In a change, words of what was there before ("the van" that is to be a bus) are no claims.
     """
-    last_removal = max(
-        (turn for turn, text in enumerate(texts)
-         if any(each.is_in("takes_back") for each in read_tokens(text))), default=0,
-    )  # fmt: skip
+    back = [any(each.is_in("takes_back") for each in read_tokens(text)) for text in texts]
     kept: list[AccountEntry] = []
     for entry in entries:
         kind = _get_type(entry)
         if entry.state in ("contradicted", "not_shown") and entry.claim is not None:
             changed = {_get_type(e) for e in entries if e.turn > entry.turn and e.state == "seen"}
-            if kind in changed or last_removal > entry.turn:
+            if kind in changed or any(back[entry.turn + 1 :]):
                 continue
             told = {e.words.lower() for e in entries if e.turn < entry.turn}
             if kind in ("class", "count", "object") and entry.words.lower() in told:
@@ -311,7 +308,7 @@ def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int
         if not (each.claim or "").startswith("moves") and tokens[m].has(*_DENIABLE):
             return each
     following = states[n + 1] if n + 1 < len(states) else None
-    return following or states[n]
+    return states[n] if following is None else following
 
 
 def _find_hint(token: Token, facts: SceneFacts) -> tuple[str, str] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from scenewright.scene.events import Event
 from scenewright.tools.account.facts import SceneFacts
@@ -30,6 +30,13 @@ class Result(NamedTuple):
 
 UNTESTED = Result(None)
 
+ClaimType = Literal[
+    "absence", "background", "braking", "cause", "class", "count", "crossing", "crosswalk",
+    "density", "encounter", "event", "group", "heading", "kind", "light", "manoeuvre", "motion",
+    "moves", "movement", "number", "object", "order", "point", "reaction", "red_light", "sequence",
+    "side", "sight", "stop", "tie", "time",
+]  # fmt: skip
+
 Test = Callable[[SceneFacts, Binding], Result]
 
 
@@ -43,7 +50,7 @@ class Claim:
         test: says whether it holds of a scene under a binding.
     """
 
-    type: str
+    type: ClaimType
     value: str
     tokens: tuple[int, ...]
     mentions: tuple[int, ...]

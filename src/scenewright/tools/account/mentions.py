@@ -201,8 +201,8 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
 def _read_bound(tokens: Sequence[Token], n: int) -> Mention | None:
     """A road user that only its direction names: "eastbound through, westbound left"."""
     before = tokens[n - 1] if n else None
-    begins = before is None or before.kind in ("comma", "end")
-    if not tokens[n].has("bound") or not (begins or before.text in ("and", "vs", "with", "by")):
+    begins = before is None or before.kind in ("comma", "end") or before.is_in("joining")
+    if not (begins and tokens[n].has("bound")):
         return None
     stop = max(span[1] for sense, span in tokens[n].senses.items() if sense.startswith("bound"))
     follow = tokens[stop] if stop < len(tokens) else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from scenewright.tools.account import claim_tests as tests
-from scenewright.tools.account.claims import Claim, Test
+from scenewright.tools.account.claims import Claim, ClaimType, Test
 from scenewright.tools.account.event_readers import read_event, read_order, read_sequence
 from scenewright.tools.account.facts import OPPOSITE, SceneFacts
 from scenewright.tools.account.mentions import Mention
@@ -132,7 +132,7 @@ def _is_list_label(tokens: Sequence[Token], n: int) -> bool:
 def _claim_all(
     finder: PartyFinder,
     n: int,
-    claim: tuple[str, str, str],
+    claim: tuple[ClaimType, str, str],
     holds: Callable[[SceneFacts, int], bool],
     kinds: str = "any",
 ) -> Iterator[Claim]:
@@ -327,7 +327,7 @@ def _read_point(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     yield Claim("point", word, (n,), (), tests.PointTest(word))
 
 
-def _read_scene(kind: str, value: str, test: Test) -> Reader:
+def _read_scene(kind: ClaimType, value: str, test: Test) -> Reader:
     """A claim of the whole scene, whatever else is said."""
 
     def read(_finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
@@ -336,7 +336,7 @@ def _read_scene(kind: str, value: str, test: Test) -> Reader:
     return read
 
 
-def _read_any(kind: str, find: Callable[[SceneFacts, str], Iterable[int]]) -> Reader:
+def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]]) -> Reader:
     """A claim that some agent has a property which the checker proves."""
 
     def read(_finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
