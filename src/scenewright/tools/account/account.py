@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import groupby
+from itertools import chain, groupby
 from typing import NamedTuple
 
 from scenewright.scene.account import AccountEntry, WordState
@@ -300,8 +300,8 @@ def _judge_claims(
 
 def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int) -> _Judged | None:
     """The state of the words that a negation or "almost" belongs to, mostly those after it."""
-    after = range(n + 1, min(len(tokens), n + 7))
-    for m in (*after, *range(n - 1, max(-1, n - 5), -1)):
+    after, before = range(n + 1, min(len(tokens), n + 7)), range(n - 1, max(-1, n - 5), -1)
+    for m in chain(after, before):
         each = states[m]
         if tokens[m].kind == "end" or each is None:
             continue
