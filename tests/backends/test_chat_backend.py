@@ -445,7 +445,7 @@ def test_what_a_run_has_cost_that_a_model_left_is_reported(
                 {"id": "pedestrian-1", "type": "pedestrian"},
             ],
             "relations": [{"type": "yield_to", "from": "vehicle-1", "to": "pedestrian-1"}],
-            "said": ["A car = constraint vehicle-1", "Nobody else is around = background"],
+            "said": [{"words": "A car", "became": "constraint", "agents": ["vehicle-1"]}],
         }
     )
     server.faults = [said(lambda text: text)] + [status(503, "overloaded")] * 4

@@ -275,10 +275,16 @@ def cut_off(braker: str | None = None, event: str = "near_miss") -> Answer:
     """A plan of CUT_OFF whose account has the car brake, whatever its relation has."""
     relation = {"type": event, "from": "vehicle-1", "to": "vehicle-2", "cause": "late_brake"}
     plan = {
-        "agents": [{"id": "vehicle-1", "movement": "left"}, {"id": "vehicle-2"}],
+        "agents": [
+            {"id": "vehicle-1", "subtype": "van", "movement": "left"},
+            {"id": "vehicle-2", "subtype": "car"},
+        ],
         "relations": [relation | ({} if braker is None else {"braker": braker})],
         "ties": [{"agent": "vehicle-2", "of": "vehicle-1", "side": "opposite"}],
-        "said": ["cuts off = relation vehicle-1 vehicle-2", "has to brake hard = cause vehicle-2"],
+        "said": [
+            {"words": "cuts off", "became": "relation", "agents": ["vehicle-1", "vehicle-2"]},
+            {"words": "has to brake hard", "became": "cause", "agents": ["vehicle-2"]},
+        ],
     }
     return lambda _: plan
 

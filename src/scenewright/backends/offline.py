@@ -1,11 +1,10 @@
-"""What the offline planner gives beside answers: turns of a conversation, accounts, plans of texts.
+"""What the offline planner gives beside answers: turns of a conversation, plans of texts.
 
 Rooms above load it from here, so that they need not know how the planner is built.
 """
 
 from __future__ import annotations
 
-from scenewright.backends.builtin.backend import read_account
 from scenewright.backends.builtin.draft import build_site
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.references import build_clarification, read_choice
@@ -19,6 +18,5 @@ __all__ = [
     "plan",
     "rank_intents",
     "read",
-    "read_account",
     "read_choice",
 ]  # fmt: skip

@@ -7,14 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from scenewright.backends import Question
-from scenewright.backends.builtin.draft import Refused, Site, is_compass
+from scenewright.backends.builtin.draft import Site, is_compass
 from scenewright.backends.builtin.planner import plan
-from scenewright.backends.builtin.reader.interpret import LATER_STAGE
-from scenewright.backends.builtin.reader.learned_plan import read_plan
 from scenewright.backends.builtin.reader.measures import parse_speed_range
-from scenewright.backends.builtin.scope import check_text
-from scenewright.scene.account import SaidSpan
-from scenewright.scene.social import SocialGraph
 
 
 class BuiltinBackend:
@@ -50,23 +45,6 @@ def _build_site(facts: dict[str, Any]) -> Site:
         left_hand=facts.get("left_hand", False),
         roads=tuple(facts.get("roads", {}).items()),
     )
-
-
-def read_account(facts: dict[str, Any]) -> tuple[SaidSpan, ...]:
-    """What the learned reader takes the words of an instruction to become; empty if it refuses."""
-    site = _build_site(facts)
-    try:
-        check_text(facts["instruction"])
-        read = read_plan(facts["instruction"], previous=facts.get("previous"), site=site).plan
-    except Refused:  # nothing that the encoder can read
-        return ()
-    return tuple(map(_leave_to_stage, read.said)) if isinstance(read, SocialGraph) else ()
-
-
-def _leave_to_stage(entry: SaidSpan) -> SaidSpan:
-    """Words beyond the grammar that a later stage may serve, where a model answers it."""
-    became = LATER_STAGE.get(entry.note or "") if entry.became == "nothing" else None
-    return entry if became is None else entry.model_copy(update={"became": became, "note": None})
 
 
 def _build_clauses(words: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

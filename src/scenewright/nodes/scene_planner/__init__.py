@@ -8,12 +8,12 @@ from typing import TypedDict
 
 from langgraph.runtime import Runtime
 
-from scenewright.backends import Backend, Question, get_backend_of_task, load_backend
+from scenewright.backends import Backend, Question, get_backend_of_task
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_stage_faults
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.remaining import refuse_unrealised, refuse_words
-from scenewright.nodes.scene_planner.account import complete_account
+from scenewright.nodes.scene_planner.hints import locate_hints
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
 from scenewright.nodes.scene_planner.striking import name_strikers
@@ -131,31 +131,10 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
     text = str(question.facts["instruction"])
     if get_backend_of_task(backend, "plan").deterministic:
         return name_strikers(plan, text)
-    _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)
     plan = complete_plan(plan, ways)
-    plan = plan.model_copy(update={"said": complete_account(plan, question)})
+    plan = plan.model_copy(update={"said": tuple(locate_hints(plan, text))})
     return name_strikers(plan, text)
-
-
-def _refuse_emptied(plan: SocialGraph, question: Question) -> None:
-    """A plan of nothing where the grammar reads an event: a weak model's way out.
-
-    Such a scene would be verified, as nothing was planned that could fail.
-    """
-    if plan.agents or plan.relations:
-        return
-    read = load_backend("builtin").answer(question)
-    events = [each["type"] for each in read.get("relations", ())]
-    if events:
-        raise Rejected(
-            Rejection(
-                stage="scene_planner",
-                code="malformed_reply",
-                detail=f"agents and relations are empty, but the request names {events[0]}: name "
-                "who takes part and what they do, or refuse",
-            )
-        )
 
 
 def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[RouteDescription]) -> None:

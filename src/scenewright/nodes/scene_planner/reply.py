@@ -8,6 +8,7 @@ from typing import Annotated, Any, get_args
 
 from pydantic import Discriminator, RootModel, Tag, model_validator
 
+from scenewright.nodes.scene_planner.hints import HINTS
 from scenewright.nodes.schema import (
     Schema,
     build_array,
@@ -18,7 +19,6 @@ from scenewright.nodes.schema import (
     build_reference,
     build_text,
 )
-from scenewright.scene.account import BECAME
 from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.route_table import RouteDescription
@@ -49,6 +49,8 @@ from scenewright.tools.map_grounding.grounding import is_on_side
 
 _CLOCK = "[0-2][0-9]:[0-5][0-9]"
 TIME = f"^{_CLOCK}(-{_CLOCK})?$"
+_TEXT = "^[ !#-Z^-\uffff]{1,120}$"
+"""Words in any script; decoders break on quotes, brackets, backslashes and control characters."""
 MOST_PATTERNS = 6
 ID = rf"^({'|'.join(get_args(AgentClass))})-[1-6]$"
 _FIELDS = ("entry", "exit", "movement", "crosswalk")
@@ -122,7 +124,7 @@ class PlanReply(
         if code is None and not rest:
             raise ValueError("name the agents and what happens, or refuse")
         if code is None:  # of a plan the reason is not asked, and does no harm
-            return _read_account(_add_classes(rest))
+            return _add_classes(rest)
         if rest.get("agents") or rest.get("relations"):
             raise ValueError("either 'refused' or agents and relations, not both")
         if not isinstance(code, str):
@@ -138,43 +140,6 @@ def _add_classes(plan: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(agents, list | tuple):
         return dict(plan)
     return {**plan, "agents": [_add_class(each) for each in agents]}
-
-
-def _read_account(plan: dict[str, Any]) -> dict[str, Any]:
-    """The plan with its account, of which a model writes "words = what they became AGENT..."."""
-    said = plan.get("said")
-    if not isinstance(said, list | tuple):
-        return plan
-    read = [_read_entry(each) if isinstance(each, str) else each for each in said]
-    return {**plan, "said": [each for each in read if each is not None]}
-
-
-_KEYS = {
-    **dict.fromkeys(("id", "subtype", "agents"), "agent"),
-    **dict.fromkeys(
-        ("relations", "type", "from", "to", "kind", *get_args(RelationType)), "relation"
-    ),
-    **dict.fromkeys(("ties", "side"), "tie"),
-    **dict.fromkeys(("target_pet", "target_ttc", "impact_speed"), "measure"),
-    **dict.fromkeys(("point_from", "point_to"), "impact_point"),
-    **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
-    "first": "order",
-    **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
-    **dict.fromkeys(("objects", *get_args(ObjectKind)), "object"),
-    **dict.fromkeys(("hides", "hidden_from", "lead"), "sight"),
-    **dict.fromkeys((*get_args(PedestrianMotion), *get_args(VehicleMotion)), "motion"),
-}
-"""Keys of a plan by which a model may call what words became."""
-
-
-def _read_entry(text: str) -> dict[str, Any] | None:
-    """An entry of the account; None where it is none."""
-    words, _, rest = text.rpartition("=")
-    became, *agents = rest.replace(",", " ").split() or [""]
-    became = _KEYS.get(became, became)
-    if not words.strip() or became not in BECAME:
-        return None
-    return {"words": words.strip(" '\"")[:400] or "-", "became": became, "agents": agents[:4]}
 
 
 def _add_class(agent: Any) -> Any:
@@ -225,6 +190,11 @@ def build_plan_schema(
         "time_of_day": build_text(TIME),
         "background": build_object({"vehicles": count, "pedestrians": count}),
     }
+    said = {
+        "words": build_reference("text"),
+        "became": build_enum(HINTS),
+        "agents": build_array(agent_id, most=4),
+    }
     codes = build_enum(("out_of_scope", "contradictory", "impossible"))
     return build_object(
         {
@@ -237,12 +207,17 @@ def build_plan_schema(
             "ties": build_array(build_object(tie, required=tie), most=6),
             **build_object_schema(words, side),
             "context": build_object(context),
-            "said": build_array(build_text(), most=40),
+            "said": build_array(build_object(said, required=("words", "became")), most=40),
             "refused": codes,
-            "reason": build_text(),
+            "reason": build_reference("text"),
         },
         required=("agents", "relations"),  # said even where there are none
-        defs={"id": build_text(ID), "side": legs, **build_point_schema(words)},
+        defs={
+            "id": build_text(ID),
+            "text": build_text(_TEXT),
+            "side": legs,
+            **build_point_schema(words),
+        },
     )
 
 

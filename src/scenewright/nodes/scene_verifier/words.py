@@ -35,7 +35,8 @@ def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejecti
     asked = any(each.code == "words_not_shown" for each in state.get("rejections", ()))
     planned = state.get("planned") is not None
     if not (asked or planned or get_backend_of_task(context.backend, "plan").deterministic):
-        ask = f"{detail}; plan what they say, or answer refused: out_of_scope"
+        ask = f"{detail}; plan what they say, or note them in said as constraint or behavior, or "
+        ask += "answer refused: out_of_scope"
         return Rejection(stage="scene_verifier", code="words_not_shown", detail=ask)
     if false:
         graph = describe_graph(state["social_graph"])

@@ -21,10 +21,12 @@ from scenewright.tools.relation_checker import check
 _STANDS = ("place", "crosswalk", "adverb", "stands", "request", "unit", "change")
 _TURNS_MEANING = ("negation", "sequence", "order")
 """Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
-_STAGES = ("constraint", "behavior", "measure", "impact_point", "road", "cause", "motion",
-           "reaction", "object", "sight", "encounter", "manoeuvre", "order")  # fmt: skip
-"""What a planner's hint may be believed for, where the checker found it on the tracks."""
-_NO_EVIDENCE = (None, "", "no claim on the tracks by itself")
+_SERVED = {
+    "constraint": ("order",),
+    "behavior": ("stop", "brake", "times"),
+    "impact_point": ("point", "place"),
+}
+"""Senses of words for which what a later stage served them as is believed."""
 _STRICT = ("event", "side", "heading", "movement", "tie")
 """Types of which one that fails outweighs what only holds of nearly every scene."""
 _WEAK = ("moves", "crosswalk", "crossing", "light")
@@ -152,7 +154,7 @@ def _is_denied(tokens: Sequence[Token], n: int) -> bool:
     for each in reversed(tokens[max(0, n - 4) : n]):
         if each.kind in ("end", "comma") or each.text in ("a", "an", "the", "and", "but"):
             return False
-        if each.has("negation"):
+        if each.negates:
             return True
     return False
 
@@ -185,7 +187,8 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     states = [_judge(n, tokens, by_token.get(n, []), facts) for n in range(len(tokens))]
     for n in reversed(range(len(tokens))):
         found = states[n]
-        if tokens[n].has("negation", "almost") and not (found and found.state == "seen"):
+        turns = tokens[n].negates or tokens[n].has("almost")
+        if turns and not (found and found.state == "seen"):
             states[n] = _copy_near(states, tokens, n)
     shown = [
         None if found is None or _is_silent(token, found) else found
@@ -215,7 +218,8 @@ def _find_repeated(
 
 def _is_silent(token: Token, found: _Judged) -> bool:
     """Whether a function word needs no state of its own."""
-    return _is_function(token) and found.state != "seen" and not token.has("negation", "sequence")
+    turns_meaning = token.negates or token.has("sequence")
+    return _is_function(token) and found.state != "seen" and not turns_meaning
 
 
 def _fail(_facts: SceneFacts, _binding: Binding) -> Result:
@@ -237,7 +241,7 @@ def _judge(
         return _Judged("seen", f"{claim.type} {claim.value}", result.evidence, result.agents)
     if _is_function(token):
         return None
-    if token.senses and (hint := _find_hint(token, facts)):
+    if hint := _find_hint(token, false, facts):
         return _Judged("seen", *hint)
     if _names_road(token, facts.intersection_map):
         return _Judged("seen", "road", "a street of this place")
@@ -311,13 +315,21 @@ def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int
     return states[n] if following is None else following
 
 
-def _find_hint(token: Token, facts: SceneFacts) -> tuple[str, str] | None:
-    """What the planner took the word for, where the checker found it on the tracks."""
+def _find_hint(
+    token: Token, false: Sequence[tuple[Claim, Result]], facts: SceneFacts
+) -> tuple[str, str] | None:
+    """What a later stage served a word as, where the checker found it on the tracks.
+
+    Believed for what no claim of a text can say by itself, such as clauses and standstills, and
+    only of words of that kind.
+    """
+    if any(claim.type not in ("stop", "braking") for claim, _ in false):
+        return None
     for entry in facts.proof.said:
+        senses = _SERVED.get(entry.became, ())
         covers = entry.start <= token.start and token.end <= entry.end
-        found = entry.status == "realised" and entry.evidence not in _NO_EVIDENCE
-        if covers and found and entry.became in _STAGES:
-            return f"{entry.became} {entry.value or ''}".strip(), entry.evidence or ""
+        if covers and token.has(*senses) and entry.status == "realised" and entry.evidence:
+            return f"{entry.became} {entry.value or ''}".strip(), entry.evidence
     return None
 
 

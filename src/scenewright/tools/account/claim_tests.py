@@ -332,17 +332,24 @@ class TieTest:
 
 @dataclass(frozen=True)
 class TimeTest:
-    """Whether the scene's clock fits a word of the time of day, or a clock time within 20 min."""
+    """Whether the scene's clock fits a word of the time of day, or a clock time within 20 min.
+
+    Attributes:
+        denied: the scene is at another time, "not at night".
+    """
 
     token: Token
+    denied: bool
 
     def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
         own = facts.get_minutes()
-        if self.token.kind == "clock":
+        spans = [value.partition("|")[0].split("+") for value in self.token.list_values("time")]
+        if self.denied:
+            fits = any(not _is_within(own, span[0]) for span in spans)
+        elif self.token.kind == "clock":
             fits = any(abs(own - said) <= CLOCK_SLACK for said in read_clock(self.token.text))
         else:
-            spans = [value.partition("|")[0] for value in self.token.list_values("time")]
-            fits = any(_is_within(own, part) for span in spans for part in span.split("+"))
+            fits = any(_is_within(own, part) for span in spans for part in span)
         return Result(fits, f"the scene is at {facts.scene.meta.time_of_day}")
 
 

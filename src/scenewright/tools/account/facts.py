@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,12 @@ _ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west
 _EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
 _STANDING = 0.4
 """Speed below which an agent stands [m/s]."""
+
+
+_RANGE = re.compile(r"in \[([\d.]+), ([\d.]+)\] (m/s|s|m)\b")
+_STANDS = re.compile(r"stands ([\d.]+)-([\d.]+) s")
+WIDEST = {"m/s": 1.6, "s": 1.0, "m": 1.0}
+"""How wide a clause may be to stand for a number; a wider one says nothing of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +152,15 @@ class SceneFacts:
                     yield unit, value - slack, value + slack
         for sight in self.scene.sights:
             yield "s", *sight.lead
+        for entry in self.proof.said:  # clauses and standstills of later stages, found on tracks
+            if entry.became not in ("constraint", "behavior") or entry.status != "realised":
+                continue
+            for low, high, unit in _RANGE.findall(entry.value or ""):
+                if float(high) - float(low) <= WIDEST[unit]:
+                    yield unit, float(low), float(high)
+            for start, until in _STANDS.findall(entry.value or ""):
+                lasts = float(until) - float(start)
+                yield "s", lasts - 0.3, lasts + 0.3
         units = {"goes_round": "m", "waits_behind": "m", "stops_short": "m", "queues": "m",
                  "waits_then_passes": "s"}  # fmt: skip
         for met in self.scene.encounters:

@@ -46,6 +46,8 @@ class PartyFinder:
                 i for i in fitting if self.mentions[i].start > n and self._is_in_sentence(i, n)
             ]
             return (*ahead[:2], *before[-2:])
+        if n and self.tokens[n - 1].text in ("without", "while", "not"):
+            return (here[0],)  # what the first one does, or not: "hits a van without braking"
         nearest = here[-1]
         stop = self.mentions[nearest].stop
         relative = any(each.is_in("relative") for each in self.tokens[stop : stop + 2])
@@ -88,7 +90,7 @@ class PartyFinder:
         for each in reversed(self.tokens[max(0, start - 5) : start]):
             if each.kind in ("end", "comma") or each.text in ("and", "but", "then"):
                 return False
-            if each.has("negation"):
+            if each.negates:
                 return True
         return False
 

@@ -19,6 +19,8 @@ _STANDS_FOR = 0.4
 """How long who stops stands at least [s]."""
 _BRAKING = 1.0
 """How hard who brakes brakes at least [m/s²]."""
+_NO_BRAKING = 2.0
+"""How hard who does not brake may slow at most [m/s²]."""
 _UNITS = {
     "m/s": {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "kmph": 1 / 3.6, "mph": 0.44704,
             "m/s": 1.0, "mps": 1.0},
@@ -46,7 +48,8 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
     nouns = {n for m in mentions for n in m.nouns}
     for n, token in enumerate(tokens):
         if token.kind == "clock" or token.has("time"):
-            found.append(Claim("time", token.text, (n,), (), tests.TimeTest(token)))
+            denied = any(each.text in ("not", "never") for each in tokens[max(0, n - 3) : n])
+            found.append(Claim("time", token.text, (n,), (), tests.TimeTest(token, denied)))
         if token.number is not None and n not in nouns:
             found += _read_number(finder, n, token.number)
         for sense in token.senses:
@@ -280,13 +283,13 @@ def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     denied = finder.is_denied(n)
 
     def holds(facts: SceneFacts, number: int) -> bool:
+        braking = facts.compute_braking(number)
         if denied:
-            reacts = any(r["agent"] == number and r.get("how") for r in facts.reactions)
-            return facts.agents[number].reaction == "none" or not reacts
-        return facts.compute_braking(number) >= _BRAKING
+            return facts.agents[number].reaction == "none" or braking < _NO_BRAKING
+        return braking >= _BRAKING
 
-    value = "no braking" if denied else "brakes"
-    yield from _claim_all(finder, n, ("braking", value, "brakes"), holds)
+    value, what = ("no braking", "no braking") if denied else ("brakes", "braking")
+    yield from _claim_all(finder, n, ("braking", value, what), holds)
 
 
 def _read_motion_verb(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:

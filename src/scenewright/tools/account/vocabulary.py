@@ -71,6 +71,11 @@ class Token:
         return any(s in self.senses or any(k.startswith(s + ".") for k in self.senses)
                    for s in senses)  # fmt: skip
 
+    @property
+    def negates(self) -> bool:
+        """Whether it turns the meaning of words near it, also within a phrase."""
+        return self.has("negation") or self.is_in("negations")
+
     def list_values(self, family: str) -> tuple[str, ...]:
         """The values of a family of senses, such as `north` of `side`."""
         return tuple(k.partition(".")[2] for k in self.senses if k.startswith(family + "."))

@@ -78,11 +78,6 @@ _BEYOND = {
     "decel": "braking rates cannot be asked for", "accel": "accelerations cannot be asked for",
     "first": "the order of passing cannot be asked for",
 }  # fmt: skip
-LATER_STAGE: dict[str, Became] = {
-    **{_BEYOND[tag]: "constraint" for tag in ("speed", "headway", "gap", "dist", "first")},
-    **{_BEYOND[tag]: "behavior" for tag in ("act", "wait", "decel", "accel")},
-}
-"""By note: the account of words that a later stage may serve where a model answers it."""
 
 _LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])")
 _NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
