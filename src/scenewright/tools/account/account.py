@@ -3,42 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain, groupby
+from typing import NamedTuple
 
 from scenewright.scene.account import AccountEntry, WordState
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.account.binding import bind_mentions
-from scenewright.tools.account.claims import Binding, Claim, ClaimReader, Result
+from scenewright.tools.account.claims import Binding, Claim, Result
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.mentions import Mention, find_mentions
+from scenewright.tools.account.sense_readers import read_claims
 from scenewright.tools.account.vocabulary import Token, load_vocabulary, read_tokens
 from scenewright.tools.relation_checker import check
 
 _STANDS = ("place", "crosswalk", "adverb", "stands", "request", "unit", "change")
 _TURNS_MEANING = ("negation", "sequence", "order")
 """Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
-_Judged = tuple[WordState, str | None, str, tuple[int, ...]]
-"""State, claim, evidence and agents of a word."""
 _SERVED = {
     "constraint": ("order",),
     "behavior": ("stop", "brake", "times"),
     "impact_point": ("point", "place"),
 }
 """Senses of words for which what a later stage served them as is believed."""
-_STRICT = ("event", "side", "heading", "movement", "tie")
+_DECISIVE = ("kind", "object")
+"""Types of which one that fails outweighs whatever else holds of the word."""
+_STRICT = (*_DECISIVE, "event", "side", "heading", "movement", "tie")
+"""Types of which one that fails outweighs what only holds of nearly every scene."""
 _WEAK = ("phrase", "moves", "crosswalk", "crossing", "light")
-"""Types that hold of nearly every scene: they do not outweigh a claim of the others that fails."""
-_DENIABLE = ("normal", "stop", "brake", "red", "reaction", "beyond", "background", "noun", "avoid", "manner",
-             "crosswalk", "jaywalking", "turn", "order", "light", "sight")  # fmt: skip
+"""Types that hold of nearly every scene."""
+_DENIABLE = ("normal", "stop", "brake", "red", "reaction", "beyond", "background", "noun",
+             "avoid", "manner", "crosswalk", "jaywalking", "turn", "order", "light", "sight",
+             "event")  # fmt: skip
+"""Senses of words that a negation, or "almost", may belong to."""
+_RELATIVE = ("number", "count", "stop", "braking", "density", "background", "order")
+"""Types of claims that a change may make of how it was before: "half a metre earlier"."""
 _NOT_SHOWN = "no claim covers it"
 _BEYOND = {
     "animal": "animals are not shown", "rail": "trams and trains are not shown",
     "vehicle": "road users of this kind are not shown", "place": "the place is not shown",
     "object": "objects of this kind are not shown", "weather": "weather is not shown",
     "sound": "sounds are not shown", "gesture": "gestures are not shown",
-    "harm": "nothing tests it on tracks",
+    "harm": "nothing tests it on tracks", "part": "nothing tests who is left out",
 }  # fmt: skip
+
+
+class _Judged(NamedTuple):
+    """State of a word, with its claim, the evidence and the agents in it."""
+
+    state: WordState
+    claim: str | None = None
+    evidence: str = ""
+    agents: tuple[int, ...] = ()
+
+
+_ANYWAY = _Judged("stands_anyway", evidence="true of every scene made here")
 
 
 def prove(
@@ -81,57 +101,29 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
 
     In a change, words of what was there before ("the van" that is to be a bus) are no claims.
     """
+    back = [any(each.is_in("takes_back") for each in read_tokens(text)) for text in texts]
+    compares = [any(each.is_in("compares") for each in read_tokens(text)) for text in texts]
     kept: list[AccountEntry] = []
     for entry in entries:
-        kind = (entry.claim or "").partition(" ")[0]
-        later = [e for e in entries if e.turn > entry.turn]
-        changed = {(e.claim or "").partition(" ")[0] for e in later if e.state == "seen"}
-        removed = any(_removes(text) for text in texts[entry.turn + 1 :])
-        false = entry.state in ("contradicted", "not_shown") and entry.claim is not None
-        if false and entry.turn < len(texts) - 1 and (kind in changed or removed):
-            continue
-        relative = kind in _RELATIVE or entry.claim is None
-        if entry.state in ("contradicted", "not_shown") and relative and entry.turn:
-            if {each.text for each in read_tokens(texts[entry.turn])} & _COMPARES:
-                reason = {"state": "stands_anyway", "evidence": "a change to what was there before"}
-                kept.append(entry.model_copy(update=reason))
+        kind = _get_type(entry)
+        if entry.state in ("contradicted", "not_shown") and entry.claim is not None:
+            changed = {_get_type(e) for e in entries if e.turn > entry.turn and e.state == "seen"}
+            if kind in changed or any(back[entry.turn + 1 :]):
                 continue
-        told = any(e.words.lower() == entry.words.lower() and e.turn < entry.turn for e in entries)
-        if false and told and kind in ("class", "count", "object"):
-            reason = {"state": "stands_anyway", "evidence": "what was there before"}
-            kept.append(entry.model_copy(update=reason))
-            continue
+            told = {e.words.lower() for e in entries if e.turn < entry.turn}
+            if kind in ("class", "count", "object") and entry.words.lower() in told:
+                reason = {"state": "stands_anyway", "evidence": "what was there before"}
+                entry = entry.model_copy(update=reason)  # noqa: PLW2901
+        relative = _get_type(entry) in ("", *_RELATIVE) and entry.turn
+        if entry.state in ("contradicted", "not_shown") and relative and compares[entry.turn]:
+            reason = {"state": "stands_anyway", "evidence": "a change to what was there before"}
+            entry = entry.model_copy(update=reason)  # noqa: PLW2901
         kept.append(entry)
     return kept
 
 
-_RELATIVE = ("number", "count", "stop", "braking", "density", "background", "order")
-"""Types of claims that a change may make of how it was before: "half a metre earlier"."""
-_COMPARES = frozenset(
-    "earlier later faster slower add remove more less fewer closer nearer further farther longer"
-    " shorter half double twice another sooner harder softer quicker increase reduce".split()
-)
-
-
-def _removes(text: str) -> bool:
-    return any(each.text in _REMOVES for each in read_tokens(text))
-
-
-_REMOVES = frozenset(
-    [
-        "remove",
-        "delete",
-        "drop",
-        "rid",
-        "without",
-        "no",
-        "swap",
-        "replace",
-        "reverse",
-        "instead",
-        "nobody",
-    ]
-)
+def _get_type(entry: AccountEntry) -> str:
+    return (entry.claim or "").partition(" ")[0]
 
 
 def _report(entry: AccountEntry) -> Finding:
@@ -148,11 +140,11 @@ def list_unknown_words(
     """The words of a text that no scene at a place can show, whatever is planned."""
     tokens = read_tokens(text)
     return tuple(
-        _build_entry(text, 0, n, n + 1, tokens, "not_shown", None, reason, ())
+        _build_entry(text, 0, tokens[n : n + 1], _Judged("not_shown", evidence=reason))
         for n, token in enumerate(tokens)
-        if (reason := _find_unknown(tokens, n)) is not None
-        and not _is_function(token) and not _names_road(token, intersection_map)
-    )  # fmt: skip
+        if not (_is_function(token) or _names_road(token, intersection_map))
+        and (reason := _find_unknown(tokens, n)) is not None
+    )
 
 
 def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
@@ -160,13 +152,14 @@ def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
     token = tokens[n]
     if token.kind != "word" or token.text.endswith("ly"):
         return None
-    families = {sense.partition(".")[0] for sense in token.senses}
+    families = token.list_families()
     if families == {"beyond"} and not token.phrase and not _is_denied(tokens, n):
         return _BEYOND[token.list_values("beyond")[0]]
     return None if families or token.phrase else _NOT_SHOWN
 
 
 def _is_denied(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a negation belongs to a noun or verb: "without rain", "does not honk"."""
     for each in reversed(tokens[max(0, n - 4) : n]):
         if each.kind in ("end", "comma") or each.text in ("a", "an", "the", "and", "but"):
             return False
@@ -175,18 +168,22 @@ def _is_denied(tokens: Sequence[Token], n: int) -> bool:
     return False
 
 
+def _is_stop(token: Token) -> bool:
+    return token.kind in ("end", "comma", "arrow")
+
+
 def _is_function(token: Token) -> bool:
-    if token.kind in ("end", "comma", "arrow"):
+    function = load_vocabulary().function
+    if _is_stop(token):
         return True
-    return (
-        token.text in load_vocabulary().function or token.text.partition("'")[0] in load_vocabulary().function
-    ) and not (token.has(*_TURNS_MEANING) and len(token.text) > 2)  # fmt: skip
+    turns_meaning = token.has(*_TURNS_MEANING) and len(token.text) > 2
+    return not turns_meaning and not function.isdisjoint((token.text, token.text.partition("'")[0]))
 
 
 def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEntry]:
     tokens = read_tokens(text)
     mentions = find_mentions(tokens)
-    claims = ClaimReader(tokens, mentions).read()
+    claims = read_claims(tokens, mentions)
     binding, results = bind_mentions(mentions, claims, facts)
     by_token: dict[int, list[tuple[Claim, Result]]] = {}
     for claim, result in zip(claims, results, strict=True):
@@ -196,23 +193,20 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
         claim = Claim("class", "a road user of its own", mentions[index].nouns, (), _fail)
         for n in claim.tokens:
             by_token[n] = [(claim, Result(False, "one agent in place of two"))]
-    states = [_judge(n, tokens, by_token.get(n, []), facts, text) for n in range(len(tokens))]
+    states = [_judge(n, tokens, by_token.get(n, []), facts) for n in range(len(tokens))]
     for n in reversed(range(len(tokens))):
-        if (tokens[n].negates or tokens[n].has("almost")) and not (states[n] or ("",))[0] == "seen":
+        found = states[n]
+        turns = tokens[n].negates or tokens[n].has("almost")
+        if turns and not (found and found.state == "seen"):
             states[n] = _copy_near(states, tokens, n)
-    start = 0
-    for n, found in enumerate(states):
-        if found is None or _is_silent(tokens[n], found):
-            continue
-        start = n if found != (states[n - 1] if n else None) or start > n else start
-        after = states[n + 1] if n + 1 < len(states) else None
-        if after != found or _is_silent(tokens[n + 1], found):
-            yield _build_entry(text, turn, start, n + 1, tokens, *found)
-            start = n + 2
-
-
-def _fail(_facts: SceneFacts, _binding: Binding) -> Result:
-    return Result(False)
+    shown = [
+        None if found is None or _is_silent(token, found) else found
+        for token, found in zip(tokens, states, strict=True)
+    ]
+    for found, same in groupby(range(len(tokens)), key=lambda n: shown[n]):
+        if found is not None:
+            span = list(same)
+            yield _build_entry(text, turn, tokens[span[0] : span[-1] + 1], found)
 
 
 def _find_repeated(
@@ -233,82 +227,116 @@ def _find_repeated(
 
 def _is_silent(token: Token, found: _Judged) -> bool:
     """Whether a function word needs no state of its own."""
-    return _is_function(token) and found[0] != "seen" and not (token.negates or token.has("sequence"))
+    turns_meaning = token.negates or token.has("sequence")
+    return _is_function(token) and found.state != "seen" and not turns_meaning
+
+
+def _fail(_facts: SceneFacts, _binding: Binding) -> Result:
+    return Result(False)
 
 
 def _judge(
-    n: int, tokens: Sequence[Token], found: list[tuple[Claim, Result]], facts: SceneFacts, text: str
+    n: int, tokens: Sequence[Token], found: Sequence[tuple[Claim, Result]], facts: SceneFacts
 ) -> _Judged | None:
+    """The state of a word by the results of its claims; None where it needs no state."""
     token = tokens[n]
-    if token.kind in ("end", "comma", "arrow"):
+    if _is_stop(token):
         return None
-    held = [(c, r) for c, r in found if r.holds]
-    false = [(c, r) for c, r in found if r.holds is False and c.type in _STRICT]
-    if any(c.type == "phrase" for c, _ in held):  # the whole phrase says it, not a word of it
-        false = [(c, r) for c, r in false if c.type != "event"]
-    if held and not (false and all(c.type in _WEAK for c, _ in held)):
+    held = [each for each in found if each[1].holds]
+    false = [each for each in found if each[1].holds is False]
+    strict = [each for each in false if each[0].type in _STRICT]
+    if any(claim.type == "phrase" for claim, _ in held):  # the phrase says it, not a word of it
+        strict = [each for each in strict if each[0].type != "event"]
+    decided = any(claim.type in _DECISIVE for claim, _ in false)
+    weak = all(claim.type in _WEAK for claim, _ in held)
+    if held and not (decided or (strict and weak)):
         claim, result = min(held, key=lambda each: each[0].type in _WEAK)
-        return "seen", f"{claim.type} {claim.value}", result.evidence, result.agents
+        return _Judged("seen", f"{claim.type} {claim.value}", result.evidence, result.agents)
     if _is_function(token):
         return None
-    if hint := _find_hint(token, found, facts):
-        return "seen", hint[0], hint[1], ()
+    if hint := _find_hint(token, false, facts):
+        return _Judged("seen", *hint)
     if _names_road(token, facts.intersection_map):
-        return "seen", "road", "a street of this place", ()
-    families = {sense.partition(".")[0] for sense in token.senses}
-    if "beyond" in families and not (families & {"manner"}):
-        if _is_denied(tokens, n):
-            return "stands_anyway", None, "no scene made here has it", ()
-        if families == {"beyond"}:
-            return "not_shown", None, _BEYOND[token.list_values("beyond")[0]], ()
-    if "stands" in families and (reason := _contradict_place(token, facts)):
-        return "contradicted", token.text, reason, ()
-    false = false or [(c, r) for c, r in found if r.holds is False and c.type == "crosswalk"]
-    limit = token.unit is not None and not found
-    if (families & set(_STANDS) or limit) and not false:
-        return "stands_anyway", None, "true of every scene made here", ()
-    if "manner" in families or (token.text.endswith("ly") and not families):
-        return "manner", None, "tracks cannot speak of it", ()
-    false = false or [(c, r) for c, r in found if r.holds is False]
-    if false:
-        claim, result = false[0]
-        return (
-            "contradicted",
-            f"{claim.type} {claim.value}",
-            result.evidence,
-            (),
-        )
-    if token.text in ("let", "have") and not found:
-        return "stands_anyway", None, "true of every scene made here", ()
-    if token.has("sequence") and not any(r.holds is False for _, r in found):
-        return None  # it joins no two events
-    if families == {"order"} and token.text in ("first", "last", "second"):
+        return _Judged("seen", "road", "a street of this place")
+    return (
+        _judge_beyond(n, tokens)
+        or _judge_place(token, facts)
+        or _judge_claims(token, found, strict or false)
+    )
+
+
+def _judge_beyond(n: int, tokens: Sequence[Token]) -> _Judged | None:
+    """The state of a word for what no scene can show; None of another word."""
+    families = tokens[n].list_families()
+    if "beyond" not in families or "manner" in families:
         return None
-    return "not_shown", None, _NOT_SHOWN, ()
+    if _is_denied(tokens, n):
+        return _Judged("stands_anyway", evidence="no scene made here has it")
+    reason = _BEYOND[tokens[n].list_values("beyond")[0]]
+    return _Judged("not_shown", evidence=reason) if families == {"beyond"} else None
+
+
+def _judge_place(token: Token, facts: SceneFacts) -> _Judged | None:
+    """Contradicted, where what is said of every scene is false of this one."""
+    own = facts.scene.meta.time_of_day
+    reason = None
+    if token.is_in("with_lights") and not facts.scene.signals:
+        reason = "a place without lights"
+    elif token.is_in("by_day") and not 300 <= facts.get_minutes() <= 1290:
+        reason = f"a scene at {own}"
+    if reason is None or "stands" not in token.list_families():
+        return None
+    return _Judged("contradicted", token.text, reason)
+
+
+def _judge_claims(
+    token: Token, found: Sequence[tuple[Claim, Result]], false: Sequence[tuple[Claim, Result]]
+) -> _Judged | None:
+    """The state of a content word of which no claim holds.
+
+    Args:
+        false: those of its claims that are false, the gravest ones alone.
+    """
+    families = token.list_families()
+    grave = [each for each in false if each[0].type in (*_STRICT, "crosswalk")]
+    limit = token.unit is not None and not found
+    if (limit or not families.isdisjoint(_STANDS)) and not grave:
+        return _ANYWAY
+    if "manner" in families or (token.text.endswith("ly") and not families):
+        return _Judged("manner", evidence="tracks cannot speak of it")
+    if false:
+        claim, result = (grave or false)[0]
+        return _Judged("contradicted", f"{claim.type} {claim.value}", result.evidence)
+    if token.text in ("let", "have") and not found:
+        return _ANYWAY
+    lists = families == {"order"} and token.text in ("first", "last", "second")
+    if lists or token.has("sequence"):
+        return None  # it joins no two events and orders no two road users
+    return _Judged("not_shown", evidence=_NOT_SHOWN)
 
 
 def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int) -> _Judged | None:
     """The state of the words that a negation or "almost" belongs to, mostly those after it."""
-    after = range(n + 1, min(len(tokens), n + 7))
-    for m in (*after, *range(n - 1, max(-1, n - 5), -1)):
+    after, before = range(n + 1, min(len(tokens), n + 7)), range(n - 1, max(-1, n - 5), -1)
+    for m in chain(after, before):
         each = states[m]
         if tokens[m].kind == "end" or each is None:
             continue
-        if not (each[1] or "").startswith("moves") and tokens[m].has("event", *_DENIABLE):
+        if not (each.claim or "").startswith("moves") and tokens[m].has(*_DENIABLE):
             return each
     following = states[n + 1] if n + 1 < len(states) else None
-    return following or states[n]
+    return states[n] if following is None else following
 
 
 def _find_hint(
-    token: Token, found: Sequence[tuple[Claim, Result]], facts: SceneFacts
+    token: Token, false: Sequence[tuple[Claim, Result]], facts: SceneFacts
 ) -> tuple[str, str] | None:
     """What a later stage served a word as, where the checker found it on the tracks.
 
     Believed for what no claim of a text can say by itself, such as clauses and standstills, and
     only of words of that kind.
     """
-    if any(r.holds is False and c.type not in ("stop", "braking") for c, r in found):
+    if any(claim.type not in ("stop", "braking") for claim, _ in false):
         return None
     for entry in facts.proof.said:
         senses = _SERVED.get(entry.became, ())
@@ -324,22 +352,17 @@ def _names_road(token: Token, intersection_map: IntersectionMap | None) -> bool:
     return token.text in words and not token.has("side", "bound")
 
 
-def _contradict_place(token: Token, facts: SceneFacts) -> str | None:
-    """Why what is said of every scene is false of this one."""
-    if token.text in ("signalised", "signalized", "signalled") and not facts.scene.signals:
-        return "a place without lights"
-    if token.text in ("daylight", "daytime", "sunny") and not 300 <= facts.get_minutes() <= 1290:
-        return f"a scene at {facts.scene.meta.time_of_day}"
-    return None
-
-
-def _build_entry(
-    text: str, turn: int, start: int, stop: int, tokens: Sequence[Token],
-    state: WordState, claim: str | None, evidence: str, agents: tuple[int, ...],
-) -> AccountEntry:  # fmt: skip
-    first, last = tokens[start], tokens[stop - 1]
-    mended = f" (read as '{first.mended}')" if first.mended else ""
+def _build_entry(text: str, turn: int, tokens: Sequence[Token], found: _Judged) -> AccountEntry:
+    """The entry of tokens that stand side by side and share a state."""
+    start, end = tokens[0].start, tokens[-1].end
+    mended = f" (read as '{tokens[0].mended}')" if tokens[0].mended else ""
     return AccountEntry(
-        turn=turn, start=first.start, end=last.end, words=text[first.start : last.end],
-        state=state, claim=claim, evidence=evidence + mended, agents=agents,
-    )  # fmt: skip
+        turn=turn,
+        start=start,
+        end=end,
+        words=text[start:end],
+        state=found.state,
+        claim=found.claim,
+        evidence=found.evidence + mended,
+        agents=found.agents,
+    )

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
-from scenewright.tools.account.claims import Binding, Bound, Claim, Result
+from scenewright.tools.account.claims import BACKGROUND, Binding, Bound, Claim, Result
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.mentions import Mention
 
 BEAM = 40
 """Bindings that are kept while mentions are bound one after the other."""
 MOST_CHOICES = 24
-BACKGROUND = "background"
-"""What a plural stands for that is said of the traffic around."""
+"""What a mention may stand for is tried up to so many choices."""
 _WEIGHTS = {"event": 3.0, "class": 2.0, "side": 2.0, "moves": 0.1, "crosswalk": 0.2}
+"""How much a claim counts, by its type; 1 for the others."""
 
 
 def bind_mentions(

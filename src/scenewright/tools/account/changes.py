@@ -10,50 +10,9 @@ from scenewright.tools.account.facts import fits_noun
 from scenewright.tools.account.mentions import Mention, find_mentions
 from scenewright.tools.account.vocabulary import Token, read_tokens
 
-_REMOVES = frozenset(
-    [
-        "remove",
-        "delete",
-        "drop",
-        "rid",
-        "without",
-        "no",
-        "less",
-        "fewer",
-        "out",
-        "away",
-        "nobody",
-        "leave",
-        "lose",
-        "cut",
-        "only",
-    ]
-)
-_ADDS = frozenset(
-    [
-        "add",
-        "another",
-        "more",
-        "also",
-        "put",
-        "include",
-        "second",
-        "third",
-        "plus",
-        "with",
-        "back",
-        "extra",
-    ]
-)
 _CROWD = ("density", "background", "time")
-_CROWD_WORDS = frozenset(
-    ["traffic", "busier", "quieter", "people", "crowd", "everyone", "others", "else", "hour"]
-)
 _EVENTS = ("event", "order", "red", "stop", "brake", "avoid", "priority", "normal", "meets",
            "manoeuvre", "reaction", "sight", "object")  # fmt: skip
-_SWAPS = frozenset(
-    ["swap", "switch", "reverse", "exchange", "roles", "instead", "other", "undo", "again"]
-)
 MOST_BACKGROUND = 3, 0.25
 """Background agents that may go or come where others must make room: a number, and a share."""
 
@@ -70,10 +29,9 @@ def find_unasked_changes(before: SceneRecord, after: SceneRecord, words: str) ->
 def _compare(
     before: SceneRecord, after: SceneRecord, tokens: Sequence[Token], mentions: Sequence[Mention]
 ) -> Iterator[str]:
-    said = {each.text for each in tokens}
-    removes, adds = bool(said & _REMOVES), bool(said & _ADDS)
-    crowd = bool(said & _CROWD_WORDS) or any(each.has(*_CROWD) for each in tokens)
-    deeds = any(each.has(*_EVENTS) for each in tokens) or bool(said & _SWAPS)
+    removes, adds = (any(each.is_in(name) for each in tokens) for name in ("removes", "adds"))
+    crowd = any(each.is_in("crowd") or each.has(*_CROWD) for each in tokens)
+    deeds = any(each.is_in("swaps") or each.has(*_EVENTS) for each in tokens)
     old, new = _list_foreground(before), _list_foreground(after)
     gone, come = old.keys() - new.keys(), new.keys() - old.keys()
     named = any(not m.pronoun and m.classes for m in mentions)

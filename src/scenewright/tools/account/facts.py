@@ -13,6 +13,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.measures import UNITS
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 
@@ -91,9 +92,9 @@ class SceneFacts:
             if {relation.from_, relation.to} == {first, second} and relation.first is not None:
                 return relation.first == first
         for entry in self.proof.said:
-            if entry.became == "order" and entry.status == "realised" and len(entry.agents) == 2:
-                if set(entry.agents) == {first, second}:
-                    return entry.agents[0] == first
+            found = entry.became == "order" and entry.status == "realised"
+            if found and sorted(entry.agents) == sorted((first, second)):
+                return entry.agents[0] == first
         for event in self.list_between(first, second, ("yielding", "follow")):
             return not self.has_role(event, first)
         return None
@@ -140,8 +141,6 @@ class SceneFacts:
 
     def list_figures(self) -> Iterator[tuple[str, float, float]]:
         """Unit, least and most of every figure that was asked for and is proven."""
-        from scenewright.scene.measures import UNITS
-
         for each in self.scene.measures:
             yield UNITS[each.kind].unit, each.low, each.high
         for relation in self.scene.relations:
@@ -172,7 +171,8 @@ class SceneFacts:
         """Standing objects of a kind; `thing` is any that is no vehicle."""
         if sense == "thing":
             return tuple(o for o in self.scene.objects if o.kind in ("bin", "box", "container"))
-        return tuple(o for o in self.scene.objects if o.kind == sense)
+        kinds = ("parked", "double_parked") if sense == "parked" else (sense,)
+        return tuple(o for o in self.scene.objects if o.kind in kinds)
 
 
 def fits_noun(agent: AgentRecord, classes: frozenset[str]) -> bool:

@@ -5,53 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from scenewright.tools.account.vocabulary import Token
 
-_INDEFINITE = frozenset({"a", "an", "another", "some", "any", "each", "every"})
-_DEFINITE = frozenset(
-    ["the", "this", "that", "these", "those", "its", "his", "her", "their", "my", "our", "your", "said", "same"]
-)  # fmt: skip
-_PRONOUNS = frozenset(
-    [
-        "it",
-        "he",
-        "she",
-        "him",
-        "her",
-        "they",
-        "them",
-        "itself",
-        "himself",
-        "herself",
-        "themselves",
-        "who",
-        "whom",
-        "latter",
-        "former",
-    ]
-)
-_FIRST_PERSON = frozenset({"i", "me", "we", "us", "my", "our"})
 _VEHICLES = frozenset(
-    [
-        "vehicle",
-        "car",
-        "van",
-        "taxi",
-        "truck",
-        "bus",
-        "motorcycle",
-        "emergency",
-        "ambulance",
-        "fire_engine",
-        "police_car",
-    ]
-)
-_RIDES = frozenset(
-    {"on", "riding", "rides", "in", "driving", "drives", "of", "aboard", "rode", "drove"}
-)
-_PLURALS = frozenset({"people", "men", "women", "children", "kids", "both", "peds", "folks"})
-_AT = frozenset({"on", "at", "over", "in", "across", "using"})
+    {"vehicle", "car", "van", "taxi", "truck", "bus", "motorcycle",
+     "emergency", "ambulance", "fire_engine", "police_car"}
+)  # fmt: skip
 _NAMED = re.compile(r"(v|veh|vehicle|p|ped|u)(\d)")
 
 
@@ -118,7 +79,9 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
                default=n + 1)  # fmt: skip
     if stop < len(tokens) and tokens[stop - 1].kind == tokens[stop].kind == "word" and not things:
         more = frozenset(tokens[stop].list_values("noun"))
-        named = not _starts_clause(tokens[stop]) and not tokens[stop - 1].text.endswith("'s")
+        named = not tokens[stop].is_in("indefinite", "definite", "pronouns") and not tokens[
+            stop - 1
+        ].text.endswith("'s")
         apart = (
             tokens[stop].start - tokens[stop - 1].end == 1
             and tokens[stop - 1].text != tokens[stop - 1].stem
@@ -127,11 +90,8 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
             classes = classes | more if classes | more <= _VEHICLES else more
             stop += 1
     head = stop - 1
-    number = None
-    if stop + 1 < len(tokens) and tokens[stop].text == "of" and tokens[stop + 1].number and not (
-        stop + 2 < len(tokens) and tokens[stop + 2].has("noun")
-    ):  # "a class of six"
-        number, stop = tokens[stop + 1].number, stop + 2
+    number = _read_number_after(tokens, stop)
+    stop += 0 if number is None else 2
     start = n
     while start > 0 and _belongs_before(tokens[start - 1]):
         start -= 1
@@ -147,19 +107,26 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         stop=stop + (label is not None),
         classes=classes,
         count=count,
-        new=bool(_INDEFINITE & set(words)) or number is not None or (not before and plural)
-        or any(each.text in ("second", "third", "2nd", "3rd") for each in before),
+        new=number is not None or (not before and plural)
+        or any(each.is_in("indefinite", "ordinals") for each in before),
         object=things or any(each.has("object") for each in before)
         or any(each.has("object") for each in tokens[stop : stop + 1]),
-        background=any(each.text in ("background", "bg", "other", "extra", "additional", "surrounding")
-                       for each in before) and (plural or number is not None),
+        background=any(each.is_in("around") for each in before) and (plural or number is not None),
         absent=any(each.text in ("no", "without", "zero", "n't", "any") for each in before)
         or (start > 0 and tokens[start - 1].text in ("no", "without", "zero", "nor")),
         label=label,
         other="other" in words,
-        definite=bool(_DEFINITE & set(words)),
+        definite=any(each.is_in("definite") for each in before),
         nouns=tuple(range(n, head + 1)),
     )  # fmt: skip
+
+
+def _read_number_after(tokens: Sequence[Token], stop: int) -> float | None:
+    """The number of "a class of six"; None where another noun follows it."""
+    after = tokens[stop : stop + 3]
+    if len(after) < 2 or after[0].text != "of" or (len(after) > 2 and after[2].has("noun")):
+        return None
+    return after[1].number
 
 
 def _is_attribute(tokens: Sequence[Token], n: int) -> bool:
@@ -173,50 +140,28 @@ def _is_attribute(tokens: Sequence[Token], n: int) -> bool:
         return False
     if follow.has("crosswalk") and not follow.text.endswith("ing"):
         return True
-    return follow.has("crosswalk") and n > 1 and tokens[n - 2].text in _AT
-
-
-def _starts_clause(token: Token) -> bool:
-    return token.text in _INDEFINITE | _DEFINITE | _PRONOUNS
+    return follow.has("crosswalk") and n > 1 and tokens[n - 2].is_in("at")
 
 
 def _belongs_before(token: Token) -> bool:
     """Whether a word before a noun is of its phrase: an article, number, adjective."""
-    if token.kind == "figure":
-        return token.unit is None
-    if token.kind in ("ordinal",):
-        return True
     if token.kind != "word":
-        return False
-    if token.text in _INDEFINITE | _DEFINITE | {
-        "both",
-        "all",
-        "several",
-        "no",
-        "few",
-        "many",
-        "other",
-        "two",
-        "zero",
-    }:
+        return token.kind == "ordinal" or (token.kind == "figure" and token.unit is None)
+    if token.is_in("indefinite", "definite", "quantifiers"):
         return True
-    if token.number is not None or token.text in ("one", "of"):
-        return token.text != "half" and token.text != "of"
-    if any(stop - start > 1 for start, stop in token.senses.values()) and token.has(
-        "left", "right"
-    ):
+    if token.number is not None or token.text == "of":
+        return token.text not in ("half", "of")
+    in_phrase = any(stop - start > 1 for start, stop in token.senses.values())
+    if in_phrase and token.has("left", "right"):
         return True
     return token.has(
         "manner", "bound", "object", "opposite", "order", "side", "background", "left", "right",
         "density", "straight", "jaywalking", "same", "lateral", "u turn", "uturn", "light",
-    ) and not token.has("motion_verb", "event") and token.text not in (
-        "behind", "before", "after", "ahead", "through", "left", "right", "straight", "in", "across",
-        "along", "around", "thru", "opposite", "facing", "then", "now", "again", "back",
-    )  # fmt: skip
+    ) and not token.has("motion_verb", "event") and not token.is_in("not_attributes")  # fmt: skip
 
 
 def _is_plural(token: Token) -> bool:
-    if token.text in _PLURALS:
+    if token.is_in("plurals"):
         return True
     return token.text.endswith("s") and not token.text.endswith(("ss", "us", "'s")) and (
         token.text != token.stem
@@ -237,13 +182,13 @@ def _read_label(tokens: Sequence[Token], n: int) -> str | None:
 def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
     token = tokens[n]
     plural = token.text in ("they", "them", "themselves", "both", "we", "us")
-    if token.text in _FIRST_PERSON and not (
+    if token.is_in("first_person") and not (
         token.text in ("my", "our") and n + 1 < len(tokens) and tokens[n + 1].has("noun")
     ):
         return Mention(n, n, n + 1, frozenset(), None if plural else 1, first_person=True,
                        pronoun=True)  # fmt: skip
     follows = tokens[n + 1] if n + 1 < len(tokens) else None
-    if token.text in _PRONOUNS and not (
+    if token.is_in("pronouns") and not (
         token.text == "her"
         and follows is not None
         and follows.kind == "word"
@@ -252,15 +197,10 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
         return Mention(n, n, n + 1, frozenset(), None if plural else 1, pronoun=True)
     if token.text in ("everyone", "everybody"):
         return Mention(n, n, n + 1, frozenset(), None, pronoun=True, other=True)
-    stands_alone = follows is None or not follows.has("noun")
-    if (
-        token.text
-        in ("one", "other", "second", "third", "first", "both", "two", "another", "others", "each")
-        and stands_alone
-    ):
+    if token.is_in("stand_for_one", "stand_for_many") and not (follows and follows.has("noun")):
         if n and tokens[n - 1].text == "no":
             return None
-        many = token.text in ("both", "two", "others", "each")
+        many = token.is_in("stand_for_many")
         return Mention(n, n, n + 1, frozenset(), None if many else 1, pronoun=True,
                        other=token.text in ("other", "another", "others"))  # fmt: skip
     if token.kind == "word" and token.text in ("a", "b", "c") and _is_bare_label(tokens, n):
@@ -271,12 +211,12 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
 def _read_bound(tokens: Sequence[Token], n: int) -> Mention | None:
     """A road user that only its direction names: "eastbound through, westbound left"."""
     before = tokens[n - 1] if n else None
-    if not tokens[n].has("bound") or (before is not None and before.text not in ("and", "vs", "with", "by")
-                                      and before.kind not in ("comma", "end")):  # fmt: skip
+    begins = before is None or before.kind in ("comma", "end") or before.is_in("joining")
+    if not (begins and tokens[n].has("bound")):
         return None
     stop = max(span[1] for sense, span in tokens[n].senses.items() if sense.startswith("bound"))
     follow = tokens[stop] if stop < len(tokens) else None
-    if follow is not None and (follow.kind == "word" and not follow.has("straight", "uturn")):
+    if follow is not None and follow.kind == "word" and not follow.has("straight", "uturn"):
         return None
     return Mention(n, n, stop, frozenset({"any"}), 1, new=True)
 
@@ -285,8 +225,7 @@ def _is_bare_label(tokens: Sequence[Token], n: int) -> bool:
     """Whether a letter names a road user that was labelled before or is spoken of as A or B."""
     after = tokens[n + 1] if n + 1 < len(tokens) else None
     labelled = any(
-        each.text == tokens[n].text and before.has("noun")
-        for before, each in zip(tokens, tokens[1:], strict=False)
+        each.text == tokens[n].text and before.has("noun") for before, each in pairwise(tokens)
     )
     return labelled or (tokens[n].text != "a") or (
         after is not None and after.has("event", "motion_verb") and not after.has("noun")
@@ -301,9 +240,9 @@ def _is_ridden(tokens: Sequence[Token], person: Mention, ride: Mention) -> bool:
     if ride.pronoun or not (ride.classes & (_VEHICLES | {"cyclist", "scooter", "rider"})):
         return False
     between = tokens[person.stop : ride.start]
-    return len(between) <= 2 and bool(between) and all(each.kind == "word" for each in between) and (
-        between[-1].text in _RIDES
-    ) and not any(each.has("event") for each in between)  # fmt: skip
+    if not 1 <= len(between) <= 2 or not between[-1].is_in("rides"):
+        return False
+    return all(each.kind == "word" and not each.has("event") for each in between)
 
 
 def _merge(person: Mention, ride: Mention) -> Mention:

@@ -52,6 +52,7 @@ class Token:
         text: the characters, lower case; stem: the word without its ending.
         number, unit: of a figure, or of a number that is spelt out.
         senses: what the word may claim; nouns have `noun.CLASS`.
+        phrase: first and last token (exclusive) of the phrase that gave the senses.
         sentence: number of its sentence; kind: word, figure, clock, end, comma or arrow.
         mended: the known word that a misspelt one was taken for.
         phrase: type of the event, and tokens, of a phrase of a relation file that it belongs to.
@@ -77,11 +78,19 @@ class Token:
     @property
     def negates(self) -> bool:
         """Whether it turns the meaning of words near it, also within a phrase."""
-        return self.has("negation") or self.text in ("without", "not", "never", "no", "nobody")
+        return self.has("negation") or self.is_in("negations")
 
     def list_values(self, family: str) -> tuple[str, ...]:
         """The values of a family of senses, such as `north` of `side`."""
         return tuple(k.partition(".")[2] for k in self.senses if k.startswith(family + "."))
+
+    def list_families(self) -> frozenset[str]:
+        """The families of its senses."""
+        return frozenset(sense.partition(".")[0] for sense in self.senses)
+
+    def is_in(self, *lists: str) -> bool:
+        """Whether its text is on any of the lists of words.toml."""
+        return any(self.text in load_vocabulary().lists[name] for name in lists)
 
 
 @dataclass(frozen=True)
@@ -91,13 +100,17 @@ class Vocabulary:
     Attributes:
         exact, stems: (words...) -> senses, as they stand and by their stems.
         function: words without content; longest: words of the longest phrase.
+        singles: words and stems of any phrase; spelling: words that a misspelt one may be.
+        lists: words that the code asks for by the name of their list.
     """
 
     exact: Mapping[tuple[str, ...], frozenset[str]]
     stems: Mapping[tuple[str, ...], frozenset[str]]
     function: frozenset[str]
     longest: int
+    singles: frozenset[str]
     spelling: tuple[str, ...]
+    lists: Mapping[str, frozenset[str]]
 
 
 def reduce_word(word: str) -> str:
@@ -129,23 +142,26 @@ def load_vocabulary() -> Vocabulary:
     plain = tomllib.loads(files(__package__).joinpath("words.toml").read_text("utf-8"))
     exact: dict[tuple[str, ...], set[str]] = {}
     stems: dict[tuple[str, ...], set[str]] = {}
-    lists = {f"noun.{name}": phrases for name, phrases in plain["nouns"].items()}
-    for sense, phrases in chain(lists.items(), plain["senses"].items(), plain["loose"].items()):
+    nouns = {f"noun.{name}": phrases for name, phrases in plain["nouns"].items()}
+    for sense, phrases in chain(nouns.items(), plain["senses"].items(), plain["loose"].items()):
         for phrase in phrases:
             words = tuple(phrase.lstrip("=").split())
             table = exact if phrase.startswith("=") else stems
             key = words if phrase.startswith("=") else tuple(map(reduce_word, words))
             table.setdefault(key, set()).add(sense)
-    spelling = {w for key in exact for w in key} | {
-        w.lstrip("=") for group in (*lists.values(), *plain["senses"].values())
+    function = frozenset(plain["function"]["words"])
+    spelling = function | {w for key in exact for w in key} | {
+        w.lstrip("=") for group in (*nouns.values(), *plain["senses"].values())
         for phrase in group for w in phrase.split()
     }  # fmt: skip
     return Vocabulary(
-        {k: frozenset(v) for k, v in exact.items()},
-        {k: frozenset(v) for k, v in stems.items()},
-        frozenset(plain["function"]["words"]),
-        max(map(len, (*exact, *stems))),
-        tuple(sorted(w for w in spelling | set(plain["function"]["words"]) if len(w) > 2)),
+        exact={k: frozenset(v) for k, v in exact.items()},
+        stems={k: frozenset(v) for k, v in stems.items()},
+        function=function,
+        longest=max(map(len, (*exact, *stems))),
+        singles=frozenset(w for key in (*exact, *stems) for w in key),
+        spelling=tuple(sorted(w for w in spelling if len(w) > 2)),
+        lists={name: frozenset(words) for name, words in plain["lists"].items()},
     )
 
 
@@ -162,7 +178,7 @@ def read_tokens(text: str) -> tuple[Token, ...]:
             if stop - start > lengths[n]:
                 lengths[n] = stop - start
                 found[n] = {}
-            found[n] |= dict.fromkeys(senses, (start, stop))
+            found[n] |= dict.fromkeys(sorted(senses), (start, stop))
     phrases = _find_relation_phrases(plain)
     return tuple(
         replace(each, senses=senses, phrase=phrases.get(n))
@@ -174,17 +190,26 @@ def _find_relation_phrases(tokens: list[Token]) -> dict[int, tuple[str, int, int
     """Tokens that belong to a phrase of a relation file, the shipped ones and the user's."""
     found: dict[int, tuple[str, int, int]] = {}
     stems = [each.stem for each in tokens]
-    for pattern in load_patterns():
-        for phrase in pattern.phrases:
-            for part in re.split(r"\{(?:from|to)\}", phrase):
-                words = [reduce_word(w) for w in re.findall(r"[^\W\d_]+", part.lower())]
-                if len(words) < 2 and not any(len(w) > 3 for w in words):
-                    continue
-                for n in range(len(stems) - len(words) + 1):
-                    if stems[n : n + len(words)] == words:
-                        span = (pattern.proof.event, n, n + len(words))
-                        found |= dict.fromkeys(range(n, n + len(words)), span)
+    phrases = tuple((each.proof.event, each.phrases) for each in load_patterns())
+    for event, words in _list_relation_phrases(phrases):
+        for n in range(len(stems) - len(words) + 1):
+            if stems[n : n + len(words)] == words:
+                found |= dict.fromkeys(range(n, n + len(words)), (event, n, n + len(words)))
     return found
+
+
+@cache
+def _list_relation_phrases(
+    patterns: tuple[tuple[str, tuple[str, ...]], ...],
+) -> list[tuple[str, list[str]]]:
+    """Event and stems of what stands between the roles of each phrase."""
+    parts = (
+        (event, [reduce_word(w) for w in re.findall(r"[^\W\d_]+", part.lower())])
+        for event, phrases in patterns
+        for phrase in phrases
+        for part in re.split(r"\{(?:from|to)\}", phrase)
+    )
+    return [(event, words) for event, words in parts if len(words) > 1 or len("".join(words)) > 3]
 
 
 def _cut(text: str) -> Iterator[Token]:
@@ -196,8 +221,8 @@ def _cut(text: str) -> Iterator[Token]:
             sentence += 1
         low = match[0].lower().strip().replace("’", "'")
         stem = reduce_word(low if low.endswith("n't") else low.partition("'")[0])
-        number = float(match["figure"].replace(",", ".")) if match["figure"] else None
-        number = _SPELT.get(low) if number is None else number
+        figure = match["figure"]
+        number = float(figure.replace(",", ".")) if figure else _SPELT.get(low)
         yield Token(
             match.start(), match.start() + len(match[0].rstrip()), low, stem, kind,
             sentence, number, (match["unit"] or "").lower().replace(" ", "") or None,
@@ -222,7 +247,8 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
 def _mend_spelling(token: Token) -> Token:
     """A misspelt word with the stem of the one that it is taken for."""
     words = load_vocabulary()
-    if token.kind != "word" or len(token.text) < 3 or _is_known(token, words):
+    known = token.text in words.function or not words.singles.isdisjoint((token.text, token.stem))
+    if token.kind != "word" or len(token.text) < 3 or known:
         return token
     near = [w for w in _list_alike(len(token.text)) if _is_one_slip(token.text, w)]
     if not near:
@@ -232,10 +258,12 @@ def _mend_spelling(token: Token) -> Token:
 
 
 def _is_one_slip(word: str, known: str) -> bool:
-    """Whether two letters are swapped, one is lost, doubled or put in; for long words, another one.
+    """Whether two letters are swapped, one is lost or put in; in long words, another one.
 
-    >>> _is_one_slip("yeilds", "yields"), _is_one_slip("bicicle", "bicycle"), _is_one_slip("cat", "car")
-    (True, True, False)
+    >>> [_is_one_slip(*pair) for pair in (("yeilds", "yields"), ("bicicle", "bicycle"))]
+    [True, True]
+    >>> _is_one_slip("cat", "car")
+    False
     """
     n = next((k for k, (a, b) in enumerate(zip(word, known, strict=False)) if a != b), None)
     if n is None:
@@ -245,17 +273,6 @@ def _is_one_slip(word: str, known: str) -> bool:
     if word[n : n + 2] == known[n : n + 2][::-1] and word[n + 2 :] == known[n + 2 :]:
         return True
     return len(known) > 5 and word[n + 1 :] == known[n + 1 :]
-
-
-def _is_known(token: Token, words: Vocabulary) -> bool:
-    singles = _list_single_stems()
-    return token.text in words.function or token.stem in singles or token.text in singles
-
-
-@cache
-def _list_single_stems() -> frozenset[str]:
-    words = load_vocabulary()
-    return frozenset(w for key in (*words.exact, *words.stems) for w in key)
 
 
 @cache

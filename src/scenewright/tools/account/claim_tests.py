@@ -1,0 +1,549 @@
+"""The tests of claims on a proven scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from scenewright.scene.events import Event
+from scenewright.tools.account.claims import (
+    BACKGROUND,
+    UNTESTED,
+    Binding,
+    Claim,
+    Result,
+    list_agents,
+    list_pairs,
+)
+from scenewright.tools.account.facts import SceneFacts, compute_side
+from scenewright.tools.account.vocabulary import Token
+
+TOGETHER = 5.0
+"""Events that begin within so many seconds of one another happen at the same time [s]."""
+CLOCK_SLACK = 20
+"""How far the scene's clock may be from a time that is said [min]."""
+_ENCOUNTERS = {
+    "collision": ("hits", "doored"),
+    "near_miss": ("stops_short",),
+    "yielding": ("waits_behind", "queues", "waits_then_passes", "stops_short"),
+    "follow": ("queues", "waits_behind"),
+}
+"""What an agent does about an object, by the event that words may call it."""
+_POINTS = {
+    "rear_end": ("rear", "back", "front", "tail", "behind", "bumper", "boot", "trunk"),
+    "sideswipe": ("side", "flank", "mirror"),
+    "head_on": ("front", "head", "frontal"),
+    "angle": ("side", "flank", "door", "front"),
+}
+"""Words for the point of impact that a kind of collision bears out."""
+
+
+def get_background_kind(classes: frozenset[str]) -> str | None:
+    """The type of background agents that a noun counts; None for all."""
+    if classes <= {"pedestrian"}:
+        return "pedestrian"
+    return None if "any" in classes else "vehicle"
+
+
+@dataclass(frozen=True)
+class AllAgents:
+    """Whether something holds of all agents of any of the mentions."""
+
+    mentions: tuple[int, ...]
+    what: str
+    holds: Callable[[SceneFacts, int], bool]
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        for mention in self.mentions:
+            agents = list_agents(binding, mention)
+            if agents and all(self.holds(facts, n) for n in agents):
+                return Result(True, f"{self.what} of agent {_join(agents)}", agents)
+        looked = any(binding.get(mention) for mention in self.mentions)
+        return Result(False, self.what) if looked else UNTESTED
+
+
+@dataclass(frozen=True)
+class AnyAgent:
+    """Whether the checker proved a property of an agent, whichever it is."""
+
+    what: str
+    value: str
+    find: Callable[[SceneFacts, str], Iterable[int]]
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        found = sorted(set(self.find(facts, self.value)))
+        return Result(True, f"{self.what} of agent {_join(found)}") if found else UNTESTED
+
+
+@dataclass(frozen=True)
+class ClassTest:
+    """Whether what a mention stands for is of a class that its noun allows."""
+
+    mention: int
+    classes: frozenset[str]
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        bound = binding.get(self.mention)
+        if not bound:
+            return Result(False, "no such agent")
+        if BACKGROUND in bound:
+            seen = facts.count_background(get_background_kind(self.classes))
+            return Result(seen > 0, f"{seen} in the background")
+        agents = list_agents(binding, self.mention)
+        if not all(facts.fits_class(n, self.classes) for n in agents):
+            return Result(False, "another class")
+        named = ", ".join(
+            f"agent {n} ({facts.agents[n].subtype or facts.agents[n].type})" for n in agents
+        )
+        return Result(True, named or _join(sorted(map(str, bound))), agents)
+
+
+@dataclass(frozen=True)
+class CountTest:
+    """Whether a mention stands for as many as are said; None is two or more."""
+
+    mention: int
+    classes: frozenset[str]
+    count: int | None
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        bound = binding.get(self.mention)
+        if not bound:
+            return Result(False, "no such agents")
+        if BACKGROUND in bound:
+            number = facts.count_background(get_background_kind(self.classes))
+            evidence = f"{number} in the background"
+        else:
+            number = sum(facts.count_members(n) if isinstance(n, int) else 1 for n in bound)
+            evidence = f"{number} of them"
+        return Result(number >= 2 if self.count is None else number == self.count, evidence)
+
+
+@dataclass(frozen=True)
+class OrdinalTest:
+    """Whether "the last one" is last, and "the first" first, where agents follow one another."""
+
+    word: str
+    mention: int
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        own = set(list_agents(binding, self.mention))
+        follows = [e for e in facts.events if e.type == "follow"]
+        if self.word in ("last", "final") and own & {e.to for e in follows}:
+            return Result(False, "another one follows it")
+        if self.word in ("lead", "leading") and own & {e.from_ for e in follows}:
+            return Result(False, "it follows another one")
+        return Result(bool(own) or None, "a road user of its own")
+
+
+@dataclass(frozen=True)
+class ObjectTest:
+    """Whether an object of a kind stands there."""
+
+    mention: int
+    kind: str
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        there = {o.id for o in facts.find_objects(self.kind)}
+        named = {n for n in binding.get(self.mention, ()) if isinstance(n, str)}
+        if named:
+            return Result(named <= there, f"{self.kind} {_join(sorted(named))}")
+        evidence = f"{self.kind} {_join(sorted(there))}" if there else f"no {self.kind}"
+        return Result(bool(there), evidence)
+
+
+@dataclass(frozen=True)
+class BackgroundTest:
+    """Whether so many others are around; None is any number.
+
+    Attributes:
+        nobody: no road user of the classes may be there at all, "no pedestrians".
+    """
+
+    classes: frozenset[str]
+    count: int | None
+    nobody: bool
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        seen = facts.count_background(get_background_kind(self.classes))
+        if self.nobody:
+            classes = self.classes or frozenset({"any"})
+            absent = not any(facts.fits_class(n, classes) for n in facts.foreground)
+            return Result(seen == 0 and absent, f"{seen} of them")
+        return Result(
+            seen > 0 if self.count is None else seen == self.count, f"{seen} in the background"
+        )
+
+
+@dataclass(frozen=True)
+class OthersTest:
+    """Whether words such as "in the background" or "nobody else" fit those who are around."""
+
+    denied: bool
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        seen = facts.count_background()
+        return Result(True, f"{seen} in the background") if self.denied == (seen == 0) else UNTESTED
+
+
+@dataclass(frozen=True)
+class EventTest:
+    """Whether two of the parties have an event of a kind, in their roles where these are said."""
+
+    kind: str
+    subjects: tuple[int, ...]
+    objects: tuple[int, ...]
+    directed: bool
+    denied: bool
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        pairs = list(list_pairs(binding, self.subjects, self.objects))
+        together = [
+            (first, second)
+            for one in (*self.subjects, *self.objects)
+            for first, second in list_pairs(binding, (one,), (one,))
+            if first < second
+        ]
+        if not self.denied and (met := self._find_encounter(facts, binding)):
+            return met
+        found = self._find_between(facts, pairs, together)
+        if self.denied:
+            if not (pairs or together):
+                found = next((e for e in facts.proof.events if e.type == self.kind), None)
+            return Result(found is None, f"no {self.kind}")
+        found = found or self._find_of_one(facts, binding)
+        if found is None:
+            return Result(False, f"no {self.kind} of these agents")
+        seen = f"{found.type} of {found.from_} and {found.to} at {found.time:.1f} s"
+        return Result(True, seen, (found.from_, found.to), found)
+
+    def _find_encounter(self, facts: SceneFacts, binding: Binding) -> Result | None:
+        """What an agent does about an object: hits it, waits behind it."""
+        parties = (*self.subjects, *self.objects)
+        bound = {n for one in parties for n in binding.get(one, ())}
+        for each in facts.scene.encounters:
+            if each.how in _ENCOUNTERS.get(self.kind, ()) and (each.agent in bound or not bound):
+                how = each.how.replace("_", " ")
+                return Result(True, f"agent {each.agent} {how} {each.object}")
+        return None
+
+    def _find_between(
+        self,
+        facts: SceneFacts,
+        pairs: Sequence[tuple[int, int]],
+        together: Sequence[tuple[int, int]],
+    ) -> Event | None:
+        """The event of two parties; of any two agents where a party or both are not named."""
+        for pair in (*pairs, *together):
+            for event in facts.list_between(*pair, (self.kind,)):
+                if not self.directed or pair in together or facts.has_role(event, pair[0]):
+                    return event
+        if together or (self.subjects and self.objects):
+            return None
+        anyone = ((x, y) for x in facts.foreground for y in facts.foreground if x != y)
+        return next((e for pair in anyone for e in facts.list_between(*pair, (self.kind,))), None)
+
+    def _find_of_one(self, facts: SceneFacts, binding: Binding) -> Event | None:
+        """The event that one of the subjects has with whomever, where nothing else is named."""
+        if self.objects:
+            return None
+        if not self.subjects:
+            return next((e for e in facts.proof.events if e.type == self.kind), None)
+        for agent in (n for one in self.subjects for n in list_agents(binding, one)):
+            for event in facts.events:
+                roles = (event.from_,) if self.directed else (event.from_, event.to)
+                if event.type == self.kind and agent in roles:
+                    return event
+        return None
+
+
+@dataclass(frozen=True)
+class SequenceTest:
+    """Whether the events of two groups of claims come in a sequence.
+
+    Attributes:
+        overlap: they happen at the same time; loosely: words as "as", which also say when.
+    """
+
+    earlier: tuple[Claim, ...]
+    later: tuple[Claim, ...]
+    overlap: bool
+    loosely: bool
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        ones, others = (
+            {e.time: e for c in claims if (e := c.test(facts, binding).event) is not None}
+            for claims in (self.earlier, self.later)
+        )
+        if not ones or not others or ones.keys() & others.keys():
+            return UNTESTED
+        early, late = ones[min(ones)], others[min(others)]
+        seen = f"at {early.time:.1f} s and {late.time:.1f} s"
+        if self.overlap:
+            apart = max(early.time, late.time) - min(_get_end(early), _get_end(late))
+            return Result(apart <= TOGETHER or self.loosely, seen)
+        return Result(early.time <= _get_end(late) + 0.05, seen)
+
+
+def _get_end(event: Event) -> float:
+    return float(event.evidence.get("until", event.time))
+
+
+@dataclass(frozen=True)
+class OrderTest:
+    """Whether one of the subjects passes before, or after, one of the others."""
+
+    subjects: tuple[int, ...]
+    others: tuple[int, ...]
+    late: bool
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        orders = [
+            facts.find_order(*pair) for pair in list_pairs(binding, self.subjects, self.others)
+        ]
+        if (not self.late) in orders:
+            return Result(True, "the order in which they pass")
+        if self.late in orders:
+            return Result(False, "they pass in the other order")
+        return UNTESTED
+
+
+@dataclass(frozen=True)
+class TieTest:
+    """Whether an agent comes from a side of another one: same, opposite, left or right."""
+
+    subjects: tuple[int, ...]
+    sides: tuple[str, ...]
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        pairs = [
+            (agent, other)
+            for subject in self.subjects
+            for agent in list_agents(binding, subject)
+            for other in facts.foreground
+            if other != agent
+        ]
+        for agent, other in pairs:
+            seen = compute_side(facts.agents[agent].entry, facts.agents[other].entry)
+            if seen in self.sides:
+                return Result(True, f"agent {agent} comes from the {seen} side of {other}")
+        return Result(False, "/".join(self.sides)) if pairs else UNTESTED
+
+
+@dataclass(frozen=True)
+class TimeTest:
+    """Whether the scene's clock fits a word of the time of day, or a clock time within 20 min.
+
+    Attributes:
+        denied: the scene is at another time, "not at night".
+    """
+
+    token: Token
+    denied: bool
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        own = facts.get_minutes()
+        spans = [value.partition("|")[0].split("+") for value in self.token.list_values("time")]
+        if self.denied:
+            fits = any(not _is_within(own, span[0]) for span in spans)
+        elif self.token.kind == "clock":
+            fits = any(abs(own - said) <= CLOCK_SLACK for said in read_clock(self.token.text))
+        else:
+            fits = any(_is_within(own, part) for span in spans for part in span)
+        return Result(fits, f"the scene is at {facts.scene.meta.time_of_day}")
+
+
+def read_clock(text: str) -> list[int]:
+    """The times that a clock time may mean [min since midnight].
+
+    >>> read_clock("5:30 pm"), read_clock("1730"), read_clock("5:30")
+    ([1050], [1050], [330, 1050])
+    """
+    if len(text) == 4 and text.isdecimal():
+        return [60 * int(text[:2]) + int(text[2:])]
+    digits = [int(part) for part in "".join(c if c.isdigit() else " " for c in text).split()]
+    hours, minutes = digits[0], digits[1] if len(digits) > 1 else 0
+    if "p" in text:
+        return [60 * (hours % 12 + 12) + minutes]
+    if "a" in text:
+        return [60 * (hours % 12) + minutes]
+    either = 0 < hours < 12 and not text.startswith("0")
+    return [60 * hours + minutes, *([60 * (hours + 12) + minutes] if either else [])]
+
+
+def _is_within(own: int, span: str) -> bool:
+    start, end = (60 * int(each[:2]) + int(each[3:5]) for each in span.split("-"))
+    return (own - start) % 1440 <= (end - start) % 1440
+
+
+@dataclass(frozen=True)
+class NumberTest:
+    """Whether a figure with a unit was asked for and is proven."""
+
+    unit: str
+    value: float
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        known = [(low, high) for name, low, high in facts.list_figures() if name == self.unit]
+        for low, high in known:
+            if low - 1e-6 <= self.value <= high + 1e-6:
+                return Result(True, f"asked for and measured: {low:.3g} to {high:.3g} {self.unit}")
+        missing = Result(False, f"no figure of {self.value:.3g} {self.unit} was asked for")
+        return missing if known else UNTESTED
+
+
+@dataclass(frozen=True)
+class EventCountTest:
+    """Whether so many events of a kind happen."""
+
+    kinds: tuple[str, ...]
+    number: float
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        found = sum(e.type in self.kinds for e in facts.proof.events)
+        return Result(found == self.number, f"{found} of them")
+
+
+@dataclass(frozen=True)
+class KindTest:
+    """Whether a collision is of a kind, where there is one."""
+
+    kind: str
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        kinds = [e.kind or "none" for e in facts.proof.events if e.type == "collision"]
+        return Result(self.kind in kinds, f"kind {_join(kinds)}") if kinds else UNTESTED
+
+
+@dataclass(frozen=True)
+class BareNumberTest:
+    """Whether a number without a unit is of the clock, a background, agents or a figure."""
+
+    number: float
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        number, hour = self.number, 60 * (self.number % 12)
+        minutes = facts.get_minutes() % 720
+        if number <= 24 and any(abs(minutes - hour - off) <= CLOCK_SLACK for off in (0, 30)):
+            return Result(True, f"the scene is at {facts.scene.meta.time_of_day}")
+        if number in {facts.count_background(k) for k in (None, "vehicle", "pedestrian")}:
+            return Result(True, f"{number:g} in the background")
+        factors = (1.0, 1 / 3.6, 0.447)  # as it stands, in km/h or mph
+        figures = [(low, high) for _, low, high in facts.list_figures()]
+        if any(low <= number * factor <= high for low, high in figures for factor in factors):
+            return Result(True, "a figure that was asked for")
+        if any(len(bound) == number for bound in binding.values()):
+            return Result(True, f"{number:g} agents")
+        return Result(False, f"nothing is {number:g}")
+
+
+@dataclass(frozen=True)
+class PointTest:
+    """Whether a collision strikes a vehicle where a word says."""
+
+    word: str
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        asked = [p for r in facts.scene.relations for p in (r.point_from, r.point_to) if p]
+        shown = {part for each in asked for part in each.split("_")}
+        shown |= {word for e in facts.proof.events for word in _POINTS.get(e.kind or "", ())}
+        measured = any(m.kind.endswith("point") or "point_" in m.kind for m in facts.scene.measures)
+        if self.word in shown or (measured and self.word not in ("left", "right")):
+            return Result(True, f"the point of impact ({_join(asked) or self.word})")
+        return UNTESTED
+
+
+def check_crosswalk(facts: SceneFacts, _binding: Binding) -> Result:
+    """Whether anyone walks on a crosswalk; untested where nobody walks."""
+    for n in facts.foreground:
+        if facts.agents[n].crosswalk is not None:
+            return Result(True, f"agent {n} on the {facts.agents[n].crosswalk} crosswalk")
+    walks = any(facts.agents[n].type == "pedestrian" for n in facts.foreground)
+    return Result(False, "no agent is on a crosswalk") if walks else UNTESTED
+
+
+@dataclass(frozen=True)
+class LegCrosswalkTest:
+    """Whether someone walks on the crosswalk of the leg that a vehicle enters or leaves by.
+
+    Attributes:
+        field: `entry` or `exit`.
+    """
+
+    field: str
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        agents = [facts.agents[n] for n in facts.foreground]
+        legs = {getattr(agent, self.field) for agent in agents if agent.crosswalk is None}
+        walked = {agent.crosswalk for agent in agents if agent.crosswalk}
+        return Result(bool(legs & walked), f"crosswalk on the {self.field} leg")
+
+
+def check_lights(facts: SceneFacts, _binding: Binding) -> Result:
+    """Whether the place has traffic lights."""
+    return Result(bool(facts.scene.signals), "the place has lights")
+
+
+def check_late_braking(facts: SceneFacts, _binding: Binding) -> Result:
+    """Whether someone brakes too late, or does not react."""
+    late = any(e.cause == "late_brake" or "late_brake" in e.evidence for e in facts.proof.events)
+    return Result(late or any(r.get("why_not") for r in facts.reactions), "braking too late")
+
+
+def check_nothing_else(facts: SceneFacts, _binding: Binding) -> Result:
+    """Whether nothing happens that is not asked for: the certificate of every verified scene."""
+    return Result(facts.proof.verified, "nothing else happens")
+
+
+@dataclass(frozen=True)
+class DensityTest:
+    """Whether the traffic is as dense as a word says, where the scene was made with a density."""
+
+    density: str
+
+    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+        own = facts.scene.meta.density
+        return UNTESTED if own is None else Result(own == self.density, f"density {own}")
+
+
+def check_priority(facts: SceneFacts, _binding: Binding) -> Result:
+    """Whether anyone gives way."""
+    found = any(e.type == "yielding" for e in facts.proof.events)
+    return Result(True, "one gives way") if found else UNTESTED
+
+
+def find_motion(facts: SceneFacts, value: str) -> list[int]:
+    """Agents that move in a way such as `runs`."""
+    names = {"yellow": ("passes_yellow", "stops_at_yellow"), "runs": ("runs", "darts_out")}
+    return [n for n in facts.foreground if facts.agents[n].motion in names.get(value, (value,))]
+
+
+def find_reaction(facts: SceneFacts, value: str) -> list[int]:
+    """Agents that were to react in a way, or are seen to."""
+    asked = [n for n in facts.foreground if facts.agents[n].reaction == value]
+    hows = {"swerves": ("swerves",), "steps_back": ("steps_back", "jumps_back"), "runs": ("runs",)}
+    return [*asked, *(r["agent"] for r in facts.reactions if r.get("how") in hows.get(value, ()))]
+
+
+def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
+    """Agents that are `from` in a relation with a manoeuvre."""
+    return [r.from_ for r in facts.scene.relations if r.manoeuvre == value]
+
+
+def find_meeting(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that do something about an object."""
+    return [each.agent for each in facts.scene.encounters]
+
+
+def find_hidden(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that something hides."""
+    return [each.subject for each in facts.scene.sights]
+
+
+def find_group(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that lead a group."""
+    return [n for n in facts.foreground if facts.count_members(n) > 1]
+
+
+def _join(names: Iterable[int | str]) -> str:
+    return ", ".join(map(str, names))

@@ -1,0 +1,106 @@
+"""Readers of events, and of what comes first, later or at the same time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scenewright.tools.account.claim_tests import EventTest, OrderTest, OrdinalTest, SequenceTest
+from scenewright.tools.account.claims import Claim
+from scenewright.tools.account.parties import PartyFinder, Span
+from scenewright.tools.account.vocabulary import load_vocabulary
+
+
+def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
+    """The claims of the words of an event, one for each kind that they may mean."""
+    start, stop = span
+    word = finder.tokens[start]
+    if word.text in ("let", "have") and finder.begins_sentence(start):
+        return  # "let a car turn" asks for a car, not for a yield
+    kinds = {
+        sense.partition(".")[2]
+        for sense, own in word.senses.items()
+        if sense.startswith("event.") and own == span
+    }
+    subjects, objects = finder.find_parties(start, stop)
+    if finder.is_passive(start, stop):
+        subjects, objects = objects, subjects
+    before = finder.tokens[max(0, start - 4) : start]
+    denied = finder.is_denied(start)
+    almost = any(each.has("almost") for each in (*before, word))
+    avoided = any(each.has("avoid") for each in before)
+    if "cut_off" in kinds:
+        kinds = kinds - {"cut_off"} | {"near_miss", "collision"}
+    if "collision" in kinds and (almost or avoided):
+        kinds.add("near_miss")
+        if almost and not denied:
+            kinds.discard("collision")
+        denied = denied or avoided
+    for kind in sorted(kinds):
+        strikes = kind == "collision" and not almost and _says_striker(finder, start, stop)
+        directed = kind in ("yielding", "follow") or strikes
+        yield Claim(
+            "event",
+            f"{'no ' if denied else ''}{kind}",
+            tuple(range(start, stop)),
+            tuple(dict.fromkeys((*subjects, *objects))),
+            EventTest(kind, subjects, objects, directed, denied),
+        )
+
+
+def _says_striker(finder: PartyFinder, start: int, stop: int) -> bool:
+    """Whether a verb says which agent strikes: "hits", "runs into"; not "collides with"."""
+    word = finder.tokens[start]
+    if word.text.endswith("ing") and word.stem == "crash":
+        return False
+    if any(each.text in ("into", "over", "down") for each in finder.tokens[start : stop + 1]):
+        return True
+    direct = word.stem in load_vocabulary().lists["striking_stems"]
+    follow = finder.tokens[stop].text if stop < len(finder.tokens) else None
+    return direct and follow not in ("with", "each", "one", "and")
+
+
+def read_sequence(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
+    """Two events in time: one after another, or at the same time."""
+    before = [span for span in finder.events if span[0] < n]
+    after = [span for span in finder.events if span[0] > n]
+    if not after or (not before and len(after) < 2):
+        return
+    spans = (before[-1], after[0]) if before else (after[0], after[1])
+    one, two = (
+        tuple(c for c in read_event(finder, span) if not c.value.startswith("no "))
+        for span in spans
+    )
+    used = tuple(dict.fromkeys(m for c in (*one, *two) for m in c.mentions))
+    if (value == "after") == bool(before):  # "A after B"; "before A, B" and "while A, B"
+        one, two = two, one
+    loosely = finder.tokens[n].text in ("as", "when")
+    yield Claim("sequence", value, (n,), used, SequenceTest(one, two, value == "while", loosely))
+
+
+def read_order(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    """Who passes first, or last."""
+    token = finder.tokens[n]
+    for index, m in enumerate(finder.mentions):
+        if m.start <= n <= m.head:  # "the second car" is a mention of its own
+            yield Claim("count", token.text, (n,), (index,), OrdinalTest(token.text, index))
+            return
+    if token.has("sequence") and _is_between_events(finder, n):
+        return
+    if token.text in ("first", "last", "second") and (
+        finder.begins_sentence(n) or finder.tokens[n - 1].kind == "comma"
+    ):
+        return
+    subjects, objects = finder.find_parties(n, n + 1)
+    if token.is_in("order_of_two") and not any(
+        0 < finder.mentions[m].start - n <= 4 for m in objects
+    ):
+        return
+    others = (*objects, *range(len(finder.mentions)))
+    late = token.is_in("order_late")
+    test = OrderTest(subjects, others, late)
+    used = tuple(dict.fromkeys((*subjects, *others)))
+    yield Claim("order", "second" if late else "first", (n,), used, test)
+
+
+def _is_between_events(finder: PartyFinder, n: int) -> bool:
+    return any(s < n for s, _ in finder.events) and any(s > n for s, _ in finder.events)

@@ -1,0 +1,409 @@
+"""Readers of claims: of mentions, of numbers, and one for each family of senses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+from scenewright.tools.account import claim_tests as tests
+from scenewright.tools.account.claims import Claim, ClaimType, Test
+from scenewright.tools.account.event_readers import read_event, read_order, read_sequence
+from scenewright.tools.account.facts import OPPOSITE, SceneFacts
+from scenewright.tools.account.mentions import Mention
+from scenewright.tools.account.parties import PartyFinder
+from scenewright.tools.account.vocabulary import Token
+
+Reader = Callable[[PartyFinder, int, str], Iterable[Claim]]
+"""Claims of the word at a token; with the value of its sense, such as `north` of `side.north`."""
+
+_STANDS_FOR = 0.4
+"""How long who stops stands at least [s]."""
+_BRAKING = 1.0
+"""How hard who brakes brakes at least [m/s²]."""
+_NO_BRAKING = 1.0
+"""How hard who does not brake may slow at most [m/s²]."""
+_UNITS = {
+    "m/s": {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "kmph": 1 / 3.6, "mph": 0.44704,
+            "m/s": 1.0, "mps": 1.0},
+    "m/s2": {"m/s2": 1.0, "m/s²": 1.0, "m/s^2": 1.0, "g": 9.81},
+    "m": {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01,
+          "feet": 0.3048, "foot": 0.3048, "ft": 0.3048, "yards": 0.9144, "yard": 0.9144,
+          "inches": 0.0254, "inch": 0.0254},
+    "s": {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "min": 60.0,
+          "minute": 60.0, "minutes": 60.0, "ms": 0.001},
+    "%": {"%": 1.0, "percent": 1.0},
+}  # fmt: skip
+_FACTORS = {
+    word: (unit, factor) for unit, words in _UNITS.items() for word, factor in words.items()
+}
+
+
+def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Claim]:
+    """All claims of a text; one word may have several."""
+    finder = PartyFinder(tokens, mentions)
+    found: list[Claim] = []
+    for index in range(len(mentions)):
+        found += _read_mention(finder, index)
+    for span in finder.events:
+        found += read_event(finder, span)
+    nouns = {n for m in mentions for n in m.nouns}
+    for n, token in enumerate(tokens):
+        if token.kind == "clock" or token.has("time"):
+            denied = any(each.text in ("not", "never") for each in tokens[max(0, n - 3) : n])
+            found.append(Claim("time", token.text, (n,), (), tests.TimeTest(token, denied)))
+        if token.number is not None and n not in nouns:
+            found += _read_number(finder, n, token.number)
+        for sense in token.senses:
+            family, _, value = sense.partition(".")
+            after = tokens[token.senses[sense][1] :][:1]
+            if family in ("from_left", "from_right") and after and after[0].has("turn"):
+                family = family.removeprefix("from_")  # "on its left turn"
+            if reader := _READERS.get(family):
+                found += reader(finder, n, value)
+    for kind, start, stop in dict.fromkeys(each.phrase for each in tokens if each.phrase):
+        subjects, objects = finder.find_parties(start, stop)
+        test = tests.EventTest(kind, subjects, objects, directed=False, denied=False)
+        words = tuple(range(start, stop))
+        found.append(Claim("phrase", kind, words, (*subjects, *objects), test))
+    return found
+
+
+# --- mentions and numbers
+
+
+def _read_mention(finder: PartyFinder, index: int) -> Iterator[Claim]:
+    """Class, count and object of a mention."""
+    mention, tokens = finder.mentions[index], finder.tokens
+    if mention.pronoun:
+        return
+    if mention.absent or mention.background:
+        yield _read_others(finder, mention)
+        return
+    value = "/".join(sorted(mention.classes)) or "object"
+    nouns = mention.nouns or (mention.head,)
+    yield Claim("class", value, nouns, (index,), tests.ClassTest(index, mention.classes))
+    counted = tuple(
+        n
+        for n in range(mention.start, mention.stop)
+        if n not in mention.nouns
+        and (tokens[n].number is not None or tokens[n].has("group", "number_word"))
+    )
+    if counted:
+        count = tests.CountTest(index, mention.classes, mention.count)
+        yield Claim("count", str(mention.count or "several"), counted, (index,), count)
+    words = range(mention.start, min(len(tokens), mention.stop + 1))
+    kind = next((k for n in words for k in tokens[n].list_values("object")), None)
+    if kind is not None:
+        span = tuple(n for n in words if f"object.{kind}" in tokens[n].senses)
+        yield Claim("object", kind, span, (index,), tests.ObjectTest(index, kind))
+
+
+def _read_others(finder: PartyFinder, mention: Mention) -> Claim:
+    """Those around that a mention counts, or says that there are none of."""
+    start = mention.start
+    if mention.absent and start and finder.tokens[start].text not in ("no", "zero", "without"):
+        start -= 1
+    count = 0 if mention.absent else mention.count
+    kind = tests.get_background_kind(mention.classes) or "others"
+    return Claim(
+        "background",
+        f"{'some' if count is None else count} {kind}",
+        tuple(range(start, mention.stop)),
+        (),
+        tests.BackgroundTest(mention.classes, count, mention.absent and not mention.background),
+    )
+
+
+def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
+    tokens = finder.tokens
+    said = tokens[n].unit or next(
+        (each.text for each in tokens[n + 1 : n + 3] if each.text in _FACTORS), None
+    )
+    if said is not None:
+        if any(each.text in ("limit", "zone") for each in tokens[max(0, n - 5) : n + 4]):
+            return  # a posted limit is of the place
+        unit, factor = _FACTORS.get(said, (said, 1.0))
+        value = number * factor
+        yield Claim("number", f"{value:.3g} {unit}", (n,), (), tests.NumberTest(unit, value))
+    elif span := next((s for s in finder.events if 0 < s[0] - n <= 2), None):  # "two near misses"
+        kinds = tokens[span[0]].list_values("event")
+        yield Claim("count", f"{number:g} {'/'.join(kinds)}", (n,), (),
+                    tests.EventCountTest(kinds, number))  # fmt: skip
+    elif not _is_list_label(tokens, n) and not any(m.start <= n < m.stop for m in finder.mentions):
+        yield Claim("number", f"{number:g}", (n,), (), tests.BareNumberTest(number))
+
+
+def _is_list_label(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a number only counts the items of a list: "1) ..." or "2. ..."."""
+    follow = tokens[n + 1] if n + 1 < len(tokens) else None
+    if follow is None or follow.start != tokens[n].end:
+        return False
+    begins = n == 0 or tokens[n - 1].kind in ("end", "comma")
+    return follow.text == ")" or (begins and follow.text in (".", ":"))
+
+
+# --- what is said of all agents of a mention
+
+
+def _claim_all(
+    finder: PartyFinder,
+    n: int,
+    claim: tuple[ClaimType, str, str],
+    holds: Callable[[SceneFacts, int], bool],
+    kinds: str = "any",
+) -> Iterator[Claim]:
+    """A claim that something holds of all agents of the mention that a word is said of.
+
+    Args:
+        claim: its type, its value, and what the evidence calls it.
+    """
+    kind, value, what = claim
+    subjects = finder.find_subjects(n, kinds)
+    yield Claim(kind, value, (n,), subjects, tests.AllAgents(subjects, what, holds))
+
+
+def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
+    """A leg: of a crosswalk, to leave by, to come from, or either."""
+    tokens = finder.tokens
+    crosswalk = _is_of_crosswalk(tokens, n)
+    said = next(
+        (each for each in reversed(tokens[max(0, n - 4) : n]) if each.is_in("to", "from")), None
+    )
+    to = said is not None and said.is_in("to")
+    source = (said is not None and said.is_in("from")) or _begins_pair(tokens, n)
+    turned = _is_turn_told(tokens, n)
+    heads = any(each.has("motion_verb") for each in tokens[max(0, n - 2) : n])
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        agent = facts.agents[number]
+        if crosswalk:
+            return agent.crosswalk == side
+        if to:
+            walks_over = agent.entry == OPPOSITE[side] and agent.type == "pedestrian"
+            return agent.exit == side or walks_over
+        if source:
+            return agent.entry == side
+        if heads:
+            return agent.entry == OPPOSITE[side] or (turned and agent.exit == side)
+        if agent.type == "vehicle":
+            return agent.entry == side or (turned and agent.exit == side)
+        return side in (agent.entry, agent.exit, agent.crosswalk)
+
+    yield from _claim_all(finder, n, ("side", side, side), holds)
+
+
+def _is_of_crosswalk(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a side says which crosswalk: "the east crosswalk", "crosses the east leg"."""
+    if any(each.has("crosswalk") for each in tokens[n + 1 : n + 3]):
+        return True
+    k = n - 1
+    while k > 0 and tokens[k].text in ("on", "of", "at", "the", "in", ":", "="):
+        k -= 1
+    if n > 0 and tokens[k].has("crosswalk") and not tokens[k].text.startswith("crossi"):
+        return True
+    return any(each.stem == "cros" for each in tokens[max(0, n - 3) : n]) and any(
+        each.is_in("legs") for each in tokens[n + 1 : n + 3]
+    )
+
+
+def _begins_pair(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a side is the first of two: "north to south", "north-south"."""
+    after = tokens[n + 1 : n + 3]
+    if any(each.text in ("to", "->", "→", ">", "=>") for each in after):
+        return True
+    return any(each.has("side") for each in after) and tokens[n].end + 1 >= after[0].start
+
+
+def _is_turn_told(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a turn is told of before a word, in its sentence."""
+    return any(
+        each.has("left", "right", "turn") and each.sentence == tokens[n].sentence
+        for each in tokens[:n]
+    )
+
+
+def _read_bound(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
+    turned = _is_turn_told(finder.tokens, n)
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        agent = facts.agents[number]
+        return agent.entry == OPPOSITE[side] or (turned and agent.exit == side)
+
+    yield from _claim_all(finder, n, ("heading", side, f"{side}bound"), holds)
+
+
+def _read_movement(*movements: str, kinds: str = "vehicle") -> Reader:
+    def read(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+        def holds(facts: SceneFacts, number: int) -> bool:
+            return facts.agents[number].movement in movements
+
+        value = "/".join(movements)
+        yield from _claim_all(finder, n, ("movement", value, value), holds, kinds)
+
+    return read
+
+
+def _read_hand(hand: str) -> Reader:
+    """Left or right: of another road user ("on its left"), else a turn."""
+
+    def read(finder: PartyFinder, n: int, value: str) -> Iterable[Claim]:
+        before = finder.tokens[max(0, n - 3) : n]
+        whose = before and (
+            before[-1].text.endswith("'s")
+            or (
+                before[-1].is_in("possessive")
+                and any(each.text in ("from", "on", "to", "at") for each in before[:-1])
+            )
+        )
+        return (_read_tie(hand) if whose else _read_movement(hand))(finder, n, value)
+
+    return read
+
+
+def _read_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    ways = ("crossing", "jaywalking", "straight", "left", "right")
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        return facts.agents[number].movement in ways
+
+    yield from _claim_all(finder, n, ("crossing", "crosses", "crosses"), holds)
+
+
+def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    denied = finder.is_denied(n)
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        return (number in facts.red_runners) != denied
+
+    value, what = ("no run", "no red light run") if denied else ("run", "a red light run")
+    yield from _claim_all(finder, n, ("red_light", value, what), holds)
+
+
+def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    denied = finder.is_denied(n)
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        slows = facts.stands(number) >= _STANDS_FOR or any(
+            e.type == "yielding" and facts.has_role(e, number) for e in facts.events
+        )
+        return slows != denied
+
+    value = "does not stop" if denied else "stops"
+    yield from _claim_all(finder, n, ("stop", value, "stands"), holds)
+
+
+def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    denied = finder.is_denied(n)
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        braking = facts.compute_braking(number)
+        if denied:
+            return facts.agents[number].reaction == "none" or braking < _NO_BRAKING
+        return braking >= _BRAKING
+
+    value, what = ("no braking", "no braking") if denied else ("brakes", "braking")
+    yield from _claim_all(finder, n, ("braking", value, what), holds)
+
+
+def _read_motion_verb(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    def holds(_facts: SceneFacts, _number: int) -> bool:
+        return True
+
+    yield from _claim_all(finder, n, ("moves", "moves", "moves"), holds)
+
+
+# --- what is said of two, of the scene, or of whichever agent
+
+
+def _read_tie(*sides: str) -> Reader:
+    def read(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+        subjects = finder.find_subjects(n)
+        yield Claim("tie", "/".join(sides), (n,), subjects, tests.TieTest(subjects, sides))
+
+    return read
+
+
+def _read_crosswalk(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    mentions = tuple(range(len(finder.mentions)))
+    yield Claim("crosswalk", "a crosswalk", (n,), mentions, tests.check_crosswalk)
+
+
+def _read_background(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    near = finder.tokens[max(0, n - 3) : n + 1]
+    denied = finder.is_denied(n) or any(each.is_in("nobody") for each in near)
+    yield Claim("background", "none" if denied else "some", (n,), (), tests.OthersTest(denied))
+
+
+def _read_density(_finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
+    yield Claim("density", value, (n,), (), tests.DensityTest(value))
+
+
+def _read_kind(_finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
+    yield Claim("kind", value, (n,), (), tests.KindTest(value))
+
+
+def _read_point(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    word = finder.tokens[n].text
+    yield Claim("point", word, (n,), (), tests.PointTest(word))
+
+
+def _read_scene(kind: ClaimType, value: str, test: Test) -> Reader:
+    """A claim of the whole scene, whatever else is said."""
+
+    def read(_finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+        yield Claim(kind, value, (n,), (), test)
+
+    return read
+
+
+def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]]) -> Reader:
+    """A claim that some agent has a property which the checker proves."""
+
+    def read(_finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
+        what = value or kind
+        yield Claim(kind, what, (n,), (), tests.AnyAgent(what, value, find))
+
+    return read
+
+
+_READERS: Mapping[str, Reader] = {
+    "side": _read_side,
+    "bound": _read_bound,
+    "left": _read_hand("left"),
+    "right": _read_hand("right"),
+    "straight": _read_movement("straight"),
+    "uturn": _read_movement("uturn"),
+    "turn": _read_movement("left", "right", "uturn"),
+    "jaywalking": _read_movement("jaywalking", kinds="foot"),
+    "cross": _read_cross,
+    "crosswalk": _read_crosswalk,
+    "exit_crosswalk": _read_scene("crosswalk", "on the exit leg", tests.LegCrosswalkTest("exit")),
+    "entry_crosswalk": _read_scene(
+        "crosswalk", "on the entry leg", tests.LegCrosswalkTest("entry")
+    ),
+    "opposite": _read_tie("opposite"),
+    "lateral": _read_tie("left", "right"),
+    "same": _read_tie("same"),
+    "from_left": _read_tie("left"),
+    "from_right": _read_tie("right"),
+    "red": _read_red,
+    "light": _read_scene("light", "lights", tests.check_lights),
+    "stop": _read_stop,
+    "brake": _read_brake,
+    "late_brake": _read_scene("cause", "late braking", tests.check_late_braking),
+    "normal": _read_scene("absence", "nothing else", tests.check_nothing_else),
+    "density": _read_density,
+    "background": _read_background,
+    "order": read_order,
+    "sequence": read_sequence,
+    "motion": _read_any("motion", tests.find_motion),
+    "reaction": _read_any("reaction", tests.find_reaction),
+    "manoeuvre": _read_any("manoeuvre", tests.find_manoeuvre),
+    "meets": _read_any("encounter", tests.find_meeting),
+    "sight": _read_any("sight", tests.find_hidden),
+    "group": _read_any("group", tests.find_group),
+    "point": _read_point,
+    "kind": _read_kind,
+    "priority": _read_scene("order", "priority", tests.check_priority),
+    "motion_verb": _read_motion_verb,
+}
+"""By family of senses; `account.py` says which others stand, are manner, or are not shown."""
