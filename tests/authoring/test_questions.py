@@ -81,7 +81,7 @@ def test_steps_back_an_ordinary_morning_and_her(session: Session) -> None:
     assert session.say("the second version")["version"] == 2
 
 
-def test_a_doubtful_first_line_is_taken_at_its_likeliest_and_says_so() -> None:
+def test_a_doubtful_first_line_is_asked_back() -> None:
     setting = {"intersection": "amsterdam_120", "seed": 4, "refiner": "none"}
     session = Session(Threads(":memory:"), "t", backend=load_backend("builtin"), setting=setting)
     words = (
@@ -89,8 +89,8 @@ def test_a_doubtful_first_line_is_taken_at_its_likeliest_and_says_so() -> None:
         "coming from the right nearly runs into them"
     )
     reply = session.say(words)
-    assert reply["kind"] == "made"
-    assert "2:" in reply["taken"]
+    assert reply["kind"] == "asked"
+    assert "2:" in reply["question"]
     assert session.state["pending"] is not None
     assert session.say("who is in it?")["kind"] == "answer"
     assert session.state["pending"] is None

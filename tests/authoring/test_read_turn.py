@@ -56,12 +56,12 @@ def test_no_more_is_read_than_can_be_checked(
 @pytest.mark.parametrize(
     ("change", "given"),
     [
-        ({"spawn_time": 1e9}, "are no scene"),
-        ({"spawn_time": -1e9}, "are no scene"),
-        ({"trajectory": ((0.0, 0.0),) * 50_000, "heading": (0.0,) * 50_000}, "are no scene"),
-        ({"trajectory": ((1e308, 0.0), (-1e308, 0.0)), "heading": (0.0, 0.0)}, "too far off"),
+        ({"spawn_time": 1e9}, "this is no scene"),
+        ({"spawn_time": -1e9}, "this is no scene"),
+        ({"trajectory": ((0.0, 0.0),) * 50_000, "heading": (0.0,) * 50_000}, "this is no scene"),
+        ({"trajectory": ((1e308, 0.0), (-1e308, 0.0)), "heading": (0.0, 0.0)}, "further than"),
         ({"heading": (1e308,) * 21}, "too far off"),
-        ({"trajectory": ((0.0, 0.0), (1e7, 0.0)), "heading": (0.0, 0.0)}, "1e.04 km long"),
+        ({"trajectory": ((0.0, 0.0), (1e7, 0.0)), "heading": (0.0, 0.0)}, "further than"),
     ],
 )
 def test_scenes_beyond_all_measure(change: dict[str, Any], given: str) -> None:

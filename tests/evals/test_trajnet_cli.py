@@ -95,7 +95,7 @@ def test_what_is_trained_can_be_scored_and_writes_the_benchmarks_format(
         (["walks.ndjson", "--weights", SHIPPED_WEIGHTS], "refine the scenes of an intersection"),
         (["walks.ndjson", "walks.ndjson"], "two files"),
         (["bad.ndjson"], "bad.ndjson, line 1"),
-        (["walks.ndjson", "--out", "bad.ndjson"], "cannot write"),
+        (["walks.ndjson", "--out", "bad.ndjson"], "--out must name a folder"),
     ],
 )
 def test_bad_input_is_one_line(

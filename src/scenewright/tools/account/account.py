@@ -196,7 +196,7 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     states = [_judge(n, tokens, by_token.get(n, []), facts) for n in range(len(tokens))]
     for n in reversed(range(len(tokens))):
         found = states[n]
-        turns = tokens[n].negates or tokens[n].has("almost")
+        turns = tokens[n].negates or tokens[n].has("almost", "avoid")
         if turns and not (found and found.state == "seen"):
             states[n] = _copy_near(states, tokens, n)
     shown = [

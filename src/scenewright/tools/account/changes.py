@@ -59,6 +59,8 @@ def _check_removal(
 ) -> Iterator[str]:
     """Whether those that are to go are gone: "one of the kids", "the cyclist"."""
     for mention in mentions:
+        if mention.label or mention.other:  # one that a number names, or others
+            continue
         there = {name for name, agent in old.items() if fits_noun(agent, mention.classes)}
         left = {name for name, agent in new.items() if fits_noun(agent, mention.classes)}
         if not mention.pronoun and there and there <= left and not new.keys() - old.keys():
@@ -67,7 +69,8 @@ def _check_removal(
 
 def _compare_background(before: SceneRecord, after: SceneRecord, crowd: bool) -> Iterator[str]:
     old, new = (
-        Counter(a.type for a in scene.agents if a.role == "background") for scene in (before, after)
+        Counter(a.type for a in scene.agents if a.role == "background" and not a.group)
+        for scene in (before, after)
     )
     for kind in sorted(old.keys() | new.keys()):
         number = abs(new[kind] - old[kind])

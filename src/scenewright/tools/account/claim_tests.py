@@ -336,16 +336,22 @@ class TimeTest:
 
     Attributes:
         denied: the scene is at another time, "not at night".
+        until: the other end of a span of time.
     """
 
     token: Token
     denied: bool
+    until: Token | None = None
 
     def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
         own = facts.get_minutes()
         spans = [value.partition("|")[0].split("+") for value in self.token.list_values("time")]
         if self.denied:
             fits = any(not _is_within(own, span[0]) for span in spans)
+        elif self.until is not None:
+            ends = [read_clock(each.text) for each in (self.token, self.until)]
+            around = [(a, b) for a in ends[0] for b in ends[1] if abs(a - b) <= 12 * 60]
+            fits = any(min(a, b) <= own <= max(a, b) for a, b in around)
         elif self.token.kind == "clock":
             fits = any(abs(own - said) <= CLOCK_SLACK for said in read_clock(self.token.text))
         else:

@@ -49,7 +49,8 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
     for n, token in enumerate(tokens):
         if token.kind == "clock" or token.has("time"):
             denied = any(each.text in ("not", "never") for each in tokens[max(0, n - 3) : n])
-            found.append(Claim("time", token.text, (n,), (), tests.TimeTest(token, denied)))
+            until = _find_range(tokens, n)
+            found.append(Claim("time", token.text, (n,), (), tests.TimeTest(token, denied, until)))
         if token.number is not None and n not in nouns:
             found += _read_number(finder, n, token.number)
         for sense in token.senses:
@@ -57,6 +58,8 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
             after = tokens[token.senses[sense][1] :][:1]
             if family in ("from_left", "from_right") and after and after[0].has("turn"):
                 family = family.removeprefix("from_")  # "on its left turn"
+            if family.startswith("from_") and after and after[0].text == "side":
+                found += _read_point(finder, n, value)  # "hits it on its left side"
             if reader := _READERS.get(family):
                 found += reader(finder, n, value)
     for kind, start, stop in dict.fromkeys(each.phrase for each in tokens if each.phrase):
@@ -65,6 +68,15 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
         words = tuple(range(start, stop))
         found.append(Claim("phrase", kind, words, (*subjects, *objects), test))
     return found
+
+
+def _find_range(tokens: Sequence[Token], n: int) -> Token | None:
+    """The other end of a span of time: "between 5 and 7 pm", "5 pm to 7 pm"."""
+    for other, link in ((n - 2, n - 1), (n + 2, n + 1)):
+        if 0 <= other < len(tokens) and tokens[link].text in ("and", "to", "until", "till"):
+            if tokens[other].kind == "clock" or tokens[other].text.isdecimal():
+                return tokens[other]
+    return None
 
 
 # --- mentions and numbers
@@ -233,6 +245,9 @@ def _read_bound(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
 
 def _read_movement(*movements: str, kinds: str = "vehicle") -> Reader:
     def read(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+        if n and finder.tokens[n - 1].has("light"):
+            return  # "the light turns red"
+
         def holds(facts: SceneFacts, number: int) -> bool:
             return facts.agents[number].movement in movements
 
