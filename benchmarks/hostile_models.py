@@ -11,18 +11,21 @@ the plan, or constraints and behavior, which the model then serves with what hol
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from scenewright import synthesize
 from scenewright.backends import Question
 from scenewright.errors import Rejected, ScenewrightError
 from scenewright.graph.run import Scene
-from scripted import Script, build_scripted_backend
 
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
+SCRIPTED: Any = importlib.import_module("scripted")
 Plan = dict[str, Any]
 CLAUSES = (
     ("A car yields to a pedestrian", "car yield_to pedestrian"),
@@ -68,10 +71,10 @@ class Attack:
 
     def make(self) -> Scene | None:
         """The scene that comes of it; None where the request is refused."""
-        script: dict[Any, list[Script]] = {
+        script: dict[Any, list[Any]] = {
             "plan": [self.plan], "constraints": [_serve_clauses], "behavior": [_serve_stops]
         }  # fmt: skip
-        backend = build_scripted_backend(script, forever=True)
+        backend = SCRIPTED.build_scripted_backend(script, forever=True)
         try:
             return synthesize(self.text, backend=backend, seed=self.seed, refiner="none")
         except (ScenewrightError, Rejected):

@@ -92,8 +92,6 @@ def test_a_doubtful_first_line_is_asked_back() -> None:
     assert reply["kind"] == "asked"
     assert "2:" in reply["question"]
     assert session.state["pending"] is not None
-    assert session.say("who is in it?")["kind"] == "answer"
-    assert session.state["pending"] is None
 
 
 def test_answers_follow_the_tracks(session: Session) -> None:

@@ -76,7 +76,7 @@ class Obedient:
 @pytest.mark.parametrize("attack", ATTACKS[:3])
 def test_the_same_graph_gives_the_same_scene_whatever_the_text_says(attack: str) -> None:
     """But for the text itself, from which the run draws its chance."""
-    given = synthesize(attack, backend=Obedient(attack), seed=1, refiner="none")
+    given = synthesize(attack, backend=Obedient(attack), seed=1, refiner="none", lenient=True)
     assert given.proof.verified
     assert given.record.meta.user_prompt == attack
     assert [each.type for each in given.proof.events] == ["yielding"]

@@ -158,11 +158,12 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
             assert (await call("open_thread", thread="mcp"))["current"] == 1
             assert Path((await call("save_scene"))["folder"]).is_dir()
             assert "start_scene first" in (await call("solve"))["detail"]
-            assert (await call("start_scene", instruction=YIELD, seed=1))["ok"]
+            assert (await call("start_scene", instruction="There is a vehicle", seed=2))["ok"]
             plan = {"agents": [{"id": "vehicle-1", "type": "vehicle"}]}
             assert (await call("ground_plan", plan=plan))["ok"]
             steps = "draw_candidates", "solve", "edit_segments", "refine", "check_scene"
-            assert all([(await call(step))["ok"] for step in steps])
+            results = [await call(step) for step in steps]
+            assert all(each["ok"] for each in results), results[1]
             assert Path((await call("record_scene"))["kept"]).is_dir()
 
     anyio.run(session)

@@ -115,7 +115,7 @@ def test_a_change_by_hand_is_solved_and_verified_like_words(client: TestClient) 
     assert nonsense["kind"] == "refused"
 
 
-def make_in_this_process(folder: Path, time_limit: float) -> subprocess.Popen[bytes]:
+def make_in_this_process(folder: Path, time_limit: float, **_: object) -> subprocess.Popen[bytes]:
     """What the process of a batch does, without starting one."""
     rows, out = str(folder / "rows.jsonl"), str(folder / "out")
     limit = ["--time-limit", str(time_limit)]

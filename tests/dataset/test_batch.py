@@ -322,7 +322,7 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
 def test_a_rows_overrides_win(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     own = {"density": "low", "time_of_day": "05:00", "background": {"vehicles": 1}}
-    path.write_text(json.dumps({"id": "a", "text": "A car follows a bus at 5 pm", "seed": 7,
+    path.write_text(json.dumps({"id": "a", "text": "A car follows a bus", "seed": 7,
                                 "overrides": own}))  # fmt: skip
     run_batch(Request(path, tmp_path / "out", OPTIONS))
     meta = json.loads((tmp_path / "out" / "a" / "scene.json").read_bytes())["meta"]

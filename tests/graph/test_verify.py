@@ -102,15 +102,17 @@ def test_what_tracks_and_map_cannot_betray_the_digest_does(
 
 def relabel_crosswalk(scene: Json) -> None:
     walker = scene["agents"][1]
-    assert walker["crosswalk"] == "south"
+    old = walker["crosswalk"]
+    new = {"south": "north", "north": "south", "east": "west", "west": "east"}[old]
     x, y = walker["goal"]
-    route = walker["route"].replace(":south:", ":north:")
-    walker.update(crosswalk="north", route=route, goal=[x, -y])
+    goal = [x, -y] if old in ("north", "south") else [-x, y]
+    walker.update(crosswalk=new, route=walker["route"].replace(f":{old}:", f":{new}:"), goal=goal)
 
 
 def keep_on(scene: Json) -> None:
-    for segment in scene["agents"][0]["segments"]:
-        segment["status"] = "keep"
+    for agent in scene["agents"]:
+        for segment in agent["segments"]:
+            segment["status"] = "keep"
 
 
 def make_background(scene: Json) -> None:

@@ -6,7 +6,6 @@ import re
 from typing import Any
 
 import pytest
-from scripted import build_scripted_backend
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected
@@ -15,6 +14,7 @@ from scenewright.nodes.scene_planner.hints import HINTS, locate_hints
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.nodes.schema import inline_references
 from scenewright.scene.social import SocialGraph
+from scripted import build_scripted_backend
 
 TEXT = "Two cars crash, not at night, in the rain, and a car runs"
 

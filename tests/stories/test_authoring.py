@@ -278,7 +278,7 @@ def test_words_that_the_grammar_does_not_know_go_to_the_planner_that_is_a_model(
     talk = Conversation(seed=5, backend=StagedBackend({**others, "plan": model}))
     first = talk.made("Someone lets someone walk")
     assert events(first) == ["yielding"]
-    tragic = talk.made("give it a tragic ending")
+    tragic = talk.made("let that end in a collision")
     assert events(tragic) == ["collision"]
     assert tragic.version["edits"][0]["edit"] == "relate"
     assert "there is no pedestrian-40 in the scene" in model.text_model.asked[-1][1].user

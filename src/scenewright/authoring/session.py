@@ -105,6 +105,8 @@ _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
 _SHORT_QUESTION = 8
 """Words of a question that may be about the same as the one before."""
+_TURN_WORK = 3 * MOST_WORK
+"""Steps of the search in a turn: a change tries several sets of agents that stay as they are."""
 _LONGEST_TEXT = 1900
 """Of what was said, as much as a scene's prompt keeps."""
 
@@ -567,7 +569,7 @@ def _run_apart(
     it is not checkpointed."""
 
     def run_limited() -> EditResult:
-        with limit_time(setting.time_limit), limit_work(MOST_WORK):
+        with limit_time(setting.time_limit), limit_work(_TURN_WORK):
             return make(*args, **named)
 
     return Context().run(run_limited)

@@ -15,7 +15,7 @@ from scenewright.nodes.context import Budgets
 from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import Edit
 from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
-from scenewright.scene.record import NEXT_TEXT, SceneRecord
+from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT
 from scenewright.tools.account import find_unasked_changes
@@ -120,7 +120,8 @@ def change(
             continue
         found = trial.solve_revision(pins)
         if isinstance(found, Scene):
-            if unasked := find_unasked_changes(record, found.record, text.rsplit(NEXT_TEXT, maxsplit=1)[-1]):
+            words = found.record.meta.texts[-1]
+            if unasked := find_unasked_changes(record, found.record, words):
                 refused = Unsatisfiable(f"more would change than was said: {'; '.join(unasked)}")
                 continue
             return _build_result(found, revision, record, by_hand)

@@ -189,7 +189,8 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     for claim, result in zip(claims, results, strict=True):
         for n in claim.tokens:
             by_token.setdefault(n, []).append((claim, result))
-    for index in _find_repeated(mentions, binding, facts):
+    latest = turn == len(facts.scene.meta.texts) - 1
+    for index in _find_repeated(mentions, binding, facts) if latest else ():
         claim = Claim("class", "a road user of its own", mentions[index].nouns, (), _fail)
         for n in claim.tokens:
             by_token[n] = [(claim, Result(False, "one agent in place of two"))]

@@ -13,7 +13,7 @@ from scenewright.tools.account.vocabulary import Token, read_tokens
 _CROWD = ("density", "background", "time")
 _EVENTS = ("event", "order", "red", "stop", "brake", "avoid", "priority", "normal", "meets",
            "manoeuvre", "reaction", "sight", "object")  # fmt: skip
-MOST_BACKGROUND = 3, 0.25
+MOST_BACKGROUND = 6, 0.3
 """Background agents that may go or come where others must make room: a number, and a share."""
 
 

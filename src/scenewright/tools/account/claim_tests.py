@@ -47,17 +47,22 @@ def get_background_kind(classes: frozenset[str]) -> str | None:
 
 @dataclass(frozen=True)
 class AllAgents:
-    """Whether something holds of all agents of any of the mentions."""
+    """Whether something holds of all agents of any of the mentions, or an object is on the leg."""
 
     mentions: tuple[int, ...]
     what: str
     holds: Callable[[SceneFacts, int], bool]
+    leg: str | None = None
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         for mention in self.mentions:
             agents = list_agents(binding, mention)
             if agents and all(self.holds(facts, n) for n in agents):
                 return Result(True, f"{self.what} of agent {_join(agents)}", agents)
+            bound = binding.get(mention, frozenset()) - {BACKGROUND}
+            objects = [n for n in bound if isinstance(n, str)]
+            if self.leg and objects and all(facts.find_leg(n) == self.leg for n in objects):
+                return Result(True, f"{_join(objects)} on the {self.leg} leg")
         looked = any(binding.get(mention) for mention in self.mentions)
         return Result(False, self.what) if looked else UNTESTED
 
@@ -336,12 +341,13 @@ class TimeTest:
 
     Attributes:
         denied: the scene is at another time, "not at night".
-        until: the other end of a span of time.
+        until: the other end of a span of time; shift: minutes after it, "half past 11 pm".
     """
 
     token: Token
     denied: bool
     until: Token | None = None
+    shift: float = 0.0
 
     def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
         own = facts.get_minutes()
@@ -353,7 +359,8 @@ class TimeTest:
             around = [(a, b) for a in ends[0] for b in ends[1] if abs(a - b) <= 12 * 60]
             fits = any(min(a, b) <= own <= max(a, b) for a, b in around)
         elif self.token.kind == "clock":
-            fits = any(abs(own - said) <= CLOCK_SLACK for said in read_clock(self.token.text))
+            times = [said + self.shift for said in read_clock(self.token.text)]
+            fits = any(abs(own - said) <= CLOCK_SLACK for said in times)
         else:
             fits = any(_is_within(own, part) for span in spans for part in span)
         return Result(fits, f"the scene is at {facts.scene.meta.time_of_day}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -166,6 +167,17 @@ class SceneFacts:
         for met in self.scene.encounters:
             if met.figure is not None:
                 yield units.get(met.how, "m/s"), *met.figure
+
+    def find_leg(self, name: str) -> str | None:
+        """The leg whose lane is nearest to a standing object."""
+        each = next(o for o in self.scene.objects if o.id == name)
+        lanes = self.intersection_map.lanelets if self.intersection_map else ()
+        away = [
+            (min(math.dist((each.x, each.y), point) for point in lane.centreline), lane.leg)
+            for lane in lanes
+            if lane.leg is not None
+        ]
+        return min(away)[1] if away else None
 
     def find_objects(self, sense: str) -> tuple[ObjectRecord, ...]:
         """Standing objects of a kind; `thing` is any that is no vehicle."""

@@ -49,8 +49,8 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
     for n, token in enumerate(tokens):
         if token.kind == "clock" or token.has("time"):
             denied = any(each.text in ("not", "never") for each in tokens[max(0, n - 3) : n])
-            until = _find_range(tokens, n)
-            found.append(Claim("time", token.text, (n,), (), tests.TimeTest(token, denied, until)))
+            test = tests.TimeTest(token, denied, _find_range(tokens, n), _read_shift(tokens, n))
+            found.append(Claim("time", token.text, (n,), (), test))
         if token.number is not None and n not in nouns:
             found += _read_number(finder, n, token.number)
         for sense in token.senses:
@@ -64,19 +64,29 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
                 found += reader(finder, n, value)
     for kind, start, stop in dict.fromkeys(each.phrase for each in tokens if each.phrase):
         subjects, objects = finder.find_parties(start, stop)
-        test = tests.EventTest(kind, subjects, objects, directed=False, denied=False)
+        event = tests.EventTest(kind, subjects, objects, directed=False, denied=False)
         words = tuple(range(start, stop))
-        found.append(Claim("phrase", kind, words, (*subjects, *objects), test))
+        found.append(Claim("phrase", kind, words, (*subjects, *objects), event))
     return found
 
 
 def _find_range(tokens: Sequence[Token], n: int) -> Token | None:
     """The other end of a span of time: "between 5 and 7 pm", "5 pm to 7 pm"."""
     for other, link in ((n - 2, n - 1), (n + 2, n + 1)):
-        if 0 <= other < len(tokens) and tokens[link].text in ("and", "to", "until", "till"):
-            if tokens[other].kind == "clock" or tokens[other].text.isdecimal():
-                return tokens[other]
+        if not 0 <= other < len(tokens) or tokens[link].text not in ("and", "to", "until", "till"):
+            continue
+        if tokens[other].kind == "clock" or tokens[other].text.isdecimal():
+            return tokens[other]
     return None
+
+
+def _read_shift(tokens: Sequence[Token], n: int) -> float:
+    """Minutes from a clock time to the one that is said: "half past 11 pm", "quarter to 5 pm"."""
+    if n < 2 or tokens[n - 1].text not in ("past", "after", "to"):
+        return 0.0
+    number = 15.0 if tokens[n - 2].text == "quarter" else tokens[n - 2].number or 0.0
+    minutes = 30.0 if number == 0.5 else number
+    return -minutes if tokens[n - 1].text == "to" else minutes
 
 
 # --- mentions and numbers
@@ -200,7 +210,8 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
             return agent.entry == side or (turned and agent.exit == side)
         return side in (agent.entry, agent.exit, agent.crosswalk)
 
-    yield from _claim_all(finder, n, ("side", side, side), holds)
+    subjects = finder.find_subjects(n)
+    yield Claim("side", side, (n,), subjects, tests.AllAgents(subjects, side, holds, leg=side))
 
 
 def _is_of_crosswalk(tokens: Sequence[Token], n: int) -> bool:
@@ -320,6 +331,9 @@ def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_motion_verb(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    if finder.tokens[n].stem == "pas" and any(0 < m.start - n <= 1 for m in finder.mentions):
+        return  # "passes the bus" says more than that it moves
+
     def holds(_facts: SceneFacts, _number: int) -> bool:
         return True
 
