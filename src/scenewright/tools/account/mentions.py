@@ -175,7 +175,7 @@ def _read_label(tokens: Sequence[Token], n: int) -> str | None:
     each = tokens[n]
     gap = each.start - tokens[n - 1].end
     single = each.kind == "word" and len(each.text) == 1 and each.text in "abcdxyz"
-    numbered = each.kind == "figure" and each.unit is None and gap <= 1 and (each.number or 0) < 13
+    numbered = each.kind == "figure" and each.unit is None and gap <= 1 and (each.number or 0) < 100
     return each.text if single or numbered else None
 
 
