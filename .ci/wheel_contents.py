@@ -16,6 +16,7 @@ NEEDED = (
     "scenewright/intersections/*/map.json",
     "scenewright/intersections/*/priors.npz",
     "scenewright/scene/relations/*.toml",
+    "scenewright/tools/account/words.toml",
     "scenewright/tools/dsl_validator/constraints.lark",
     "scenewright/backends/builtin/*lexicon*",
     "scenewright/backends/builtin/reader/reader.safetensors",
