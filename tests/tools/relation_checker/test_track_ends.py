@@ -182,6 +182,7 @@ def test_sixty_forged_beginnings_and_ends_are_sixty_caught() -> None:
         "A car turning left yields to a pedestrian with six cars and four pedestrians around",
         "A car hits a cyclist on the west crosswalk with eight cars and two pedestrians around",
         "Six cars and six pedestrians, nothing happens",
+        "Four cars and two pedestrians, nothing happens",
     )
     made = [synthesize(text, seed=5).record for text in texts]
     forged = [each for record in made for each in list_forged(record)][:60]

@@ -56,8 +56,9 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
         for sense in token.senses:
             family, _, value = sense.partition(".")
             after = tokens[token.senses[sense][1] :][:1]
-            if family in ("from_left", "from_right") and after and after[0].has("turn"):
-                family = family.removeprefix("from_")  # "on its left turn"
+            if family in ("from_left", "from_right") and after and after[0].stem == "turn":
+                found += _read_movement(family.removeprefix("from_"))(finder, n, value)
+                continue  # "on its left turn"
             if family.startswith("from_") and after and after[0].text == "side":
                 found += _read_point(finder, n, value)  # "hits it on its left side"
             if reader := _READERS.get(family):
