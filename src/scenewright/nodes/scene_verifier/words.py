@@ -43,7 +43,7 @@ def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejecti
         return Rejection(
             stage="scene_verifier",
             code="out_of_scope",
-            detail=f"The scene would show something else than {quote_words((*false, *unshown))}: the text was "
-            f"read as '{graph}' Say it in other words, or with more of who does what to whom.",
+            detail="The scene would show something else than "
+            f"{quote_words((*false, *unshown))}: the text was read as '{graph}' Say it in other words, or with more of who does what to whom.",
         )
     return refuse_words(unshown, state["social_graph"], "scene_verifier")
