@@ -44,6 +44,7 @@ def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejecti
             stage="scene_verifier",
             code="out_of_scope",
             detail="The scene would show something else than "
-            f"{quote_words((*false, *unshown))}: the text was read as '{graph}' Say it in other words, or with more of who does what to whom.",
+            f"{quote_words((*false, *unshown))}: the text was read as '{graph}' Say it in other "
+            "words, or with more of who does what to whom.",
         )
     return refuse_words(unshown, state["social_graph"], "scene_verifier")
