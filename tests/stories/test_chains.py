@@ -185,8 +185,8 @@ def test_a_struck_car_is_pushed_into_the_one_ahead(seed: int) -> None:
         ("rear_end", truck, car), ("rear_end", car, van),
     ]  # fmt: skip
     assert 0.0 < second.time - first.time < 1.0
-    pushes = [each for each in scene.proof.said if each.became == "manoeuvre"]
-    assert [(each.status, each.agents) for each in pushes] == [("realised", (car, van))]
+    (pushes,) = [each for each in scene.proof.account if each.words.startswith("pushes")]
+    assert pushes.state == "seen"
     track = agent(scene, "vehicle-2")
     assert second.time <= track.spawn_time + 0.1 * (len(track.trajectory) - 1) <= second.time + 0.2
 

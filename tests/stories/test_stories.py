@@ -294,8 +294,8 @@ def test_a_speed_asked_of_an_agent_without_a_relation_is_driven() -> None:
     text = "A van from the south at 30 km/h turns right, nothing happens."
     scene = synthesize(text, seed=1, refiner="none")
     assert scene.proof.verified
-    (entry,) = [each for each in scene.proof.said if each.became == "measure"]
-    assert (entry.status, entry.value) == ("realised", "speed(vehicle-1) in [7.833, 8.833] m/s")
+    (entry,) = [each for each in scene.proof.account if each.words == "30 km/h"]
+    assert (entry.state, entry.claim) == ("seen", "number 8.33 m/s")
 
 
 def test_words_for_the_same_approach_stay_in_the_plan_and_the_account() -> None:
@@ -305,8 +305,8 @@ def test_words_for_the_same_approach_stay_in_the_plan_and_the_account() -> None:
     )
     scene = synthesize(text, seed=1, refiner="none")
     assert {each.entry for each in scene.record.agents if each.role == "foreground"} == {"north"}
-    (entry,) = [each for each in scene.proof.said if each.became == "tie"]
-    assert (entry.words, entry.status) == ("beside it", "realised")
+    (entry,) = [each for each in scene.record.said if each.became == "tie"]
+    assert entry.words == "beside it"
 
 
 def test_a_model_that_leaves_out_who_brakes_is_asked_to_name_it() -> None:
@@ -315,7 +315,7 @@ def test_a_model_that_leaves_out_who_brakes_is_asked_to_name_it() -> None:
     (refused,) = scene.provenance["rejections"]
     assert (refused["stage"], refused["code"]) == ("scene_verifier", "wrong_braker")
     assert backend.asked[1].rejections == (refused["detail"],)
-    assert "write cause late_brake and braker vehicle-2" in refused["detail"]
+    assert "the plan has vehicle-2 do so; write cause late_brake" in refused["detail"]
     (event,) = scene.proof.events
     assert event.evidence["late_brake"] == scene.record.relations[0].cause_agent == 2
 
@@ -369,6 +369,5 @@ def test_a_pedestrian_from_behind_a_parked_truck_is_seen_late() -> None:
     scene = synthesize(text, seed=2)
     (figure,) = scene.proof.figures["first_visible"]
     assert 1.0 <= figure["before_event"] <= 2.0
-    said = {each.became: each for each in scene.proof.said}
-    assert said["sight"].status == said["object"].status == "realised"
+    assert {each.state for each in scene.proof.account} <= {"seen", "stands_anyway"}
     assert verify(scene.record) == scene.proof

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.scene.account import AccountEntry, SaidRecord
+from scenewright.scene.account import AccountEntry
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
@@ -56,8 +56,7 @@ def test_words_have_their_state_and_their_place_in_all_the_texts(
         AccountEntry(start=16, end=19, words="dog", state="not_shown", evidence="no animals"),
         AccountEntry(turn=1, start=15, end=18, words="bus", state="seen", agents=(1,)),
     )
-    hint = SaidRecord(start=0, end=5, words="A car", became="agent", status="realised")
-    checked = proof.model_copy(update={"account": entries, "said": (hint,)})
+    checked = proof.model_copy(update={"account": entries})
     talked = change_prompt(scene, "; then: ".join(texts))
     data = read_data(build_player(scene=talked, proof=checked, intersection=intersection))
     prompt = data["meta"]["user_prompt"]

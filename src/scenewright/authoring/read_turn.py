@@ -116,12 +116,12 @@ def find_narrator(words: str) -> str | None:
     return None if found is None else found["noun"]
 
 
-def tells_event(words: str) -> bool:
+def _tells_event(words: str) -> bool:
     """Whether the words speak of something that happens between road users."""
     return _TELLS_EVENT.search(words.lower()) is not None
 
 
-def says_nothing_happens(sentence: str) -> bool:
+def _says_nothing_happens(sentence: str) -> bool:
     """Whether an offered sentence has no event."""
     return _NOTHING in sentence
 
@@ -154,7 +154,7 @@ def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarific
 
 def _measure_cover(sentence: str, words: str) -> int:
     """How much of what the words name a sentence has: road users, and that something happens."""
-    happens = tells_event(words) and tells_event(sentence) and not says_nothing_happens(sentence)
+    happens = _tells_event(words) and _tells_event(sentence) and not _says_nothing_happens(sentence)
     return len(_list_classes(words) & _list_classes(sentence)) + 2 * happens
 
 

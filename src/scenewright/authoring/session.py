@@ -203,7 +203,7 @@ class Session:
         return cast(ThreadState, self._graph.get_state(self._config).values)
 
     def take_turn(self, *, wait: bool = True) -> AbstractContextManager[None]:
-        """Keep the thread for one turn and what is told of it (see `Threads.take_turn`)."""
+        """Keep the thread for one turn and its messages (see `Threads.take_turn`)."""
         return self._threads.take_turn(self.thread, wait=wait)
 
     def say(self, words: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from scenewright.scene.base import Model
 
@@ -54,7 +54,6 @@ class SaidRecord(Model):
 
     Attributes:
         agents: numbers of agents as in scene.json; the rest as in `SaidSpan`.
-        status, evidence: whether the checker found it on the tracks; for its own use.
     """
 
     start: int
@@ -64,8 +63,14 @@ class SaidRecord(Model):
     agents: tuple[int, ...] = ()
     value: str | None = None
     note: str | None = None
-    status: Literal["claimed", "realised", "manner", "unrealised"] = "claimed"
-    evidence: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _drop_status(cls, fields: Any) -> Any:
+        """Files of releases before 0.2 say whether the checker had found it."""
+        if isinstance(fields, dict):
+            return {k: v for k, v in fields.items() if k not in ("status", "evidence")}
+        return fields
 
 
 WordState = Literal["seen", "stands_anyway", "manner", "not_shown", "contradicted"]
@@ -119,11 +124,7 @@ def number_agents(said: Iterable[SaidSpan], numbers: Mapping[str, int]) -> tuple
             {
                 **each.model_dump(),
                 "agents": tuple(numbers[name] for name in each.agents if name in numbers),
-                "status": _CLAIMED.get(each.became, "claimed"),
             }
         )
         for each in said
     )
-
-
-_CLAIMED: dict[str, Any] = {"nothing": "unrealised", "manner": "manner"}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from scenewright.scene.account import AccountEntry, SaidRecord, WordState
+from scenewright.scene.account import AccountEntry, WordState
 from scenewright.scene.base import Model, Point
 from scenewright.scene.social import CollisionKind
 
@@ -68,7 +68,6 @@ class Proof(Model):
         interference: certificate of no other interaction, its violations (empty = holds).
         implausible: violations of SEMANTICS section 5.
         signal_violations: red crossings by agents not named as violators.
-        said: what the planner took words for, and whether the tracks bear it out.
         account: the state of each content word of the texts in force (SEMANTICS 9).
         scene_digest: names the scene.json that is proven (`scene.digest`); None where none is.
     """
@@ -81,10 +80,17 @@ class Proof(Model):
     interference: tuple[Finding, ...] = ()
     implausible: tuple[Finding, ...] = ()
     signal_violations: tuple[Finding, ...] = ()
-    said: tuple[SaidRecord, ...] = ()
     account: tuple[AccountEntry, ...] = ()
     figures: dict[str, Any] = Field(default_factory=dict)
     scene_digest: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _drop_said(cls, fields: Any) -> Any:
+        """Files of releases before 0.2 hold the planner's hints as well."""
+        return (
+            {k: v for k, v in fields.items() if k != "said"} if isinstance(fields, dict) else fields
+        )
 
     @property
     def verdict(self) -> Verdict:

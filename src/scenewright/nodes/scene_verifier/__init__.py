@@ -60,7 +60,7 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     context = runtime.context
     scene = _assemble(state, state["refined"], context)
     proof = prove(scene, context.intersection)
-    words = find_unshown_words(proof, state, context)
+    words = find_unshown_words(proof, scene, state, context)
     if not proof.verified or words is not None:
         misplanned = find_wrong_braker(state["social_graph"], scene, proof)
         fault = misplanned or words or _build_rejection(proof, scene)

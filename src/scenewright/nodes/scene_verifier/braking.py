@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from scenewright.scene.events import Proof
 from scenewright.scene.record import RelationRecord, SceneRecord
 from scenewright.scene.rejection import Rejection
@@ -11,15 +9,12 @@ from scenewright.scene.social import RelationEdge, SocialGraph
 
 
 def find_wrong_braker(graph: SocialGraph, scene: SceneRecord, proof: Proof) -> Rejection | None:
-    """`wrong_braker`, if the plan has another agent brake than the tracks or its own account.
+    """`wrong_braker`, if the plan has another agent brake than the tracks.
 
     Only another plan can mend that: the solver and the reasoner do as the plan says.
     """
-    names = {agent.id: agent.name for agent in scene.agents}
     for edge, relation in zip(graph.relations, scene.relations, strict=True):
-        detail = _find_wrong_braker_on_tracks(
-            edge, relation, proof, names
-        ) or _find_wrong_braker_in_account(edge, relation, proof, names)
+        detail = _find_other_braker(edge, relation, scene, proof)
         if detail is not None:
             return Rejection(
                 stage="scene_verifier",
@@ -31,44 +26,29 @@ def find_wrong_braker(graph: SocialGraph, scene: SceneRecord, proof: Proof) -> R
     return None
 
 
-def _find_wrong_braker_on_tracks(
-    edge: RelationEdge, relation: RelationRecord, proof: Proof, names: Mapping[int, str]
+def _find_other_braker(
+    edge: RelationEdge, relation: RelationRecord, scene: SceneRecord, proof: Proof
 ) -> str | None:
-    meant = relation.cause_agent
-    if relation.cause != "late_brake" or meant is None:
+    """What is wrong where the tracks have another one brake than the relation, or the hints."""
+    if relation.cause != "late_brake":
         return None
+    pair = {relation.from_, relation.to}
+    hinted = (
+        min(pair.intersection(each.agents))
+        for each in scene.said
+        if each.became == "cause" and len(pair.intersection(each.agents)) == 1
+    )
+    meant = next(hinted, relation.cause_agent)
+    names = {agent.id: agent.name for agent in scene.agents}
     for event in proof.events:
         seen = event.evidence.get("late_brake")
-        same = event.type == relation.type and {event.from_, event.to} == _get_pair(relation)
-        if same and seen not in (None, meant):
+        same = event.type == relation.type and {event.from_, event.to} == pair
+        if same and seen is not None and meant is not None and seen != meant:
             return (
-                f"{names[seen]} brakes in the scene, the plan has {names[meant]} do so; write as "
-                f"braker who brakes in the request{_HINTS.get(edge.type, '')}"
+                f"{names[seen]} brakes in the scene, the plan has {names[meant]} do so; write "
+                f"cause late_brake and as braker who brakes{_HINTS.get(edge.type, '')}"
             )
     return None
 
 
 _HINTS = {"collide_at": ", in a collision the one that strikes (from), or leave out late_brake"}
-
-
-def _find_wrong_braker_in_account(
-    edge: RelationEdge, relation: RelationRecord, proof: Proof, names: Mapping[int, str]
-) -> str | None:
-    """Where `said` has another agent brake than the relation."""
-    if edge.type not in ("collide_at", "near_miss"):
-        return None
-    for entry in proof.said:
-        brakes = _get_pair(relation).intersection(entry.agents)
-        denied = entry.became == "cause" and entry.status == "claimed"
-        late = entry.value in (None, "late_brake")
-        if denied and late and brakes and relation.cause_agent not in brakes:
-            name = names[min(brakes)]
-            return (
-                f"said has '{entry.words}' of {name}, but the relation does not; if {name} is the "
-                f"one who brakes, write cause late_brake and braker {name}"
-            )
-    return None
-
-
-def _get_pair(relation: RelationRecord) -> set[int]:
-    return {relation.from_, relation.to}

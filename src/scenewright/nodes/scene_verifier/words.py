@@ -7,15 +7,21 @@ from typing import Any
 from scenewright.backends import get_backend_of_task
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.remaining import quote_words, refuse_words
+from scenewright.scene.account import AccountEntry
 from scenewright.scene.events import Proof
 from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
 
 REDRAWN = ("sequence", "stop", "braking", "order", "cause")
 """Types of claims that hold of some samples of a plan and not of others."""
+SERVED = ("constraint", "behavior", "measure")
+"""What the stages after the planner serve words as; a sample may miss it by a little."""
 
 
-def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejection | None:
+def find_unshown_words(
+    proof: Proof, scene: SceneRecord, state: Any, context: RunContext
+) -> Rejection | None:
     """The rejection for words that are not shown or contradicted; None where there is none.
 
     A model is shown the words once and may plan again. What another sample may show is sampled
@@ -29,7 +35,7 @@ def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejecti
     if not (false or unshown):
         return None
     detail = f"the scene shows nothing of {quote_words((*false, *unshown))}"
-    if false and all((each.claim or "").startswith(REDRAWN) for each in false) and not unshown:
+    if all(_may_be_redrawn(each, scene) for each in (*false, *unshown)):
         return Rejection(stage="scene_verifier", code="relation_not_realised", detail=detail,
                          repairable=False)  # fmt: skip
     asked = any(each.code == "words_not_shown" for each in state.get("rejections", ()))
@@ -48,3 +54,14 @@ def find_unshown_words(proof: Proof, state: Any, context: RunContext) -> Rejecti
             "words, or with more of who does what to whom.",
         )
     return refuse_words(unshown, state["social_graph"], "scene_verifier")
+
+
+def _may_be_redrawn(word: AccountEntry, scene: SceneRecord) -> bool:
+    """Whether another sample of the same plan may show a word."""
+    served = any(
+        each.became in SERVED and each.start < word.end and word.start < each.end
+        for each in scene.said
+    )
+    if word.state == "not_shown":
+        return served
+    return served or (word.claim or "").startswith(REDRAWN)

@@ -17,19 +17,14 @@ from scenewright.tools.account.mentions import Mention, find_mentions
 from scenewright.tools.account.sense_readers import read_claims
 from scenewright.tools.account.vocabulary import Token, load_vocabulary, read_tokens
 from scenewright.tools.relation_checker import check
+from scenewright.tools.relation_checker.clock import is_within
 
 _STANDS = ("place", "crosswalk", "adverb", "stands", "request", "unit", "change")
 _TURNS_MEANING = ("negation", "sequence", "order")
 """Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
-_SERVED = {
-    "constraint": ("order",),
-    "behavior": ("stop", "brake", "times"),
-    "impact_point": ("point", "place"),
-}
-"""Senses of words for which what a later stage served them as is believed."""
 _DECISIVE = ("kind", "object")
 """Types of which one that fails outweighs whatever else holds of the word."""
-_STRICT = (*_DECISIVE, "event", "side", "heading", "movement", "tie")
+_STRICT = (*_DECISIVE, "event", "side", "heading", "movement", "crossing", "tie")
 """Types of which one that fails outweighs what only holds of nearly every scene."""
 _WEAK = ("phrase", "moves", "crosswalk", "crossing", "light")
 """Types that hold of nearly every scene."""
@@ -110,8 +105,8 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
             changed = {_get_type(e) for e in entries if e.turn > entry.turn and e.state == "seen"}
             if kind in changed or any(back[entry.turn + 1 :]):
                 continue
-            told = {e.words.lower() for e in entries if e.turn < entry.turn}
-            if kind in ("class", "count", "object") and entry.words.lower() in told:
+            before = {e.words.lower() for e in entries if e.turn < entry.turn}
+            if kind in ("class", "count", "object") and entry.words.lower() in before:
                 reason = {"state": "stands_anyway", "evidence": "what was there before"}
                 entry = entry.model_copy(update=reason)  # noqa: PLW2901
         relative = _get_type(entry) in ("", *_RELATIVE) and entry.turn
@@ -215,13 +210,13 @@ def _find_repeated(
 ) -> Iterator[int]:
     """Mentions without an article for an agent told of before, while another is not told of."""
     asked = {n for r in facts.scene.relations for n in (r.from_, r.to) if n in facts.foreground}
-    told = set().union(*binding.values()) if binding else set()
+    mentioned = set().union(*binding.values()) if binding else set()
     known: set[int | str] = set()
     for index, mention in enumerate(mentions):
         if mention.pronoun or mention.definite or mention.label:
             continue
         bound = binding.get(index, frozenset())
-        if len(bound) == 1 and bound <= known and asked - told:
+        if len(bound) == 1 and bound <= known and asked - mentioned:
             yield index
         known |= bound
 
@@ -250,13 +245,12 @@ def _judge(
         strict = [each for each in strict if each[0].type != "event"]
     decided = any(claim.type in _DECISIVE for claim, _ in false)
     weak = all(claim.type in _WEAK for claim, _ in held)
-    if held and not (decided or (strict and weak)):
+    broad = all(claim.type in (*_WEAK, "event") for claim, _ in held) and token.is_in("specific")
+    if held and not (decided or broad or (strict and weak)):
         claim, result = min(held, key=lambda each: each[0].type in _WEAK)
         return _Judged("seen", f"{claim.type} {claim.value}", result.evidence, result.agents)
     if _is_function(token):
         return None
-    if hint := _find_hint(token, false, facts):
-        return _Judged("seen", *hint)
     if _names_road(token, facts.intersection_map):
         return _Judged("seen", "road", "a street of this place")
     return (
@@ -283,7 +277,7 @@ def _judge_place(token: Token, facts: SceneFacts) -> _Judged | None:
     reason = None
     if token.is_in("with_lights") and not facts.scene.signals:
         reason = "a place without lights"
-    elif token.is_in("by_day") and not 300 <= facts.get_minutes() <= 1290:
+    elif token.is_in("by_day") and not is_within(own, "05:00-21:30"):
         reason = f"a scene at {own}"
     if reason is None or "stands" not in token.list_families():
         return None
@@ -327,24 +321,6 @@ def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int
             return each
     following = states[n + 1] if n + 1 < len(states) else None
     return states[n] if following is None else following
-
-
-def _find_hint(
-    token: Token, false: Sequence[tuple[Claim, Result]], facts: SceneFacts
-) -> tuple[str, str] | None:
-    """What a later stage served a word as, where the checker found it on the tracks.
-
-    Believed for what no claim of a text can say by itself, such as clauses and standstills, and
-    only of words of that kind.
-    """
-    if any(claim.type not in ("stop", "braking") for claim, _ in false):
-        return None
-    for entry in facts.proof.said:
-        senses = _SERVED.get(entry.became, ())
-        covers = entry.start <= token.start and token.end <= entry.end
-        if covers and token.has(*senses) and entry.status == "realised" and entry.evidence:
-            return f"{entry.became} {entry.value or ''}".strip(), entry.evidence
-    return None
 
 
 def _names_road(token: Token, intersection_map: IntersectionMap | None) -> bool:

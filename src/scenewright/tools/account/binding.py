@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 from scenewright.tools.account.claims import BACKGROUND, Binding, Bound, Claim, Result
 from scenewright.tools.account.facts import SceneFacts
@@ -13,8 +14,16 @@ BEAM = 40
 """Bindings that are kept while mentions are bound one after the other."""
 MOST_CHOICES = 24
 """What a mention may stand for is tried up to so many choices."""
-_WEIGHTS = {"event": 3.0, "class": 2.0, "side": 2.0, "moves": 0.1, "crosswalk": 0.2}
-"""How much a claim counts, by its type; 1 for the others."""
+_WEIGHTS = {"event": 30, "class": 20, "side": 20, "moves": 1, "crosswalk": 2}
+"""How much a claim counts, by its type; 10 for the others."""
+
+
+class _Candidate(NamedTuple):
+    """What mentions so far are bound to, and the best of the claims of each token."""
+
+    binding: Binding
+    scores: Mapping[int, int]
+    total: int
 
 
 def bind_mentions(
@@ -22,16 +31,15 @@ def bind_mentions(
 ) -> tuple[Binding, list[Result]]:
     """The likeliest binding, and the result of each claim under it."""
     tester = _Tester(claims, facts)
-    beam: list[dict[int, Bound]] = [{}]
+    beam = [_Candidate({}, {}, 0)]
     for index, mention in enumerate(mentions):
         grown = [
-            {**b, index: bound}
-            for b in beam
-            for bound in _list_choices(mention, mentions, b, facts)
+            tester.extend(candidate, index, bound)
+            for candidate in beam
+            for bound in _list_choices(mention, mentions, candidate.binding, facts)
         ]
-        grown.sort(key=lambda b: -tester.score(b, index))
-        beam = grown[:BEAM]
-    best = max(beam, key=lambda b: tester.score(b, len(mentions)))
+        beam = sorted(grown, key=lambda each: -each.total)[:BEAM]
+    best = beam[0].binding
     return best, [tester.test(n, best) for n in range(len(claims))]
 
 
@@ -41,6 +49,10 @@ class _Tester:
     def __init__(self, claims: Sequence[Claim], facts: SceneFacts) -> None:
         self._claims, self._facts = claims, facts
         self._known: dict[tuple[int, tuple[Bound | None, ...]], Result] = {}
+        self._by_last: dict[int, list[int]] = {}
+        for n, claim in enumerate(claims):
+            if claim.mentions:
+                self._by_last.setdefault(max(claim.mentions), []).append(n)
 
     def test(self, n: int, binding: Binding) -> Result:
         claim = self._claims[n]
@@ -49,17 +61,17 @@ class _Tester:
             self._known[key] = claim.test(self._facts, binding)
         return self._known[key]
 
-    def score(self, binding: Binding, last: int) -> float:
-        """Words that hold less those that do not; of claims whose mentions are all bound."""
-        best: dict[int, float] = {}
-        for n, claim in enumerate(self._claims):
-            if claim.mentions and max(claim.mentions) <= last:
-                holds = self.test(n, binding).holds
-                weight = _WEIGHTS.get(claim.type, 1.0)
-                value = weight if holds else -weight if holds is False else 0.0
-                for token in claim.tokens:
-                    best[token] = max(best.get(token, -9.0), value)
-        return sum(best.values())
+    def extend(self, candidate: _Candidate, mention: int, bound: Bound) -> _Candidate:
+        """With one more mention bound: words that hold less those that do not."""
+        binding = {**candidate.binding, mention: bound}
+        scores = dict(candidate.scores)
+        for n in self._by_last.get(mention, ()):
+            holds = self.test(n, binding).holds
+            weight = _WEIGHTS.get(self._claims[n].type, 10)
+            value = weight if holds else -weight if holds is False else 0
+            for token in self._claims[n].tokens:
+                scores[token] = max(scores.get(token, -90), value)
+        return _Candidate(binding, scores, sum(scores.values()))
 
 
 def _list_choices(

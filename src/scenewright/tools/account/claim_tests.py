@@ -15,13 +15,19 @@ from scenewright.tools.account.claims import (
     list_agents,
     list_pairs,
 )
-from scenewright.tools.account.facts import SceneFacts, compute_side
+from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.vocabulary import Token
+from scenewright.tools.relation_checker.clock import is_within
+from scenewright.tools.relation_checker.legs import find_relative_side
 
 TOGETHER = 5.0
 """Events that begin within so many seconds of one another happen at the same time [s]."""
 CLOCK_SLACK = 20
 """How far the scene's clock may be from a time that is said [min]."""
+SPEED_SLACK, STANDSTILL_SLACK = 0.52, 0.3
+"""How far a speed [m/s] and the length of a standstill [s] may be from what is said."""
+LEAST_STANDSTILL = 0.4
+"""A shorter standstill is not counted [s]."""
 _ENCOUNTERS = {
     "collision": ("hits", "doored"),
     "near_miss": ("stops_short",),
@@ -36,6 +42,16 @@ _POINTS = {
     "angle": ("side", "flank", "door", "front"),
 }
 """Words for the point of impact that a kind of collision bears out."""
+_BODY = ("front", "rear", "left", "right")
+_CAR_SIDES = (
+    {"passenger": "right", "driver": "left", "nearside": "right", "offside": "left"},
+    {"passenger": "left", "driver": "right", "nearside": "left", "offside": "right"},
+)
+"""Words for the sides of a vehicle where traffic keeps right, and where it keeps left."""
+
+
+def _list_all(binding: Binding, mentions: Iterable[int]) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(n for each in mentions for n in list_agents(binding, each)))
 
 
 def get_background_kind(classes: frozenset[str]) -> str | None:
@@ -290,6 +306,26 @@ class SequenceTest:
         return Result(early.time <= _get_end(late) + 0.05, seen)
 
 
+@dataclass(frozen=True)
+class RedRunOrderTest:
+    """Whether a red light is run after the event of claims, or before it."""
+
+    claims: tuple[Claim, ...]
+    subjects: tuple[int, ...]
+    later: bool
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        agents = _list_all(binding, self.subjects)
+        runs = [
+            r["time"] for r in facts.proof.figures.get("red_light_runs", ()) if r["agent"] in agents
+        ]
+        events = [e.time for c in self.claims if (e := c.test(facts, binding).event) is not None]
+        if not runs or not events:
+            return UNTESTED
+        seen = f"red is run at {runs[0]:.1f} s, the event is at {events[0]:.1f} s"
+        return Result((max(runs) >= events[0]) == self.later, seen)
+
+
 def _get_end(event: Event) -> float:
     return float(event.evidence.get("until", event.time))
 
@@ -329,7 +365,8 @@ class TieTest:
             if other != agent
         ]
         for agent, other in pairs:
-            seen = compute_side(facts.agents[agent].entry, facts.agents[other].entry)
+            entry, seen_from = facts.agents[agent].entry, facts.agents[other].entry
+            seen = find_relative_side(entry, seen_from=seen_from)
             if seen in self.sides:
                 return Result(True, f"agent {agent} comes from the {seen} side of {other}")
         return Result(False, "/".join(self.sides)) if pairs else UNTESTED
@@ -350,10 +387,12 @@ class TimeTest:
     shift: float = 0.0
 
     def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
-        own = facts.get_minutes()
+        own, clock = facts.get_minutes(), facts.scene.meta.time_of_day
+        if own is None:
+            return UNTESTED
         spans = [value.partition("|")[0].split("+") for value in self.token.list_values("time")]
         if self.denied:
-            fits = any(not _is_within(own, span[0]) for span in spans)
+            fits = any(not is_within(clock, span[0]) for span in spans)
         elif self.until is not None:
             ends = [read_clock(each.text) for each in (self.token, self.until)]
             around = [(a, b) for a in ends[0] for b in ends[1] if abs(a - b) <= 12 * 60]
@@ -362,8 +401,8 @@ class TimeTest:
             times = [said + self.shift for said in read_clock(self.token.text)]
             fits = any(abs(own - said) <= CLOCK_SLACK for said in times)
         else:
-            fits = any(_is_within(own, part) for span in spans for part in span)
-        return Result(fits, f"the scene is at {facts.scene.meta.time_of_day}")
+            fits = any(is_within(clock, part) for span in spans for part in span)
+        return Result(fits, f"the scene is at {clock}")
 
 
 def read_clock(text: str) -> list[int]:
@@ -384,25 +423,46 @@ def read_clock(text: str) -> list[int]:
     return [60 * hours + minutes, *([60 * (hours + 12) + minutes] if either else [])]
 
 
-def _is_within(own: int, span: str) -> bool:
-    start, end = (60 * int(each[:2]) + int(each[3:5]) for each in span.split("-"))
-    return (own - start) % 1440 <= (end - start) % 1440
-
-
 @dataclass(frozen=True)
 class NumberTest:
-    """Whether a figure with a unit was asked for and is proven."""
+    """Whether a figure with a unit was asked for and is proven, or is measured on an agent."""
 
+    subjects: tuple[int, ...]
     unit: str
     value: float
 
-    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        agents = _list_all(binding, self.subjects) or facts.foreground
+        for number in agents if self.unit == "m/s" else ():
+            speed = facts.compute_kept_speed(number)
+            if speed is not None and abs(speed - self.value) <= SPEED_SLACK:
+                return Result(True, f"agent {number} goes at {speed:.1f} m/s", (number,))
+        for number in agents if self.unit == "s" else ():
+            for lasts in facts.list_standstills(number):
+                if abs(lasts - self.value) <= STANDSTILL_SLACK:
+                    return Result(True, f"agent {number} stands for {lasts:.1f} s", (number,))
         known = [(low, high) for name, low, high in facts.list_figures() if name == self.unit]
         for low, high in known:
             if low - 1e-6 <= self.value <= high + 1e-6:
                 return Result(True, f"asked for and measured: {low:.3g} to {high:.3g} {self.unit}")
-        missing = Result(False, f"no figure of {self.value:.3g} {self.unit} was asked for")
+        missing = Result(False, f"no figure of {self.value:.3g} {self.unit}")
         return missing if known else UNTESTED
+
+
+@dataclass(frozen=True)
+class StandstillCountTest:
+    """Whether an agent stands so many times."""
+
+    subjects: tuple[int, ...]
+    number: int
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        agents = _list_all(binding, self.subjects)
+        for number in agents:
+            times = sum(each >= LEAST_STANDSTILL for each in facts.list_standstills(number))
+            if times != self.number:
+                return Result(False, f"agent {number} stands {times} times", (number,))
+        return Result(True, f"{self.number} standstills", tuple(agents)) if agents else UNTESTED
 
 
 @dataclass(frozen=True)
@@ -435,9 +495,9 @@ class BareNumberTest:
     number: float
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
-        number, hour = self.number, 60 * (self.number % 12)
-        minutes = facts.get_minutes() % 720
-        if number <= 24 and any(abs(minutes - hour - off) <= CLOCK_SLACK for off in (0, 30)):
+        number, own = self.number, facts.get_minutes()
+        past = None if own is None else own % 720 - 60 * (number % 12)
+        if past is not None and number <= 24 and min(abs(past), abs(past - 30)) <= CLOCK_SLACK:
             return Result(True, f"the scene is at {facts.scene.meta.time_of_day}")
         if number in {facts.count_background(k) for k in (None, "vehicle", "pedestrian")}:
             return Result(True, f"{number:g} in the background")
@@ -457,13 +517,19 @@ class PointTest:
     word: str
 
     def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
-        asked = [p for r in facts.scene.relations for p in (r.point_from, r.point_to) if p]
-        shown = {part for each in asked for part in each.split("_")}
-        shown |= {word for e in facts.proof.events for word in _POINTS.get(e.kind or "", ())}
+        hits = [e for e in facts.proof.events if e.type == "collision"]
+        points = {
+            each.evidence.get(key) or "" for each in hits for key in ("point_from", "point_to")
+        }
+        shown = {part for each in points for part in each.split("_")}
+        shown |= {each.evidence.get(key) for each in hits for key in ("side_from", "side_to")}
+        on_left = facts.intersection_map is not None and facts.intersection_map.left_hand_traffic
+        word = _CAR_SIDES[on_left].get(self.word, self.word)
+        kinds = {word for e in facts.proof.events for word in _POINTS.get(e.kind or "", ())}
         measured = any(m.kind.endswith("point") or "point_" in m.kind for m in facts.scene.measures)
-        if self.word in shown or (measured and self.word not in ("left", "right")):
-            return Result(True, f"the point of impact ({_join(asked) or self.word})")
-        return UNTESTED
+        if word in shown | kinds or (measured and word not in _BODY):
+            return Result(True, f"the point of impact ({_join(sorted(points))})")
+        return Result(False, f"contact at {_join(sorted(points))}") if word in _BODY else UNTESTED
 
 
 def check_crosswalk(facts: SceneFacts, _binding: Binding) -> Result:

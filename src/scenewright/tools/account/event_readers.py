@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from scenewright.tools.account.claim_tests import EventTest, OrderTest, OrdinalTest, SequenceTest
+from scenewright.tools.account.claim_tests import (
+    EventTest,
+    OrderTest,
+    OrdinalTest,
+    RedRunOrderTest,
+    SequenceTest,
+)
 from scenewright.tools.account.claims import Claim
 from scenewright.tools.account.parties import PartyFinder, Span
 from scenewright.tools.account.vocabulary import load_vocabulary
@@ -63,6 +69,13 @@ def read_sequence(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
     """Two events in time: one after another, or at the same time."""
     before = [span for span in finder.events if span[0] < n]
     after = [span for span in finder.events if span[0] > n]
+    red = next((k for k in range(n, len(finder.tokens)) if finder.tokens[k].has("red")), None)
+    if before and not after and red is not None and value in ("then", "after"):
+        claims = tuple(read_event(finder, before[-1]))
+        subjects = finder.find_subjects(red)
+        test = RedRunOrderTest(claims, subjects, value == "then")
+        yield Claim("sequence", value, (n,), (*claims[0].mentions, *subjects), test)
+        return
     if not after or (not before and len(after) < 2):
         return
     spans = (before[-1], after[0]) if before else (after[0], after[1])
@@ -91,6 +104,9 @@ def read_order(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     ):
         return
     subjects, objects = finder.find_parties(n, n + 1)
+    verb = token.senses["order"][0]
+    if verb < n or finder.tokens[verb].text in ("goes", "gets", "go", "passes"):
+        subjects = finder.find_subjects(verb)[-1:]  # "follows a truck and goes first"
     if token.is_in("order_of_two") and not any(
         0 < finder.mentions[m].start - n <= 4 for m in objects
     ):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,21 +16,11 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import UNITS
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.tools.relation_checker.clock import parse_clock
 
-OPPOSITE = {
-    "north": "south", "south": "north", "east": "west", "west": "east", "northeast": "southwest",
-    "southwest": "northeast", "northwest": "southeast", "southeast": "northwest",
-}  # fmt: skip
-_ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
 _EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
 _STANDING = 0.4
 """Speed below which an agent stands [m/s]."""
-
-
-_RANGE = re.compile(r"in \[([\d.]+), ([\d.]+)\] (m/s|s|m)\b")
-_STANDS = re.compile(r"stands ([\d.]+)-([\d.]+) s")
-WIDEST = {"m/s": 1.6, "s": 1.0, "m": 1.0}
-"""How wide a clause may be to stand for a number; a wider one says nothing of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +81,9 @@ class SceneFacts:
         for relation in self.scene.relations:
             if {relation.from_, relation.to} == {first, second} and relation.first is not None:
                 return relation.first == first
-        for entry in self.proof.said:
-            found = entry.became == "order" and entry.status == "realised"
-            if found and sorted(entry.agents) == sorted((first, second)):
-                return entry.agents[0] == first
+        for row in self.proof.figures.get("passing_orders", ()):
+            if {row["first"], row["second"]} == {first, second}:
+                return bool(row["first"] == first)
         for event in self.list_between(first, second, ("yielding", "follow")):
             return not self.has_role(event, first)
         return None
@@ -111,7 +99,20 @@ class SceneFacts:
 
     def stands(self, number: int) -> float:
         """How long an agent stands [s]."""
-        return float((self.compute_speed(number) < _STANDING).sum() * self.scene.meta.step)
+        return sum(self.list_standstills(number))
+
+    def list_standstills(self, number: int) -> list[float]:
+        """How long each standstill of an agent lasts [s], in order."""
+        slow = np.concatenate(([False], self.compute_speed(number) < _STANDING, [False]))
+        edges = np.flatnonzero(slow[1:] != slow[:-1])
+        return [float(each) for each in np.diff(edges)[::2] * self.scene.meta.step]
+
+    def compute_kept_speed(self, number: int) -> float | None:
+        """The highest speed that an agent keeps for a second [m/s]; None of a shorter track."""
+        speed, window = self.compute_speed(number), round(1.0 / self.scene.meta.step)
+        if len(speed) <= window:
+            return None
+        return float(np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1).max())
 
     def compute_braking(self, number: int) -> float:
         """The hardest braking of an agent before its track ends [m/s²]."""
@@ -135,10 +136,9 @@ class SceneFacts:
             agent.role == "background" and kind in (None, agent.type) for agent in self.scene.agents
         )
 
-    def get_minutes(self) -> int:
-        """Time of day [min since midnight]."""
-        hours, _, minutes = self.scene.meta.time_of_day.partition(":")
-        return 60 * int(hours) + int(minutes or 0)
+    def get_minutes(self) -> int | None:
+        """Time of day [min since midnight]; None where the scene's clock is no time."""
+        return parse_clock(self.scene.meta.time_of_day)
 
     def list_figures(self) -> Iterator[tuple[str, float, float]]:
         """Unit, least and most of every figure that was asked for and is proven."""
@@ -153,15 +153,6 @@ class SceneFacts:
                     yield unit, value - slack, value + slack
         for sight in self.scene.sights:
             yield "s", *sight.lead
-        for entry in self.proof.said:  # clauses and standstills of later stages, found on tracks
-            if entry.became not in ("constraint", "behavior") or entry.status != "realised":
-                continue
-            for low, high, unit in _RANGE.findall(entry.value or ""):
-                if float(high) - float(low) <= WIDEST[unit]:
-                    yield unit, float(low), float(high)
-            for start, until in _STANDS.findall(entry.value or ""):
-                lasts = float(until) - float(start)
-                yield "s", lasts - 0.3, lasts + 0.3
         units = {"goes_round": "m", "waits_behind": "m", "stops_short": "m", "queues": "m",
                  "waits_then_passes": "s"}  # fmt: skip
         for met in self.scene.encounters:
@@ -208,11 +199,3 @@ def _fits(agent: AgentRecord, kind: str) -> bool:
     if kind == "car":
         return agent.subtype in ("car", None)
     return agent.subtype == kind
-
-
-def compute_side(entry: str, other: str) -> str:
-    """How an entry lies to another one: same, opposite, left or right, as its driver sees it."""
-    turn = (_ROUND.index(entry) - _ROUND.index(other)) % 8
-    if turn in (0, 4):
-        return "same" if turn == 0 else "opposite"
-    return "left" if turn < 4 else "right"

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from scenewright.tools.account import claim_tests as tests
 from scenewright.tools.account.claims import Claim, ClaimType, Test
 from scenewright.tools.account.event_readers import read_event, read_order, read_sequence
-from scenewright.tools.account.facts import OPPOSITE, SceneFacts
+from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.mentions import Mention
 from scenewright.tools.account.parties import PartyFinder
 from scenewright.tools.account.vocabulary import Token
+from scenewright.tools.relation_checker.legs import find_relative_side
 
 Reader = Callable[[PartyFinder, int, str], Iterable[Claim]]
 """Claims of the word at a token; with the value of its sense, such as `north` of `side.north`."""
@@ -21,6 +22,7 @@ _BRAKING = 1.0
 """How hard who brakes brakes at least [m/s²]."""
 _NO_BRAKING = 1.0
 """How hard who does not brake may slow at most [m/s²]."""
+_TIMES = {"once": 1, "twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4}
 _UNITS = {
     "m/s": {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "kmph": 1 / 3.6, "mph": 0.44704,
             "m/s": 1.0, "mps": 1.0},
@@ -59,7 +61,7 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
             if family in ("from_left", "from_right") and after and after[0].stem == "turn":
                 found += _read_movement(family.removeprefix("from_"))(finder, n, value)
                 continue  # "on its left turn"
-            if family.startswith("from_") and after and after[0].text == "side":
+            if family.startswith("from_"):
                 found += _read_point(finder, n, value)  # "hits it on its left side"
             if reader := _READERS.get(family):
                 found += reader(finder, n, value)
@@ -146,7 +148,9 @@ def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
             return  # a posted limit is of the place
         unit, factor = _FACTORS.get(said, (said, 1.0))
         value = number * factor
-        yield Claim("number", f"{value:.3g} {unit}", (n,), (), tests.NumberTest(unit, value))
+        subjects = finder.find_subjects(n)
+        test = tests.NumberTest(subjects, unit, value)
+        yield Claim("number", f"{value:.3g} {unit}", (n,), subjects, test)
     elif span := next((s for s in finder.events if 0 < s[0] - n <= 2), None):  # "two near misses"
         kinds = tokens[span[0]].list_values("event")
         yield Claim("count", f"{number:g} {'/'.join(kinds)}", (n,), (),
@@ -201,18 +205,22 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
         if crosswalk:
             return agent.crosswalk == side
         if to:
-            walks_over = agent.entry == OPPOSITE[side] and agent.type == "pedestrian"
+            walks_over = _is_opposite(agent.entry, side) and agent.type == "pedestrian"
             return agent.exit == side or walks_over
         if source:
             return agent.entry == side
         if heads:
-            return agent.entry == OPPOSITE[side] or (turned and agent.exit == side)
+            return _is_opposite(agent.entry, side) or (turned and agent.exit == side)
         if agent.type == "vehicle":
             return agent.entry == side or (turned and agent.exit == side)
         return side in (agent.entry, agent.exit, agent.crosswalk)
 
     subjects = finder.find_subjects(n)
     yield Claim("side", side, (n,), subjects, tests.AllAgents(subjects, side, holds, leg=side))
+
+
+def _is_opposite(entry: str, side: str) -> bool:
+    return find_relative_side(entry, seen_from=side) == "opposite"
 
 
 def _is_of_crosswalk(tokens: Sequence[Token], n: int) -> bool:
@@ -250,7 +258,7 @@ def _read_bound(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
 
     def holds(facts: SceneFacts, number: int) -> bool:
         agent = facts.agents[number]
-        return agent.entry == OPPOSITE[side] or (turned and agent.exit == side)
+        return _is_opposite(agent.entry, side) or (turned and agent.exit == side)
 
     yield from _claim_all(finder, n, ("heading", side, f"{side}bound"), holds)
 
@@ -318,6 +326,16 @@ def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     yield from _claim_all(finder, n, ("stop", value, "stands"), holds)
 
 
+def _read_times(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    """How often somebody stops: "stops twice"."""
+    start, stop = finder.tokens[n].senses["times"]
+    times = _TIMES.get(finder.tokens[start].text)
+    if times and any(each.has("stop") for each in finder.tokens[max(0, start - 3) : start]):
+        subjects = finder.find_subjects(start)
+        test = tests.StandstillCountTest(subjects, times)
+        yield Claim("count", f"{times} standstills", tuple(range(start, stop)), subjects, test)
+
+
 def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     denied = finder.is_denied(n)
 
@@ -372,7 +390,9 @@ def _read_kind(_finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
 
 
 def _read_point(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    word = finder.tokens[n].text
+    word, around = finder.tokens[n].text, finder.tokens[max(0, n - 1) : n + 2]
+    if word in ("left", "right") and not any(each.is_in("body_parts") for each in around):
+        return  # a turn, or the side from which somebody comes
     yield Claim("point", word, (n,), (), tests.PointTest(word))
 
 
@@ -418,6 +438,7 @@ _READERS: Mapping[str, Reader] = {
     "red": _read_red,
     "light": _read_scene("light", "lights", tests.check_lights),
     "stop": _read_stop,
+    "times": _read_times,
     "brake": _read_brake,
     "late_brake": _read_scene("cause", "late braking", tests.check_late_braking),
     "normal": _read_scene("absence", "nothing else", tests.check_nothing_else),

@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from itertools import chain
 
@@ -167,6 +167,11 @@ def load_vocabulary() -> Vocabulary:
 
 def read_tokens(text: str) -> tuple[Token, ...]:
     """The text cut into tokens, each with the senses of the longest phrase that holds it."""
+    return _read_tokens(text, tuple((each.proof.event, each.phrases) for each in load_patterns()))
+
+
+@lru_cache(maxsize=64)
+def _read_tokens(text: str, phrases: tuple[tuple[str, tuple[str, ...]], ...]) -> tuple[Token, ...]:
     plain = [_mend_spelling(each) for each in _cut(text)]
     found: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
     lengths = [0] * len(plain)
@@ -179,18 +184,19 @@ def read_tokens(text: str) -> tuple[Token, ...]:
                 lengths[n] = stop - start
                 found[n] = {}
             found[n] |= dict.fromkeys(sorted(senses), (start, stop))
-    phrases = _find_relation_phrases(plain)
+    told = _find_relation_phrases(plain, phrases)
     return tuple(
-        replace(each, senses=senses, phrase=phrases.get(n))
+        replace(each, senses=senses, phrase=told.get(n))
         for n, (each, senses) in enumerate(zip(plain, found, strict=True))
     )
 
 
-def _find_relation_phrases(tokens: list[Token]) -> dict[int, tuple[str, int, int]]:
+def _find_relation_phrases(
+    tokens: list[Token], phrases: tuple[tuple[str, tuple[str, ...]], ...]
+) -> dict[int, tuple[str, int, int]]:
     """Tokens that belong to a phrase of a relation file, the shipped ones and the user's."""
     found: dict[int, tuple[str, int, int]] = {}
     stems = [each.stem for each in tokens]
-    phrases = tuple((each.proof.event, each.phrases) for each in load_patterns())
     for event, words in _list_relation_phrases(phrases):
         for n in range(len(stems) - len(words) + 1):
             if stems[n : n + len(words)] == words:
@@ -250,7 +256,8 @@ def _mend_spelling(token: Token) -> Token:
     known = token.text in words.function or not words.singles.isdisjoint((token.text, token.stem))
     if token.kind != "word" or len(token.text) < 3 or known:
         return token
-    near = [w for w in _list_alike(len(token.text)) if _is_one_slip(token.text, w)]
+    alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
+    near = [w for w in alike if _is_one_slip(token.text, w)]
     if not near:
         return token
     best = min(near, key=lambda w: (w[0] != token.text[0], abs(len(w) - len(token.text)), w))
@@ -275,6 +282,16 @@ def _is_one_slip(word: str, known: str) -> bool:
     return len(known) > 5 and word[n + 1 :] == known[n + 1 :]
 
 
+def _drop_letters(word: str) -> set[str]:
+    """The word, and the word without any one of its letters."""
+    return {word} | {word[:n] + word[n + 1 :] for n in range(len(word))}
+
+
 @cache
-def _list_alike(length: int) -> tuple[str, ...]:
-    return tuple(w for w in load_vocabulary().spelling if abs(len(w) - length) <= 1)
+def _index_spelling() -> dict[str, list[str]]:
+    """Known words by what any one slip leaves of them: words one slip apart share an entry."""
+    index: dict[str, list[str]] = {}
+    for word in load_vocabulary().spelling:
+        for part in _drop_letters(word):
+            index.setdefault(part, []).append(word)
+    return index

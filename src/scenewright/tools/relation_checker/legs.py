@@ -94,8 +94,10 @@ def _find_exit_by_direction(track: Trajectory, intersection_map: IntersectionMap
 def find_relative_side(entry: str, *, seen_from: str) -> str:
     """How an entry lies to another one: same, opposite, left or right.
 
-    >>> side_of("east", seen_from="north"), side_of("south", seen_from="north")
-    ('left', 'opposite')
+    >>> find_relative_side("east", seen_from="north")
+    'left'
+    >>> find_relative_side("south", seen_from="north")
+    'opposite'
     """
     turn = (_ROUND.index(entry) - _ROUND.index(seen_from)) % len(_ROUND)
     if turn % 4 == 0:

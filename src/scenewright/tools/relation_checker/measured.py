@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,12 +12,14 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import UNITS
 from scenewright.scene.record import MeasureRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.asked import KEPT, find_standstills
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.standstills import find_standstills
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
+KEPT = 1.0
+"""How long a speed is to be kept for the agent to drive or walk at it [s]."""
 ROUNDING = {"m/s": 0.02, "m/s2": 0.05, "s": 0.02, "m": 0.02, "%": 0.5}
 """How far beside its bounds a figure may be measured, as positions are kept to 1 mm."""
 MOVING = 1.0
@@ -30,34 +31,19 @@ SIGHT = 30.0
 WEIGHT = {"collision": 0, "yielding": 1, "near_miss": 2, "follow": 3}
 """Which of several events of two agents is meant: the first."""
 
-_TEXT = re.compile(
-    r"(\w+)\(([\w-]+)(?:, ([\w-]+))?\) in \[([\d.e+-]+), ([\d.e+-]+)\] (?:m/s2|m/s|m|s|%)"
-)
-
 
 class MeasuredFigures:
-    """What the tracks show of figures that were asked for.
-
-    Args:
-        numbers: of the agents, by their names in the account.
-    """
+    """What the tracks show of figures that were asked for."""
 
     def __init__(
         self,
-        numbers: Mapping[str, int],
         events: Sequence[Event],
         observed: SceneObservation,
         intersection_map: IntersectionMap | None,
     ) -> None:
-        self._numbers, self._observed, self._map = numbers, observed, intersection_map
+        self._observed, self._map = observed, intersection_map
         self._events = sorted(events, key=lambda each: WEIGHT[each.type])
         self._tracks = {track.id: track for track in observed.tracks}
-
-    def find(self, text: str) -> str | None:
-        """Evidence for measures as an account has them; None where the tracks lack one."""
-        found = [self._find_one(each) for each in text.split("; ")]
-        evidence = [each for each in found if each is not None]
-        return "; ".join(evidence) if len(evidence) == len(found) else None
 
     def list_unmet(self, measures: Sequence[MeasureRecord]) -> tuple[Finding, ...]:
         """A finding for every measure that the tracks do not show."""
@@ -66,23 +52,6 @@ class MeasuredFigures:
             for each in measures
             if (detail := self._find_shortfall(each)) is not None
         )
-
-    def _find_one(self, text: str) -> str | None:
-        match = _TEXT.fullmatch(text)
-        if match is None or not {match[2], match[3] or match[2]} <= self._numbers.keys():
-            return None
-        measure = MeasureRecord.model_validate(
-            {
-                "kind": match[1],
-                "agent": self._numbers[match[2]],
-                "other": self._numbers[match[3]] if match[3] else None,
-                "low": match[4],
-                "high": match[5],
-            }
-        )
-        if self._find_shortfall(measure) is not None:
-            return None
-        return f"{_describe(measure)} is {self._describe_measure(measure)}"
 
     def _find_shortfall(self, measure: MeasureRecord) -> str | None:
         """Why a measure is not met; None if it is."""

@@ -295,9 +295,3 @@ def _report_sight(sight: SightRecord, fault: str) -> Finding:
         detail=f"{sight.object} should hide agent {sight.subject} from agent {sight.observer}: "
         f"{fault}",
     )  # fmt: skip
-
-
-def describe_object(each: ObjectRecord) -> str:
-    """An object in words, with its place."""
-    what = f"{each.kind} {each.subtype or ''}".replace("_", "-").strip()
-    return f"{each.id} ({what}) stands at ({each.x:.1f}, {each.y:.1f})"

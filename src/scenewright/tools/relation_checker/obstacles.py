@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -290,19 +290,3 @@ def _heads_for(
     meets = (ahead > 0.0) & (ahead <= AHEAD) & (np.abs(aside) < half + track.width / 2)
     meets &= np.abs(np.sin(turn)) <= IN_LINE
     return np.asarray(meets & (track.speed >= MOVES) if moving else meets)
-
-
-def describe_encounter(
-    value: str, figures: Sequence[Measured], agents: Sequence[int]
-) -> str | None:
-    """What was seen of an encounter that words ask for; None if there is none of that kind."""
-    for each in figures:
-        asked = value.split()
-        if each["agent"] in agents and each["object"] == asked[0] and each["how"] == asked[-1]:
-            seen = {k: v for k, v in each.items() if k not in ("agent", "object", "how", "time")}
-            shown = ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in seen.items())
-            does = "is doored by" if each["how"] == "doored" else each["how"].replace("_", " ")
-            return (
-                f"agent {each['agent']} {does} {each['object']} at {each['time']:.1f} s ({shown})"
-            )
-    return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Set
 from dataclasses import dataclass
+from typing import Any
 
 from scenewright.scene.events import Event
 from scenewright.tools.relation_checker.conflict_zones import (
@@ -56,6 +57,27 @@ def find_crossing_order(observed: SceneObservation, pair: Set[int]) -> PassingOr
     times = (closest.first_time, closest.second_time)
     ahead = closest.first if times[0] < times[1] else closest.second
     return PassingOrder(ids[ahead], min(times), max(times))
+
+
+def list_passing_orders(observed: SceneObservation, among: Set[int]) -> list[dict[str, Any]]:
+    """Rows of who passes first, of all pairs of these agents that have an order."""
+    ids = [track.id for track in observed.tracks]
+    orders: dict[frozenset[int], PassingOrder | None] = {}
+    for pair in (frozenset((ids[each.first], ids[each.second])) for each in observed.encounters):
+        if pair <= among and pair not in orders:
+            orders[pair] = find_crossing_order(observed, pair)
+    for event in observed.events:
+        if event.type == "collision" and {event.from_, event.to} <= among:
+            orders[frozenset((event.from_, event.to))] = _find_entering_order(observed, event)
+    return [
+        {
+            "first": order.first,
+            "second": next(iter(pair - {order.first})),
+            "times": [round(order.first_time, 3), round(order.second_time, 3)],
+        }
+        for pair, order in sorted(orders.items(), key=lambda each: sorted(each[0]))
+        if order is not None
+    ]
 
 
 def _find_entering_order(observed: SceneObservation, event: Event) -> PassingOrder | None:

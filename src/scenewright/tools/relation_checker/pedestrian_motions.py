@@ -9,9 +9,9 @@ import numpy as np
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord
-from scenewright.tools.relation_checker.asked import find_standstills
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.standstills import find_standstills
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.vehicle_motions import describe_vehicle_motion
 from scenewright.tools.relation_checker.yielding import STANDING

@@ -16,7 +16,6 @@ from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
-from scenewright.tools.relation_checker.account import check_account
 from scenewright.tools.relation_checker.avoidability import find_avoidability
 from scenewright.tools.relation_checker.behavior_labels import find_false_behavior
 from scenewright.tools.relation_checker.certificate import (
@@ -50,6 +49,7 @@ from scenewright.tools.relation_checker.objects import (
     read_objects,
 )
 from scenewright.tools.relation_checker.obstacles import check_encounters, list_asked_hits
+from scenewright.tools.relation_checker.passing_order import list_passing_orders
 from scenewright.tools.relation_checker.pedestrian_motions import (
     RUNNING,
     check_pedestrian_motions,
@@ -159,16 +159,11 @@ def _build_proof(
     pushed = list_pushed(scene.relations)
     views = Sights(scene.objects, observed.tracks, left_hand)
     avoidability = find_avoidability(matching, views, pushed=pushed) if rules else []
-    said, unsaid = check_account(
-        scene, observed.events, observed, intersection_map, sights=sights, reactions=reactions,
-        encounters=encounters,
-    )  # fmt: skip
     lit = bool(intersection_map and scene.signals)
     missing = (
         *missing,
         *unhidden,
         *unmet,
-        *unsaid,
         *_check_asked_figures(scene, observed, intersection_map),
         *(find_false_labels(scene, events, lit=lit) if scene.events or labelled else ()),
         *find_false_metadata(scene, intersection_map),
@@ -201,8 +196,7 @@ def _build_proof(
         events=events,
         incidental=tuple(observed.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
-        said=said,
-        figures=_collect_figures(scene, observed, intersection_map)
+        figures=_collect_figures(scene, observed, intersection_map, roles.foreground)
         | ({"first_visible": sights} if sights else {})
         | ({"encounters": encounters} if encounters else {})
         | ({"reactions": reactions} if reactions else {})
@@ -291,7 +285,7 @@ def _check_measures(scene: SceneRecord, known: set[int]) -> None:
 def _check_asked_figures(
     scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
 ) -> tuple[Finding, ...]:
-    figures = MeasuredFigures({}, observed.events, observed, intersection_map)
+    figures = MeasuredFigures(observed.events, observed, intersection_map)
     return figures.list_unmet(scene.measures)
 
 
@@ -521,7 +515,10 @@ def _list_unasked_red_runs(scene: SceneRecord, observed: SceneObservation) -> li
 
 
 def _collect_figures(
-    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
+    scene: SceneRecord,
+    observed: SceneObservation,
+    intersection_map: IntersectionMap | None,
+    foreground: frozenset[int],
 ) -> dict[str, Any]:
     pairs = [(r.from_, r.to) for r in scene.relations]
     pet = {f"{a}-{b}": observed.pet((a, b)) for a, b in pairs}
@@ -531,6 +528,7 @@ def _collect_figures(
         "agents": len(scene.agents),
         "map_checked": intersection_map is not None,
         "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
+        "passing_orders": list_passing_orders(observed, foreground),
         "red_light_runs": _list_red_runs(observed),
         "extremes": find_extremes(driven),
     } | ({"unasked_red_light_runs": unasked} if unasked else {})
