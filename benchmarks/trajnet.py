@@ -5,7 +5,7 @@ recordings and predicts the one left out; all folds share one recipe. Work that 
 is not done again, and a training that was killed goes on, so the command can simply be repeated.
 `--report` prints the tables of docs/evaluation.md from what RUNS holds.
 
-Models: `polished`, the whole recipe of `evals trajnet-train`; `refiner`, its first part alone, and
+Models: `polished`, the whole recipe of `lab.trajnet.training`; `refiner`, its first part alone, and
 ablations of that: `no_pooling`, `no_goals` and `raw` (without keeping apart; needs no training of
 its own); `lstm`, a plain one without pooling, goals and keeping apart; `trees`, gradient-boosted, a
 rival of another family; `cv`, constant velocity.
@@ -23,6 +23,8 @@ from typing import Any
 
 import numpy as np
 
+from lab.trajnet.training import build_own_recipe, build_polishing_recipe, train_on
+from lab.trajnet.windows import BENDING, cut_training_windows
 from scenewright.evals.trajnet.predictors import (
     Predictor,
     Refining,
@@ -41,11 +43,10 @@ from scenewright.evals.trajnet.score import (
     predict_scenes,
     score_scenes,
 )
-from scenewright.evals.trajnet.training import build_own_recipe, build_polishing_recipe, train_on
-from scenewright.evals.trajnet.windows import BENDING, cut_training_windows
 from scenewright.scene.base import FloatArray
-from scenewright.tools.trajnet_refiner.model import RefinerConfig
-from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
+from scenewright.tools.trajnet_refiner.config import RefinerConfig
+from scenewright.tools.trajnet_refiner.model import Refiner
+from scenewright.tools.trajnet_refiner.store import read_refiner, save_refiner
 from scenewright.tools.trajnet_refiner.train import Epoch, Recipe, train
 from scenewright.tools.trajnet_refiner.windows import Window
 
@@ -239,7 +240,7 @@ def make_predictions(
                 others, out=weights, config=RefinerConfig(**TRAINED[model]), recipe=recipe,
                 polish=False, after_epoch=note,
             )  # fmt: skip
-    net = load_refiner(weights)
+    net = Refiner.from_weights(*read_refiner(weights))
     if model == "raw":
         net.config = net.config.model_copy(update={"apart": None})
     return Refining(net)
@@ -253,12 +254,16 @@ def polish(
     note: Callable[[Epoch], None],
 ) -> None:
     """The second part of the recipe, from the weights of the first."""
-    start, state = load_refiner(first), out.with_name(out.name + ".polishing")
+    start, state = (
+        Refiner.from_weights(*read_refiner(first)),
+        out.with_name(out.name + ".polishing"),
+    )
     net = train(
         cut_training_windows(others, weights=BENDING, both_ways=True), config=start.config,
         recipe=build_polishing_recipe(recipe), checkpoint=state, after_epoch=note, start=start,
     )  # fmt: skip
-    save_refiner(net, out, about={"trained_on": [each.name for each in others]})
+    about = {"trained_on": [each.name for each in others]}
+    save_refiner(net.config, net.list_weights(), out, about=about)
     state.unlink(missing_ok=True)
 
 

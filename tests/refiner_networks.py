@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import torch
 
-from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+from scenewright.tools.trajnet_refiner.config import RefinerConfig
+from scenewright.tools.trajnet_refiner.model import Refiner
+from scenewright.tools.trajnet_refiner.network import RefinerNetwork
 
 
 def build_random_network(config: RefinerConfig, seed: int = 0) -> Refiner:
@@ -20,3 +22,9 @@ def build_zero_network(config: RefinerConfig) -> Refiner:
     net = Refiner(config).eval()
     torch.nn.init.zeros_(net.output.weight)
     return net
+
+
+def convert_network(net: Refiner) -> RefinerNetwork:
+    """The same network for inference, as scenes have it: neither mirrored nor kept apart."""
+    config = net.config.model_copy(update={"mirrored": False, "apart": None})
+    return RefinerNetwork(config, net.list_weights())

@@ -57,9 +57,7 @@ def run_refiner(
         keep: steps after which what was written is observed; the network's horizon if None.
         lead: see `run_rollout`.
     """
-    import torch
-
-    from scenewright.tools.trajnet_refiner.model import CLASSES
+    from scenewright.tools.trajnet_refiner.config import CLASSES
     from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
     marked = np.asarray(np.isfinite(task.goals).all(-1))
@@ -70,16 +68,11 @@ def run_refiner(
         at = np.flatnonzero(marked[n])
         places[n, : len(at)], due[n, : len(at)] = task.goals[n, at], at
     until = COLUMNS - np.argmax(task.there[:, ::-1], axis=1)
-    inputs = [torch.from_numpy(a.astype(np.float32))[None] for a in (
-        np.where(task.given[..., None], task.xy, np.nan), places, due)]  # fmt: skip
-    with torch.no_grad():
-        found = run_rollout(
-            net, inputs[0], waypoints=Waypoints(inputs[1], inputs[2]), keep=keep,
-            lead=lead,
-            classes=torch.tensor([[CLASSES.index(kind) for kind in task.kinds]]),
-            until=torch.from_numpy(until)[None],
-        )  # fmt: skip
-    return np.asarray(found[0].numpy(), dtype=np.float64)
+    return run_rollout(
+        net, np.where(task.given[..., None], task.xy, np.nan), waypoints=Waypoints(places, due),
+        keep=keep, lead=lead, until=until,
+        classes=np.array([CLASSES.index(kind) for kind in task.kinds]),
+    )  # fmt: skip
 
 
 def fit_splines(task: RolloutTask) -> FloatArray:
@@ -266,8 +259,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _print(arguments: argparse.Namespace) -> None:
-    import torch
-
     from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
 
     if arguments.prior_goals and arguments.split != "test":
@@ -276,7 +267,6 @@ def _print(arguments: argparse.Namespace) -> None:
     if arguments.weights is None and shipped is None:
         raise InputError(f"{arguments.intersection} ships no refiner; name --weights")
     net = _read(arguments.weights) if shipped is None else shipped.net
-    torch.set_num_threads(1)  # scenes are small: threads only wait for each other
     sources = list(_read_sources(arguments))
     if not sources:
         raise InputError("name a --corpus or a folder of --taf-bw tracks")

@@ -1,4 +1,4 @@
-"""`scenewright evals trajnet` and `trajnet-train` as people meet them."""
+"""`scenewright evals trajnet` and the training of its weights as people meet them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.trajnet import training
+from lab.trajnet.training import check_split
+from lab.trajnet.windows import BENDING, Weights, cut_training_windows
 from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.evals.trajnet.recording import read_recording
 from scenewright.evals.trajnet.score import compute_mean_with_interval
-from scenewright.evals.trajnet.training import check_split
-from scenewright.evals.trajnet.windows import BENDING, Weights, cut_training_windows
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 
 SHIPPED_WEIGHTS = str(find_bundle_folder("amsterdam_120") / REFINER_WEIGHTS)
@@ -61,8 +62,7 @@ def test_what_is_trained_can_be_scored_and_writes_the_benchmarks_format(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     weights, out = tmp_path / "w.safetensors", tmp_path / "out"
-    words = ["evals", "trajnet-train", str(recording), "--out", str(weights), "--epochs", "1"]
-    assert main(words) == 0
+    assert training.main([str(recording), "--out", str(weights), "--epochs", "1"]) == 0
     given = capsys.readouterr()
     assert given.out == f"{weights}\n"
     assert "epoch 1: loss" in given.err
@@ -116,7 +116,7 @@ def test_bad_input_is_one_line(
 def test_test_recordings_are_never_trained_on(recording: Path, tmp_path: Path) -> None:
     forbidden = recording.rename(tmp_path / "crowds_zara02.ndjson")
     out = str(tmp_path / "w.safetensors")
-    assert main(["evals", "trajnet-train", str(forbidden), "--out", out, "-q"]) == 2
+    assert training.main([str(forbidden), "--out", out]) == 2
     with pytest.raises(InputError, match="at once"):
         check_split(["a", "b"], ["b"])
 

@@ -99,9 +99,10 @@ def test_longer_steps_are_predicted_at_the_networks_own_pace(tmp_path: Path) -> 
     """At 2 steps a second, a network that goes straight on goes straight on."""
     import torch
 
+    from lab.trajnet.windows import cut_training_windows
     from scenewright.evals.trajnet.predictors import Refining
-    from scenewright.evals.trajnet.windows import cut_training_windows
-    from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+    from scenewright.tools.trajnet_refiner.config import RefinerConfig
+    from scenewright.tools.trajnet_refiner.model import Refiner
 
     net = Refiner(RefinerConfig(hidden=8, embedding=8, pooled=8)).eval()
     torch.nn.init.zeros_(net.output.weight)

@@ -19,9 +19,10 @@ from lab.rollouts.rollouts import (
     main,
     run_refiner,
 )
+from refiner_networks import build_zero_network, convert_network
 from scenewright.scene.track import Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
-from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+from scenewright.tools.trajnet_refiner.config import RefinerConfig
 
 torch.set_num_threads(1)
 
@@ -60,8 +61,7 @@ def test_even_motion_and_the_spline_are_right_where_they_must_be():
 
 
 def test_a_network_that_has_learned_nothing_keeps_even_motion_even():
-    net = Refiner(RefinerConfig(hidden=8, embedding=8, pooled=8, apart=None, mirrored=False)).eval()
-    torch.nn.init.zeros_(net.output.weight)
+    net = convert_network(build_zero_network(RefinerConfig(hidden=8, embedding=8, pooled=8)))
     (task,) = build_tasks([recording()], before_end=4, most=5)
     (first, second) = compute_errors(task, run_refiner(net, task))
     assert first[1] < 0.01

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from refiner_networks import convert_network
 from scenewright import synthesize
 from scenewright.backends import load_backend
 from scenewright.geometry.map_areas import MapAreas
@@ -19,7 +20,8 @@ from scenewright.nodes.trajectory_refiner import NO_WALKERS, NO_WEIGHTS, SHARES,
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
-from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+from scenewright.tools.trajnet_refiner.config import RefinerConfig
+from scenewright.tools.trajnet_refiner.model import Refiner
 
 GROUND = MapAreas(load_map("amsterdam_120"))
 PRIORS = load_priors("amsterdam_120")
@@ -42,7 +44,7 @@ def learned() -> BundledRefiner:
     )
     net = Refiner(config)
     torch.nn.init.normal_(net.output.weight, std=0.1)
-    return BundledRefiner(net.eval(), "0123456789abcdef")
+    return BundledRefiner(convert_network(net), "0123456789abcdef")
 
 
 def runtime(learned: BundledRefiner | None) -> Any:

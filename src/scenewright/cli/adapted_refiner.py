@@ -37,6 +37,7 @@ def adapt_refiner(
         train_bundle,
     )
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
+    from scenewright.tools.trajnet_refiner.model import Refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     recordings = [each for file in files for each in _split_recordings(name, file)]
@@ -45,7 +46,8 @@ def adapt_refiner(
         return {}, "the refiner is not adapted: too few tracks, or no weights to go on from"
     log("training", f"a refiner on {sum(len(r.agents) for r in recordings)} tracks")
     tried = [each for each in recordings if each.split == "test"]
-    before = compute_figures(serving.net, tried, stride=OVERLAP)
+    own = Refiner.from_weights(serving.net.config, serving.net.weights)
+    before = compute_figures(own, tried, stride=OVERLAP)
     with tempfile.TemporaryDirectory() as scratch:
         about = train_bundle(
             name, recordings, out=Path(scratch), recipe=RECIPE.model_copy(update=GOES_ON),

@@ -10,6 +10,7 @@ from typing import Any
 
 from scenewright.arrays import read_arrays
 from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
+from scenewright.cli.extras import require_torch
 from scenewright.cli.learned_walks import learn_walks
 from scenewright.errors import InputError
 from scenewright.intersections import (
@@ -161,6 +162,8 @@ def simulate_own(
     Raises:
         InputError: no such imported intersection, SUMO not installed, a number that cannot be.
     """
+    if train:
+        require_torch("training a refiner", otherwise="leave it out with --no-train")
     from scenewright.tools.fitting.simulated_priors import fit_simulated_priors, simulate_map
 
     bundle = open_custom_bundle(name)
@@ -266,6 +269,8 @@ def fit_own(
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
     """
+    if train:
+        require_torch("adapting the refiner", otherwise="leave out --train")
     from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
     from scenewright.tools.track_io.track_files import read_track_files
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,15 +11,13 @@ import typer
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_one_line,
-    is_terminal,
     log_line,
     render_table,
     show_progress,
     write_json,
     write_stdout,
 )
-from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.output_folder import try_file, try_folder
+from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,7 +25,6 @@ if TYPE_CHECKING:
     from scenewright.evals.trajnet.evaluate import Evaluated
     from scenewright.evals.trajnet.recording import BenchmarkRecording
     from scenewright.evals.trajnet.score import ScoreRow
-    from scenewright.tools.trajnet_refiner.train import Epoch, ProgressCallback
 
 evals = typer.Typer(name="evals", help="Benchmarks of the parts on data of your own.")
 
@@ -59,8 +54,11 @@ def score_trajnet(
     The refiner predicts without goals, given each pedestrian's destination, and given where it is
     at the end of the scene. Files without the future are predicted but not scored.
     """
+    from scenewright.cli.extras import require_torch
     from scenewright.evals.trajnet.evaluate import evaluate
 
+    if weights is not None:
+        require_torch("predicting the benchmark", otherwise="score without --weights")
     recordings = read_recordings(files)
     with show_progress(quiet=quiet) as log:
         evaluated = evaluate(
@@ -143,65 +141,6 @@ def _format_cell(row: ScoreRow, measure: str) -> str:
         return "none"
     digits = 1 if measure.startswith("col") else 2
     return f"{value:.{digits}f} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
-
-
-@evals.command("trajnet-train")
-def train_trajnet(
-    files: Files,
-    out: Annotated[
-        str, typer.Option(metavar="W.safetensors", help="File for the weights.", callback=try_file)
-    ],
-    epochs: Annotated[
-        int, typer.Option(min=1, help="How often half of all windows are seen, at first.")
-    ] = 18,
-    seed: Annotated[int, typer.Option(min=0, help="The same seed, the same weights.")] = 0,
-    held_out: Annotated[
-        list[str] | None, typer.Option(help="A recording to validate on; may be given again.")
-    ] = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Train the refiner on recordings; started again after a kill, it goes on where it was."""
-    from scenewright.evals.trajnet.training import build_own_recipe, train_on
-
-    recordings, held = read_recordings(files), read_recordings(held_out or [])
-    with show_training_bar(quiet=quiet) as (log, log_epoch):
-        about = train_on(
-            recordings,
-            held_out=held,
-            out=Path(out),
-            recipe=build_own_recipe(epochs=epochs, seed=seed),
-            log=log,
-            after_epoch=log_epoch,
-        )
-    if as_json:
-        write_json({"ok": True, "out": out, **about})
-    else:
-        write_stdout(f"{out}\n")
-
-
-@contextmanager
-def show_training_bar(
-    *, quiet: bool
-) -> Iterator[tuple[ProgressCallback | None, Callable[[Epoch], None]]]:
-    """A bar over all batches on a terminal, and a line after every epoch, unless `quiet`."""
-    if quiet:
-        yield None, lambda _: stop_if_asked()
-    elif not is_terminal(sys.stderr):
-        yield None, _say_epoch
-    else:
-        from rich.console import Console
-        from rich.progress import Progress
-
-        with Progress(console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("training", total=None)
-            yield lambda done, of: bar.update(task, completed=done, total=of), _say_epoch
-
-
-def _say_epoch(epoch: Epoch) -> None:
-    stop_if_asked()
-    held = "" if epoch.ade is None else f", held out {epoch.ade:.3f} m"
-    log_line(f"epoch {epoch.number}: loss {epoch.loss:.3f}{held}, {epoch.seconds:.0f} s")
 
 
 @evals.command("realism")

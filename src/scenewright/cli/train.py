@@ -40,6 +40,9 @@ def train_refiner(
         InputError: no such intersection, no such corpus, or a place that cannot be written.
     """
     from scenewright.cli.adapted_refiner import GOES_ON
+    from scenewright.cli.extras import require_torch
+
+    require_torch("training a refiner")
     from scenewright.intersections import find_bundle_folder
     from scenewright.tools.track_io import load_recordings
     from scenewright.tools.trajnet_refiner.bundle_training import (

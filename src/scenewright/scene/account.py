@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -23,8 +23,6 @@ clauses, the event reasoner the latter into standstills. `object` is what stands
 agent it hides, `encounter` what an agent does about it; their value begins with its id. `manner`
 has no effect on tracks, `nothing` cannot be realised.
 """
-
-BECAME: tuple[str, ...] = get_args(Became)
 
 
 class SaidSpan(Model):

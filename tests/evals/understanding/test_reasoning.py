@@ -281,10 +281,11 @@ def test_the_refiner_predicts_all_agents_observed_for_a_step_or_more(
     cases: dict[str, SceneCase],
 ) -> None:
     """An untrained network changes no velocity much; who has just come goes on as it came."""
-    pytest.importorskip("torch")
-    from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+    from refiner_networks import build_zero_network, convert_network
+    from scenewright.tools.trajnet_refiner.config import RefinerConfig
 
-    net = Refiner(RefinerConfig(hidden=8, embedding=4, pooled=4)).eval()
+    config = RefinerConfig(hidden=8, embedding=4, pooled=4)
+    net = convert_network(build_zero_network(config))
     for window in (0.5, 4.0):
         observation = to_arrays(observe(cases["plain"].record, scene="plain", window=window))
         drawn = predict_with_refiner(net, observation)
@@ -296,9 +297,10 @@ def test_the_refiner_predicts_all_agents_observed_for_a_step_or_more(
 
 
 def test_the_refiner_predicts_nothing_for_an_empty_observation(cases: dict[str, SceneCase]) -> None:
-    pytest.importorskip("torch")
-    from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+    from refiner_networks import build_zero_network, convert_network
+    from scenewright.tools.trajnet_refiner.config import RefinerConfig
 
-    net = Refiner(RefinerConfig(hidden=8, embedding=4, pooled=4)).eval()
+    config = RefinerConfig(hidden=8, embedding=4, pooled=4)
+    net = convert_network(build_zero_network(config))
     observation = to_arrays(observe(cases["plain"].record, scene="plain", window=0.5))
     assert predict_with_refiner(net, replace(observation, agents=())) == []

@@ -13,11 +13,12 @@ from scenewright.graph.run import find_refiner_gap
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
 from scenewright.tools.trajnet_refiner.bundled import find_refiner, load_bundled_refiner
-from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+from scenewright.tools.trajnet_refiner.config import RefinerConfig
+from scenewright.tools.trajnet_refiner.model import Refiner
 from scenewright.tools.trajnet_refiner.store import save_refiner
 
 NAME = "own_corner"
-SMALL = RefinerConfig(hidden=8, embedding=8, pooled=8, neighbours=2)
+SMALL = RefinerConfig(hidden=8, embedding=8, pooled=8, neighbours=2, apart=None, mirrored=False)
 FIGURES = {"pedestrian_n": 90.0, "pedestrian_ade_alone": 0.6, "pedestrian_ade_even": 0.7}
 
 
@@ -34,7 +35,7 @@ def folder(tmp_path, monkeypatch):
 def put(folder, seed: int, *, listed: bool = True) -> str:
     """Weights drawn from a seed, and bundle.toml to match; their checksum."""
     torch.manual_seed(seed)
-    save_refiner(Refiner(SMALL), folder / REFINER_WEIGHTS)
+    save_refiner(SMALL, Refiner(SMALL).list_weights(), folder / REFINER_WEIGHTS)
     digest = hashlib.sha256((folder / REFINER_WEIGHTS).read_bytes()).hexdigest()
     if listed:
         text = f'format = 1\n[sha256]\n"{REFINER_WEIGHTS}" = "{digest}"\n'
@@ -97,7 +98,7 @@ def test_a_card_says_where_nobody_could_be_tried() -> None:
     hours: dict[str, list[str]] = {"fit": [], "validation": [], "test": []}
     about = {"intersection": "amsterdam_120", "hours": hours, "command": "x", "started": False}
     about |= {"windows": 0, "recipe": {"epochs": 1, "seed": 0}, "losses": [], "figures": found}
-    assert "| vehicle | 0 | – | – | – | – |" in format_card(net, about)
+    assert "| vehicle | 0 | – | – | – | – |" in format_card(net.config, about)
 
 
 def test_an_intersection_without_weights_is_served_by_the_shipped_ones(folder):
@@ -131,7 +132,7 @@ def test_where_no_weights_serve_a_line_says_so(folder, monkeypatch):
     ],
 )
 def test_weights_move_pedestrians_only_if_they_predict_real_ones(folder, about, walks):
-    save_refiner(Refiner(SMALL), folder / REFINER_WEIGHTS, about=about)
+    save_refiner(SMALL, Refiner(SMALL).list_weights(), folder / REFINER_WEIGHTS, about=about)
     assert load_bundled_refiner(NAME).walks == walks
 
 

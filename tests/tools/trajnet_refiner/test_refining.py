@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refiner_networks import build_random_network, build_zero_network
+from refiner_networks import build_random_network, build_zero_network, convert_network
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
+from scenewright.tools.trajnet_refiner.config import RefinerConfig
 from scenewright.tools.trajnet_refiner.guided import Guide, compute_deviation, compute_deviations
 from scenewright.tools.trajnet_refiner.kinematic_layer import (
     LIMITS,
@@ -20,14 +20,14 @@ from scenewright.tools.trajnet_refiner.kinematic_layer import (
     limit_deviation,
     smooth_proposal,
 )
-from scenewright.tools.trajnet_refiner.model import RefinerConfig
 from scenewright.tools.trajnet_refiner.speed_ripple import draw_ripple
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
-torch.set_num_threads(1)
 SMALL = RefinerConfig(
     hidden=16, embedding=8, pooled=8, neighbours=4, apart=None, mirrored=False, stride=2
 )
+ZERO = convert_network(build_zero_network(SMALL))
+RANDOM = convert_network(build_random_network(SMALL))
 
 
 def straight(length: float = 200.0, *, y: float = 0.0, x: float = 0.0) -> Path:
@@ -202,9 +202,7 @@ def test_only_whom_a_relation_is_about_is_told_where_to_be_just_before_it_stands
     off = {}
     for bound in (True, False):
         one = Guide("vehicle", straight(), s, 0.0, kept, bound=bound)
-        off[bound] = compute_deviations(build_zero_network(SMALL), {"a": one}, duration=20.0)["a"][
-            80
-        ]
+        off[bound] = compute_deviations(ZERO, {"a": one}, duration=20.0)["a"][80]
     assert abs(off[True]) < 1.0
     assert off[False] < -2.0
 
@@ -219,25 +217,33 @@ def guide(path: Path, speed: float, *, enters: float = 0.0, kind: str = "vehicle
 @pytest.mark.parametrize("path", [straight(), corner()], ids=["straight", "corner"])
 def test_who_has_learned_nothing_follows_an_even_prior(path):
     found = compute_deviations(
-        build_zero_network(SMALL), {"a": guide(path, 5.0, enters=1.3)}, duration=20.0
+        ZERO,
+        {"a": guide(path, 5.0, enters=1.3)},
+        duration=20.0,
     )
     bound = 0.01 if path.curvature.max() == 0 else 3.0  # without a map a curve is cut
     assert np.abs(found["a"]).max() < bound
 
 
-def test_the_same_draws_give_the_same_motion_on_any_number_of_threads():
+def test_the_same_draws_give_the_same_motion():
     scene = {"a": guide(straight(), 6.0), "b": guide(straight(y=3.5), 8.0, enters=2.0)}
     first = compute_deviations(
-        build_random_network(SMALL), scene, duration=15.0, rng=np.random.default_rng(1)
+        RANDOM,
+        scene,
+        duration=15.0,
+        rng=np.random.default_rng(1),
     )
-    torch.set_num_threads(2)
     second = compute_deviations(
-        build_random_network(SMALL), scene, duration=15.0, rng=np.random.default_rng(1)
+        RANDOM,
+        scene,
+        duration=15.0,
+        rng=np.random.default_rng(1),
     )
-    assert torch.get_num_threads() == 2
-    torch.set_num_threads(1)
     other = compute_deviations(
-        build_random_network(SMALL), scene, duration=15.0, rng=np.random.default_rng(2)
+        RANDOM,
+        scene,
+        duration=15.0,
+        rng=np.random.default_rng(2),
     )
     for name in scene:
         assert np.array_equal(first[name], second[name])
@@ -247,9 +253,7 @@ def test_the_same_draws_give_the_same_motion_on_any_number_of_threads():
 def test_who_is_fixed_stays_so():
     scene = {"a": guide(straight(), 6.0), "b": guide(straight(y=3.5), 8.0)}
     given = 0.2 * np.sin(np.linspace(0, 6, len(scene["a"].s)))
-    found = compute_deviations(
-        build_random_network(SMALL), scene, duration=15.0, fixed={"a": given}
-    )
+    found = compute_deviations(RANDOM, scene, duration=15.0, fixed={"a": given})
     inside = STEP * np.arange(len(given)) <= 15.0
     assert found["a"][inside] == pytest.approx(given[inside], abs=0.01)
 

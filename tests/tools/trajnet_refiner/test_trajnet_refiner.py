@@ -10,13 +10,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from refiner_networks import build_random_network, build_zero_network
+from refiner_networks import build_random_network, build_zero_network, convert_network
 from scenewright.errors import InputError
+from scenewright.tools.trajnet_refiner.config import GOAL_FEATURES, RefinerConfig
 from scenewright.tools.trajnet_refiner.model import (
-    GOAL_FEATURES,
     Prediction,
     Refiner,
-    RefinerConfig,
     Scenes,
     _build_present,
     _Now,
@@ -28,9 +27,14 @@ from scenewright.tools.trajnet_refiner.model import (
     turn,
     turn_back,
 )
-from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
+from scenewright.tools.trajnet_refiner.network import Observed
+from scenewright.tools.trajnet_refiner.rollout import (
+    Waypoints,
+    _select_next_waypoints,
+    run_rollout,
+)
 from scenewright.tools.trajnet_refiner.separation import separate
-from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
+from scenewright.tools.trajnet_refiner.store import load_refiner, read_refiner, save_refiner
 from scenewright.tools.trajnet_refiner.train import (
     APART,
     Epoch,
@@ -489,8 +493,8 @@ def test_batches_hold_every_window_once_and_goals_that_are_true() -> None:
 
 def test_a_network_comes_back_as_it_was_stored(tmp_path: Path) -> None:
     net, file = build_random_network(SMALL), tmp_path / "w.safetensors"
-    save_refiner(net, file, about={"note": "for a test"})
-    again = load_refiner(file)
+    save_refiner(SMALL, net.list_weights(), file, about={"note": "for a test"})
+    again = Refiner.from_weights(*read_refiner(file))
     assert again.config == net.config
     assert torch.equal(again(crowd()).xy, net(crowd()).xy)
     assert not list(tmp_path.glob("*.part"))
@@ -508,7 +512,7 @@ def test_what_are_no_weights_is_refused(tmp_path: Path) -> None:
     save_file({"a": torch.zeros(2)}, str(file))
     with pytest.raises(InputError, match="not weights of the refiner"):
         load_refiner(file)
-    save_refiner(build_random_network(SMALL), file)
+    save_refiner(SMALL, build_random_network(SMALL).list_weights(), file)
     data = file.read_bytes().replace(b'"version":"1"', b'"version":"9"')
     file.write_bytes(data)
     with pytest.raises(InputError, match="version 9"):
@@ -519,8 +523,8 @@ def test_what_are_no_weights_is_refused(tmp_path: Path) -> None:
 
 def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
     net, file = build_random_network(SMALL), tmp_path / "w.safetensors"
-    net.config = SMALL.model_copy(update={"hidden": 32})
-    save_refiner(net, file)
+    config = SMALL.model_copy(update={"hidden": 32})
+    save_refiner(config, net.list_weights(), file)
     with pytest.raises(InputError, match="do not fit"):
         load_refiner(file)
 
@@ -528,51 +532,71 @@ def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
 def test_weights_of_another_kind_than_the_task_are_refused(tmp_path: Path) -> None:
     kinds = {"scenes": {"intersection": "mill"}, "benchmark": {"trained_on": ["zara"]}}
     for kind, about in kinds.items():
-        save_refiner(build_random_network(SMALL), tmp_path / kind, about=about)
-    assert load_refiner(tmp_path / "scenes", task="scenes").config == SMALL
-    assert load_refiner(tmp_path / "benchmark", task="benchmark").config == SMALL
+        weights = build_random_network(SMALL).list_weights()
+        save_refiner(SMALL, weights, tmp_path / kind, about=about)
+    assert read_refiner(tmp_path / "benchmark", task="benchmark")[0] == SMALL
     with pytest.raises(InputError, match="that predict pedestrians"):
-        load_refiner(tmp_path / "benchmark", task="scenes")
+        load_refiner(tmp_path / "benchmark")
     with pytest.raises(InputError, match="that refine the scenes"):
-        load_refiner(tmp_path / "scenes", task="benchmark")
+        read_refiner(tmp_path / "scenes", task="benchmark")
+    with pytest.raises(InputError, match="predict mirrored"):
+        load_refiner(tmp_path / "scenes")
+
+
+@pytest.mark.parametrize("agents", [1, 2, 7, 20])
+@pytest.mark.parametrize(
+    "changes", [{}, {"pooling": False}, {"goals": False}, {"walking": 0.5}], ids=str
+)
+def test_inference_without_torch_says_what_the_trained_network_says(
+    agents: int, changes: dict[str, object]
+) -> None:
+    net = build_random_network(SMALL.model_copy(update={"mirrored": False, **changes}))
+    scenes = crowd(agents=agents, scenes=1) if agents > 1 else crowd(agents=2, scenes=1)
+    xy = scenes.xy.clone()
+    xy[0, 0, 2:4] = torch.nan
+    xy[0, 1, -1] = torch.nan if agents == 1 else xy[0, 1, -1]
+    assert scenes.goal is not None
+    assert scenes.due is not None
+    goal, due = (each[:, :, None].repeat_interleave(12, 2) for each in (scenes.goal, scenes.due))
+    expected = net(Scenes(xy, scenes.classes, goal, due))
+    ours = convert_network(net).predict(
+        Observed(*(each[0].numpy() for each in (xy, scenes.classes, goal, due)))
+    )
+    here = ~xy[0, :, -1, 0].isnan()
+    assert close(torch.from_numpy(ours.xy), expected.xy[0])
+    assert close(torch.from_numpy(ours.spread)[here], expected.spread[0][here])
+    assert close(torch.from_numpy(ours.along)[here], expected.along[0][here])
 
 
 def test_everybody_rolls_straight_on_and_known_positions_stay() -> None:
     """Agent 0 walks 0.5 m a step; agent 1 comes in at column 20 and leaves at 30."""
-    net = build_zero_network(SMALL)
-    known = torch.full((1, 3, 40, 2), torch.nan)
-    known[0, 0, :9, 0] = 0.5 * torch.arange(9)
-    known[0, 0, :9, 1] = 0.0
-    known[0, 1, 20:22] = torch.tensor([[5.0, 5.0], [5.0, 6.0]])
+    net = convert_network(build_zero_network(SMALL))
+    known = np.full((3, 40, 2), np.nan)
+    known[0, :9, 0] = 0.5 * np.arange(9)
+    known[0, :9, 1] = 0.0
+    known[1, 20:22] = [[5.0, 5.0], [5.0, 6.0]]
     result = run_rollout(
-        net, known, classes=torch.zeros(1, 3, dtype=torch.long),
-        until=torch.tensor([[40, 30, 40]]), keep=5,
-    )  # fmt: skip
-    assert close(result[0, 0, :, 0], 0.5 * torch.arange(40.0), 1e-3)
-    assert result[0, 1, :20].isnan().all()
-    assert close(result[0, 1, 20:30, 1], torch.arange(5.0, 15.0), 1e-3)
-    assert result[0, 1, 30:].isnan().all()
-    assert result[0, 2].isnan().all()
+        net, known, classes=np.zeros(3, dtype=np.int64), until=np.array([40, 30, 40]), keep=5
+    )
+    assert result[0, :, 0] == pytest.approx(0.5 * np.arange(40.0), abs=1e-3)
+    assert np.isnan(result[1, :20]).all()
+    assert result[1, 20:30, 1] == pytest.approx(np.arange(5.0, 15.0), abs=1e-3)
+    assert np.isnan(result[1, 30:]).all()
+    assert np.isnan(result[2]).all()
 
 
 def test_the_next_waypoint_is_the_goal() -> None:
-    from scenewright.tools.trajnet_refiner.rollout import _select_next_waypoints
-
-    waypoints = Waypoints(
-        torch.tensor([[[[1.0, 0.0], [2.0, 0.0]]]]), torch.tensor([[[12.0, 14.0]]])
-    )
+    waypoints = Waypoints(np.array([[[1.0, 0.0], [2.0, 0.0]]]), np.array([[12.0, 14.0]]))
     goal, due = _select_next_waypoints(waypoints, 11, 6)
-    assert goal[0, 0, :, 0].tolist()[:4] == [1.0, 1.0, 2.0, 2.0]
-    assert goal[0, 0, 4:].isnan().all()
-    assert due[0, 0].tolist()[:4] == [2.0, 2.0, 4.0, 4.0]
+    assert goal[0, :, 0].tolist()[:4] == [1.0, 1.0, 2.0, 2.0]
+    assert np.isnan(goal[0, 4:]).all()
+    assert due[0].tolist()[:4] == [2.0, 2.0, 4.0, 4.0]
 
 
 def test_each_agent_can_look_further_ahead_than_the_others() -> None:
     """Whoever leads by two heads for the second waypoint from two steps before the first is due."""
-    from scenewright.tools.trajnet_refiner.rollout import _select_next_waypoints
-
-    places = torch.tensor([[1.0, 0.0], [2.0, 0.0]]).expand(1, 2, 2, 2)
-    waypoints = Waypoints(places, torch.tensor([12.0, 16.0]).expand(1, 2, 2))
-    goal, due = _select_next_waypoints(waypoints, 10, 4, torch.tensor([[0, 2]]))
-    assert goal[0, :, :, 0].tolist() == [[1.0, 1.0, 1.0, 2.0], [1.0, 2.0, 2.0, 2.0]]
-    assert due[0].tolist() == [[3.0, 3.0, 3.0, 7.0], [3.0, 7.0, 7.0, 7.0]]
+    places = np.broadcast_to(np.array([[1.0, 0.0], [2.0, 0.0]]), (2, 2, 2))
+    waypoints = Waypoints(places, np.broadcast_to(np.array([12.0, 16.0]), (2, 2)))
+    goal, due = _select_next_waypoints(waypoints, 10, 4, np.array([0, 2]))
+    assert goal[:, :, 0].tolist() == [[1.0, 1.0, 1.0, 2.0], [1.0, 2.0, 2.0, 2.0]]
+    assert due.tolist() == [[3.0, 3.0, 3.0, 7.0], [3.0, 7.0, 7.0, 7.0]]

@@ -63,9 +63,10 @@ def evaluate(
     ]
     if weights is None:
         return found
-    from scenewright.tools.trajnet_refiner.store import load_refiner
+    from scenewright.tools.trajnet_refiner.model import Refiner
+    from scenewright.tools.trajnet_refiner.store import read_refiner
 
-    net = load_refiner(weights, task="benchmark")
+    net = Refiner.from_weights(*read_refiner(weights, task="benchmark"))
     kinds = KINDS_OF_GOALS if net.config.goals and found[0].rows else KINDS_OF_GOALS[:1]
     return found + [
         _evaluate_predictor(recordings, Refining(net), "refiner", goals, log) for goals in kinds

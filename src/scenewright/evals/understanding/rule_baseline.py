@@ -24,7 +24,7 @@ from scenewright.tools.relation_checker import RoadUser, find_events
 from scenewright.tools.track_io.external_tracks import compute_headings
 
 if TYPE_CHECKING:
-    from scenewright.tools.trajnet_refiner.model import Refiner
+    from scenewright.tools.trajnet_refiner.network import RefinerNetwork
 
 HORIZON = 8.0
 """How far ahead tracks are predicted [s]."""
@@ -62,11 +62,9 @@ def load_trajnet(intersection: str) -> TrackPredictor:
     return lambda observation: predict_with_refiner(net, observation)
 
 
-def predict_with_refiner(net: Refiner, observation: ObservedScene) -> list[FloatArray]:
+def predict_with_refiner(net: RefinerNetwork, observation: ObservedScene) -> list[FloatArray]:
     """Roll out the refiner, resampled; constant velocity for agents that it cannot predict."""
-    import torch
-
-    from scenewright.tools.trajnet_refiner.model import CLASSES
+    from scenewright.tools.trajnet_refiner.config import CLASSES
     from scenewright.tools.trajnet_refiner.rollout import run_rollout
 
     step, fallback = net.config.step, predict_constant_velocity(observation)
@@ -78,10 +76,8 @@ def predict_with_refiner(net: Refiner, observation: ObservedScene) -> list[Float
     for n, agent in enumerate(observation.agents):
         known[n, :past] = _resample_past(agent, observation.now, past, step)
     kinds = ["vehicle" if agent.is_vehicle else "pedestrian" for agent in observation.agents]
-    classes = torch.tensor([[CLASSES.index(kind) for kind in kinds]])
-    with torch.no_grad():
-        filled = run_rollout(net, torch.tensor(known[None], dtype=torch.float32), classes=classes)
-    rolled = filled[0, :, past - 1 :].double().numpy()
+    classes = np.array([CLASSES.index(kind) for kind in kinds])
+    rolled = run_rollout(net, known, classes=classes)[:, past - 1 :]
     wanted = STEP * np.arange(1, round(HORIZON / STEP) + 1)
     times = step * np.arange(steps + 1)
     return [

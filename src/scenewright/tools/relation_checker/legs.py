@@ -169,16 +169,3 @@ def _sample_line(line: FloatArray) -> FloatArray:
 def _turn(angle: FloatArray | float) -> FloatArray:
     """Angles as turns within half a circle [rad]."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
-
-
-def is_crossed(xy: FloatArray, leg: str, intersection_map: IntersectionMap) -> bool:
-    """Whether a walker's positions [T, 2] come past the middle of a leg's crosswalk; True if none.
-
-    The quarter before the middle and the quarter beyond it must both be walked on.
-    """
-    found = [each for each in intersection_map.crosswalks if each.leg == leg]
-    if not found:
-        return True
-    a, b = (np.array(end) for end in found[0].centreline)
-    share = ((xy - a) @ (b - a)) / float((b - a) @ (b - a))
-    return bool(share.min() <= 0.25 and share.max() >= 0.75)

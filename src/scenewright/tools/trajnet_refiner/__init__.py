@@ -1,4 +1,4 @@
-"""The learned refiner (paper Eq. 7): `Refiner`, `predict`, `run_rollout`, `train`, `load_refiner`.
+"""The learned refiner (paper Eq. 7): `network` predicts, `model` and `train` learn with torch.
 
 Import from the modules; this package loads nothing by itself, because torch takes a second.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,9 @@ from scenewright.intersections import (
     sign_bundle,
 )
 from scenewright.tools.track_io import Recording
-from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner, RefinerConfig, predict
+from scenewright.tools.trajnet_refiner.config import CLASSES, RefinerConfig, list_shapes
+from scenewright.tools.trajnet_refiner.model import Refiner, predict
+from scenewright.tools.trajnet_refiner.network import RefinerNetwork
 from scenewright.tools.trajnet_refiner.store import save_refiner
 from scenewright.tools.trajnet_refiner.supervised import (
     RECIPE,
@@ -62,7 +65,7 @@ def train_bundle(
     config: RefinerConfig | None = None,
     log: ProgressCallback | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
-    start: Refiner | None = None,
+    start: RefinerNetwork | None = None,
     command: str | None = None,
     walkers: Sequence[Recording] = (),
     others: Sequence[Recording] = (),
@@ -122,10 +125,11 @@ def train_bundle(
             after_epoch(epoch)
 
     state = out / f"{REFINER_WEIGHTS}.training"
+    first = None if start is None else Refiner.from_weights(start.config, start.weights)
     net = _run_single_threaded(
         lambda: train(
             windows, config=config, recipe=recipe, checkpoint=state, device="cpu", log=log,
-            after_epoch=keep, make=build_supervised_batches, start=start,
+            after_epoch=keep, make=build_supervised_batches, start=first,
         )
     )  # fmt: skip
     about = {
@@ -154,8 +158,8 @@ def train_bundle(
         about["walkers_figures"] = _run_single_threaded(
             lambda: compute_figures(net, tried, stride=OVERLAP)
         )
-    save_refiner(net, out / REFINER_WEIGHTS, about=about)
-    (out / CARD).write_text(format_card(net, about), encoding="utf-8")
+    save_refiner(net.config, net.list_weights(), out / REFINER_WEIGHTS, about=about)
+    (out / CARD).write_text(format_card(net.config, about), encoding="utf-8")
     sign_bundle(out, REFINER_WEIGHTS, CARD)
     state.unlink(missing_ok=True)
     return about
@@ -219,23 +223,24 @@ def _add(sums: dict[str, float], key: str, value: torch.Tensor) -> None:
     sums[key] = sums.get(key, 0.0) + float(value.nan_to_num())
 
 
-def format_card(net: Refiner, about: Mapping[str, Any]) -> str:
+def format_card(config: RefinerConfig, about: Mapping[str, Any]) -> str:
     """The model card, as Markdown."""
     found, recipe, name = about["figures"], about["recipe"], about["intersection"]
     licence = read_bundle_header(find_bundle_folder(name)).get("licence", "that of the bundle")
     hours = about["hours"]
+    count = sum(math.prod(shape) for shape in list_shapes(config).values())
     rows = "\n".join(_format_row(kind, found) for kind in reversed(_CLASSES))
     return f"""# Refiner of {name}
 
 - **What it is.** An interaction-aware LSTM of the TrajNet++ family with
-  {sum(p.numel() for p in net.parameters())} weights (`tools/trajnet_refiner/model.py`). It moves
+  {count} weights (`tools/trajnet_refiner/model.py`). It moves
   the agents of a scene from one waypoint of their edited priors to the next.
 - **Data.** Simulated traffic of this intersection (`{about["command"]}`){_format_walking(about)}.
   {_format_others(about)}Fitted on {len(hours["fit"])} recordings:
   {_format_hours(hours["fit"])}. Figures from
   {_format_tested(hours)}.
 - **Training.** {_format_start(about)}{about["windows"]} windows of
-  {net.config.observed} + {net.config.predicted} steps of {net.config.step} s,
+  {config.observed} + {config.predicted} steps of {config.step} s,
   {recipe["epochs"]} epochs, seed {recipe["seed"]}.
   Losses: {", ".join(map(str, about["losses"]))}.
 - **Licence.** {licence}, as the bundle.

@@ -17,7 +17,7 @@ from scenewright.intersections import (
     find_bundle_folder,
     ships_refiner,
 )
-from scenewright.tools.trajnet_refiner.model import Refiner
+from scenewright.tools.trajnet_refiner.network import RefinerNetwork
 from scenewright.tools.trajnet_refiner.store import load_refiner, read_about
 
 
@@ -32,7 +32,7 @@ class BundledRefiner:
             constant velocity does.
     """
 
-    net: Refiner
+    net: RefinerNetwork
     digest: str
     place: str = ""
     walks: bool = True
@@ -78,7 +78,7 @@ def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> BundledRefiner
     check_bundle(folder, REFINER_WEIGHTS)
     file = folder / REFINER_WEIGHTS
     digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-    net, about = load_refiner(file, task="scenes"), read_about(file)
+    net, about = load_refiner(file), read_about(file)
     return BundledRefiner(net, digest, folder.name, _predicts_walkers(about))
 
 

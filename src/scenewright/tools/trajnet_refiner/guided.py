@@ -8,20 +8,19 @@ kinematic layer moves it to the output step and keeps it feasible.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import interpolate
 
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner
+from scenewright.tools.trajnet_refiner.config import CLASSES
+from scenewright.tools.trajnet_refiner.network import RefinerNetwork
 from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
 WARM_UP = 4.8
@@ -95,7 +94,7 @@ class Guide:
 
 
 def compute_deviations(
-    net: Refiner,
+    net: RefinerNetwork,
     guides: Mapping[str, Guide],
     *,
     duration: float,
@@ -160,7 +159,7 @@ def _compute_places(path: Path, s: FloatArray) -> FloatArray:
 
 
 def _run_rollout(
-    net: Refiner,
+    net: RefinerNetwork,
     rows: list[Guide],
     places: FloatArray,
     prior: FloatArray,
@@ -179,19 +178,17 @@ def _run_rollout(
             rows[n].path, rows[n].interpolate_prior(_compute_times(columns, times))
         )
         when[n, : len(columns)] = columns
-    classes = torch.tensor([[CLASSES.index(guide.kind) for guide in rows]])
-    with _use_one_thread():
-        filled = run_rollout(
-            net,
-            _make_tensor(places),
-            classes=classes,
-            waypoints=Waypoints(_make_tensor(goals), _make_tensor(when)),
-            until=torch.from_numpy(until)[None],
-            keep=net.config.stride,
-            lead=torch.tensor([[guide.lead for guide in rows]]),
-            noise=None if noise is None else _make_tensor(noise),
-        )
-    return filled[0].numpy().astype(np.float64)
+    classes = np.array([CLASSES.index(guide.kind) for guide in rows])
+    return run_rollout(
+        net,
+        places,
+        classes=classes,
+        waypoints=Waypoints(goals, when),
+        until=until,
+        keep=net.config.stride,
+        lead=np.array([guide.lead for guide in rows]),
+        noise=noise,
+    )
 
 
 def _list_due_columns(guide: Guide, times: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
@@ -251,19 +248,3 @@ def _interpolate_deviations(guide: Guide, times: FloatArray, ahead: FloatArray) 
     inside = (local >= times[seen[0]]) & (local <= times[seen[-1]])
     fine[inside] = spline(local[inside])
     return fine
-
-
-def _make_tensor(array: FloatArray) -> torch.Tensor:
-    return torch.from_numpy(array.astype(np.float32))[None]
-
-
-@contextmanager
-def _use_one_thread() -> Iterator[None]:
-    """One thread: sums come out alike however many processors there are, and scenes are small."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with torch.no_grad():
-            yield
-    finally:
-        torch.set_num_threads(before)

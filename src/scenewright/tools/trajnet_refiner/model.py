@@ -16,56 +16,23 @@ other. It is part of the model: `predict` applies it unless the configuration sa
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import torch
-from pydantic import Field
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from scenewright.scene.base import Model
+from scenewright.tools.trajnet_refiner.config import (
+    BEFORE,
+    CLASSES,
+    GOAL_FEATURES,
+    LATE,
+    OUTPUTS,
+    PAIR_FEATURES,
+    RefinerConfig,
+)
 from scenewright.tools.trajnet_refiner.separation import separate
-
-CLASSES = ("pedestrian", "vehicle")
-"""Class ids of the tensors: the place in this tuple."""
-GOAL_FEATURES, PAIR_FEATURES, OUTPUTS = 7, 17, 5
-
-
-class RefinerConfig(Model):
-    """What a network is made of; stored beside its weights.
-
-    Attributes:
-        step: [s] between samples; observed, predicted: samples per window.
-        stride: predicted samples per decoder step, after which all agents are observed again.
-        neighbours: how many of the nearest are pooled; reach: up to which distance [m], by class.
-        pace: a usual speed [m/s] by class, the unit of every velocity inside.
-        dropout: share of what is read and remembered that training leaves out at random.
-        pooling, goals: what the ablations switch off.
-        mirrored: whether `predict` takes the mean with the mirror image of what is predicted for
-            the mirror image of a scene, so that left and right are alike.
-        apart: distance [m] that predicted pedestrians keep from each other; None leaves the
-            network's output as it is.
-        walking: share of the learned slowing that a pedestrian takes, and nothing else of what
-            was learned then; None for all. That people slow down for others carries over to other
-            places, how they speed up and turn does not.
-    """
-
-    step: float = Field(default=0.4, gt=0)
-    observed: int = Field(default=9, ge=2)
-    predicted: int = Field(default=12, ge=1)
-    stride: int = Field(default=2, ge=1)
-    hidden: int = Field(default=192, ge=1)
-    embedding: int = Field(default=64, ge=1)
-    pooled: int = Field(default=128, ge=1)
-    neighbours: int = Field(default=16, ge=1)
-    reach: tuple[float, float] = (10.0, 30.0)
-    pace: tuple[float, float] = (1.25, 8.0)
-    dropout: float = Field(default=0.1, ge=0, lt=1)
-    pooling: bool = True
-    goals: bool = True
-    mirrored: bool = True
-    apart: float | None = Field(default=0.26, gt=0)
-    walking: float | None = Field(default=None, ge=0, le=1)
-    kind: Literal["lstm"] = "lstm"
 
 
 class Scenes(NamedTuple):
@@ -110,7 +77,7 @@ class _Now(NamedTuple):
 
     Attributes:
         xy, move: [B, N, 2] places and moves since the step before [m]; change: how the move has
-            changed per step of late [m]; before: places `_BEFORE` steps before the first
+            changed per step of late [m]; before: places `BEFORE` steps before the first
             prediction [m].
         here, moved, known: [B, N] whether there is a place, a move and a place before.
     """
@@ -122,11 +89,6 @@ class _Now(NamedTuple):
     here: Tensor
     moved: Tensor
     known: Tensor
-
-
-_BEFORE = 4
-_LATE = 3
-"""Steps over which the latest change of a move is taken."""
 
 
 class Refiner(nn.Module):
@@ -270,6 +232,18 @@ class Refiner(nn.Module):
         strongest = impression.masked_fill(~near[..., None], 0.0).amax(dim=2)
         return torch.relu(self.pool(strongest))
 
+    @classmethod
+    def from_weights(cls, config: RefinerConfig, weights: Mapping[str, NDArray[Any]]) -> Refiner:
+        """A network with weights of the shapes of `config.list_shapes`, ready to predict."""
+        net = cls(config)
+        net.load_state_dict({name: torch.from_numpy(each) for name, each in weights.items()})
+        return net.eval()
+
+    def list_weights(self) -> dict[str, NDArray[Any]]:
+        """Copies of the weights by name, as `RefinerNetwork` takes them."""
+        tensors = self.state_dict().items()
+        return {name: each.detach().cpu().numpy().copy() for name, each in tensors}
+
 
 @torch.no_grad()
 def predict(net: Refiner, scenes: Scenes, *, steps: int | None = None) -> Prediction:
@@ -289,10 +263,10 @@ def predict(net: Refiner, scenes: Scenes, *, steps: int | None = None) -> Predic
 
 def _build_present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _Now:
     """Build the last observed step; moves and both [B, N, T - 1] between each two."""
-    early = -1 - min(_LATE, moves.shape[2] - 1)
+    early = -1 - min(LATE, moves.shape[2] - 1)
     steady = both[:, :, early:].all(-1, keepdim=True)
     change = torch.where(steady, (moves[:, :, -1] - moves[:, :, early]) / (-1.0 - early), 0.0)
-    past = -1 - min(_BEFORE, xy.shape[2] - 1)
+    past = -1 - min(BEFORE, xy.shape[2] - 1)
     return _Now(
         xy[:, :, -1], moves[:, :, -1], change, xy[:, :, past],
         seen[:, :, -1], both[:, :, -1], seen[:, :, past],

@@ -16,7 +16,8 @@ from torch import Tensor
 
 from scenewright.scene.base import FloatArray
 from scenewright.tools.track_io import Recording, cut_windows
-from scenewright.tools.trajnet_refiner.model import CLASSES, Scenes
+from scenewright.tools.trajnet_refiner.config import CLASSES
+from scenewright.tools.trajnet_refiner.model import Scenes
 from scenewright.tools.trajnet_refiner.train import Recipe
 from scenewright.tools.trajnet_refiner.windows import Window, build_batches
 

@@ -15,14 +15,8 @@ from torch import Tensor
 
 from scenewright.errors import InputError
 from scenewright.scene.base import Model
-from scenewright.tools.trajnet_refiner.model import (
-    CLASSES,
-    Prediction,
-    Refiner,
-    RefinerConfig,
-    Scenes,
-    turn_back,
-)
+from scenewright.tools.trajnet_refiner.config import CLASSES, RefinerConfig
+from scenewright.tools.trajnet_refiner.model import Prediction, Refiner, Scenes, turn_back
 from scenewright.tools.trajnet_refiner.separation import add_halfway
 from scenewright.tools.trajnet_refiner.store import read_tensors, write_tensors
 from scenewright.tools.trajnet_refiner.windows import Variation, Window, build_batches
@@ -295,12 +289,13 @@ class _Run:
 
     def store(self, path: Path) -> None:
         """Everything that the next epoch needs."""
-        tensors: dict[str, Tensor] = dict(self.net.named_parameters(prefix="net"))
+        tensors = dict[str, Tensor](self.net.named_parameters(prefix="net"))
         tensors |= {f"mean.{name}": p for name, p in self.mean.items()}
         for name, parameter in self.net.named_parameters():
             for key, value in self.optimiser.state[parameter].items():
                 tensors[f"adam.{key}.{name}"] = value
-        write_tensors(path, tensors, facts={**self._get_identity(), "epochs": self.epochs,
+        arrays = {name: each.detach().cpu().numpy() for name, each in tensors.items()}
+        write_tensors(path, arrays, facts={**self._get_identity(), "epochs": self.epochs,
                                             "batches": self.batches})  # fmt: skip
 
     def restore(self, path: Path) -> None:
@@ -309,9 +304,10 @@ class _Run:
         Raises:
             InputError: the file is of another training.
         """
-        tensors, facts = read_tensors(path)
+        arrays, facts = read_tensors(path)
         if any(facts.get(key) != value for key, value in self._get_identity().items()):
             raise InputError(f"{path}: a checkpoint of another training; remove it to start anew")
+        tensors = {name: torch.from_numpy(each) for name, each in arrays.items()}
         moved = {name: tensor.to(self.device) for name, tensor in tensors.items()}
         with torch.no_grad():
             for name, parameter in self.net.named_parameters():

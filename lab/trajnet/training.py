@@ -1,18 +1,24 @@
-"""The refiner trained on TrajNet++ recordings, with the recipe that the benchmark reports."""
+"""The refiner trained on TrajNet++ recordings, with the recipe that the benchmark reports.
+
+`python -m lab.trajnet.training FILE... --out W.safetensors`; started again after a kill, it goes
+on where it was.
+"""
 
 from __future__ import annotations
 
+import argparse
 import math
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lab.trajnet.windows import BENDING, cut_training_windows
 from scenewright.errors import InputError
 from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, BenchmarkRecording
-from scenewright.evals.trajnet.windows import BENDING, cut_training_windows
 
 if TYPE_CHECKING:
-    from scenewright.tools.trajnet_refiner.model import RefinerConfig
+    from scenewright.tools.trajnet_refiner.config import RefinerConfig
     from scenewright.tools.trajnet_refiner.train import Epoch, ProgressCallback, Recipe
 
 TEST_RECORDINGS = ("biwi_eth", "crowds_zara02", "crowds_uni_examples", "uni_examples")
@@ -49,7 +55,7 @@ def train_on(
     Raises:
         InputError: a recording is one of the benchmark's test recordings, or is held out, too.
     """
-    from scenewright.tools.trajnet_refiner.model import RefinerConfig
+    from scenewright.tools.trajnet_refiner.config import RefinerConfig
     from scenewright.tools.trajnet_refiner.store import save_refiner
     from scenewright.tools.trajnet_refiner.train import train
 
@@ -85,7 +91,7 @@ def train_on(
     }
     if polish:
         about["polished"] = build_polishing_recipe(recipe).model_dump(mode="json")
-    save_refiner(net, out, about=about)
+    save_refiner(net.config, net.list_weights(), out, about=about)
     for state in states:
         state.unlink(missing_ok=True)
     return about
@@ -120,3 +126,33 @@ def check_split(trained_on: Sequence[str], held_out: Sequence[str]) -> None:
             raise InputError(f"{name} is a test recording of TrajNet++; it is not trained on")
         if name in held_out:
             raise InputError(f"{name} cannot be trained on and held out at once")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Train on files and write the weights."""
+    from scenewright.evals.trajnet.recording import read_recording
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="+", type=Path, help="TrajNet++ recordings, .ndjson")
+    parser.add_argument("--out", required=True, type=Path, help="file for the weights")
+    parser.add_argument("--epochs", type=int, default=18)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args(argv)
+    try:
+        train_on(
+            [read_recording(each) for each in given.files],
+            out=given.out,
+            recipe=build_own_recipe(epochs=given.epochs, seed=given.seed),
+            after_epoch=lambda each: print(
+                f"epoch {each.number}: loss {each.loss:.3f}, {each.seconds:.0f} s", file=sys.stderr
+            ),
+        )
+    except InputError as fault:
+        print(fault, file=sys.stderr)
+        return fault.exit_code
+    print(given.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

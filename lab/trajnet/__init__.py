@@ -1,0 +1,1 @@
+"""Training of the refiner for the TrajNet++ benchmark."""
