@@ -166,7 +166,7 @@ MUTATIONS = (
     Mutation("tie", FOLLOW, "A taxi follows an oncoming truck", "oncoming"),
     Mutation("red_light", FOLLOW, "A taxi runs a red light and follows a truck", "red light"),
     Mutation("red_light", CRASH, "A car does not run a red light and hits a van", "red light"),
-    Mutation("light", TWO, "A car yields to a bus at a green light", "green light",
+    Mutation("light", TWO, "A car yields to a bus at the red light", "red light",
              forge=forge_no_lights),
     Mutation("stop", FOLLOW, "A taxi follows a truck and stops", "stops"),
     Mutation("stop", YIELD, "A bus does not stop and yields to a pedestrian", "not stop"),

@@ -64,4 +64,5 @@ def _may_be_redrawn(word: AccountEntry, scene: SceneRecord) -> bool:
     )
     if word.state == "not_shown":
         return served
-    return served or (word.claim or "").startswith(REDRAWN)
+    claim = word.claim or ""
+    return served or claim.startswith(REDRAWN) or claim.endswith("to a stop")

@@ -28,11 +28,13 @@ _STRICT = (*_DECISIVE, "event", "side", "heading", "movement", "crossing", "tie"
 """Types of which one that fails outweighs what only holds of nearly every scene."""
 _WEAK = ("phrase", "moves", "crosswalk", "crossing", "light")
 """Types that hold of nearly every scene."""
+_EITHER_WAY = (*_WEAK, "kind", "manoeuvre")
+"""Types that also hold where roles are exchanged."""
 _DENIABLE = ("normal", "stop", "brake", "red", "reaction", "beyond", "background", "noun",
              "avoid", "manner", "crosswalk", "jaywalking", "turn", "order", "light", "sight",
              "event")  # fmt: skip
 """Senses of words that a negation, or "almost", may belong to."""
-_RELATIVE = ("number", "count", "stop", "braking", "density", "background", "order")
+_RELATIVE = ("count", "stop", "braking", "density", "background", "order")
 """Types of claims that a change may make of how it was before: "half a metre earlier"."""
 _NOT_SHOWN = "no claim covers it"
 _BEYOND = {
@@ -109,7 +111,12 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
             if kind in ("class", "count", "object") and entry.words.lower() in before:
                 reason = {"state": "stands_anyway", "evidence": "what was there before"}
                 entry = entry.model_copy(update=reason)  # noqa: PLW2901
-        relative = _get_type(entry) in ("", *_RELATIVE) and entry.turn
+        by_how_much = texts[entry.turn][entry.end : entry.end + 20].lower().split()[:1]
+        relative = entry.turn and (
+            kind in ("", *_RELATIVE)
+            if not any(sign.isdecimal() for sign in entry.words)
+            else bool(by_how_much) and by_how_much[0] in load_vocabulary().lists["compares"]
+        )
         if entry.state in ("contradicted", "not_shown") and relative and compares[entry.turn]:
             reason = {"state": "stands_anyway", "evidence": "a change to what was there before"}
             entry = entry.model_copy(update=reason)  # noqa: PLW2901
@@ -193,7 +200,10 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     for n in reversed(range(len(tokens))):
         found = states[n]
         turns = tokens[n].negates or tokens[n].has("almost", "avoid")
-        if turns and not (found and found.state == "seen"):
+        event = tokens[n].has("event") and not tokens[n].has("almost")
+        followed = any(each.has("event") for each in tokens[n + 1 : n + 3])
+        own = found is not None and (found.state == "seen" or (found.claim and (event or followed)))
+        if turns and not own:
             states[n] = _copy_near(states, tokens, n)
     shown = [
         None if found is None or _is_silent(token, found) else found
@@ -244,10 +254,11 @@ def _judge(
     if any(claim.type == "phrase" for claim, _ in held):  # the phrase says it, not a word of it
         strict = [each for each in strict if each[0].type != "event"]
     decided = any(claim.type in _DECISIVE for claim, _ in false)
-    weak = all(claim.type in _WEAK for claim, _ in held)
-    broad = all(claim.type in (*_WEAK, "event") for claim, _ in held) and token.is_in("specific")
+    weak = all(claim.type in _EITHER_WAY for claim, _ in held)
+    own = [result for claim, result in found if claim.type in ("motion", "manoeuvre")]
+    broad = bool(own) and token.is_in("specific") and not any(each.holds for each in own)
     if held and not (decided or broad or (strict and weak)):
-        claim, result = min(held, key=lambda each: each[0].type in _WEAK)
+        claim, result = min(held, key=lambda e: (e[0].type in _WEAK, e[0].type != "kind"))
         return _Judged("seen", f"{claim.type} {claim.value}", result.evidence, result.agents)
     if _is_function(token):
         return None

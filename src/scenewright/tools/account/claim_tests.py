@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -15,17 +16,23 @@ from scenewright.tools.account.claims import (
     list_agents,
     list_pairs,
 )
-from scenewright.tools.account.facts import SceneFacts
+from scenewright.tools.account.facts import SceneFacts, fits_object
 from scenewright.tools.account.vocabulary import Token
 from scenewright.tools.relation_checker.clock import is_within
 from scenewright.tools.relation_checker.legs import find_relative_side
 
 TOGETHER = 5.0
 """Events that begin within so many seconds of one another happen at the same time [s]."""
+HARD_BRAKING = 3.4
+"""Who strikes although it brakes so hard brakes too late [m/s²]."""
+CENTRE = 10.0
+"""What happens within this distance of the middle happens in the centre [m]."""
 CLOCK_SLACK = 20
 """How far the scene's clock may be from a time that is said [min]."""
 SPEED_SLACK, STANDSTILL_SLACK = 0.52, 0.3
 """How far a speed [m/s] and the length of a standstill [s] may be from what is said."""
+_STANDSTILL = 0.5
+"""Who gives way and stops is no faster than this at the slowest [m/s]."""
 LEAST_STANDSTILL = 0.4
 """A shorter standstill is not counted [s]."""
 _ENCOUNTERS = {
@@ -35,6 +42,13 @@ _ENCOUNTERS = {
     "follow": ("queues", "waits_behind"),
 }
 """What an agent does about an object, by the event that words may call it."""
+_MEETINGS = {
+    "round": ("goes_round", "waits_then_passes"),
+    "behind": ("waits_behind", "queues", "waits_then_passes"),
+    "short": ("stops_short",),
+    "door": ("doored",),
+}
+"""What an agent does about an object, by the family of the words for it."""
 _POINTS = {
     "rear_end": ("rear", "back", "front", "tail", "behind", "bumper", "boot", "trunk"),
     "sideswipe": ("side", "flank", "mirror"),
@@ -52,13 +66,6 @@ _CAR_SIDES = (
 
 def _list_all(binding: Binding, mentions: Iterable[int]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(n for each in mentions for n in list_agents(binding, each)))
-
-
-def get_background_kind(classes: frozenset[str]) -> str | None:
-    """The type of background agents that a noun counts; None for all."""
-    if classes <= {"pedestrian"}:
-        return "pedestrian"
-    return None if "any" in classes else "vehicle"
 
 
 @dataclass(frozen=True)
@@ -84,34 +91,48 @@ class AllAgents:
 
 
 @dataclass(frozen=True)
-class AnyAgent:
-    """Whether the checker proved a property of an agent, whichever it is."""
+class ProvenProperty:
+    """Whether the checker proved a property of an agent that is meant, of any where none is."""
 
+    mentions: tuple[int, ...]
     what: str
     value: str
     find: Callable[[SceneFacts, str], Iterable[int]]
 
-    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
-        found = sorted(set(self.find(facts, self.value)))
-        return Result(True, f"{self.what} of agent {_join(found)}") if found else UNTESTED
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        found = set(self.find(facts, self.value))
+        meant = _list_all(binding, self.mentions)
+        shown = sorted(found.intersection(meant) if meant else found)
+        if shown:
+            return Result(True, f"{self.what} of agent {_join(shown)}")
+        return Result(False, "none of these agents") if self.what == "cause" else UNTESTED
 
 
 @dataclass(frozen=True)
 class ClassTest:
-    """Whether what a mention stands for is of a class that its noun allows."""
+    """Whether what a mention stands for is of a class that its noun allows.
+
+    Attributes:
+        group: the noun is of several who walk together, "a couple".
+    """
 
     mention: int
     classes: frozenset[str]
+    group: bool
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         bound = binding.get(self.mention)
         if not bound:
             return Result(False, "no such agent")
         if BACKGROUND in bound:
-            seen = facts.count_background(get_background_kind(self.classes))
+            seen = 0 if self.group else facts.count_background(self.classes)
             return Result(seen > 0, f"{seen} in the background")
         agents = list_agents(binding, self.mention)
-        if not all(facts.fits_class(n, self.classes) for n in agents):
+        objects = [each for each in facts.scene.objects if each.id in bound]
+        if not (
+            all(facts.fits_class(n, self.classes) for n in agents)
+            and all(fits_object(each, self.classes) for each in objects)
+        ):
             return Result(False, "another class")
         named = ", ".join(
             f"agent {n} ({facts.agents[n].subtype or facts.agents[n].type})" for n in agents
@@ -132,7 +153,7 @@ class CountTest:
         if not bound:
             return Result(False, "no such agents")
         if BACKGROUND in bound:
-            number = facts.count_background(get_background_kind(self.classes))
+            number = facts.count_background(self.classes)
             evidence = f"{number} in the background"
         else:
             number = sum(facts.count_members(n) if isinstance(n, int) else 1 for n in bound)
@@ -163,9 +184,14 @@ class ObjectTest:
 
     mention: int
     kind: str
+    classes: frozenset[str]
+    several: bool
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
-        there = {o.id for o in facts.find_objects(self.kind)}
+        standing = facts.find_objects(self.kind)
+        there = {o.id for o in standing if fits_object(o, self.classes)}
+        if self.several and len(there) == 1:
+            return Result(False, f"one {self.kind}")
         named = {n for n in binding.get(self.mention, ()) if isinstance(n, str)}
         if named:
             return Result(named <= there, f"{self.kind} {_join(sorted(named))}")
@@ -186,7 +212,7 @@ class BackgroundTest:
     nobody: bool
 
     def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
-        seen = facts.count_background(get_background_kind(self.classes))
+        seen = facts.count_background(self.classes)
         if self.nobody:
             classes = self.classes or frozenset({"any"})
             absent = not any(facts.fits_class(n, classes) for n in facts.foreground)
@@ -209,13 +235,18 @@ class OthersTest:
 
 @dataclass(frozen=True)
 class EventTest:
-    """Whether two of the parties have an event of a kind, in their roles where these are said."""
+    """Whether two of the parties have an event of a kind, in their roles where these are said.
+
+    Attributes:
+        stands: who gives way comes to a standstill, as words such as "stops for" say.
+    """
 
     kind: str
     subjects: tuple[int, ...]
     objects: tuple[int, ...]
     directed: bool
     denied: bool
+    stands: bool = False
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         pairs = list(list_pairs(binding, self.subjects, self.objects))
@@ -257,6 +288,8 @@ class EventTest:
         """The event of two parties; of any two agents where a party or both are not named."""
         for pair in (*pairs, *together):
             for event in facts.list_between(*pair, (self.kind,)):
+                if self.stands and event.evidence["lowest_speed"] > _STANDSTILL:
+                    continue
                 if not self.directed or pair in together or facts.has_role(event, pair[0]):
                     return event
         if together or (self.subjects and self.objects):
@@ -276,6 +309,14 @@ class EventTest:
                 if event.type == self.kind and agent in roles:
                     return event
         return None
+
+
+def check_centre(facts: SceneFacts, _binding: Binding) -> Result:
+    """Whether something happens in the middle of the junction; untested where nothing does."""
+    away = [math.hypot(*e.location) for e in facts.proof.events if e.type != "follow"]
+    if not away:
+        return UNTESTED
+    return Result(min(away) <= CENTRE, f"{min(away):.0f} m from the middle")
 
 
 @dataclass(frozen=True)
@@ -430,6 +471,7 @@ class NumberTest:
     subjects: tuple[int, ...]
     unit: str
     value: float
+    stands: bool
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         agents = _list_all(binding, self.subjects) or facts.foreground
@@ -441,7 +483,11 @@ class NumberTest:
             for lasts in facts.list_standstills(number):
                 if abs(lasts - self.value) <= STANDSTILL_SLACK:
                     return Result(True, f"agent {number} stands for {lasts:.1f} s", (number,))
-        known = [(low, high) for name, low, high in facts.list_figures() if name == self.unit]
+        known = [
+            (low, high)
+            for unit, low, high, of in facts.list_figures(standstills=self.stands)
+            if unit == self.unit and of.intersection(agents)
+        ]
         for low, high in known:
             if low - 1e-6 <= self.value <= high + 1e-6:
                 return Result(True, f"asked for and measured: {low:.3g} to {high:.3g} {self.unit}")
@@ -499,10 +545,12 @@ class BareNumberTest:
         past = None if own is None else own % 720 - 60 * (number % 12)
         if past is not None and number <= 24 and min(abs(past), abs(past - 30)) <= CLOCK_SLACK:
             return Result(True, f"the scene is at {facts.scene.meta.time_of_day}")
-        if number in {facts.count_background(k) for k in (None, "vehicle", "pedestrian")}:
+        if number in {
+            facts.count_background(frozenset({k})) for k in ("any", "vehicle", "pedestrian")
+        }:
             return Result(True, f"{number:g} in the background")
         factors = (1.0, 1 / 3.6, 0.447)  # as it stands, in km/h or mph
-        figures = [(low, high) for _, low, high in facts.list_figures()]
+        figures = [(low, high) for _, low, high, _ in facts.list_figures()]
         if any(low <= number * factor <= high for low, high in figures for factor in factors):
             return Result(True, "a figure that was asked for")
         if any(len(bound) == number for bound in binding.values()):
@@ -512,22 +560,33 @@ class BareNumberTest:
 
 @dataclass(frozen=True)
 class PointTest:
-    """Whether a collision strikes a vehicle where a word says."""
+    """Whether a collision touches a vehicle where a word says, the struck one if none is named."""
 
     word: str
+    whose: tuple[int, ...]
 
-    def __call__(self, facts: SceneFacts, _binding: Binding) -> Result:
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         hits = [e for e in facts.proof.events if e.type == "collision"]
-        points = {
-            each.evidence.get(key) or "" for each in hits for key in ("point_from", "point_to")
-        }
+        meant = _list_all(binding, self.whose)
+        both = self.word in ("front", "bumper", "corner")
+        ends = [
+            (each.evidence, end)
+            for each in hits
+            for end, number in (("from", each.from_), ("to", each.to))
+            if (number in meant if meant else both or end == "to")
+        ]
+        points = {str(evidence.get(f"point_{end}") or "") for evidence, end in ends}
         shown = {part for each in points for part in each.split("_")}
-        shown |= {each.evidence.get(key) for each in hits for key in ("side_from", "side_to")}
+        shown |= {str(evidence.get(f"side_{end}")) for evidence, end in ends}
         on_left = facts.intersection_map is not None and facts.intersection_map.left_hand_traffic
         word = _CAR_SIDES[on_left].get(self.word, self.word)
         kinds = {word for e in facts.proof.events for word in _POINTS.get(e.kind or "", ())}
         measured = any(m.kind.endswith("point") or "point_" in m.kind for m in facts.scene.measures)
-        if word in shown | kinds or (measured and word not in _BODY):
+        if (
+            word in shown
+            or (word in kinds and not (meant and word in _BODY))
+            or (measured and word not in _BODY)
+        ):
             return Result(True, f"the point of impact ({_join(sorted(points))})")
         return Result(False, f"contact at {_join(sorted(points))}") if word in _BODY else UNTESTED
 
@@ -563,15 +622,21 @@ def check_lights(facts: SceneFacts, _binding: Binding) -> Result:
     return Result(bool(facts.scene.signals), "the place has lights")
 
 
-def check_late_braking(facts: SceneFacts, _binding: Binding) -> Result:
-    """Whether someone brakes too late, or does not react."""
-    late = any(e.cause == "late_brake" or "late_brake" in e.evidence for e in facts.proof.events)
-    return Result(late or any(r.get("why_not") for r in facts.reactions), "braking too late")
+def find_late_braking(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that brake too late, or do not react to what they could see."""
+    events = facts.proof.events
+    late = [e.evidence.get("late_brake") for e in events if e.kind != "rear_end"]
+    late += [e.from_ for e in events if e.kind == "rear_end" and e.cause == "late_brake"]
+    late += [r["agent"] for r in facts.reactions if "behind" not in (r.get("why_not") or "behind")]
+    hits = [e.from_ for e in events if e.type == "collision"]
+    late += [n for n in hits if facts.compute_braking(n) >= HARD_BRAKING]
+    return [each for each in late if each is not None]
 
 
 def check_nothing_else(facts: SceneFacts, _binding: Binding) -> Result:
-    """Whether nothing happens that is not asked for: the certificate of every verified scene."""
-    return Result(facts.proof.verified, "nothing else happens")
+    """Whether nothing happens that is not asked for: the certificate, and no red light is run."""
+    runs = facts.proof.figures.get("unasked_red_light_runs")
+    return Result(facts.proof.verified and not runs, "nothing else happens")
 
 
 @dataclass(frozen=True)
@@ -605,13 +670,18 @@ def find_reaction(facts: SceneFacts, value: str) -> list[int]:
 
 
 def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
-    """Agents that are `from` in a relation with a manoeuvre."""
-    return [r.from_ for r in facts.scene.relations if r.manoeuvre == value]
+    """Agents that do a manoeuvre of a relation: the leader brakes, who pushes was struck or not."""
+    relations = [each for each in facts.scene.relations if each.manoeuvre == value]
+    if value == "lead_brakes":
+        return [each.to for each in relations]
+    if value == "pushed":
+        return list(facts.foreground) if relations else []
+    return [each.from_ for each in relations]
 
 
-def find_meeting(facts: SceneFacts, _value: str) -> list[int]:
-    """Agents that do something about an object."""
-    return [each.agent for each in facts.scene.encounters]
+def find_meeting(facts: SceneFacts, value: str) -> list[int]:
+    """Agents that do something of a kind about an object."""
+    return [each.agent for each in facts.scene.encounters if each.how in _MEETINGS[value]]
 
 
 def find_hidden(facts: SceneFacts, _value: str) -> list[int]:

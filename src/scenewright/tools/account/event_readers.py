@@ -32,6 +32,7 @@ def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
         subjects, objects = objects, subjects
     before = finder.tokens[max(0, start - 4) : start]
     denied = finder.is_denied(start)
+    stops = any(each.is_in("standstill") for each in finder.tokens[start:stop])
     almost = any(each.has("almost") for each in (*before, word))
     avoided = any(each.has("avoid") for each in before)
     if "cut_off" in kinds:
@@ -42,14 +43,15 @@ def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
             kinds.discard("collision")
         denied = denied or avoided
     for kind in sorted(kinds):
+        stands = stops and kind == "yielding"
         strikes = kind == "collision" and not almost and _says_striker(finder, start, stop)
         directed = kind in ("yielding", "follow") or strikes
         yield Claim(
             "event",
-            f"{'no ' if denied else ''}{kind}",
+            f"{'no ' if denied else ''}{kind}{' to a stop' if stands else ''}",
             tuple(range(start, stop)),
             tuple(dict.fromkeys((*subjects, *objects))),
-            EventTest(kind, subjects, objects, directed, denied),
+            EventTest(kind, subjects, objects, directed, denied, stands),
         )
 
 

@@ -18,6 +18,11 @@ from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.clock import parse_clock
 
+_FIGURES = {
+    "goes_round": "m", "waits_behind": "m", "stops_short": "m", "queues": "m",
+    "waits_then_passes": "s",
+}  # fmt: skip
+"""Unit of the figure of an encounter, m/s of those that are missing."""
 _EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
 _STANDING = 0.4
 """Speed below which an agent stands [m/s]."""
@@ -130,34 +135,44 @@ class SceneFacts:
         rows: Sequence[dict[str, Any]] = self.proof.figures.get("reactions", ())
         return rows
 
-    def count_background(self, kind: str | None = None) -> int:
-        """Background agents, of a class or of all."""
+    def count_background(self, classes: frozenset[str] = frozenset({"any"})) -> int:
+        """Background agents that nouns may stand for; "cars" are vehicles of any kind."""
+        loosely = classes - {"car"} | ({"vehicle"} if "car" in classes else set())
         return sum(
-            agent.role == "background" and kind in (None, agent.type) for agent in self.scene.agents
+            agent.role == "background" and fits_noun(agent, loosely) for agent in self.scene.agents
         )
 
     def get_minutes(self) -> int | None:
         """Time of day [min since midnight]; None where the scene's clock is no time."""
         return parse_clock(self.scene.meta.time_of_day)
 
-    def list_figures(self) -> Iterator[tuple[str, float, float]]:
-        """Unit, least and most of every figure that was asked for and is proven."""
+    def list_figures(
+        self, *, standstills: bool = False
+    ) -> Iterator[tuple[str, float, float, frozenset[int]]]:
+        """Unit, least, most and agents of every figure that was asked for and is proven.
+
+        Args:
+            standstills: only those that say how long an agent stands.
+        """
         for each in self.scene.measures:
-            yield UNITS[each.kind].unit, each.low, each.high
+            of = frozenset({each.agent, each.agent if each.other is None else each.other})
+            if not standstills or each.kind == "wait":
+                yield UNITS[each.kind].unit, each.low, each.high, of
+        for met in self.scene.encounters:
+            if met.figure is not None and (met.how == "waits_then_passes" or not standstills):
+                yield _FIGURES.get(met.how, "m/s"), *met.figure, frozenset({met.agent})
+        if standstills:
+            return
         for relation in self.scene.relations:
+            of = frozenset({relation.from_, relation.to})
             for unit, value, slack in (
                 ("s", relation.target_pet, 0.16), ("s", relation.target_ttc, 0.31),
                 ("m/s", relation.impact_speed, 0.51),
             ):  # fmt: skip
                 if value is not None:
-                    yield unit, value - slack, value + slack
+                    yield unit, value - slack, value + slack, of
         for sight in self.scene.sights:
-            yield "s", *sight.lead
-        units = {"goes_round": "m", "waits_behind": "m", "stops_short": "m", "queues": "m",
-                 "waits_then_passes": "s"}  # fmt: skip
-        for met in self.scene.encounters:
-            if met.figure is not None:
-                yield units.get(met.how, "m/s"), *met.figure
+            yield "s", *sight.lead, frozenset({sight.observer, sight.subject})
 
     def find_leg(self, name: str) -> str | None:
         """The leg whose lane is nearest to a standing object."""
@@ -178,9 +193,16 @@ class SceneFacts:
         return tuple(o for o in self.scene.objects if o.kind in kinds)
 
 
+def fits_object(each: ObjectRecord, classes: frozenset[str]) -> bool:
+    """Whether a noun of these classes may stand for a standing object."""
+    if each.kind not in ("parked", "double_parked", "stalled", "bus_at_stop"):
+        return True
+    return not classes or bool(classes & {"any", "vehicle", each.subtype or "car"})
+
+
 def fits_noun(agent: AgentRecord, classes: frozenset[str]) -> bool:
     """Whether a noun of these classes may stand for an agent."""
-    return any(_fits(agent, each) for each in classes)
+    return not classes or any(_fits(agent, each) for each in classes)
 
 
 def _fits(agent: AgentRecord, kind: str) -> bool:

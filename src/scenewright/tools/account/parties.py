@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from scenewright.tools.account.mentions import Mention
 from scenewright.tools.account.vocabulary import Token
@@ -41,7 +42,7 @@ class PartyFinder:
         fitting = [i for i, m in enumerate(self.mentions) if _may_be(m, kinds)]
         for k in range(n + 1, min(n + 4, len(self.tokens))):  # "the U-turn of a truck"
             of = [i for i in fitting if self.mentions[i].start == k + 1]
-            if of and self.tokens[k].text == "of":
+            if of and self.tokens[k].text == "of" and not self.tokens[k].senses:
                 return (of[0],)
         before = [i for i in fitting if self.mentions[i].head < n]
         here = [i for i in before if self._is_in_sentence(i, n)]
@@ -50,7 +51,12 @@ class PartyFinder:
                 i for i in fitting if self.mentions[i].start > n and self._is_in_sentence(i, n)
             ]
             return (*ahead[:2], *before[-2:])
-        if n and self.tokens[n - 1].text in ("without", "while", "not"):
+        near = self.tokens[max(0, n - 3) : n + 1]
+        participle = any(
+            one.text in ("after", "before", "by", "when") and two.text.endswith("ing")
+            for one, two in pairwise(near)
+        )
+        if participle or (n and self.tokens[n - 1].text in ("without", "while", "not")):
             return (here[0],)  # what the first one does, or not: "hits a van without braking"
         nearest = here[-1]
         stop = self.mentions[nearest].stop
@@ -101,6 +107,8 @@ class PartyFinder:
     def is_passive(self, start: int, stop: int) -> bool:
         """Whether a verb says what is done to its subject: "is hit", "struck by"."""
         word = self.tokens[start]
+        if stop - start > 1 and self.tokens[stop - 1].text.endswith("ed"):  # "rear-ended"
+            word = self.tokens[stop - 1]
         if not (word.text.endswith(("ed", "en")) or word.is_in("past")):
             return False
         by = any(each.text == "by" for each in self.tokens[stop : stop + 3])

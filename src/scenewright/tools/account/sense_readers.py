@@ -16,10 +16,13 @@ from scenewright.tools.relation_checker.legs import find_relative_side
 Reader = Callable[[PartyFinder, int, str], Iterable[Claim]]
 """Claims of the word at a token; with the value of its sense, such as `north` of `side.north`."""
 
+_SLOWING = ("brak", "slow")
 _STANDS_FOR = 0.4
 """How long who stops stands at least [s]."""
 _BRAKING = 1.0
 """How hard who brakes brakes at least [m/s²]."""
+_HARD_BRAKING = 3.0
+"""How hard who brakes hard brakes at least [m/s²]."""
 _NO_BRAKING = 1.0
 """How hard who does not brake may slow at most [m/s²]."""
 _TIMES = {"once": 1, "twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4}
@@ -105,7 +108,9 @@ def _read_mention(finder: PartyFinder, index: int) -> Iterator[Claim]:
         return
     value = "/".join(sorted(mention.classes)) or "object"
     nouns = mention.nouns or (mention.head,)
-    yield Claim("class", value, nouns, (index,), tests.ClassTest(index, mention.classes))
+    together = any(tokens[n].has("group") and not tokens[n].text.endswith("s") for n in nouns)
+    test = tests.ClassTest(index, mention.classes, together)
+    yield Claim("class", value, nouns, (index,), test)
     counted = tuple(
         n
         for n in range(mention.start, mention.stop)
@@ -119,7 +124,13 @@ def _read_mention(finder: PartyFinder, index: int) -> Iterator[Claim]:
     kind = next((k for n in words for k in tokens[n].list_values("object")), None)
     if kind is not None:
         span = tuple(n for n in words if f"object.{kind}" in tokens[n].senses)
-        yield Claim("object", kind, span, (index,), tests.ObjectTest(index, kind))
+        yield Claim(
+            "object",
+            kind,
+            span,
+            (index,),
+            tests.ObjectTest(index, kind, mention.classes, several=mention.count is None),
+        )
 
 
 def _read_others(finder: PartyFinder, mention: Mention) -> Claim:
@@ -128,7 +139,7 @@ def _read_others(finder: PartyFinder, mention: Mention) -> Claim:
     if mention.absent and start and finder.tokens[start].text not in ("no", "zero", "without"):
         start -= 1
     count = 0 if mention.absent else mention.count
-    kind = tests.get_background_kind(mention.classes) or "others"
+    kind = "/".join(sorted(mention.classes - {"any"})) or "others"
     return Claim(
         "background",
         f"{'some' if count is None else count} {kind}",
@@ -149,7 +160,8 @@ def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
         unit, factor = _FACTORS.get(said, (said, 1.0))
         value = number * factor
         subjects = finder.find_subjects(n)
-        test = tests.NumberTest(subjects, unit, value)
+        stands = unit == "s" and any(each.has("stop") for each in tokens[max(0, n - 3) : n])
+        test = tests.NumberTest(subjects, unit, value, stands)
         yield Claim("number", f"{value:.3g} {unit}", (n,), subjects, test)
     elif span := next((s for s in finder.events if 0 < s[0] - n <= 2), None):  # "two near misses"
         kinds = tokens[span[0]].list_values("event")
@@ -192,6 +204,7 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
     """A leg: of a crosswalk, to leave by, to come from, or either."""
     tokens = finder.tokens
     crosswalk = _is_of_crosswalk(tokens, n)
+    marked = any(each.has("crosswalk") for each in tokens[n + 1 : n + 3])
     said = next(
         (each for each in reversed(tokens[max(0, n - 4) : n]) if each.is_in("to", "from")), None
     )
@@ -203,7 +216,7 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
     def holds(facts: SceneFacts, number: int) -> bool:
         agent = facts.agents[number]
         if crosswalk:
-            return agent.crosswalk == side
+            return agent.crosswalk == side and (not marked or agent.movement != "jaywalking")
         if to:
             walks_over = _is_opposite(agent.entry, side) and agent.type == "pedestrian"
             return agent.exit == side or walks_over
@@ -281,6 +294,9 @@ def _read_hand(hand: str) -> Reader:
     """Left or right: of another road user ("on its left"), else a turn."""
 
     def read(finder: PartyFinder, n: int, value: str) -> Iterable[Claim]:
+        after = finder.tokens[n + 1 : n + 3]
+        if len(after) == 2 and after[0].is_in("body_parts") and after[1].text == "of":
+            return ()  # "the right side of a van"
         before = finder.tokens[max(0, n - 3) : n]
         whose = before and (
             before[-1].text.endswith("'s")
@@ -313,14 +329,25 @@ def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     yield from _claim_all(finder, n, ("red_light", value, what), holds)
 
 
+def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    """There are lights; at a green one nobody runs red."""
+    if any(each.text == "green" for each in finder.tokens[max(0, n - 1) : n + 1]):
+
+        def holds(facts: SceneFacts, number: int) -> bool:
+            return number not in facts.red_runners and bool(facts.scene.signals)
+
+        yield from _claim_all(finder, n, ("red_light", "no run", "a green light"), holds)
+    else:
+        yield Claim("light", "lights", (n,), (), tests.check_lights)
+
+
 def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    denied = finder.is_denied(n)
+    denied, stop = finder.is_denied(n), finder.tokens[n].is_in("standstill")
 
     def holds(facts: SceneFacts, number: int) -> bool:
-        slows = facts.stands(number) >= _STANDS_FOR or any(
-            e.type == "yielding" and facts.has_role(e, number) for e in facts.events
-        )
-        return slows != denied
+        slows = any(e.type == "yielding" and facts.has_role(e, number) for e in facts.events)
+        stands = facts.stands(number) >= _STANDS_FOR or (slows and not stop)
+        return stands != denied
 
     value = "does not stop" if denied else "stops"
     yield from _claim_all(finder, n, ("stop", value, "stands"), holds)
@@ -338,15 +365,25 @@ def _read_times(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     denied = finder.is_denied(n)
+    hard = any(each.is_in("hard") for each in finder.tokens[max(0, n - 2) : n + 3])
 
     def holds(facts: SceneFacts, number: int) -> bool:
         braking = facts.compute_braking(number)
         if denied:
             return facts.agents[number].reaction == "none" or braking < _NO_BRAKING
-        return braking >= _BRAKING
+        return braking >= (_HARD_BRAKING if hard else _BRAKING)
 
     value, what = ("no braking", "no braking") if denied else ("brakes", "braking")
     yield from _claim_all(finder, n, ("braking", value, what), holds)
+
+
+def _deny_braking(finder: PartyFinder, n: int) -> Iterator[Claim]:
+    """ "Does not brake", "without braking": nobody reacts, or nobody slows."""
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        return facts.compute_braking(number) < _NO_BRAKING
+
+    yield from _claim_all(finder, n, ("braking", "no braking", "no braking"), holds)
 
 
 def _read_motion_verb(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
@@ -371,13 +408,23 @@ def _read_tie(*sides: str) -> Reader:
 
 
 def _read_crosswalk(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    if finder.is_denied(n):
+
+        def holds(facts: SceneFacts, number: int) -> bool:
+            own = facts.agents[number]
+            return own.crosswalk is None or own.movement == "jaywalking"
+
+        yield from _claim_all(finder, n, ("crosswalk", "none", "no crosswalk"), holds, "foot")
+        return
     mentions = tuple(range(len(finder.mentions)))
     yield Claim("crosswalk", "a crosswalk", (n,), mentions, tests.check_crosswalk)
 
 
 def _read_background(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    near = finder.tokens[max(0, n - 3) : n + 1]
+    near, after = finder.tokens[max(0, n - 3) : n + 1], finder.tokens[n + 1 : n + 2]
     denied = finder.is_denied(n) or any(each.is_in("nobody") for each in near)
+    if finder.tokens[n].text in ("everyone", "everybody") and after and after[0].text != "else":
+        return  # "everyone stops" says more than that there are others
     yield Claim("background", "none" if denied else "some", (n,), (), tests.OthersTest(denied))
 
 
@@ -393,7 +440,10 @@ def _read_point(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     word, around = finder.tokens[n].text, finder.tokens[max(0, n - 1) : n + 2]
     if word in ("left", "right") and not any(each.is_in("body_parts") for each in around):
         return  # a turn, or the side from which somebody comes
-    yield Claim("point", word, (n,), (), tests.PointTest(word))
+    of = next((k for k in range(n, min(n + 3, len(finder.tokens) - 1))
+               if finder.tokens[k + 1].text == "of"), None)  # fmt: skip
+    whose = tuple(i for i, m in enumerate(finder.mentions) if of is not None and m.start == of + 2)
+    yield Claim("point", word, (n,), whose, tests.PointTest(word, whose))
 
 
 def _read_scene(kind: ClaimType, value: str, test: Test) -> Reader:
@@ -406,11 +456,18 @@ def _read_scene(kind: ClaimType, value: str, test: Test) -> Reader:
 
 
 def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]]) -> Reader:
-    """A claim that some agent has a property which the checker proves."""
+    """A claim that an agent has a property which the checker proves; none where it is denied."""
 
-    def read(_finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
+    def read(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
+        start = min(start for start, _ in finder.tokens[n].senses.values())
+        if (kind, value) == ("reaction", "none") and finder.tokens[n].text.startswith(_SLOWING):
+            yield from _deny_braking(finder, n)
+        on_foot = value in ("runs", "darts_out", "stops_midway")
+        subjects = finder.find_subjects(n, "foot" if on_foot else "any")
+        if finder.is_denied(start) or (on_foot and not subjects):
+            return
         what = value or kind
-        yield Claim(kind, what, (n,), (), tests.AnyAgent(what, value, find))
+        yield Claim(kind, what, (n,), subjects, tests.ProvenProperty(subjects, what, value, find))
 
     return read
 
@@ -436,11 +493,11 @@ _READERS: Mapping[str, Reader] = {
     "from_left": _read_tie("left"),
     "from_right": _read_tie("right"),
     "red": _read_red,
-    "light": _read_scene("light", "lights", tests.check_lights),
+    "light": _read_light,
     "stop": _read_stop,
     "times": _read_times,
     "brake": _read_brake,
-    "late_brake": _read_scene("cause", "late braking", tests.check_late_braking),
+    "late_brake": _read_any("cause", tests.find_late_braking),
     "normal": _read_scene("absence", "nothing else", tests.check_nothing_else),
     "density": _read_density,
     "background": _read_background,
@@ -454,6 +511,7 @@ _READERS: Mapping[str, Reader] = {
     "group": _read_any("group", tests.find_group),
     "point": _read_point,
     "kind": _read_kind,
+    "centre": _read_scene("side", "centre", tests.check_centre),
     "priority": _read_scene("order", "priority", tests.check_priority),
     "motion_verb": _read_motion_verb,
 }

@@ -38,6 +38,7 @@ from scenewright.tools.solver.stepping_back import (
     find_one_stepping_back,
     schedule_struck_steps_back,
 )
+from scenewright.work_limit import count_work
 
 _TRIES, _ROUNDS, _PROMPT = 6, 5, 2
 """Offsets that are drawn; rounds in which some are solved for at which both may react; and of these
@@ -139,6 +140,7 @@ def _schedule_offsets(
         context.reactions.draw(two, pair[1], context.rng),
     )
     taken, failed = set[float](), list[_Failed]()
+    tried = 0
     for trial in _list_trials(clause, context, deltas, drawn, failed):
         both, delta = trial.both, trial.delta
         if delta in taken:
@@ -149,6 +151,8 @@ def _schedule_offsets(
             a, found = _brake_to_impact_speed(clause, a, b, found, context)
         if found is None:
             continue
+        tried += 1
+        count_work(tried % 4 == 0)  # four of them take as long as other steps of the search
         fault = _find_fault(found, clause, a, striker, strict=strict)
         if fault is not None and not trial.solved:
             reached, words, off = fault
@@ -173,16 +177,31 @@ def _schedule_offsets(
             words = f"{clause.first} and {clause.second} would not touch so if they reacted"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
-        threat = find_threat(context.find_path_conflict(clause), a, b, until=found.time)
-        a, b_hit, found = reacted or (a, b, found)
-        end_a, end_b = a.end_at(found.time), b_hit.end_at(found.time)
-        time = found.time
-        begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
-        event = ScheduledEvent(clause, time, begins, time, time, found.location)
         scheduled = True
         taken.add(delta)
-        yield schedule.add_event(event, end_a, end_b)
+        yield _add_contact(clause, schedule, context, (a, b, found), reacted or (a, b, found))
     return turned_round and not scheduled
+
+
+def _add_contact(
+    clause: Contact,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    unaware: _Failed,
+    reacted: _Failed,
+) -> PartialSchedule:
+    """The schedule with the contact of two as they react to one another.
+
+    Args:
+        unaware: the two and their contact if neither reacted, which says when the threat begins.
+    """
+    a, b, found = unaware
+    threat = find_threat(context.find_path_conflict(clause), a, b, until=found.time)
+    a, b, found = reacted
+    time = found.time
+    begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
+    event = ScheduledEvent(clause, time, begins, time, time, found.location)
+    return schedule.add_event(event, a.end_at(time), b.end_at(time))
 
 
 def _list_trials(
@@ -351,11 +370,9 @@ def _find_fault(
         strikes, struck = pair if striker == 1 else pair[::-1]
         words = f"{strikes} strikes {struck}, not the other way round"
         return FailureStage.ROLES, words, 0.0
-    for name, point, seen in (
-        (first, clause.point_first, found.points[0]),
-        (second, clause.point_second, found.points[1]),
-    ):
-        if point is not None and point not in seen:
+    asked_points = (first, clause.point_first), (second, clause.point_second)
+    for n, (name, point) in enumerate(asked_points):
+        if point is not None and point not in (seen := found.points[n]):
             there = " or ".join(each.replace("_", " ") for each in seen) or "another place"
             asked = point.replace("_", " ")
             return FailureStage.PLACE, f"a contact at the {asked} of {name}: found at {there}", 0.0

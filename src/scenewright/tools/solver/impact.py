@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Literal
 
@@ -47,25 +48,78 @@ _CORNERS: dict[tuple[str, str], ImpactPoint] = {
 
 @dataclass(frozen=True)
 class FirstContact:
-    """When [s], where and how two actors first touch.
+    """When [s], where and how two actors first touch; computed as far as it is asked for."""
 
-    Attributes:
-        kind: None where it is none, or another one if measured a little apart.
-        closing: relative speed; speed: of the first actor [m/s].
-        frontal: the first actor strikes with its front; where both fronts touch, it is the faster.
-        strikes: the first actor strikes: the other stands; or it alone is touched at the front; or
-            it is the faster.
-        points: by actor, every impact point that the contact is surely at.
-    """
-
+    first: ScheduledAgent
+    second: ScheduledAgent
     time: float
-    location: Point
-    kind: CollisionKind | None
-    closing: float
-    speed: float
-    frontal: bool
-    strikes: bool
-    points: tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]
+    left_hand: bool
+
+    @cached_property
+    def _around(self) -> tuple[FloatArray, FloatArray]:
+        """[3, 3] poses of either 0.05 s before, at and after the contact."""
+        around = np.array([self.time - 0.05, self.time, self.time + 0.05])
+        return self.first.get_poses(around), self.second.get_poses(around)
+
+    @cached_property
+    def _spot(self) -> FloatArray:
+        one, two = self._around
+        return _find_contact_point(one[1], two[1], self.first, self.second)
+
+    @cached_property
+    def _velocities(self) -> list[FloatArray]:
+        return [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in self._around]
+
+    @cached_property
+    def _speeds(self) -> list[float]:
+        return [float(np.hypot(*each)) for each in self._velocities]
+
+    @property
+    def location(self) -> Point:
+        """The middle of the contact [m]."""
+        return float(self._spot[0]), float(self._spot[1])
+
+    @cached_property
+    def kind(self) -> CollisionKind | None:
+        """None where it is none, or another one if measured a little apart."""
+        (one, two), pair = self._around, (self.first, self.second)
+        sign = -1.0 if self.left_hand else 1.0
+        return _classify_contact(pair, (one[1], two[1]), self.time, self._spot, self._speeds, sign)
+
+    @property
+    def closing(self) -> float:
+        """Relative speed [m/s]."""
+        return float(np.hypot(*(self._velocities[0] - self._velocities[1])))
+
+    @property
+    def speed(self) -> float:
+        """Speed of the first actor [m/s]."""
+        return self._speeds[0]
+
+    @property
+    def frontal(self) -> bool:
+        """The first actor strikes with its front; where both fronts touch, it is the faster."""
+        (one, two), spot = self._around, self._spot
+        if _find_side(one[1], self.first, spot) != "front":
+            return False
+        other = _find_side(two[1], self.second, spot)
+        return other != "front" or self._speeds[0] >= self._speeds[1]
+
+    @property
+    def strikes(self) -> bool:
+        """The first strikes: the other stands; or it alone is touched in front; or is faster."""
+        (one, two), spot = self._around, self._spot
+        front = [_is_at_front(one[1], self.first, spot), _is_at_front(two[1], self.second, spot)]
+        return _is_striking(self._speeds, front)
+
+    @property
+    def points(self) -> tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]:
+        """By actor, every impact point that the contact is surely at."""
+        (one, two), spot = self._around, self._spot
+        return (
+            _list_certain_points(one[1], self.first, spot),
+            _list_certain_points(two[1], self.second, spot),
+        )
 
 
 def find_first_contact(
@@ -85,7 +139,7 @@ def find_first_contact(
         return None
     fine = np.linspace(times[first - 1], times[first], 11)
     hit = _find_touch(a.get_poses(fine), b.get_poses(fine), *sides)
-    return _describe(a, b, float(fine[hit]), left_hand)
+    return FirstContact(a, b, float(fine[hit]), left_hand)
 
 
 def find_least_clearance(a: ScheduledAgent, b: ScheduledAgent) -> tuple[float, float, Point]:
@@ -98,30 +152,6 @@ def find_least_clearance(a: ScheduledAgent, b: ScheduledAgent) -> tuple[float, f
     index = int(np.argmin(clearance))
     middle = (at_a[index, :2] + at_b[index, :2]) / 2
     return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
-
-
-def _describe(a: ScheduledAgent, b: ScheduledAgent, time: float, left_hand: bool) -> FirstContact:
-    around = np.array([time - 0.05, time, time + 0.05])
-    poses = (a.get_poses(around), b.get_poses(around))
-    velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
-    spot = _find_contact_point(poses[0][1], poses[1][1], a, b)
-    speeds = [float(np.hypot(*each)) for each in velocity]
-    sides = [_find_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
-    front = [_is_at_front(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
-    at = (poses[0][1], poses[1][1])
-    return FirstContact(
-        time=time,
-        location=(float(spot[0]), float(spot[1])),
-        kind=_classify_contact((a, b), at, time, spot, speeds, -1.0 if left_hand else 1.0),
-        closing=float(np.hypot(*(velocity[0] - velocity[1]))),
-        speed=speeds[0],
-        frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
-        strikes=_is_striking(speeds, front),
-        points=(
-            _list_certain_points(poses[0][1], a, spot),
-            _list_certain_points(poses[1][1], b, spot),
-        ),
-    )
 
 
 _STANDS = 0.3
