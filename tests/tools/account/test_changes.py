@@ -63,3 +63,22 @@ def test_another_time_or_event_unasked_is_said(kids: SceneRecord) -> None:
     assert find_unasked_changes(kids, night, "at night") == ()
     other = kids.model_copy(update={"relations": ()})
     assert find_unasked_changes(kids, other, "slower") == ("other events would be asked for",)
+
+
+def test_more_traffic_is_more(kids: SceneRecord) -> None:
+    some = leave_out(kids, *[a.name for a in kids.agents if a.role == "background"][:2])
+    around = sum(a.role == "background" for a in kids.agents)
+    said = f"there would be {around - 2} around and not {around}"
+    assert find_unasked_changes(kids, some, "too quiet, give me more traffic") == (said,)
+    assert find_unasked_changes(some, kids, "more traffic") == ()
+    assert find_unasked_changes(kids, some, "less traffic") == ()
+
+
+def test_who_goes_another_way_unasked_is_said(kids: SceneRecord) -> None:
+    agents = tuple(
+        a.model_copy(update={"entry": "west"}) if a.name == "vehicle-1" else a for a in kids.agents
+    )
+    turned = kids.model_copy(update={"agents": agents})
+    (said,) = find_unasked_changes(kids, turned, "make it night")
+    assert said.startswith("vehicle-1 would go from west to")
+    assert find_unasked_changes(kids, turned, "let it come from the west") == ()

@@ -13,6 +13,8 @@ from scenewright.tools.account.vocabulary import Token, read_tokens
 _CROWD = ("density", "background", "time")
 _EVENTS = ("event", "order", "red", "stop", "brake", "avoid", "priority", "normal", "meets",
            "manoeuvre", "reaction", "sight", "object")  # fmt: skip
+_WAYS = ("side", "bound", "left", "right", "straight", "uturn", "turn", "jaywalking", "crosswalk",
+         "cross", "opposite", "lateral", "same", "from_left", "from_right", "motion")  # fmt: skip
 MOST_BACKGROUND = 6, 0.3
 """Background agents that may go or come where others must make room: a number, and a share."""
 
@@ -41,6 +43,10 @@ def _compare(
         yield f"{', '.join(sorted(come))} would be new"
     if removes and not crowd:
         yield from _check_removal(old, new, mentions)
+    if not any(each.has(*_WAYS, *_EVENTS) or each.is_in("swaps") for each in tokens):
+        yield from _compare_ways(old, new)
+    if any(each.is_in("crowd") for each in tokens):
+        yield from _compare_crowd(before, after, tokens)
     yield from _compare_background(
         before, after, crowd or any(m.background or m.absent for m in mentions)
     )
@@ -65,6 +71,26 @@ def _check_removal(
         left = {name for name, agent in new.items() if fits_noun(agent, mention.classes)}
         if not mention.pronoun and there and there <= left and not new.keys() - old.keys():
             yield f"{', '.join(sorted(there))} would all stay"
+
+
+def _compare_ways(old: dict[str, AgentRecord], new: dict[str, AgentRecord]) -> Iterator[str]:
+    """Who would come from elsewhere, or go elsewhere, and is what it was."""
+    for name in sorted(old.keys() & new.keys()):
+        was, now = old[name], new[name]
+        if was.type == now.type and (was.entry, was.exit) != (now.entry, now.exit):
+            ways = (f"from {each.entry} to {each.exit}" for each in (now, was))
+            yield f"{name} would go {' and not '.join(ways)}"
+
+
+def _compare_crowd(
+    before: SceneRecord, after: SceneRecord, tokens: Sequence[Token]
+) -> Iterator[str]:
+    """Whether more, or fewer, are around where that is what the words ask for."""
+    old, new = (sum(a.role == "background" for a in scene.agents) for scene in (before, after))
+    more = any(each.is_in("more_around") for each in tokens) and new <= old
+    fewer = any(each.is_in("fewer_around") for each in tokens) and new >= old
+    if more or fewer:
+        yield f"there would be {new} around and not {old}"
 
 
 def _compare_background(before: SceneRecord, after: SceneRecord, crowd: bool) -> Iterator[str]:

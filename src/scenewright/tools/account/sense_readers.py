@@ -463,9 +463,10 @@ def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]])
         if (kind, value) == ("reaction", "none") and finder.tokens[n].text.startswith(_SLOWING):
             yield from _deny_braking(finder, n)
         on_foot = value in ("runs", "darts_out", "stops_midway")
-        subjects = finder.find_subjects(n, "foot" if on_foot else "any")
-        if finder.is_denied(start) or (on_foot and not subjects):
-            return
+        subjects = finder.find_subjects(start, "foot" if on_foot else "any")
+        noun = any(each.is_in("possessive") for each in finder.tokens[max(0, n - 2) : n])
+        if finder.is_denied(start) or (on_foot and (noun or not subjects)):
+            return  # not "its run"
         what = value or kind
         yield Claim(kind, what, (n,), subjects, tests.ProvenProperty(subjects, what, value, find))
 
