@@ -73,7 +73,7 @@ def happened(scene: Scene) -> Iterator[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize("text", CHAINS)
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0])
 def test_every_link_of_a_chain_happens(text: str, seed: int) -> None:
     planned = read_by_grammar(text)  # how it is read is not at stake here
     assert isinstance(planned, SocialGraph)
