@@ -63,3 +63,8 @@ def test_a_parked_vehicle_is_an_object() -> None:
 
 def test_a_noun_that_describes_another_is_no_road_user() -> None:
     assert [m.classes for m in find("A car stops at the pedestrian crossing")] == [{"car"}]
+
+
+def test_words_in_brackets_stand_for_what_a_label_names() -> None:
+    text = "Vehicle 1 (eastbound car) struck vehicle 2 (northbound motorcycle)"
+    assert [each.label for each in find_mentions(read_tokens(text))] == ["1", "1", "2", "2"]

@@ -55,6 +55,8 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
         if mention is None:
             n += 1
             continue
+        if found and found[-1].label and tokens[mention.start - 1].text == "(":
+            mention = replace(mention, label=found[-1].label)  # "vehicle 1 (eastbound car)"
         if found and _is_ridden(tokens, found[-1], mention):
             found[-1] = _merge(found[-1], mention)
         else:
