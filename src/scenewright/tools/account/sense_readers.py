@@ -464,7 +464,7 @@ def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]])
             yield from _deny_braking(finder, n)
         on_foot = value in ("runs", "darts_out", "stops_midway")
         subjects = finder.find_subjects(start, "foot" if on_foot else "any")
-        noun = any(each.is_in("possessive") for each in finder.tokens[max(0, n - 2) : n])
+        noun = any(each.is_in("possessive") for each in finder.tokens[max(0, start - 2) : start])
         if finder.is_denied(start) or (on_foot and (noun or not subjects)):
             return  # not "its run"
         what = value or kind
