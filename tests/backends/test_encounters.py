@@ -236,8 +236,8 @@ def test_a_wrong_way_driver_is_made_and_proven() -> None:
     scene = synthesize("A wrong-way driver collides head-on with a taxi", seed=0, refiner="none")
     assert scene.proof.verified
     assert [each.kind for each in scene.record.events] == ["head_on"]
-    (told,) = [each for each in scene.proof.account if each.words == "wrong-way"]
-    assert (told.state, told.claim) == ("seen", "motion drives_wrong_way")
+    (entry,) = [each for each in scene.proof.account if each.words == "wrong-way"]
+    assert (entry.state, entry.claim) == ("seen", "motion drives_wrong_way")
 
 
 def test_a_door_opens_too_late_for_a_cyclist() -> None:

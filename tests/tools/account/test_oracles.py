@@ -239,7 +239,7 @@ class Mover:
         return max(list_runs(blocked)) > 0.5
 
     def walks_with_another(self) -> Truth:
-        """Whether somebody else on foot is within 2.5 m all the time that both are there."""
+        """Whether another pedestrian is within 2.5 m as long as both are there."""
         others = [m for m in self.view.movers if m.foot and m is not self]
         both = [(list_together(self, m), list_together(self, m, 2.5)) for m in others]
         shares = [len(near) / len(there) for there, near in both if len(there) > 30]

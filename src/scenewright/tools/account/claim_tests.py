@@ -23,8 +23,8 @@ from scenewright.tools.relation_checker.legs import find_relative_side
 
 TOGETHER = 5.0
 """Events that begin within so many seconds of one another happen at the same time [s]."""
-HARD_BRAKING = 3.4
-"""Who strikes although it brakes so hard brakes too late [m/s²]."""
+LATE_BRAKING = 3.4
+"""An agent that strikes another one although it brakes so hard brakes too late [m/s²]."""
 CENTRE = 10.0
 """What happens within this distance of the middle happens in the centre [m]."""
 CLOCK_SLACK = 20
@@ -34,7 +34,7 @@ SPEED_SLACK, STANDSTILL_SLACK = 0.52, 0.3
 _STANDSTILL = 0.5
 """Who gives way and stops is no faster than this at the slowest [m/s]."""
 LEAST_STANDSTILL = 0.4
-"""A shorter standstill is not counted [s]."""
+"""Who stands for a shorter time has not stopped [s]."""
 _ENCOUNTERS = {
     "collision": ("hits", "doored"),
     "near_miss": ("stops_short",),
@@ -629,7 +629,7 @@ def find_late_braking(facts: SceneFacts, _value: str) -> list[int]:
     late += [e.from_ for e in events if e.kind == "rear_end" and e.cause == "late_brake"]
     late += [r["agent"] for r in facts.reactions if "behind" not in (r.get("why_not") or "behind")]
     hits = [e.from_ for e in events if e.type == "collision"]
-    late += [n for n in hits if facts.compute_braking(n) >= HARD_BRAKING]
+    late += [n for n in hits if facts.compute_braking(n) >= LATE_BRAKING]
     return [each for each in late if each is not None]
 
 

@@ -17,8 +17,7 @@ Reader = Callable[[PartyFinder, int, str], Iterable[Claim]]
 """Claims of the word at a token; with the value of its sense, such as `north` of `side.north`."""
 
 _SLOWING = ("brak", "slow")
-_STANDS_FOR = 0.4
-"""How long who stops stands at least [s]."""
+"""How words begin that say whether an agent slows down."""
 _BRAKING = 1.0
 """How hard who brakes brakes at least [m/s²]."""
 _HARD_BRAKING = 3.0
@@ -330,7 +329,7 @@ def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    """There are lights; at a green one nobody runs red."""
+    """Claim that the place has lights, or of a green light that the agent runs no red one."""
     if any(each.text == "green" for each in finder.tokens[max(0, n - 1) : n + 1]):
 
         def holds(facts: SceneFacts, number: int) -> bool:
@@ -346,7 +345,7 @@ def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
     def holds(facts: SceneFacts, number: int) -> bool:
         slows = any(e.type == "yielding" and facts.has_role(e, number) for e in facts.events)
-        stands = facts.stands(number) >= _STANDS_FOR or (slows and not stop)
+        stands = facts.stands(number) >= tests.LEAST_STANDSTILL or (slows and not stop)
         return stands != denied
 
     value = "does not stop" if denied else "stops"
@@ -354,7 +353,7 @@ def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_times(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    """How often somebody stops: "stops twice"."""
+    """Claim how often an agent stands: "stops twice"."""
     start, stop = finder.tokens[n].senses["times"]
     times = _TIMES.get(finder.tokens[start].text)
     if times and any(each.has("stop") for each in finder.tokens[max(0, start - 3) : start]):
@@ -378,7 +377,7 @@ def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _deny_braking(finder: PartyFinder, n: int) -> Iterator[Claim]:
-    """ "Does not brake", "without braking": nobody reacts, or nobody slows."""
+    """Claim that an agent does not slow down: "does not brake", "without braking"."""
 
     def holds(facts: SceneFacts, number: int) -> bool:
         return facts.compute_braking(number) < _NO_BRAKING

@@ -184,9 +184,9 @@ def _read_tokens(text: str, phrases: tuple[tuple[str, tuple[str, ...]], ...]) ->
                 lengths[n] = stop - start
                 found[n] = {}
             found[n] |= dict.fromkeys(sorted(senses), (start, stop))
-    told = _find_relation_phrases(plain, phrases)
+    by_token = _find_relation_phrases(plain, phrases)
     return tuple(
-        replace(each, senses=senses, phrase=told.get(n))
+        replace(each, senses=senses, phrase=by_token.get(n))
         for n, (each, senses) in enumerate(zip(plain, found, strict=True))
     )
 

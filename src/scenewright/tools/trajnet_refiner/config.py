@@ -12,7 +12,7 @@ CLASSES = ("pedestrian", "vehicle")
 """Class ids of the network: the place in this tuple."""
 GOAL_FEATURES, PAIR_FEATURES, OUTPUTS = 7, 17, 5
 BEFORE = 4
-"""Steps before the first prediction at which an agent's earlier place is told to others."""
+"""Steps before the first prediction of the earlier place that neighbours see of an agent."""
 LATE = 3
 """Steps over which the latest change of a move is taken."""
 
