@@ -142,3 +142,23 @@ def _average(values: FloatArray, half: int) -> FloatArray:
             total += values[min(max(n, 0), last)]
         out[k] = total / (2 * half + 1)
     return out
+
+
+def interpolate_clamped(x: FloatArray, known: FloatArray, values: FloatArray) -> FloatArray:
+    """[N] the cubic spline through values at known places [P], level at both ends, at x [N].
+
+    As `scipy.interpolate.CubicSpline(known, values, bc_type="clamped")`, which takes half a second
+    to import.
+    """
+    step, rise = np.diff(known), np.diff(values) / np.diff(known)
+    system = np.diag(np.concatenate([[1.0], 2.0 * (step[1:] + step[:-1]), [1.0]]))
+    inner = np.arange(1, len(known) - 1)
+    system[inner, inner - 1], system[inner, inner + 1] = step[1:], step[:-1]
+    right = 3.0 * (step[1:] * rise[:-1] + step[:-1] * rise[1:])
+    slope = np.linalg.solve(system, np.concatenate([[0.0], right, [0.0]]))
+    k = np.clip(np.searchsorted(known, x, side="right") - 1, 0, len(step) - 1)
+    t = (x - known[k]) / step[k]
+    along = t * t * (3.0 - 2.0 * t)
+    start, end = t * (1.0 - t) ** 2, t * t * (t - 1.0)
+    bent = step[k] * (start * slope[k] + end * slope[k + 1])
+    return np.asarray(values[k] + along * (values[k + 1] - values[k]) + bent)

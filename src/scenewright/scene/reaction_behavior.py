@@ -72,7 +72,7 @@ BRAKING: dict[AgentClass, LogNormal] = {
 HURRY = LogNormal(1.5, 0.25, 1.0, 2.6)
 """Acceleration of a pedestrian running out of the way [m/s^2]; stated as for stopping."""
 
-ASIDE = (0.3, 0.5)
+ASIDE = (0.45, 0.65)
 """How far to a side a driver or rider swerves that stays in its lane [m]; stated: a car of 1.85 m
 in a lane of 3.2 m has 0.67 m on either side."""
 

@@ -85,6 +85,10 @@ class Mover:
                 return time, shown[0].colour if shown else ""
         return 99.0, ""
 
+    def measure_pace(self) -> float:
+        """The highest speed that it keeps for a second [m/s]."""
+        return max(float(self.speed[n : n + 10].min()) for n in range(max(1, len(self.speed) - 9)))
+
     def measure_braking(self, since: int = 0) -> float:
         """Hardest braking over half a second, from a sample on [m/s²]."""
         speed = self.speed[max(0, since) :]
@@ -345,6 +349,11 @@ ROWS: tuple[tuple[ClaimType, str, str, Callable[..., Truth]], ...] = (
     ("light", "driver", "A {} passes a [green light]",
      lambda m: {"green": True, "": None}.get(m.find_line()[1], False)),
     ("stop", "driver", "A {} [stops]", M.stops),
+    ("pace", "driver", "A [slow] {}", lambda m: decide(-m.measure_pace(), -6.8, -7.2)),
+    ("pace", "driver", "A {} drives [fast]", lambda m: decide(m.measure_pace(), 11.4, 11.0)),
+    ("pace", "driver", "A [speeding] {}", lambda m: decide(m.measure_pace(), 11.4, 11.0)),
+    ("pace", "walker", "A {} walks [slowly]", lambda m: decide(-m.measure_pace(), -1.2, -1.3)),
+    ("pace", "walker", "A {} walks [fast]", lambda m: decide(m.measure_pace(), 1.95, 1.85)),
     ("braking", "driver", "A {} [brakes]", lambda m: decide(m.measure_braking(), 1.2, 0.6)),
     ("braking", "driver", "A {} is [not braking]", lambda m: decide(m.measure_braking(), 0.6, 1.2)),
     ("braking", "driver", "A {} does [not brake]", lambda m: decide(m.measure_braking(), 0.6, 1.2)),

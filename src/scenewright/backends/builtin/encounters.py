@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.lazy_pattern import LazyPattern
 from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.backends.builtin.standing import (
     AT_REST,
@@ -144,10 +145,9 @@ _BLOCKS = allow(
 )  # fmt: skip
 
 _ACTIVE = {
-    how: re.compile(
+    how: LazyPattern(
         rf"(?:{_MEETS} )?{_HAS_TO}(?P<verb>{verb}) (?P<object>{_THING}){_TAIL}"
         + (_STOPS if how == "waits_behind" else ""),
-        re.IGNORECASE,
     )
     for how, verb in VERBS.items()
 }
@@ -157,40 +157,34 @@ _FOR_A_WHILE = allow(
 )
 _THEN_PASSES = rf"(?:,? and|,)? (?:then |after that )(?:{VERBS['goes_round']}) {_IT}"
 _WAITING = join_any("waits?", "waiting", "stops?(?: and waits)?", "stands", "pauses", "queues")
-_ACTIVE["waits_then_passes"] = re.compile(
+_ACTIVE["waits_then_passes"] = LazyPattern(
     rf"{_HAS_TO}(?P<verb>{_WAITING}){_FOR_A_WHILE} behind (?P<object>{_THING}){_TAIL}"
     rf"{_THEN_PASSES}",
-    re.IGNORECASE,
 )
 _MET_FIRST = {
-    how: re.compile(
+    how: LazyPattern(
         rf"(?P<verb>{_MEETS}) (?P<object>{_THING}){_TAIL}{_AND}{_HAS_TO}"
         + (join_any(f"{verb} {_IT}{_STOPS}", _HALTS) if how == "waits_behind" else f"{verb} {_IT}"),
-        re.IGNORECASE,
     )
     for how, verb in VERBS.items()
 }
-_MET_FIRST["waits_then_passes"] = re.compile(
+_MET_FIRST["waits_then_passes"] = LazyPattern(
     rf"(?P<verb>{_MEETS}) (?P<object>{_THING}){_TAIL}{_AND}{_WAITING}(?: behind {_IT})?"
     rf"{_FOR_A_WHILE}{_THEN_PASSES}",
-    re.IGNORECASE,
 )
 _BY = {
-    how: re.compile(
+    how: LazyPattern(
         rf"(?P<object>{_THING}){_TAIL} (?:is|gets|was|being) (?P<passive>{verb}) by(?= )",
-        re.IGNORECASE,
     )
     for how, verb in _PASSIVE.items()
 }
-_THERE_FIRST = re.compile(
+_THERE_FIRST = LazyPattern(
     rf"(?:there(?:'s| is) |with )?(?P<object>{_THING}){_BLOCKS}{_TAIL}[,;.:]?"
     "(?: (?:and|so|while))?",
-    re.IGNORECASE,
 )
 _THEN = {
-    how: re.compile(
+    how: LazyPattern(
         rf"{_HAS_TO}(?P<verb>{verb}) {_IT}" + (_STOPS if how == "waits_behind" else ""),
-        re.IGNORECASE,
     )
     for how, verb in VERBS.items()
 }
@@ -216,7 +210,7 @@ _RUNS_INTO = (
     "(?:is|gets|was) (?:hit|struck) by)"
 )
 _DOORED = tuple(
-    re.compile(_HAS_TO + words + PLACE, re.IGNORECASE)
+    LazyPattern(_HAS_TO + words + PLACE)
     for words in (
         rf"(?P<verb>(?:(?:is|gets|was|being) )?doored)(?: by (?P<object>{_PARKED}))?",
         rf"{_RUNS_INTO} (?:{THE}|{_ITS} )(?:{_OPEN} )?{_DOOR}(?: {_OPEN})?"
@@ -224,21 +218,24 @@ _DOORED = tuple(
     )
 )
 """Words of who rides into a door, after the agent."""
-_OPENED_FOR = re.compile(
+_OPENED_FOR = LazyPattern(
     rf"(?:{_SOMEONE}(?: (?:suddenly|carelessly))? (?:{_OPENS}) (?:{_ITS} )(?:{_DOOR})"
     rf"(?: of (?P<theirs>{_PARKED}))?"
     rf"|(?:{THE}|a )(?:{_DOOR}) of (?P<vehicle>{_PARKED}) (?:{_OPENS})"
     rf"|(?P<owner>{_PARKED}) (?:{_OPENS}) (?:{_ITS} )(?:{_DOOR})"
     rf"|(?P<whose>{_PARKED})'s (?:{_DOOR}) (?:{_OPENS}))"
     rf"{PLACE} (?:{_INTO})(?= )",
-    re.IGNORECASE,
 )
 """Words of a door that opens, before the agent."""
-_WHO_HITS = re.compile(
+_WHO_HITS = LazyPattern(
     rf",? (?:and |who |which |so )*(?:(?:he|she|it|the \w+) )?(?:{VERBS['hits']}|is doored|is hit)"
     rf"(?: (?:by )?(?:it|the (?:opened |open |opening )?{_DOOR}))?(?=[ .,;]|$)",
+)
+_MAY_STAND = re.compile(
+    "door|park|stall|strand|broke|disabled|abandoned|unloading|station|stand|stood|stop|halt|died|bay",
     re.IGNORECASE,
 )
+"""Without any of these a text says nothing of an object, nor of a door."""
 _EXIT = re.compile(
     r"\bexit\b|\b(?:after|past|beyond) the (?:junction|intersection)\b", re.IGNORECASE
 )
@@ -302,6 +299,8 @@ def take_out_encounters(text: str) -> tuple[str, tuple[EncounterPhrase, ...]]:
         Refused: the words ask for more than can be had.
     """
     found: list[EncounterPhrase] = []
+    if not _MAY_STAND.search(text):
+        return text, ()
     text = _take_doors(text, found)
     for how in _IN_TURN:
         for pattern in (_MET_FIRST[how], _ACTIVE[how]):

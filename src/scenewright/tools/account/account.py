@@ -42,8 +42,13 @@ _BEYOND = {
     "vehicle": "road users of this kind are not shown", "place": "the place is not shown",
     "object": "objects of this kind are not shown", "weather": "weather is not shown",
     "sound": "sounds are not shown", "gesture": "gestures are not shown",
-    "harm": "nothing tests it on tracks", "part": "nothing tests who is left out",
+    "harm": "nothing tests it on tracks", "track": "nothing measures it on tracks",
+    "part": "nothing tests who is left out",
 }  # fmt: skip
+
+
+_MOMENTS = ("same", "time", "moment", "simultaneously", "once")
+"""Words of phrases that say that two things happen at once, "arrive at the same time"."""
 
 
 class _Judged(NamedTuple):
@@ -170,6 +175,10 @@ def _is_denied(tokens: Sequence[Token], n: int) -> bool:
     return False
 
 
+def _begins_part(tokens: Sequence[Token], n: int) -> bool:
+    return n == 0 or _is_stop(tokens[n - 1])
+
+
 def _is_stop(token: Token) -> bool:
     return token.kind in ("end", "comma", "arrow")
 
@@ -192,6 +201,9 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
         for n in claim.tokens:
             by_token.setdefault(n, []).append((claim, result))
     latest = turn == len(facts.scene.meta.texts) - 1
+    if turn == 0 and mentions and mentions[0].pronoun and tokens[mentions[0].head].is_in("told"):
+        claim = Claim("class", "somebody spoken of before", (mentions[0].head,), (), _fail)
+        by_token[mentions[0].head] = [(claim, Result(None))]
     for index in _find_repeated(mentions, binding, facts) if latest else ():
         claim = Claim("class", "a road user of its own", mentions[index].nouns, (), _fail)
         for n in claim.tokens:
@@ -200,6 +212,7 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     for n in reversed(range(len(tokens))):
         found = states[n]
         turns = tokens[n].negates or tokens[n].has("almost", "avoid")
+        turns = turns and not tokens[n].has("reaction")  # "dodges" is a motion of its own
         event = tokens[n].has("event") and not tokens[n].has("almost")
         followed = any(each.has("event") for each in tokens[n + 1 : n + 3])
         own = found is not None and (found.state == "seen" or (found.claim and (event or followed)))
@@ -267,7 +280,7 @@ def _judge(
     return (
         _judge_beyond(n, tokens)
         or _judge_place(token, facts)
-        or _judge_claims(token, found, strict or false)
+        or _judge_claims(token, found, strict or false, _begins_part(tokens, n))
     )
 
 
@@ -296,12 +309,16 @@ def _judge_place(token: Token, facts: SceneFacts) -> _Judged | None:
 
 
 def _judge_claims(
-    token: Token, found: Sequence[tuple[Claim, Result]], false: Sequence[tuple[Claim, Result]]
+    token: Token,
+    found: Sequence[tuple[Claim, Result]],
+    false: Sequence[tuple[Claim, Result]],
+    begins: bool,
 ) -> _Judged | None:
     """The state of a content word of which no claim holds.
 
     Args:
         false: those of its claims that are false, the gravest ones alone.
+        begins: a part of a sentence begins with it.
     """
     families = token.list_families()
     grave = [each for each in false if each[0].type in (*_STRICT, "crosswalk")]
@@ -315,8 +332,8 @@ def _judge_claims(
         return _Judged("contradicted", f"{claim.type} {claim.value}", result.evidence)
     if token.text in ("let", "have") and not found:
         return _ANYWAY
-    lists = families == {"order"} and token.text in ("first", "last", "second")
-    if lists or token.has("sequence"):
+    lists = begins and families == {"order"} and token.text in ("first", "last", "second")
+    if lists or (token.has("sequence") and token.text not in _MOMENTS):
         return None  # it joins no two events and orders no two road users
     return _Judged("not_shown", evidence=_NOT_SHOWN)
 

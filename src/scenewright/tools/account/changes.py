@@ -41,9 +41,16 @@ def _compare(
         yield f"{', '.join(sorted(gone))} would be gone"
     if come and not (adds or named or deeds):
         yield f"{', '.join(sorted(come))} would be new"
+    one_each = all(m.count == 1 for m in mentions)
+    if len(new) > len(old) and named and one_each and not (adds or deeds):
+        yield f"{', '.join(sorted(come))} would be there beside the others"
+    moves = any(each.has(*_WAYS) for each in tokens)
+    if adds and moves and any(m.new and m.count == 1 for m in mentions) and not come:
+        yield "who is new would only be one of those around"
     if removes and not crowd:
         yield from _check_removal(old, new, mentions)
-    if not any(each.has(*_WAYS, *_EVENTS) or each.is_in("swaps") for each in tokens):
+    exchanged = any(each.is_in("exchanges") for each in tokens) and not any(m.new for m in mentions)
+    if not (exchanged or any(each.has(*_WAYS, *_EVENTS) for each in tokens)):
         yield from _compare_ways(old, new)
     if any(each.is_in("crowd") for each in tokens):
         yield from _compare_crowd(before, after, tokens)

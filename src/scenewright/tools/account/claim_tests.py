@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from scenewright.scene.events import Event
@@ -25,6 +25,8 @@ TOGETHER = 5.0
 """Events that begin within so many seconds of one another happen at the same time [s]."""
 LATE_BRAKING = 3.4
 """An agent that strikes another one although it brakes so hard brakes too late [m/s²]."""
+CLOSE = 1.3
+"""Who follows closely has no longer headway than this at the least [s]."""
 CENTRE = 10.0
 """What happens within this distance of the middle happens in the centre [m]."""
 CLOCK_SLACK = 20
@@ -35,6 +37,10 @@ _STANDSTILL = 0.5
 """Who gives way and stops is no faster than this at the slowest [m/s]."""
 LEAST_STANDSTILL = 0.4
 """Who stands for a shorter time has not stopped [s]."""
+_PACES = {
+    "vehicle": (7.0, 11.2), "pedestrian": (1.25, 1.9), "cyclist": (4.2, 6.2), "scooter": (3.8, 5.3),
+}  # fmt: skip
+"""Who keeps no more than the first of these is slow, who keeps the second is fast [m/s]."""
 _ENCOUNTERS = {
     "collision": ("hits", "doored"),
     "near_miss": ("stops_short",),
@@ -88,6 +94,42 @@ class AllAgents:
                 return Result(True, f"{_join(objects)} on the {self.leg} leg")
         looked = any(binding.get(mention) for mention in self.mentions)
         return Result(False, self.what) if looked else UNTESTED
+
+
+@dataclass(frozen=True)
+class PaceTest:
+    """Whether an agent is fast, slow or over the speed limit; untested where it is neither.
+
+    Attributes:
+        pace: `fast`, `slow` or `speeding`.
+    """
+
+    mentions: tuple[int, ...]
+    pace: str
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        for mention in self.mentions:
+            agents = list_agents(binding, mention)
+            kept = ((number, facts.compute_kept_speed(number)) for number in agents)
+            speeds = [(number, speed) for number, speed in kept if speed is not None]
+            if len(speeds) < max(len(agents), 1):
+                continue
+            found = [self._compare(facts, *each) for each in speeds]
+            seen = ", ".join(f"agent {number} at {speed:.1f} m/s" for number, speed in speeds)
+            holds = True if all(found) else False if False in found else None
+            return Result(holds, seen, agents)
+        return UNTESTED
+
+    def _compare(self, facts: SceneFacts, number: int, speed: float) -> bool | None:
+        """Whether a kept speed is as said; None where it is neither fast nor slow."""
+        agent = facts.agents[number]
+        slow, fast = _PACES[agent.type]
+        limit = facts.find_speed_limit(number) if agent.type == "vehicle" else None
+        if self.pace == "speeding" and limit is not None:
+            return speed > limit
+        if slow < speed < fast:
+            return None
+        return (speed >= fast) == (self.pace != "slow")
 
 
 @dataclass(frozen=True)
@@ -238,7 +280,7 @@ class EventTest:
     """Whether two of the parties have an event of a kind, in their roles where these are said.
 
     Attributes:
-        stands: who gives way comes to a standstill, as words such as "stops for" say.
+        stands: who gives way, or just avoids a collision, stops, as "stops for" says.
     """
 
     kind: str
@@ -258,7 +300,7 @@ class EventTest:
         ]
         if not self.denied and (met := self._find_encounter(facts, binding)):
             return met
-        found = self._find_between(facts, pairs, together)
+        found = self._find_between(facts, binding, pairs, together)
         if self.denied:
             if not (pairs or together):
                 found = next((e for e in facts.proof.events if e.type == self.kind), None)
@@ -282,20 +324,35 @@ class EventTest:
     def _find_between(
         self,
         facts: SceneFacts,
+        binding: Binding,
         pairs: Sequence[tuple[int, int]],
         together: Sequence[tuple[int, int]],
     ) -> Event | None:
         """The event of two parties; of any two agents where a party or both are not named."""
         for pair in (*pairs, *together):
             for event in facts.list_between(*pair, (self.kind,)):
-                if self.stands and event.evidence["lowest_speed"] > _STANDSTILL:
+                if self.stands and not self._stops(facts, event):
                     continue
                 if not self.directed or pair in together or facts.has_role(event, pair[0]):
                     return event
         if together or (self.subjects and self.objects):
             return None
-        anyone = ((x, y) for x in facts.foreground for y in facts.foreground if x != y)
-        return next((e for pair in anyone for e in facts.list_between(*pair, (self.kind,))), None)
+        return next(self._list_of_anyone(facts, binding), None)
+
+    def _list_of_anyone(self, facts: SceneFacts, binding: Binding) -> Iterator[Event]:
+        """Events of any two, or of whoever it is done to: "give way to the bus"."""
+        done_to = _list_all(binding, self.objects) or facts.foreground
+        for first in facts.foreground:
+            for second in done_to:
+                for event in facts.list_between(first, second, (self.kind,)):
+                    if not (self.directed and self.objects) or facts.has_role(event, first):
+                        yield event
+
+    def _stops(self, facts: SceneFacts, event: Event) -> bool:
+        """Whether who gives way, or a party of a near miss that is a subject, stands."""
+        if self.kind == "yielding":
+            return float(event.evidence["lowest_speed"]) <= _STANDSTILL
+        return any(facts.stands(n) >= LEAST_STANDSTILL for n in (event.from_, event.to))
 
     def _find_of_one(self, facts: SceneFacts, binding: Binding) -> Event | None:
         """The event that one of the subjects has with whomever, where nothing else is named."""
@@ -677,6 +734,12 @@ def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
     if value == "pushed":
         return list(facts.foreground) if relations else []
     return [each.from_ for each in relations]
+
+
+def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that follow another one closely, and those that they follow."""
+    close = [e for e in facts.events if e.type == "follow" and e.evidence["least_headway"] <= CLOSE]
+    return [number for e in close for number in (e.from_, e.to)]
 
 
 def find_meeting(facts: SceneFacts, value: str) -> list[int]:

@@ -33,8 +33,8 @@ UNTESTED = Result(None)
 ClaimType = Literal[
     "absence", "background", "braking", "cause", "class", "count", "crossing", "crosswalk",
     "density", "encounter", "event", "group", "heading", "kind", "light", "manoeuvre", "motion",
-    "moves", "movement", "number", "object", "order", "phrase", "point", "reaction", "red_light",
-    "sequence", "side", "sight", "stop", "tie", "time",
+    "moves", "movement", "number", "object", "order", "pace", "phrase", "point", "reaction",
+    "red_light", "sequence", "side", "sight", "stop", "tie", "time",
 ]  # fmt: skip
 
 Test = Callable[[SceneFacts, Binding], Result]

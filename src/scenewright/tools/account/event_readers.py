@@ -43,7 +43,7 @@ def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
             kinds.discard("collision")
         denied = denied or avoided
     for kind in sorted(kinds):
-        stands = stops and kind == "yielding"
+        stands = stops and kind in ("yielding", "near_miss")
         strikes = kind == "collision" and not almost and _says_striker(finder, start, stop)
         directed = kind in ("yielding", "follow") or strikes
         yield Claim(
@@ -101,6 +101,8 @@ def read_order(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
             return
     if token.has("sequence") and _is_between_events(finder, n):
         return
+    if finder.tokens[n + 1 : n + 2] and finder.tokens[n + 1].text in ("one", "ones"):
+        return  # "the last one" of several
     if token.text in ("first", "last", "second") and (
         finder.begins_sentence(n) or finder.tokens[n - 1].kind == "comma"
     ):

@@ -26,6 +26,8 @@ _FIGURES = {
 _EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
 _STANDING = 0.4
 """Speed below which an agent stands [m/s]."""
+_STEP = 0.02
+"""Shorter steps than this have no direction [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +120,22 @@ class SceneFacts:
         if len(speed) <= window:
             return None
         return float(np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1).max())
+
+    def compute_turn(self, number: int) -> float:
+        """How far an agent turns to the left on its track [rad]; negative to the right."""
+        xy = np.array(self.agents[number].trajectory)
+        steps = np.diff(xy, axis=0)
+        steps = steps[np.hypot(*steps.T) > _STEP]
+        if len(steps) < 2:
+            return 0.0
+        heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+        return float(heading[-1] - heading[0])
+
+    def find_speed_limit(self, number: int) -> float | None:
+        """The lowest limit of the lanes by which a vehicle enters [m/s]."""
+        lanes = self.intersection_map.lanelets if self.intersection_map else ()
+        entry = self.agents[number].entry
+        return min((lane.speed_limit for lane in lanes if lane.leg == entry), default=None)
 
     def compute_braking(self, number: int) -> float:
         """The hardest braking of an agent before its track ends [m/s²]."""

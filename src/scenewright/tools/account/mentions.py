@@ -157,8 +157,8 @@ def _belongs_before(token: Token) -> bool:
     if in_phrase and token.has("left", "right"):
         return True
     return token.has(
-        "manner", "bound", "object", "opposite", "order", "side", "background", "left", "right",
-        "density", "straight", "jaywalking", "same", "lateral", "u turn", "uturn", "light",
+        "manner", "pace", "bound", "object", "opposite", "order", "side", "background", "left",
+        "right", "density", "straight", "jaywalking", "same", "lateral", "u turn", "uturn", "light",
     ) and not token.has("motion_verb", "event") and not token.is_in("not_attributes")  # fmt: skip
 
 

@@ -56,11 +56,12 @@ class PartyFinder:
             one.text in ("after", "before", "by", "when") and two.text.endswith("ing")
             for one, two in pairwise(near)
         )
-        if participle or (n and self.tokens[n - 1].text in ("without", "while", "not")):
-            return (here[0],)  # what the first one does, or not: "hits a van without braking"
         nearest = here[-1]
         stop = self.mentions[nearest].stop
         relative = any(each.is_in("relative") for each in self.tokens[stop : stop + 2])
+        denied = n and self.tokens[n - 1].text in ("without", "while", "not")
+        if participle or (denied and not relative):
+            return (here[0],)  # what the first one does, or not: "hits a van without braking"
         if relative or n == stop or (
             not self._has_break(stop, n)
             and (not self._is_object(nearest) or self._describes(nearest, n))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from scenewright.tools.account import claim_tests as tests
@@ -24,6 +25,10 @@ _HARD_BRAKING = 3.0
 """How hard who brakes hard brakes at least [m/s²]."""
 _NO_BRAKING = 1.0
 """How hard who does not brake may slow at most [m/s²]."""
+_LEAST_TURN = {"left": 0.25, "right": 0.25, "uturn": 1.5}
+"""How far who turns has turned at least before its track ends [rad]."""
+_CROSSING = 4.0
+"""Who crosses gets at least this far [m]."""
 _TIMES = {"once": 1, "twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4}
 _UNITS = {
     "m/s": {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "kmph": 1 / 3.6, "mph": 0.44704,
@@ -281,7 +286,11 @@ def _read_movement(*movements: str, kinds: str = "vehicle") -> Reader:
             return  # "the light turns red"
 
         def holds(facts: SceneFacts, number: int) -> bool:
-            return facts.agents[number].movement in movements
+            own = facts.agents[number].movement
+            turned = facts.compute_turn(number)
+            if own not in movements or own not in _LEAST_TURN:
+                return own in movements
+            return abs(turned) >= _LEAST_TURN[own] and (turned > 0.0 or own != "left")
 
         value = "/".join(movements)
         yield from _claim_all(finder, n, ("movement", value, value), holds, kinds)
@@ -297,6 +306,8 @@ def _read_hand(hand: str) -> Reader:
         if len(after) == 2 and after[0].is_in("body_parts") and after[1].text == "of":
             return ()  # "the right side of a van"
         before = finder.tokens[max(0, n - 3) : n]
+        if any(each.has("reaction") for each in before):
+            return ()  # "swerves left": nothing measures to which side
         whose = before and (
             before[-1].text.endswith("'s")
             or (
@@ -313,7 +324,11 @@ def _read_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     ways = ("crossing", "jaywalking", "straight", "left", "right")
 
     def holds(facts: SceneFacts, number: int) -> bool:
-        return facts.agents[number].movement in ways
+        agent = facts.agents[number]
+        return (
+            agent.movement in ways
+            and math.dist(*agent.trajectory[:: len(agent.trajectory) - 1]) >= _CROSSING
+        )
 
     yield from _claim_all(finder, n, ("crossing", "crosses", "crosses"), holds)
 
@@ -363,6 +378,8 @@ def _read_times(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    if any(m.start <= n < m.head for m in finder.mentions):
+        return  # "a slow van"
     denied = finder.is_denied(n)
     hard = any(each.is_in("hard") for each in finder.tokens[max(0, n - 2) : n + 3])
 
@@ -383,6 +400,17 @@ def _deny_braking(finder: PartyFinder, n: int) -> Iterator[Claim]:
         return facts.compute_braking(number) < _NO_BRAKING
 
     yield from _claim_all(finder, n, ("braking", "no braking", "no braking"), holds)
+
+
+def _read_pace(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
+    """Fast or slow: of the road user that the word describes or is said of."""
+    if finder.is_denied(n):
+        return
+    start, stop = finder.tokens[n].senses[f"pace.{value}"]
+    subjects = finder.find_subjects(start)
+    owner = next((i for i, m in enumerate(finder.mentions) if m.start <= n < m.head), None)
+    subjects = subjects if owner is None else (owner,)
+    yield Claim("pace", value, tuple(range(start, stop)), subjects, tests.PaceTest(subjects, value))
 
 
 def _read_motion_verb(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
@@ -512,6 +540,8 @@ _READERS: Mapping[str, Reader] = {
     "point": _read_point,
     "kind": _read_kind,
     "centre": _read_scene("side", "centre", tests.check_centre),
+    "pace": _read_pace,
+    "close": _read_any("manoeuvre", tests.find_close_following),
     "priority": _read_scene("order", "priority", tests.check_priority),
     "motion_verb": _read_motion_verb,
 }

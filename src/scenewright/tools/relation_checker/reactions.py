@@ -58,7 +58,7 @@ THRESHOLDS = {
     "scooter": _Threshold(0.8, 0.4),
     "pedestrian": _Threshold(0.5, 0.2),
 }
-ASIDE, ASIDE_ACCELERATION = 0.2, 0.7
+ASIDE, ASIDE_ACCELERATION = 0.4, 0.7
 """Offset to a side [m] and lateral acceleration [m/s^2] from which a vehicle swerves."""
 BACK, JUMPS = 0.25, 1.0
 """How far a pedestrian goes backwards who steps back [m], and how fast who jumps [m/s]."""

@@ -29,6 +29,7 @@ from scenewright.tools.solver.reacted_collision import (
 )
 from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
 from scenewright.tools.solver.rear_end import (
+    TURNED,
     compute_passing_time,
     plan_rear_ends,
 )
@@ -366,6 +367,8 @@ def _find_fault(
     if clause.kind not in (None, found.kind):
         kind = found.kind or "none of the kinds for sure"
         return FailureStage.KIND, f"{first} and {second} touch as {kind}", 0.0
+    if found.kind == "rear_end" and _is_before_turn(a, found):
+        return FailureStage.PLACE, f"{first} strikes before it turns", 0.0
     if _is_wrong_striker(found, clause, striker, strict=strict):
         strikes, struck = pair if striker == 1 else pair[::-1]
         words = f"{strikes} strikes {struck}, not the other way round"
@@ -389,6 +392,15 @@ def _find_fault(
         words = f"a relative speed of {least:g} m/s at contact: they reach {found.closing:.1f} m/s"
         return FailureStage.MEASURE, words, least - found.closing
     return None
+
+
+def _is_before_turn(a: ScheduledAgent, found: FirstContact) -> bool:
+    """Whether a contact comes before who turns is seen to turn."""
+    heading = a.candidate.path.heading
+    if np.abs(heading - heading[0]).max() < TURNED:
+        return False
+    at_contact = float(a.get_poses(np.array([found.time]))[0][2])
+    return bool(np.cos(at_contact - heading[0]) > np.cos(TURNED - 0.1))
 
 
 def _is_wrong_striker(

@@ -25,6 +25,9 @@ _SUDDEN, _SUDDEN_BRAKING = (0.62, 0.82), 3.2
 """Where on its path (share of it) a leader stops without a light, and how hard it brakes
 [m/s^2]."""
 
+TURNED = 0.35
+"""Who has turned so far is seen to turn [rad]."""
+
 _SPEED_LEFT, _PUSHING_SPEED = (3.0, 5.5), (6.5, 9.5)
 """At contact, where the text names none, after braking too late [m/s]; the second of who pushes
 the one that it strikes into another."""
@@ -94,9 +97,14 @@ def _list_standing_leaders(
             yield lingering
         return
     at_light = _stop_at_light(b, room)
-    if at_light is not None:
+    path = b.candidate.path
+    turned = np.flatnonzero(np.abs(path.heading - path.heading[0]) >= TURNED)
+    if at_light is not None and not len(turned):
         yield at_light
-    for share in rng.uniform(*_SUDDEN, 2):
+    low, high = _SUDDEN
+    if len(turned):  # who turns is struck in the turn: at the light nothing would show it
+        low = max(low, (path.s[turned[0]] + b.candidate.shape.length + 2.0) / path.length)
+    for share in rng.uniform(low, max(high, low + 0.05), 2):
         place = b.landmarks.move_off_crosswalks(share * b.candidate.path.length)
         hold = StopCommand(place, 0.0, _SUDDEN_BRAKING)
         start = b.enters + compute_arrival(b.candidate, hold)

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate
 
+from scenewright.geometry.spline import interpolate_clamped
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
@@ -238,13 +237,11 @@ def _compute_progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArra
 
 def _interpolate_deviations(guide: Guide, times: FloatArray, ahead: FloatArray) -> FloatArray:
     """[T] deviations at the network's steps brought to 0.1 s by a spline of smooth acceleration."""
-    make: Any = interpolate.CubicSpline
     fine = np.zeros(len(guide.s))
     seen = np.flatnonzero(np.isfinite(ahead))
     if len(seen) < 2:
         return fine
-    spline = make(times[seen], ahead[seen], bc_type="clamped")
     local = guide.enters + STEP * np.arange(len(guide.s))
     inside = (local >= times[seen[0]]) & (local <= times[seen[-1]])
-    fine[inside] = spline(local[inside])
+    fine[inside] = interpolate_clamped(local[inside], times[seen], ahead[seen])
     return fine

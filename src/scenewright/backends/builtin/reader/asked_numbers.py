@@ -39,6 +39,24 @@ _MOST: dict[str, dict[str, float]] = {
 }
 """The most of a class, where it is less than a scene can have (SEMANTICS 5 and 8)."""
 
+_FAST = re.compile(
+    r"\b(?:fast|speed(?:s|ing)?|quick(?:ly)?|rapid(?:ly)?|rac(?:es?|ing)|tear(?:s|ing)|flying|brisk(?:ly)?"
+    r"|full speed|at speed|high speed|hurtl\w+|zoom\w*)\b",
+    re.IGNORECASE,
+)
+_SLOW = re.compile(
+    r"\b(?:slow(?:ly)?|crawl\w*|creep\w*|walking (?:pace|speed)|low speed|snail\W*s pace"
+    r"|leisurely|unhurried|dawdl\w*|trundl\w*)\b",
+    re.IGNORECASE,
+)
+_PACES: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
+    "vehicle": ((2.5, 6.5), (11.7, 16.0)),
+    "pedestrian": ((0.6, 1.15), (2.05, 3.0)),
+    "cyclist": ((1.8, 4.0), (6.4, 9.0)),
+    "scooter": ((1.8, 3.6), (5.5, 7.0)),
+}
+"""Kept speeds of slow and of fast agents of a class [m/s]; a fast vehicle exceeds 25 mph."""
+
 _EVENTS = ("collide_at", "near_miss", "yield_to", "follow")
 _EVENTS_OF: dict[str, tuple[str, ...]] = {
     "headway": ("follow",),
@@ -85,6 +103,8 @@ def read_number(
     Raises:
         Refused: a figure that no scene can have, with the most that it can.
     """
+    if span.tag not in _KIND_OF:
+        return AskedNumber(tuple(_read_pace(span, draft, users)))
     span = _give_to_striker(_make_driven(span, text, spans), text, spans)
     before = _get_words_before(span, text)
     unit = parse_range(span.words, before, 0.0)
@@ -105,6 +125,24 @@ def read_number(
     if not bounded:
         return None
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
+
+
+def says_pace(span: ReadSpan) -> bool:
+    """Whether the words ask for a fast or a slow agent: "speeding", "a slow van"."""
+    if span.tag not in ("pace", "follow", *MENTIONS):
+        return False
+    return not span.negated and bool(_FAST.search(span.words)) != bool(_SLOW.search(span.words))
+
+
+def _read_pace(
+    span: ReadSpan, draft: Draft, users: dict[int, AgentDraft]
+) -> Iterator[MeasureDraft]:
+    """Bounds for the speed of each agent that has no other speed asked for."""
+    timed = [id(each.agent) for each in draft.measures if each.kind == "speed"]
+    for agent in (users[n] for n in span.subjects if n in users):
+        if id(agent) not in timed:
+            low, high = _PACES[agent.type][bool(_FAST.search(span.words))]
+            yield MeasureDraft("speed", agent, None, low, high)
 
 
 def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:

@@ -23,7 +23,7 @@ from scenewright.backends.builtin.reader.annotation import (
     SEPARATOR,
     SIDES,
 )
-from scenewright.backends.builtin.reader.asked_numbers import NUMBERS, read_number
+from scenewright.backends.builtin.reader.asked_numbers import NUMBERS, read_number, says_pace
 from scenewright.backends.builtin.reader.groups import GROUP
 from scenewright.backends.builtin.reader.manoeuvres import (
     read_lanes,
@@ -1120,8 +1120,8 @@ _TOLD = {"pet": "pet {:.4g} s", "ttc": "ttc {:.4g} s", "contact_speed": "impact_
 
 
 def _read_numbers(result: Interpretation) -> None:
-    """Figures, once all that happens is known."""
-    for span in result.numbers:
+    """Figures, once all that happens is known, and then words of pace."""
+    for span in (*result.numbers, *filter(says_pace, result.spans)):
         asked = read_number(span, result.text, result.draft, result.users, result.spans)
         if asked is None:
             _pass_over_number(result, span)
