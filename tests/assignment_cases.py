@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.background_assignment import BackgroundAgent, Option
-from scenewright.tools.solver.offers import AgentOffers, CandidateOffer
 from scenewright.tools.solver.reservation import find_blocked_offsets
 from solver_agents import EAST, NORTH, SOUTH, WESTBOUND, actor, candidate, law, straight, walker
 
@@ -34,15 +33,6 @@ def agent(name, options, *, foreground=False, reserve=False) -> BackgroundAgent:
     return BackgroundAgent(
         name, kind, foreground, lambda _standing: tuple(options), reserve=reserve
     )
-
-
-def invited(each: BackgroundAgent) -> AgentOffers:
-    """The guest by what it offers: one offer per option, cheapest first."""
-    ranked = sorted(each.options, key=lambda option: option.cost)
-    offers = tuple(
-        CandidateOffer(option.cost, lambda option=option: (option,)) for option in ranked
-    )
-    return AgentOffers(each.name, each.type, each.foreground, offers, each.reserve)
 
 
 def keeps_apart(one, other, strict) -> bool:
@@ -122,15 +112,13 @@ def is_a_seating(assignment, agents, fixed, wanted) -> float:
     by_name = {each.name: each for each in agents}
     cost = sum(
         o.cost - min(x.cost for x in by_name[name].options) + SPARE_COST * by_name[name].reserve
-        for name, (o, _) in assignment.chosen.items()
+        for name, (o, _) in assignment.items()
     )
     for kind, count in wanted.items():
-        crowd = [
-            n for n in assignment.chosen if not by_name[n].foreground and by_name[n].type == kind
-        ]
+        crowd = [n for n in assignment if not by_name[n].foreground and by_name[n].type == kind]
         assert len(crowd) == count
-    assert all(start in o.starts for o, start in assignment.chosen.values())
-    placed = list(assignment.chosen.items())
+    assert all(start in o.starts for o, start in assignment.values())
+    placed = list(assignment.items())
     for n, (name, (o, start)) in enumerate(placed):
         for f in fixed.values():
             assert keeps_apart((f, round(f.enters / STEP)), (o.actor, start), strict=True)

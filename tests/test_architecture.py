@@ -14,7 +14,7 @@ import scenewright
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(scenewright.__file__).parent
-HEAVY = {"torch", "sklearn", "ortools", "rerun", "matplotlib", "openai", "anthropic", "httpx"}
+HEAVY = {"torch", "sklearn", "rerun", "matplotlib", "openai", "anthropic", "httpx"}
 
 
 def test_floors_hold() -> None:

@@ -109,50 +109,49 @@ def test_a_row_has_a_folder_of_its_own_and_none_lies_outside(whole: Path) -> Non
     assert sorted(path.name for path in whole.parent.iterdir()) == ["out", "rows.jsonl"]
 
 
-def test_the_tables_load_and_hold_every_row(whole: Path) -> None:
-    import pandas as pd
+def read_table(folder: Path, name: str) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = (
+        import_parquet().read_table(folder / "tables" / f"{name}.parquet").to_pylist()
+    )
+    return rows
 
-    frames = {
-        name: pd.read_parquet(whole / "tables" / f"{name}.parquet")
-        for name in ("scenes", "agents", "tracks", "events")
-    }
-    scenes = frames["scenes"].set_index("row")
-    assert list(scenes.index) == list(TEXTS)
-    assert scenes.loc["pizza", "status"] == "refused"
-    assert "traffic" in str(scenes.loc["pizza", "reason"])
-    assert scenes.loc["../../etc", "folder"] != "../../etc"
-    asked = frames["events"][frames["events"]["asked"]]
-    assert set(zip(asked["row"], asked["type"], strict=True)) == {
-        ("../../etc", "collision"),
-        ("follow", "follow"),
-    }
+
+def test_the_tables_load_and_hold_every_row(whole: Path) -> None:
+    scenes = {row["row"]: row for row in read_table(whole, "scenes")}
+    assert list(scenes) == list(TEXTS)
+    assert scenes["pizza"]["status"] == "refused"
+    assert "traffic" in scenes["pizza"]["reason"]
+    assert scenes["../../etc"]["folder"] != "../../etc"
+    asked = {(row["row"], row["type"]) for row in read_table(whole, "events") if row["asked"]}
+    assert asked == {("../../etc", "collision"), ("follow", "follow")}
     scene = json.loads((whole / "follow" / "scene.json").read_bytes())
-    track = frames["tracks"].query("row == 'follow' and agent == 1")
+    track = list_samples(whole)
     agent = next(each for each in scene["agents"] if each["id"] == 1)
-    assert track[["x", "y"]].to_numpy().tolist() == agent["trajectory"]
-    assert math.isclose(track["time"].iloc[0], agent["spawn_time"])
+    assert [[each["x"], each["y"]] for each in track] == agent["trajectory"]
+    assert math.isclose(track[0]["time"], agent["spawn_time"])
+
+
+def list_samples(folder: Path) -> list[dict[str, Any]]:
+    """The samples of agent 1 of one row, in order."""
+    rows = read_table(folder, "tracks")
+    return [row for row in rows if row["row"] == "follow" and row["agent"] == 1]
 
 
 def test_tracks_have_velocities_and_the_map_and_the_lights_are_tables(whole: Path) -> None:
-    import pandas as pd
-
-    frames = {
-        name: pd.read_parquet(whole / "tables" / f"{name}.parquet")
-        for name in ("tracks", "lights", "map", "events")
-    }
-    track = frames["tracks"].query("row == 'follow' and agent == 1")
-    moved = (track["x"].iloc[11] - track["x"].iloc[9]) / 0.2
-    assert math.isclose(track["vx"].iloc[10], moved, abs_tol=2e-3)
-    slowed = (track["vx"].iloc[11] - track["vx"].iloc[9]) / 0.2
-    assert math.isclose(track["ax"].iloc[10], slowed, abs_tol=2e-2)
+    track = list_samples(whole)
+    moved = (track[11]["x"] - track[9]["x"]) / 0.2
+    assert math.isclose(track[10]["vx"], moved, abs_tol=2e-3)
+    slowed = (track[11]["vx"] - track[9]["vx"]) / 0.2
+    assert math.isclose(track[10]["ax"], slowed, abs_tol=2e-2)
     scene = json.loads((whole / "calm" / "scene.json").read_bytes())
-    assert (frames["lights"]["row"] == "calm").sum() == len(scene["signals"])
-    place = load_map("amsterdam_120")
-    assert (frames["map"]["kind"] == "crosswalk").sum() == len(place.crosswalks)
-    assert not frames["map"]["feature"].duplicated().any()
-    queues = frames["events"][frames["events"]["queue"]]
-    assert (queues["type"] == "follow").all()
-    assert not queues["asked"].any()
+    lights = [row for row in read_table(whole, "lights") if row["row"] == "calm"]
+    assert len(lights) == len(scene["signals"])
+    shapes, place = read_table(whole, "map"), load_map("amsterdam_120")
+    assert sum(row["kind"] == "crosswalk" for row in shapes) == len(place.crosswalks)
+    assert len({row["feature"] for row in shapes}) == len(shapes)
+    queues = [row for row in read_table(whole, "events") if row["queue"]]
+    assert {row["type"] for row in queues} == {"follow"}
+    assert not any(row["asked"] for row in queues)
 
 
 def test_a_dataset_is_divided_without_telling_answers_and_nothing_is_lost(

@@ -648,7 +648,7 @@ def _find_taxonomy_leaf(pattern: str) -> str:
 
 @cache
 def _list_versions() -> dict[str, str]:
-    packages = ("scenewright", "langgraph", "numpy", "ortools", "pydantic", "shapely")
+    packages = ("scenewright", "langgraph", "numpy", "pydantic", "shapely")
     return {package: version(package) for package in packages}
 
 

@@ -1,10 +1,9 @@
 """Candidate and entry time of background agents, which no relation binds.
 
-Two ways. Sequentially (`assign_in_turn`): each agent takes the first of its options that keeps
-clear of those assigned before it, as near to its drawn entry time as possible; an agent without a
-free option is replaced by a reserve agent. That is a draw among the surviving combinations.
-
-At once, at least cost: see `assignment`.
+Each agent in turn takes the first of its options that keeps clear of those assigned before it, as
+near to its drawn entry time as possible; an agent without a free option is replaced by a reserve
+agent. That is a draw among the surviving combinations, and where options come by ascending cost, a
+cheap one.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.reservation import ReservationTable, Steps, find_blocked_offsets
+from scenewright.tools.solver.reservation import ReservationTable, Steps
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 
@@ -83,30 +82,26 @@ class BackgroundAgent:
         return tuple(self.make(AssignedAgents()))
 
 
-@dataclass(frozen=True, eq=False)
-class Assignment:
-    """Chosen option and entry time [steps] of every background agent that takes part."""
-
-    chosen: Mapping[str, tuple[Option, int]]
-    optimal: bool
-    rounds: int
-    pairs: int
+Assignment = Mapping[str, tuple[Option, int]]
+"""Chosen option and entry time [steps] of every background agent that takes part."""
 
 
 def assign_in_turn(
     agents: Sequence[BackgroundAgent],
-    table: ConflictTable,
+    fixed: Iterable[ScheduledAgent],
     wanted: Mapping[AgentClass, int],
     least: Mapping[AgentClass, int] | None = None,
 ) -> Assignment | str:
     """Assign agents in the order given until every class has as many as wanted.
 
     Args:
+        fixed: agents whose times are settled.
         least: how many of each class suffice if no more fit; None for as many as wanted.
     """
     left = dict(wanted)
-    present = ReservationTable(table.fixed)
-    assigned = AssignedAgents(list(table.fixed), present)
+    fixed = list(fixed)
+    present = ReservationTable(fixed)
+    assigned = AssignedAgents(fixed, present)
     for agent in sorted(agents, key=lambda each: not each.foreground):
         if not agent.foreground and left[agent.type] <= 0:
             continue
@@ -121,7 +116,7 @@ def assign_in_turn(
     enough = wanted if least is None else least
     if any(wanted[kind] - left[kind] < enough.get(kind, wanted[kind]) for kind in wanted):
         return f"no room for {sum(left.values())} of {sum(wanted.values())} further agents"
-    return Assignment(assigned.chosen, optimal=False, rounds=1, pairs=len(assigned.chosen))
+    return assigned.chosen
 
 
 def _find_free_option(
@@ -135,42 +130,3 @@ def _find_free_option(
         if len(free):
             return option, int(free[np.argmin(np.abs(free - option.drawn_time))])
     return None
-
-
-class ConflictTable:
-    """Forbidden differences of entry times, computed once per pair of options that meet.
-
-    Args:
-        fixed: agents whose times are settled. Options are known by identity: keep them alive.
-    """
-
-    def __init__(self, fixed: Iterable[ScheduledAgent]) -> None:
-        self.fixed = list(fixed)
-        self._free: dict[int, Steps] = {}
-        self._pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
-        self.evaluated = 0
-
-    @cached_property
-    def _present(self) -> ReservationTable:
-        return ReservationTable(self.fixed)
-
-    def list_clear_times(self, option: Option) -> Steps:
-        """List the option's entry times [steps] that keep clear of every fixed agent."""
-        key = id(option)
-        if key not in self._free:
-            self._free[key] = self._present.find_free_times(
-                option.actor, option.starts, foreground=True
-            )
-        return self._free[key]
-
-    def list_open_times(self, option: Option) -> Steps:
-        """List the entry times to choose among; a single one is checked only once it is chosen."""
-        return option.starts if len(option.starts) == 1 else self.list_clear_times(option)
-
-    def compute_conflicts(self, a: Option, b: Option, strict: bool) -> list[tuple[int, int]]:
-        """Compute which differences of entry times [steps] the two options forbid."""
-        key = (id(a), id(b))
-        if key not in self._pairs:
-            self.evaluated += 1
-            self._pairs[key] = find_blocked_offsets(a.actor, b.actor, strict=strict)
-        return self._pairs[key]

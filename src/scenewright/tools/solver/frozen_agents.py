@@ -27,7 +27,6 @@ from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalDemand, find_feasible_offsets
 from scenewright.tools.solver.background_assignment import (
     Assignment,
-    ConflictTable,
     Option,
     assign_in_turn,
 )
@@ -217,7 +216,7 @@ class FrozenAgentsSearch(Search):
         if any(count < 0 for count in wanted.values()):
             return "more agents stay than there shall be"
         agents = self._list_background(timed, placed={*actors, *self._stays})
-        return assign_in_turn(agents, ConflictTable(fixed), wanted)
+        return assign_in_turn(agents, fixed, wanted)
 
     def _list_staying(
         self, timed: TimedSchedule
@@ -247,11 +246,11 @@ class FrozenAgentsSearch(Search):
         self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
     ) -> Selection:
         """Build the selection in which the fixed agents are unchanged."""
-        chosen = dict(assignment.chosen)
+        chosen = dict(assignment)
         for name, agent in self._stays.items():
             chosen[name] = _convert_to_option(agent, self._compute_landmarks(agent.candidate))
         index = dict.fromkeys(timed.schedule.actors, 0) | choice
-        found = super()._build_selection(timed, index, replace(assignment, chosen=chosen))
+        found = super()._build_selection(timed, index, chosen)
         stay = {
             name: agent
             for name, agent in self._pins.fixed.items()

@@ -1,4 +1,8 @@
-"""The least-cost combination (paper Eq. 4): tuples by ascending cost, all other agents at once."""
+"""A combination of least cost (paper Eq. 4): tuples and other agents by ascending cost.
+
+The tuples of the foreground are exact; all others take their cheapest free option in turn. What is
+found is called optimal only where nothing can cost less: where all others have their cheapest.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +14,14 @@ from functools import partial
 import numpy as np
 
 from scenewright.geometry.landmarks import Landmarks
-from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import AgentCandidates, Candidate
 from scenewright.scene.selection import Selection
 from scenewright.scene.track import STEP, get_vehicle_shape
-from scenewright.tools.solver.assignment import assign_cheapest, assign_min_cost
 from scenewright.tools.solver.background_assignment import (
-    ConflictTable,
+    AssignedAgents,
+    BackgroundAgent,
     Option,
+    assign_in_turn,
 )
 from scenewright.tools.solver.combinations import enumerate_best_first
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
@@ -29,22 +33,16 @@ from scenewright.tools.solver.entry_times import (
 )
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.objects import is_in_way
-from scenewright.tools.solver.offers import AgentOffers, CandidateOffer
 from scenewright.tools.solver.schedule import PartialSchedule
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.search import WAITING_ALREADY, Search, TimedSchedule, add_tuple_count
 
-_MAP_TUPLES, _MAP_GLANCES, _MAP_UNSEATED = 200, 48, 4
-"""Tuples, checks whether all other agents might have their cheapest option, and failed assignments
-after which `map` returns the best found."""
+_MAP_TUPLES, _MAP_ASSIGNMENTS = 200, 48
+"""Tuples, and timings with all other agents, after which `map` returns the best found."""
 
-_MAP_PLAYS, _MAP_STAGINGS, _MAP_FRAMINGS, _MAP_SEATINGS = 4, 8, 8, 2
-"""For one tuple: how often it is scheduled afresh, schedules checked each time, timings in which
-all others might have their cheapest option, and timings in which the assignment is computed."""
-
-_MAP_EFFORT = 0.1
-"""Share of its bounds that one such assignment may spend: another timing costs less than a
-proof."""
+_MAP_PLAYS, _MAP_STAGINGS, _MAP_FRAMINGS = 4, 8, 8
+"""For one tuple: how often it is scheduled afresh, schedules checked each time, and timings in
+which all others are assigned."""
 
 _FOLLOWS_AFTER = 1.2
 """How much later than the first in its lane the second starts [s]."""
@@ -55,7 +53,7 @@ than the next."""
 
 
 class MinCostSearch(Search):
-    """Tuples by ascending cost, the other agents at least cost; a bound on what may be cheaper."""
+    """Tuples by ascending cost, the other agents cheaply; a bound on what may be cheaper."""
 
     def _find_survivor(self) -> Selection | None:
         """Find the least-cost combination: tuples by ascending lower bound, until none can be
@@ -91,8 +89,7 @@ class MinCostSearch(Search):
         """Return whether `map` stops: nothing cheaper is left, or its budget is spent."""
         if best is not None and floor >= best.cost - _SAME:
             return True
-        hopeless = self._unseated >= _MAP_UNSEATED and best is None
-        return hopeless or tried >= _MAP_TUPLES or self._glances >= _MAP_GLANCES
+        return tried >= _MAP_TUPLES or self._glances >= _MAP_ASSIGNMENTS
 
     def _find_cheapest(self, choice: dict[str, int], floor: float) -> tuple[Selection | None, bool]:
         """Find the cheapest selection with a tuple, and whether it is certain that none is
@@ -100,51 +97,51 @@ class MinCostSearch(Search):
         set_up = self._set_up(choice)
         if set_up is None:
             return None, True
-        framings: list[TimedSchedule] = []
-        before = self._staged
+        best: Selection | None = None
+        before, framings = self._staged, 0
         for schedule in self._list_schedules(*set_up):
             self._staged += 1
             timed = self._time_schedule(schedule, choice)
             if timed is None:
                 continue
-            framings.append(timed)
+            framings += 1
             self._glances += 1
-            assignment = assign_cheapest(*self._list_others(timed))
-            if assignment is not None:
+            fixed = [each.cut_after(timed.duration) for each in timed.schedule.actors.values()]
+            assignment = assign_in_turn(
+                self._list_others(timed), fixed, self._pool.background, self._pool.least
+            )
+            if isinstance(assignment, str):
+                self._failures[assignment] += 1
+            else:
                 selection = self._build_selection(timed, choice, assignment)
                 if selection.cost <= floor + _SAME:
                     return selection, True
-            if len(framings) >= _MAP_FRAMINGS:
+                best = min(best or selection, selection, key=lambda each: each.cost)
+            if framings >= _MAP_FRAMINGS:
                 break
         if self._staged == before:
             return None, not self._meet(set_up[0])
-        return self._assign_above_bound(framings[:_MAP_SEATINGS], choice), False
+        return best, False
 
-    def _assign_above_bound(
-        self, framings: list[TimedSchedule], choice: dict[str, int]
-    ) -> Selection | None:
-        """Find the cheapest selection in one of these timings, if not all have their cheapest
-        option."""
-        found: list[Selection] = []
-        for timed in framings:
-            if self._unseated >= _MAP_UNSEATED:
-                break
-            assignment = assign_min_cost(*self._list_others(timed), effort=_MAP_EFFORT)
-            if isinstance(assignment, str):
-                self._unseated += 1
-                self._failures[assignment] += 1
-            else:
-                found.append(self._build_selection(timed, choice, assignment))
-        return min(found, key=lambda each: each.cost, default=None)
+    def _list_others(self, timed: TimedSchedule) -> list[BackgroundAgent]:
+        """List all other agents, those first whose cheapest candidate costs least."""
+        return [
+            BackgroundAgent(
+                name=draws.name,
+                type=draws.route.type,
+                foreground=draws.role == "foreground",
+                make=partial(self._list_cheapest_first, draws, timed),
+            )
+            for draws in sorted(self._list_unbound(), key=self._compute_least_cost)
+            if not draws.reserve
+        ]
 
-    def _list_others(
-        self, timed: TimedSchedule
-    ) -> tuple[list[AgentOffers], ConflictTable, Mapping[AgentClass, int]]:
-        """List all other agents around the foreground."""
-        table = ConflictTable(
-            each.cut_after(timed.duration) for each in timed.schedule.actors.values()
-        )
-        return self._list_offers(timed, table.fixed), table, self._pool.background
+    def _list_cheapest_first(
+        self, draws: AgentCandidates, timed: TimedSchedule, assigned: AssignedAgents
+    ) -> Iterator[Option]:
+        """List the options of an agent by ascending cost of their candidate."""
+        for m in _rank_candidates(draws):
+            yield from self._list_options_at_any_time(draws, m, timed, assigned.standing)
 
     def _list_schedules(
         self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
@@ -192,30 +189,6 @@ class MinCostSearch(Search):
             m for m in _rank_candidates(draws) if self._get_candidate(draws.name, m) is not None
         )
         return next((self._get_cost(draws.name, m) for m in fits), float("inf"))
-
-    def _list_offers(
-        self, timed: TimedSchedule, fixed: Sequence[ScheduledAgent]
-    ) -> list[AgentOffers]:
-        """List the other agents by their candidates, built when they are used."""
-        return [
-            AgentOffers(
-                name=draws.name,
-                type=draws.route.type,
-                foreground=draws.role == "foreground",
-                offers=self._build_offers(draws, timed, fixed),
-            )
-            for draws in self._list_unbound()
-            if not draws.reserve
-        ]
-
-    def _build_offers(
-        self, draws: AgentCandidates, timed: TimedSchedule, fixed: Sequence[ScheduledAgent]
-    ) -> tuple[CandidateOffer, ...]:
-        ways = partial(self._list_options_at_any_time, draws, timed=timed, fixed=fixed)
-        return tuple(
-            CandidateOffer(self._get_cost(draws.name, m), partial(ways, m))
-            for m in _rank_candidates(draws)
-        )
 
     def _list_options_at_any_time(
         self, draws: AgentCandidates, m: int, timed: TimedSchedule, fixed: Sequence[ScheduledAgent]

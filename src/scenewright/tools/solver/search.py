@@ -67,7 +67,6 @@ from scenewright.tools.solver.background_assignment import (
     AssignedAgents,
     Assignment,
     BackgroundAgent,
-    ConflictTable,
     Option,
     assign_in_turn,
 )
@@ -775,9 +774,9 @@ class Search:
     def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
         """Assign all other agents around the foreground; reserves replace those without room."""
         actors = timed.schedule.actors
-        table = ConflictTable(actor.cut_after(timed.duration) for actor in actors.values())
+        fixed = [actor.cut_after(timed.duration) for actor in actors.values()]
         agents = self._list_background(timed, placed=actors)
-        return assign_in_turn(agents, table, self._pool.background, self._pool.least)
+        return assign_in_turn(agents, fixed, self._pool.background, self._pool.least)
 
     def _list_background(
         self, timed: TimedSchedule, *, placed: Container[str]
@@ -985,10 +984,10 @@ class Search:
         for name, draws in self._pool.agents.items():
             if name in schedule.actors:
                 actor, index = schedule.actors[name], choice[self._leads.get(name, name)]
-            elif name not in assignment.chosen:
+            elif name not in assignment:
                 continue
             else:
-                option, start = assignment.chosen[name]
+                option, start = assignment[name]
                 actor, index = option.actor.shift(start * STEP), option.index
             agents[name] = SelectedAgent(
                 name=name,
@@ -1021,9 +1020,8 @@ class Search:
             signal_offset=timed.offset,
             nll=nll,
             cost=sum(self._get_cost(name, agent.index) for name, agent in agents.items()),
-            optimal=assignment.optimal,
+            optimal=False,
             objects=timed.objects,
-            figures={"rounds": assignment.rounds, "pairs": assignment.pairs},
         )
 
     def _build_rejection(self) -> Rejection:
