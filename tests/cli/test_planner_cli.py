@@ -10,6 +10,8 @@ from typer.testing import CliRunner
 
 from scenewright.backends.builtin.reader.encoder import OWN_WEIGHTS, Encoder, load_encoder_weights
 from scenewright.backends.builtin.reader.reading import read_text
+from scenewright.backends.builtin.training import corpus
+from scenewright.backends.builtin.training.corpus import list_package_files
 from scenewright.cli.main import app
 
 GOOD = "[veh:1 A milk float] from the [from:1 north] [yield:1>2 dawdles for] [ped:2 a hen party]\n"
@@ -30,6 +32,8 @@ def test_a_training_writes_weights_that_read(
 ) -> None:
     file, out = tmp_path / "mine.txt", tmp_path / "mine.safetensors"
     file.write_text(GOOD)
+    files = list_package_files()[:2]
+    monkeypatch.setattr(corpus, "list_package_files", lambda: files)
     words = ["planner", "train", str(file), "--out", str(out), "--steps", "1"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output

@@ -263,7 +263,12 @@ def test_a_body_that_is_cut_short_is_no_fault() -> None:
 def test_the_command_prints_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "scenewright", "serve", "--port", "0"]
     command += ["--threads", str(tmp_path / "threads.sqlite")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as served:
+    with subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509 -- no thread runs yet
+    ) as served:
         assert served.stderr is not None
         line = served.stderr.readline()
         found = re.fullmatch(r"open (http://127\.0\.0\.1:\d+/\?token=\S+)\n", line)

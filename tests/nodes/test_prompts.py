@@ -53,7 +53,7 @@ CHAIN = (
 YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
 
 
-SPANS = (("nearby", "constraint"), ("slowly", "behavior"), ("far", "constraint"))
+SPANS = (("nearby", "constraint"), ("gingerly", "behavior"), ("far", "constraint"))
 
 
 class Listening:

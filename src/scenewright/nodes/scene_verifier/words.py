@@ -13,7 +13,7 @@ from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
 
-REDRAWN = ("sequence", "stop", "braking", "order", "cause")
+REDRAWN = ("sequence", "stop", "braking", "order", "cause", "crossing", "side centre")
 """Types of claims that hold of some samples of a plan and not of others."""
 SERVED = ("constraint", "behavior", "measure")
 """What the stages after the planner serve words as; a sample may miss it by a little."""
@@ -65,4 +65,7 @@ def _may_be_redrawn(word: AccountEntry, scene: SceneRecord) -> bool:
     if word.state == "not_shown":
         return served
     claim = word.claim or ""
+    if claim.startswith("movement"):  # one that turns may turn earlier
+        ways = claim.removeprefix("movement ").split("/")
+        return any(each.movement in ways for each in scene.agents if each.role == "foreground")
     return served or claim.startswith(REDRAWN) or claim.endswith("to a stop")

@@ -34,7 +34,7 @@ _DENIABLE = ("normal", "stop", "brake", "red", "reaction", "beyond", "background
              "avoid", "manner", "crosswalk", "jaywalking", "turn", "order", "light", "sight",
              "event")  # fmt: skip
 """Senses of words that a negation, or "almost", may belong to."""
-_RELATIVE = ("count", "stop", "braking", "density", "background", "order")
+_RELATIVE = ("count", "stop", "braking", "density", "background", "order", "pace")
 """Types of claims that a change may make of how it was before: "half a metre earlier"."""
 _NOT_SHOWN = "no claim covers it"
 _BEYOND = {

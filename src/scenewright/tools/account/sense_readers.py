@@ -25,8 +25,8 @@ _HARD_BRAKING = 3.0
 """How hard who brakes hard brakes at least [m/s²]."""
 _NO_BRAKING = 1.0
 """How hard who does not brake may slow at most [m/s²]."""
-_LEAST_TURN = {"left": 0.25, "right": 0.25, "uturn": 1.5}
-"""How far who turns has turned at least before its track ends [rad]."""
+_LEAST_TURN = 0.08
+"""How far who turns has turned at least before its track ends [rad]; a right hook ends early."""
 _CROSSING = 4.0
 """Who crosses gets at least this far [m]."""
 _TIMES = {"once": 1, "twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4}
@@ -287,10 +287,10 @@ def _read_movement(*movements: str, kinds: str = "vehicle") -> Reader:
 
         def holds(facts: SceneFacts, number: int) -> bool:
             own = facts.agents[number].movement
-            turned = facts.compute_turn(number)
-            if own not in movements or own not in _LEAST_TURN:
-                return own in movements
-            return abs(turned) >= _LEAST_TURN[own] and (turned > 0.0 or own != "left")
+            turns = own in ("left", "right", "uturn")
+            return own in movements and (
+                not turns or abs(facts.compute_turn(number)) >= _LEAST_TURN
+            )
 
         value = "/".join(movements)
         yield from _claim_all(finder, n, ("movement", value, value), holds, kinds)
