@@ -30,6 +30,7 @@ demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
 
 test: $(TOOLS)
+	$(BIN)/scenewright warm  # else every tester compiles the same loops
 	$(BIN)/pytest --numprocesses $(TESTERS) --dist worksteal
 
 lint: $(TOOLS)

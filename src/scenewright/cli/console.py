@@ -132,19 +132,19 @@ def show_progress(*, quiet: bool) -> Iterator[ProgressCallback]:
     if quiet:
         yield _stop_on_interrupt(lambda *_: None)
     elif is_terminal(sys.stderr):
-        _say_if_new()
+        say_if_new()
         with _show_spinner() as log:
             yield _stop_on_interrupt(log)
     else:
         yield _stop_on_interrupt(_ProgressLines())
 
 
-def _say_if_new() -> None:
-    """Says at the first scene why it takes longer."""
+def say_if_new() -> None:
+    """Say why the first scene takes longer, where nothing is compiled yet."""
     from scenewright.compiled import has_cache
 
     if not has_cache():
-        log_line("compiling the innermost loops, once after an installation: some 15 s")
+        log_line("compiling the innermost loops, once after an installation: about a minute")
 
 
 def _stop_on_interrupt(log: ProgressCallback) -> ProgressCallback:

@@ -39,6 +39,7 @@ from scenewright.cli.console import (
     abandon_stdout,
     format_one_line,
     log_line,
+    say_if_new,
     show_progress,
     write_json,
     write_stdout,
@@ -203,6 +204,15 @@ def _log_summary(lines: list[str]) -> None:
         log_line(
             format_one_line(line) if not line.startswith(" ") else "  " + format_one_line(line)
         )
+
+
+@app.command()
+def warm() -> None:
+    """Compile the innermost loops, once after an installation, so that no scene waits for it."""
+    from scenewright.graph.run import synthesize
+
+    say_if_new()
+    synthesize("A car hits a pedestrian", seed=0)
 
 
 @app.command()

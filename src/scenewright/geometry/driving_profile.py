@@ -18,7 +18,7 @@ than the kernel where it was, and leaves constant speed alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from operator import itemgetter
 
 import numpy as np
@@ -83,10 +83,20 @@ class Motion:
         """The path travelled."""
         return self.candidate.path
 
-    @property
+    @cached_property
     def speed(self) -> FloatArray:
         """[T] speed along the path [m/s]."""
         return np.gradient(self.s, STEP) if len(self.s) > 1 else np.zeros(1)
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """[T] acceleration along the path [m/s^2]."""
+        return np.asarray(np.gradient(self.speed, STEP)) if len(self.s) > 1 else np.zeros(1)
+
+    @cached_property
+    def clock(self) -> FloatArray:
+        """[T] local time of the samples [s]."""
+        return STEP * np.arange(len(self.s), dtype=np.float64)
 
     def find_time_at(self, s: float) -> float:
         """First time [s, local] at which the centre is at arc length `s`; inf if it never is."""
@@ -94,7 +104,11 @@ class Motion:
 
     def compute_positions(self, times: FloatArray) -> FloatArray:
         """Arc length [m] at local times [s]; held at both ends."""
-        return np.interp(times, STEP * np.arange(len(self.s)), self.s)
+        return np.interp(times, self.clock, self.s)
+
+    def find_speed_at(self, time: float) -> float:
+        """Speed [m/s] at a local time [s]; held at both ends."""
+        return float(np.interp(time, self.clock, self.speed))
 
     def cut(self, steps: int) -> Motion:
         """The motion up to sample `steps`, where the agent then stays (Terminate)."""

@@ -27,7 +27,7 @@ _NO_BRAKING = 1.0
 """How hard who does not brake may slow at most [m/s²]."""
 _LEAST_TURN = 0.08
 """How far who turns has turned at least before its track ends [rad]; a right hook ends early."""
-_CROSSING = 4.0
+_CROSSING = 2.0
 """Who crosses gets at least this far [m]."""
 _TIMES = {"once": 1, "twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4}
 _UNITS = {

@@ -16,7 +16,6 @@ from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.selection import Slowing
-from scenewright.scene.track import STEP
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _MOVES_OVER = 1.15
@@ -51,7 +50,7 @@ def swerve(
     """
     local = onset - of.enters
     here = float(of.motion.compute_positions(np.array([local]))[0])
-    speed = float(np.interp(local, STEP * np.arange(len(of.motion.s)), of.motion.speed))
+    speed = of.motion.find_speed_at(local)
     over = max(_MOVES_OVER * speed, _SHORTEST)
     if there < here + over:
         return None

@@ -119,7 +119,7 @@ def _compute_kept_speed(actor: ScheduledAgent, *, timed: bool) -> tuple[float, .
 
 
 def _compute_speed_at(actor: ScheduledAgent, local: float) -> float:
-    return float(np.interp(local, STEP * np.arange(len(actor.motion.s)), actor.motion.speed))
+    return actor.motion.find_speed_at(local)
 
 
 def _compute_last_speed(actor: ScheduledAgent) -> float:
@@ -131,7 +131,7 @@ def _compute_last_speed(actor: ScheduledAgent) -> float:
 
 def _compute_seen_change(actor: ScheduledAgent, *, timed: bool) -> FloatArray:
     """Compute the acceleration [T] over 0.3 s [m/s^2] while the agent is visible."""
-    change = np.convolve(np.gradient(actor.motion.speed, STEP), np.full(3, 1 / 3), mode="same")
+    change = np.convolve(actor.motion.acceleration, np.full(3, 1 / 3), mode="same")
     first = max(round(-actor.enters / STEP), 0) if timed else 0
     return np.asarray(change[first + 1 : -1])
 
@@ -168,7 +168,7 @@ def _compute_following(
         return ()
     ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
-    clock = STEP * np.arange(len(a.motion.s))
+    clock = a.motion.clock
     speed = np.interp(times - a.enters, clock, a.motion.speed)
     headway = gap / np.maximum(speed, 1e-6)
     follows = (headway >= _FOLLOWS[0]) & (headway <= _FOLLOWS[1]) & (speed > 1.0)

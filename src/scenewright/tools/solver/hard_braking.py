@@ -329,14 +329,14 @@ def _find_last_hard_braking(a: ScheduledAgent) -> float:
 
 def find_ttc_while_braking(a: ScheduledAgent, near: PathTtc) -> float:
     """Find the least path TTC [s] while braking harder than 4 m/s^2."""
-    clock = STEP * np.arange(len(a.motion.s))
+    clock = a.motion.clock
     hard = np.interp(near.times - a.enters, clock, compute_smooth_acceleration(a)) < -4.0
     return float(near.ttc[hard].min(initial=np.inf))
 
 
 def compute_smooth_acceleration(a: ScheduledAgent) -> FloatArray:
     """Compute its acceleration [T] over 0.3 s [m/s^2]."""
-    change = np.gradient(a.motion.speed, STEP)
+    change = a.motion.acceleration
     smooth: FloatArray = np.convolve(change, np.full(3, 1 / 3), mode="same")
     return smooth
 
@@ -345,7 +345,7 @@ def _crosses(a: ScheduledAgent, b: ScheduledAgent, zone: PathConflict) -> float:
     """Find when [s] the first is where the second has been least long ago."""
     times = []
     for actor, nodes in ((a, zone.s_a[zone.i]), (b, zone.s_b[zone.j])):
-        clock = STEP * np.arange(len(actor.motion.s))
+        clock = actor.motion.clock
         # Ties in s are a standstill, which ends with the last of them.
         tilt = 1e-7 * np.arange(len(clock))
         times.append(actor.enters + np.interp(nodes, actor.motion.s + tilt, clock))

@@ -180,10 +180,7 @@ def _is_behind(follower: ScheduledAgent, leader: ScheduledAgent, delta: float, s
     room = (follower.candidate.shape.length + leader.candidate.shape.length) / 2
     (x, y, _), (u, v, _) = follower.get_pose(here), leader.get_pose(there)
     gap = float(np.hypot(u - x, v - y)) - room
-    speed = float(
-        np.interp(at + delta, STEP * np.arange(len(follower.motion.s)), follower.motion.speed)
-    )
-    return gap >= _LEAST_HEADWAY * speed
+    return gap >= _LEAST_HEADWAY * follower.motion.find_speed_at(at + delta)
 
 
 def _place(

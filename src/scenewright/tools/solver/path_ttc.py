@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.track import STEP
 from scenewright.tools.solver.path_conflict import PathConflict
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 from scenewright.work_limit import count_work
@@ -66,7 +65,7 @@ def compute_path_ttc(
 
 def _compute_state(of: ScheduledAgent, times: FloatArray) -> FloatArray:
     """Compute arc length [m] and speed [m/s] [T, 2] at scene times."""
-    local, clock = times - of.enters, STEP * np.arange(len(of.motion.s))
+    local, clock = times - of.enters, of.motion.clock
     return np.column_stack(
         [of.motion.compute_positions(local), np.interp(local, clock, of.motion.speed)]
     )

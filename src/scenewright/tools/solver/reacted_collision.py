@@ -202,9 +202,7 @@ def draw_braking_to(
     for _ in range(_DRAWS):
         local = np.array([begin + REACTION_TIME.sample(context.rng), found.time]) - a.enters
         here, there = a.motion.compute_positions(local).tolist()
-        before = float(
-            np.interp(float(local[0]), STEP * np.arange(len(a.motion.s)), a.motion.speed)
-        )
+        before = a.motion.find_speed_at(float(local[0]))
         braking = (before**2 - speed**2) / (2.0 * max(there - here, 1e-3))
         if there > here and _BRAKINGS[0] <= braking <= _BRAKINGS[1]:
             return float(braking)
@@ -267,14 +265,14 @@ def _list_ways(
 
 def _is_seen(before: ScheduledAgent, after: ScheduledAgent, begin: float, until: float) -> bool:
     """Return whether a reaction to what is perceptible from `begin` on shows by a time [s]."""
-    clock = STEP * np.arange(min(len(before.motion.s), len(after.motion.s)))
+    clock = min(before.motion.clock, after.motion.clock, key=len)
     times = clock[clock <= until - before.enters]
     n = len(times)
     most = float(np.abs(after.motion.speed[:n] - before.motion.speed[:n]).max(initial=0.0))
     seen = most >= _SEEN[before.candidate.shape.type]
     if before.candidate.shape.type == "pedestrian" or not seen:
         return seen
-    since = np.gradient(after.motion.speed, STEP)[:n][times > begin - before.enters]
+    since = after.motion.acceleration[:n][times > begin - before.enters]
     usual = find_usual_braking(before, begin, begin)
     return bool(len(since)) and float(since.min()) < -usual - _HARDER
 

@@ -158,7 +158,7 @@ def find_usual_braking(of: ScheduledAgent, begin: float, onset: float) -> float:
     """
     if of.candidate.shape.type == "pedestrian":
         return 0.0
-    rate = np.gradient(of.motion.speed, STEP)
+    rate = of.motion.acceleration
     at = [min(max(round((time - of.enters) / STEP), 0), len(rate) - 1) for time in (begin, onset)]
     return max(-float(rate[at].min()), 0.0)
 
@@ -176,8 +176,5 @@ def find_place(of: ScheduledAgent, time: float) -> float:
 def _find_state(of: ScheduledAgent, time: float) -> tuple[float, float]:
     """Find arc length [m] and speed [m/s] at a scene time."""
     local = time - of.enters
-    clock = STEP * np.arange(len(of.motion.s))
-    return (
-        float(of.motion.compute_positions(np.array([local]))[0]),
-        float(np.interp(local, clock, of.motion.speed)),
-    )
+    place = float(np.interp(local, of.motion.clock, of.motion.s))
+    return place, of.motion.find_speed_at(local)

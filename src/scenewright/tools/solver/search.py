@@ -129,7 +129,7 @@ from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, 
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
 from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
-from scenewright.work_limit import count_work
+from scenewright.work_limit import WorkLimitReachedError, count_work, limit_work
 
 MAX_SECONDS = 30.0
 """Length of a scene [s]: as long as the windows in which p_tod counts agents."""
@@ -150,6 +150,8 @@ _SIGHT = 0.2
 _TUPLES = 14
 _HOPELESS = 7
 """Tuples per relation that are tried; after which routes are given up if none is scheduled."""
+_MOST_STEPS = 1_000
+"""Steps after which all agents are drawn afresh: a long search is mostly in the wrong place."""
 _STAGINGS_PER_TUPLE = 4
 _SEATINGS = 3
 """Assignments tried before all agents are drawn afresh (`draw`)."""
@@ -283,11 +285,17 @@ class Search:
         self._unseated = self._staged = self._glances = 0
 
     def run(self) -> Selection:
-        """Run the search; Rejected where no combination survives."""
+        """Run the search; Rejected where no combination survives, or it takes too many steps."""
         for clause in (*self._near, *self._before):
             if not {clause.first, clause.second} <= set(self._bound):
                 raise Rejected(_reject_unbound(clause))
-        found = self._find_survivor()
+        try:
+            with limit_work(_MOST_STEPS):
+                found = self._find_survivor()
+        except WorkLimitReachedError as spent:
+            if spent.units != _MOST_STEPS:
+                raise
+            found = None
         if found is None:
             raise Rejected(self._build_rejection())
         return found

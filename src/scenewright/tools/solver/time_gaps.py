@@ -10,7 +10,6 @@ import numpy as np
 
 from scenewright.scene.constraints import Headway, TimeGap
 from scenewright.scene.selection import Stop
-from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
@@ -202,7 +201,7 @@ def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
         return False
     ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
-    clock = STEP * np.arange(len(a.motion.s))
+    clock = a.motion.clock
     speed = np.maximum(np.interp(times - a.enters, clock, a.motion.speed), 0.5)
     fits = (gap / speed > least) & (gap / speed < 3.4)
     run = longest = 0

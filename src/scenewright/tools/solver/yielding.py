@@ -331,7 +331,7 @@ def _slow_down(
     ahead = float(nodes.min()) - s
     stop_at = Stop("yield_point", s, at + a.enters, at + a.enters, "gives_way", None, ahead, speed)
     rolling = a.edit(stops=(*a.stops, stop_at))
-    lowest = float(np.interp(at, STEP * np.arange(len(rolling.motion.s)), rolling.motion.speed))
+    lowest = rolling.motion.find_speed_at(at)
     if lowest > (_SLOW + 0.04) * free:
         return None
     return rolling, _compute_unheld(a, hold, at, nodes, earlier)
