@@ -81,6 +81,16 @@ def test_entries_name_their_claim_and_agents(
     assert all(YIELD[e.start : e.end] == e.words for e in entries)
 
 
+def test_ways_that_cross_are_seen(made: Mapping[str, Made], place: IntersectionMap) -> None:
+    words = "ways cross each other's path"
+    for scene, text, state in (
+        (CRASH, f"A car hits a van whose {words}", "seen"),
+        (FOLLOW, f"A taxi follows a truck whose {words}", "contradicted"),
+    ):
+        found = account(made[scene], place, text).account
+        assert {each.state for each in found if "cross" in each.words} == {state}
+
+
 Forge = Callable[[Made], Made]
 """Makes a claim true, or false, in the record or in what the checker found."""
 
@@ -164,6 +174,7 @@ MUTATIONS = (
     Mutation("crossing", UTURN, "A car traverses and yields to a bus", "traverses"),
     Mutation("crosswalk", CRASH, "A car hits a van on the far crosswalk", "far crosswalk"),
     Mutation("tie", FOLLOW, "A taxi follows an oncoming truck", "oncoming"),
+    Mutation("tie", FOLLOW, "A taxi follows a truck and their paths cross", "paths cross"),
     Mutation("red_light", FOLLOW, "A taxi runs a red light and follows a truck", "red light"),
     Mutation("red_light", CRASH, "A car does not run a red light and hits a van", "red light"),
     Mutation("light", TWO, "A car yields to a bus at the red light", "red light",

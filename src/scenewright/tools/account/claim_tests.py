@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import shapely
 
 from scenewright.scene.events import Event
 from scenewright.tools.account.claims import (
@@ -21,6 +24,9 @@ from scenewright.tools.account.vocabulary import Token
 from scenewright.tools.relation_checker.clock import is_within
 from scenewright.tools.relation_checker.legs import find_relative_side
 
+_GEOS: Any = shapely
+_TOUCHING = 5.0
+"""Ways that end in a collision of two who come from legs at an angle are no farther apart [m]."""
 TOGETHER = 5.0
 """Events that begin within so many seconds of one another happen at the same time [s]."""
 LATE_BRAKING = 3.4
@@ -468,6 +474,24 @@ class TieTest:
             if seen in self.sides:
                 return Result(True, f"agent {agent} comes from the {seen} side of {other}")
         return Result(False, "/".join(self.sides)) if pairs else UNTESTED
+
+
+@dataclass(frozen=True)
+class PathsCrossTest:
+    """Whether the ways of two of the mentions cross."""
+
+    mentions: tuple[int, ...]
+
+    def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
+        pairs = list(list_pairs(binding, self.mentions, self.mentions))
+        for pair in pairs:
+            one, two = (_GEOS.LineString(facts.agents[n].trajectory) for n in pair)
+            entries = (facts.agents[n].entry for n in pair)
+            side = find_relative_side(next(entries), seen_from=next(entries))
+            across = side in ("left", "right") and one.distance(two) < _TOUCHING
+            if across or (side != "same" and one.crosses(two)):
+                return Result(True, f"the ways of {_join(pair)} cross", pair)
+        return Result(False, "no ways that cross") if pairs else UNTESTED
 
 
 @dataclass(frozen=True)

@@ -434,6 +434,11 @@ def _read_tie(*sides: str) -> Reader:
     return read
 
 
+def _read_paths_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    told = tuple(i for i, m in enumerate(finder.mentions) if m.head < n and not m.pronoun)
+    yield Claim("tie", "paths cross", (n,), told, tests.PathsCrossTest(told))
+
+
 def _read_crosswalk(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     if finder.is_denied(n):
 
@@ -518,6 +523,7 @@ _READERS: Mapping[str, Reader] = {
     "opposite": _read_tie("opposite"),
     "lateral": _read_tie("left", "right"),
     "same": _read_tie("same"),
+    "paths_cross": _read_paths_cross,
     "from_left": _read_tie("left"),
     "from_right": _read_tie("right"),
     "red": _read_red,
