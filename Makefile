@@ -77,7 +77,7 @@ ray: $(TOOLS)
 
 $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@echo 'Installing into $(VENV), about 1.7 GB ...'
+	@echo 'Installing into $(VENV), about 1.5 GB ...'
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[page]'
 	touch $@
 
