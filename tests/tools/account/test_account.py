@@ -81,6 +81,16 @@ def test_entries_name_their_claim_and_agents(
     assert all(YIELD[e.start : e.end] == e.words for e in entries)
 
 
+def test_one_in_the_morning_is_night_and_not_morning(
+    made: Mapping[str, Made], place: IntersectionMap
+) -> None:
+    scene, proof = made[YIELD]
+    meta = scene.meta.model_copy(update={"time_of_day": "01:00"})
+    text = "A bus yields to a pedestrian at 1 o'clock in the morning"
+    found = account((scene.model_copy(update={"meta": meta}), proof), place, text).account
+    assert {each.state for each in found} == {"seen"}
+
+
 def test_ways_that_cross_are_seen(made: Mapping[str, Made], place: IntersectionMap) -> None:
     words = "ways cross each other's path"
     for scene, text, state in (

@@ -18,7 +18,7 @@ _TOKEN = re.compile(
     r"mps|meters?\s?per\s?second|metres?\s?per\s?second|meters?|metres?|min(?:utes?)?|seconds?|secs?|"
     r"ms|feet|foot|ft|cm|centimet(?:er|re)s?|percent|%|g|m|s)?(?![a-z0-9])"
     r"|(?P<ordinal>\d+(?:st|nd|rd|th))"
-    r"|(?P<word>[^\W\d_]+(?:['’](?:t|s|re|ve|ll|d|m)\b)?\d*)"
+    r"|(?P<word>[^\W\d_]+(?:['’](?:t|s|re|ve|ll|d|m|clock)\b)?\d*)"
     r"|(?P<end>[.;!?\n])|(?P<comma>[,:()—–])|(?P<arrow>->|=>|→|>)",
     re.IGNORECASE,
 )
