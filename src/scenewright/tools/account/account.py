@@ -201,9 +201,9 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
         for n in claim.tokens:
             by_token.setdefault(n, []).append((claim, result))
     latest = turn == len(facts.scene.meta.texts) - 1
-    if turn == 0 and mentions and mentions[0].pronoun and tokens[mentions[0].head].is_in("told"):
-        claim = Claim("class", "somebody spoken of before", (mentions[0].head,), (), _fail)
-        by_token[mentions[0].head] = [(claim, Result(None))]
+    head = mentions[0].head if mentions and mentions[0].pronoun else None
+    if turn == 0 and head is not None and tokens[head].is_in("needs_antecedent"):
+        by_token[head] = []  # "one of them" as the first words names no road user
     for index in _find_repeated(mentions, binding, facts) if latest else ():
         claim = Claim("class", "a road user of its own", mentions[index].nouns, (), _fail)
         for n in claim.tokens:

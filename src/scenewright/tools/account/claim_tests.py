@@ -346,7 +346,7 @@ class EventTest:
         return next(self._list_of_anyone(facts, binding), None)
 
     def _list_of_anyone(self, facts: SceneFacts, binding: Binding) -> Iterator[Event]:
-        """Events of any two, or of whoever it is done to: "give way to the bus"."""
+        """List events of any two agents, or those done to the named one: "give way to the bus"."""
         done_to = _list_all(binding, self.objects) or facts.foreground
         for first in facts.foreground:
             for second in done_to:
@@ -355,7 +355,7 @@ class EventTest:
                         yield event
 
     def _stops(self, facts: SceneFacts, event: Event) -> bool:
-        """Whether who gives way, or a party of a near miss that is a subject, stands."""
+        """Whether the agent that gives way, or either agent of a near miss, stands."""
         if self.kind == "yielding":
             return float(event.evidence["lowest_speed"]) <= _STANDSTILL
         return any(facts.stands(n) >= LEAST_STANDSTILL for n in (event.from_, event.to))
@@ -478,16 +478,16 @@ class TieTest:
 
 @dataclass(frozen=True)
 class PathsCrossTest:
-    """Whether the ways of two of the mentions cross."""
+    """Whether the tracks of two of the agents meant cross."""
 
     mentions: tuple[int, ...]
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         pairs = list(list_pairs(binding, self.mentions, self.mentions))
         for pair in pairs:
-            one, two = (_GEOS.LineString(facts.agents[n].trajectory) for n in pair)
-            entries = (facts.agents[n].entry for n in pair)
-            side = find_relative_side(next(entries), seen_from=next(entries))
+            first, second = (facts.agents[number] for number in pair)
+            one, two = (_GEOS.LineString(each.trajectory) for each in (first, second))
+            side = find_relative_side(first.entry, seen_from=second.entry)
             across = side in ("left", "right") and one.distance(two) < _TOUCHING
             if across or (side != "same" and one.crosses(two)):
                 return Result(True, f"the ways of {_join(pair)} cross", pair)

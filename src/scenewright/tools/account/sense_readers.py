@@ -325,10 +325,8 @@ def _read_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
     def holds(facts: SceneFacts, number: int) -> bool:
         agent = facts.agents[number]
-        return (
-            agent.movement in ways
-            and math.dist(*agent.trajectory[:: len(agent.trajectory) - 1]) >= _CROSSING
-        )
+        way = math.dist(agent.trajectory[0], agent.trajectory[-1])
+        return agent.movement in ways and way >= _CROSSING
 
     yield from _claim_all(finder, n, ("crossing", "crosses", "crosses"), holds)
 
@@ -408,8 +406,6 @@ def _read_pace(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
         return
     start, stop = finder.tokens[n].senses[f"pace.{value}"]
     subjects = finder.find_subjects(start)
-    owner = next((i for i, m in enumerate(finder.mentions) if m.start <= n < m.head), None)
-    subjects = subjects if owner is None else (owner,)
     yield Claim("pace", value, tuple(range(start, stop)), subjects, tests.PaceTest(subjects, value))
 
 
@@ -435,8 +431,9 @@ def _read_tie(*sides: str) -> Reader:
 
 
 def _read_paths_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    told = tuple(i for i, m in enumerate(finder.mentions) if m.head < n and not m.pronoun)
-    yield Claim("tie", "paths cross", (n,), told, tests.PathsCrossTest(told))
+    """Claim that the tracks of two road users named before the words cross."""
+    named = tuple(i for i, m in enumerate(finder.mentions) if m.head < n and not m.pronoun)
+    yield Claim("tie", "paths cross", (n,), named, tests.PathsCrossTest(named))
 
 
 def _read_crosswalk(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -63,9 +63,7 @@ class MinCostSearch(Search):
         tuple that stays above its bound at every moment tried is left undecided: the optimum is
         certain only if it costs no more than the bounds of these.
         """
-        others = sum(
-            self._compute_least_cost(draws) for draws in self._list_unbound() if not draws.reserve
-        )
+        others = sum(map(self._compute_least_cost, self._others))
         best: Selection | None = None
         undecided, tried = float("inf"), 0
         for choice in self._list_by_cost():
@@ -132,8 +130,7 @@ class MinCostSearch(Search):
                 foreground=draws.role == "foreground",
                 make=partial(self._list_cheapest_first, draws, timed),
             )
-            for draws in sorted(self._list_unbound(), key=self._compute_least_cost)
-            if not draws.reserve
+            for draws in self._others
         ]
 
     def _list_cheapest_first(
@@ -179,8 +176,11 @@ class MinCostSearch(Search):
         for choice in enumerate_best_first([each.nll + each.time_nll for each in draws]):
             yield dict(zip(self._bound, choice, strict=True))
 
-    def _list_unbound(self) -> list[AgentCandidates]:
-        return [each for name, each in self._pool.agents.items() if name not in self._bound]
+    @cached_property
+    def _others(self) -> list[AgentCandidates]:
+        """All agents but the foreground tuple and the reserve, by their least cost."""
+        others = [each for name, each in self._pool.agents.items() if name not in self._bound]
+        return sorted((o for o in others if not o.reserve), key=self._compute_least_cost)
 
     def _compute_least_cost(self, draws: AgentCandidates) -> float:
         """Compute the least cost of an agent's candidates that meet every unary clause; inf if
