@@ -84,10 +84,7 @@ def test_steps_back_an_ordinary_morning_and_her(session: Session) -> None:
 def test_a_doubtful_first_line_is_asked_back() -> None:
     setting = {"intersection": "amsterdam_120", "seed": 4, "refiner": "none"}
     session = Session(Threads(":memory:"), "t", backend=load_backend("builtin"), setting=setting)
-    words = (
-        "so basically I'd like to see what happens when someone on a bike doesn't look and a taxi "
-        "coming from the right nearly runs into them"
-    )
+    words = "Some idiot made a U-turn right in front of the 42 and I clipped his bumper."
     reply = session.say(words)
     assert reply["kind"] == "asked"
     assert "2:" in reply["question"]

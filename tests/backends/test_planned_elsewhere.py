@@ -3,7 +3,7 @@
 import pytest
 
 from scenewright.backends.builtin.draft import Site
-from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
+from scenewright.backends.builtin.planner import plan
 from scenewright.scene.social import SocialGraph
 
 FIVE = Site(compass=False)

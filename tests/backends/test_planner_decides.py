@@ -1,8 +1,9 @@
-"""Two readings of one text: what they agree on, what is offered where they do not."""
+"""When a reading is sure, what stands though it is not, and what is offered otherwise."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import pytest
 from threadpoolctl import threadpool_limits
@@ -10,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from annotated_readings import build_reading
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
-from scenewright.backends.builtin.planner import is_same_plan, plan, read_twice
+from scenewright.backends.builtin.planner import is_same_plan, is_sure, plan
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import (
     OPENERS,
@@ -19,7 +20,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
     read_again,
 )
 from scenewright.scene.phrasing import describe_graph
-from scenewright.scene.social import Plan, Refusal, SocialGraph
+from scenewright.scene.social import Refusal, SocialGraph
 
 HITS = "[veh:1 A car] from the [from:1 north] [hit:1>2 hits] [ped:2 a man]"
 MISSES = "[veh:1 A car] from the [from:1 north] [near:1>2 just misses] [ped:2 a man]"
@@ -28,23 +29,13 @@ MISSES = "[veh:1 A car] from the [from:1 north] [near:1>2 just misses] [ped:2 a 
 def learned(line: str, confidence: float) -> LearnedPlan:
     row = parse_annotation(line)
     found = plan_reading(build_reading(row), Site(), row.text)
-    return LearnedPlan(found.plan, found.reading, found.interpretation, confidence)
-
-
-def decided(line: str, confidence: float, other: Plan) -> Plan:
-    return planner.decide(planner.Readings(learned(line, confidence), other), Site())
+    return replace(found, confidence=confidence)
 
 
 def graph_of(line: str) -> SocialGraph:
     found = learned(line, 1.0).plan
     assert isinstance(found, SocialGraph)
     return found
-
-
-def test_what_both_read_is_the_plan_however_unsure() -> None:
-    found = decided(HITS, 0.05, graph_of(HITS))
-    assert isinstance(found, SocialGraph)
-    assert found.said
 
 
 @pytest.mark.parametrize(
@@ -62,40 +53,30 @@ def test_an_article_before_an_adjective_is_no_road_user(text: str) -> None:
 
 
 def test_a_sure_reading_stands_by_itself() -> None:
-    found = decided(HITS, 0.999, Refusal(code="out_of_scope", reason="no"))
-    assert isinstance(found, SocialGraph)
+    assert is_sure(learned(HITS, 0.999), Site())
 
 
-def test_where_both_differ_in_doubt_sentences_are_offered_and_none_is_chosen() -> None:
-    found = decided(HITS, 0.3, graph_of(MISSES))
-    assert isinstance(found, Refusal)
-    assert describe_graph(graph_of(HITS)) in found.did_you_mean
-    assert describe_graph(graph_of(MISSES)) in found.did_you_mean
-    assert "Did you mean" in found.reason
+def test_an_unsure_reading_stands_if_it_comes_out_whatever_words_stand_around_it() -> None:
+    assert is_sure(learned(HITS, 0.3), Site())
+    assert not is_sure(learned(HITS, 0.0), Site())
+
+
+def test_an_unsure_reading_that_does_not_come_out_again_is_asked_about() -> None:
+    text = parse_annotation(HITS).text
+    misread = replace(
+        learned(MISSES, 0.3), reading=replace(learned(MISSES, 0.3).reading, text=text)
+    )
+    assert not is_sure(misread, Site())
 
 
 def test_every_sentence_offered_is_understood_as_it_is_meant() -> None:
-    found = decided(HITS, 0.3, graph_of(MISSES))
-    assert isinstance(found, Refusal)
-    for sentence in found.did_you_mean:
+    refused = plan("Simulate a pedestrian being hit by one of two cars from the north.")
+    assert isinstance(refused, Refusal)
+    assert refused.did_you_mean
+    for sentence in refused.did_you_mean:
         again = plan(sentence)
         assert isinstance(again, SocialGraph)
         assert describe_graph(again) == sentence
-
-
-def test_a_reading_after_an_opener_that_the_grammar_shares_is_the_plan() -> None:
-    readings = planner.Readings(learned(MISSES, 0.3), graph_of(HITS))
-    found = planner.decide(readings, Site(), [learned(HITS, 0.8)])
-    assert isinstance(found, SocialGraph)
-    assert [edge.type for edge in found.relations] == ["collide_at"]
-
-
-def test_a_reading_that_an_opener_changes_is_asked_about() -> None:
-    readings = planner.Readings(learned(HITS, 0.8), Refusal(code="out_of_scope", reason="no"))
-    found = planner.decide(readings, Site(), [learned(MISSES, 0.8)])
-    assert isinstance(found, Refusal)
-    assert found.did_you_mean[:2] == tuple(describe_graph(graph_of(e)) for e in (HITS, MISSES))
-    assert isinstance(planner.decide(readings, Site(), [learned(HITS, 0.8)]), SocialGraph)
 
 
 def test_spans_after_an_opener_lie_where_the_text_has_them() -> None:
@@ -137,8 +118,7 @@ def test_a_change_in_which_nothing_is_read_is_not_planned_as_it_was() -> None:
 
 def test_agents_to_whom_nothing_happens_are_not_a_scene_by_confidence() -> None:
     bare = "[veh:1 A car] from the [from:1 north] and [veh:2 a bus] from the [from:2 east]"
-    found = decided(bare, 0.999, Refusal(code="out_of_scope", reason="no"))
-    assert isinstance(found, Refusal)
+    assert not is_sure(learned(bare, 0.999), Site())
 
 
 def test_the_order_of_agents_and_of_a_crash_does_not_matter() -> None:
@@ -177,8 +157,3 @@ def test_threads_plan_the_same_bytes_as_one_thread() -> None:
     # Threads with as many threads of BLAS each would wait for one another.
     with threadpool_limits(1), ThreadPoolExecutor(3) as threads:
         assert all(found == alone for found in threads.map(plan_all, range(3)))
-
-
-def test_both_readings_are_there_to_look_at() -> None:
-    readings = read_twice("A car hits a pedestrian", None, Site())
-    assert is_same_plan(readings.learned.plan, readings.by_grammar)

@@ -38,7 +38,8 @@ def test_a_plural_without_a_number_is_so_many_and_noted(text: str, words: str, m
     ],
 )
 def test_plurals_of_a_text_in_which_nothing_happens_are_no_parties(text: str) -> None:
-    assert isinstance(plan(text), Refusal)
+    graph = plan(text)
+    assert isinstance(graph, Refusal) or not graph.relations
 
 
 @pytest.mark.parametrize(

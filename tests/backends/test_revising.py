@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenewright.backends.builtin.draft import Site
-from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
+from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.references import read_choice
 from scenewright.backends.builtin.revising import read
 from scenewright.scene.edits import (
@@ -53,8 +53,9 @@ ONE = situation(
     there("pedestrian-2", role="background", crosswalk="west"),
 )
 TWO = situation(
-    "A car from the north yields to a pedestrian on the south crosswalk and an SUV from the west "
-    "turning left follows a bus",
+    "A car comes from the north. A pedestrian crosses on the south crosswalk. An SUV comes from "
+    "the west and turns left. There is a bus. The car yields to the pedestrian. The SUV follows "
+    "the bus.",
     there("vehicle-1", stops=True),
     there("pedestrian-1", crosswalk="south"),
     there("vehicle-2", entry="west", exit="north", movement="left"),

@@ -56,9 +56,9 @@ def test_objects_are_read(text: str, objects: list[dict[str, Any]]) -> None:
     graph = read(text)
     assert [each.model_dump(exclude_none=True) for each in graph.objects] == objects
     said = [each for each in graph.said if each.became in ("object", "sight")]
-    assert {text[each.start : each.end] for each in said} == {said[0].words}
-    assert {each.became for each in said} == ({"object", "sight"} if "hides" in objects[0] else
-                                             {"object"})  # fmt: skip
+    assert all(text[each.start : each.end] == each.words for each in said)
+    wanted = {"object", "sight"} if "hides" in objects[0] else {"object"}
+    assert {each.became for each in said} == wanted
 
 
 @pytest.mark.parametrize(
@@ -67,8 +67,6 @@ def test_objects_are_read(text: str, objects: list[dict[str, Any]]) -> None:
         "A car comes out from behind a parked bus and hits a pedestrian",
         "A car comes out from behind a parked bus and hits a truck",
         "Two children emerge from between two parked vans; a car yields to them.",
-        "The bus at the east stop hides a runner. He dashes across the road in front of it and a "
-        "motorcycle nearly hits him.",
         "A delivery van halted on the north leg blocks the view; a pedestrian walks out past its "
         "front and a car nearly hits them.",
         "A pedestrian walks out between stopped cars and a motorcycle hits them.",

@@ -8,19 +8,29 @@ import pytest
 
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.revising import read
-from scenewright.scene.edits import Edits, Situation, apply_edits
-from scenewright.scene.social import SocialGraph
+from scenewright.scene.edits import AgentView, Edits, Situation, apply_edits
+from scenewright.scene.social import AgentNode, SocialGraph
 
 PLAIN = "A car from the north nearly hits a pedestrian"
 HIDDEN = "A pedestrian steps out from behind a parked truck and is hit by a car"
 HIDES = {"hides": "pedestrian-1", "hidden_from": "vehicle-1"}
 
 
+def view(node: AgentNode) -> AgentView:
+    """An agent of a graph as it might drive or walk."""
+    walks = node.type == "pedestrian"
+    return AgentView(
+        id=node.id, number=1, type=node.type, subtype=None if walks else "car", entry="north",
+        exit="south", movement="crossing" if walks else "straight", role="foreground", speed=1.4,
+    )  # fmt: skip
+
+
 def turn(text: str, words: str) -> tuple[SocialGraph, SocialGraph]:
     """The graph of a text, and what words then make of it."""
     graph = plan(text)
     assert isinstance(graph, SocialGraph)
-    reading = read(words, Situation(graph=graph, present=()))
+    present = tuple(map(view, graph.agents))
+    reading = read(words, Situation(graph=graph, present=present))
     assert isinstance(reading, Edits), reading
     return graph, apply_edits(graph, reading.edits)
 

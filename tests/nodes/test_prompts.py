@@ -79,7 +79,7 @@ class Listening:
 @pytest.fixture(scope="module")
 def heard() -> Listening:
     backend = Listening()
-    text = f"{CHAIN} {' '.join(words for words, _ in SPANS)}"
+    text = f"{CHAIN.rstrip('.')}, {', '.join(words for words, _ in SPANS)}."
     scene = synthesize(text, backend=backend, seed=0, refiner="none", lenient=True)
     assert len(scene.record.agents) >= 10
     return backend

@@ -10,7 +10,6 @@ import pytest
 
 from checker_tracks import list_rules
 from scenewright import synthesize
-from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.planner import plan
 from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import Scene
@@ -75,7 +74,7 @@ def happened(scene: Scene) -> Iterator[tuple[str, str, str]]:
 @pytest.mark.parametrize("text", CHAINS)
 @pytest.mark.parametrize("seed", [0])
 def test_every_link_of_a_chain_happens(text: str, seed: int) -> None:
-    planned = read_by_grammar(text)  # how it is read is not at stake here
+    planned = plan(text)  # how it is read is not at stake here
     assert isinstance(planned, SocialGraph)
     scene = synthesize(text, seed=seed, planned=planned)
     assert scene.proof.verified

@@ -67,7 +67,7 @@ _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
 def describe_graph(graph: SocialGraph) -> str:
     """The graph in plain English, one short sentence for each agent and each relation."""
-    names = _choose_names(graph)
+    names = choose_names(graph)
     sentences = [_describe_agent(agent, names[agent.id]) for agent in graph.agents]
     sentences += [_describe_relation(edge, names) for edge in graph.relations]
     sentences += [
@@ -83,7 +83,7 @@ def describe_graph(graph: SocialGraph) -> str:
     return ". ".join(each[0].upper() + each[1:] for each in sentences) + "."
 
 
-def _choose_names(graph: SocialGraph) -> dict[str, str]:
+def choose_names(graph: SocialGraph) -> dict[str, str]:
     """ "the car", or "car 1" and "car 2" where there are several of a kind."""
     nouns = {
         agent.id: f"group of {agent.members} pedestrians"
@@ -101,7 +101,9 @@ def _choose_names(graph: SocialGraph) -> dict[str, str]:
 
 
 def _describe_agent(agent: AgentNode, name: str) -> str:
-    subject = name.replace("the e-", "an e-", 1).replace("the ", "a ", 1)
+    subject = (
+        name.replace("the e-", "an e-", 1).replace("the a", "an a", 1).replace("the ", "a ", 1)
+    )
     route = list(_describe_route(agent))
     return f"{subject} {' and '.join(route)}" if route else f"there is {subject}"
 

@@ -191,7 +191,7 @@ MUTATIONS = (
              forge=forge_no_lights),
     Mutation("stop", FOLLOW, "A taxi follows a truck and stops", "stops"),
     Mutation("stop", YIELD, "A bus does not stop and yields to a pedestrian", "not stop"),
-    Mutation("pace", CRASH, "A slow car hits a van", "slow"),
+    Mutation("pace", CRASH, "A speeding car hits a van", "speeding"),
     Mutation("braking", UTURN, "A car yields to a bus that brakes", "brakes"),
     Mutation("cause", YIELD, "A bus brakes too late and yields to a pedestrian", "late"),
     Mutation("absence", TWO, "A car yields to a bus and nothing else happens", "nothing",

@@ -30,7 +30,7 @@ LEGS = {str(leg.name): np.exp(1j * leg.bearing) for leg in PLACE.legs}
 STANDS = {"double_parked": "double-parked", "parked": "parked", "stalled": "broken down"}
 TEXTS = (
     "A bus from the north turns left and yields to a pedestrian on the east crosswalk at noon",
-    "A car from the west runs a red light and hits a van from the south at 30 km/h",
+    "A car from the west at 30 km/h runs a red light and hits a van from the south",
     "A taxi follows a truck going straight from the east with heavy traffic",
     "A cyclist goes round a double-parked van",
     "A car from the north makes a U-turn and yields to a bus",

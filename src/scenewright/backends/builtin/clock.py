@@ -159,7 +159,7 @@ class Clock:
 
 def read_clock(text: str) -> tuple[str, Clock]:
     """The text without its figures, and the figures; Refused where two clock times differ."""
-    text, pet, ttc = _read_severity(text)
+    text, pet, ttc = _read_severity(re.sub(r"(?<=\d)ish\b", "", text))
     speed: float | None = None
     if match := _SPEED.search(text):
         speed = float(match[1]) * next(f for key, f in _MPS.items() if match[2].startswith(key))

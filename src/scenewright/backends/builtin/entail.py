@@ -6,9 +6,15 @@ says where a turn leads: what is said is kept as it is, and grounding finds the 
 
 from __future__ import annotations
 
-from scenewright.backends.builtin.attach import LEFT_OF_HEADING
-from scenewright.backends.builtin.coreference import OPPOSITE
-from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft, Site
+from scenewright.backends.builtin.draft import (
+    LEFT_OF_HEADING,
+    OPPOSITE,
+    AgentDraft,
+    Draft,
+    Refused,
+    RelationDraft,
+    Site,
+)
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {exit_: entry for entry, exit_ in LEFT.items()}

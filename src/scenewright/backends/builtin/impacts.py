@@ -16,7 +16,7 @@ _PART = r"(?:corner|fender|bumper|quarter|wing|headlight|tail ?light|wheel|end|s
 _POINT = (
     rf"(?:(?P<end>front|rear|back)[ -](?P<hand>left|right)(?:[ -]hand)?(?: {_PART})*"
     rf"|(?P<hand2>left|right)(?:[ -]hand)?[ -](?P<end2>front|rear|back)(?: {_PART})*"
-    r"|(?P<side>left|right|drivers?|passengers?)(?:[ -]hand)?[ -]+(?:side|flank|doors?)"
+    r"|(?P<side>left|right|driver(?:'?s)?|passenger(?:'?s)?)(?:[ -]hand)?[ -]+(?:side|flank|doors?)"
     r"|(?P<plain>front|rear|back)(?:[ -](?:end|bumper|side))?"
     r"|(?P<any>sides?|flank|doors?))"
 )
@@ -46,17 +46,6 @@ _OWN = re.compile(rf"(?P<before>{_VERB}(?:(?!\bwith\b)[^.;,])*?\w)  {_POINT}\b{_
 
 _WITH = re.compile(rf"(?P<before>),? with (?:the|its|his|her|their) {_POINT}\b(?! of)")
 
-_HARD_BRAKING = re.compile(
-    r"\bbrak(?:es?|ed|ing) (?:very |so |really |extremely |that )?"
-    r"(?:hard|sharply|abruptly|suddenly|violently|heavily|harshly|fiercely|at the last)\b"
-    r"|\b(?:slam|jam|stamp|stomp|stand|step|hit)(?:s|m?ed|m?ing|ping)?(?: hard)? (?:on )?"
-    r"(?:the|its|his|her|their) brakes?\b"
-    r"|\bslam(?:s|med|ming)? (?:the )?brakes?\b"
-    r"|\b(?:emergency|hard|harsh|panic|sudden|sharp|heavy)[ -](?:brak\w+|stop)\b"
-    r"|\b(?:hard|sharply|abruptly|suddenly|harshly) brak(?:es?|ed|ing)\b"
-    r"|\bscreech(?:es|ed|ing)? to a (?:halt|stop)\b"
-)
-
 
 @dataclass(frozen=True)
 class Impacts:
@@ -83,11 +72,6 @@ def read_impacts(text: str) -> tuple[str, Impacts]:
     return text, Impacts(found.get("striking"), found.get("struck"))
 
 
-def has_hard_braking(text: str) -> bool:
-    """Whether an agent in the text brakes hard."""
-    return _HARD_BRAKING.search(text) is not None
-
-
 def _name_impact(match: re.Match[str]) -> ImpactPoint:
     end, hand = match["end"] or match["end2"], match["hand"] or match["hand2"]
     corners: dict[tuple[str, str], ImpactPoint] = {
@@ -97,7 +81,7 @@ def _name_impact(match: re.Match[str]) -> ImpactPoint:
     if end and hand:
         return corners[_ENDS[end], hand]
     if match["side"]:
-        return "left" if _SIDES[match["side"]] == "left" else "right"
+        return "left" if _SIDES[match["side"].replace("'", "")] == "left" else "right"
     if match["plain"]:
         return "front" if _ENDS[match["plain"]] == "front" else "rear"
     return "side"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -13,8 +13,6 @@ from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
 from scenewright.backends.builtin.normalise import Token, split_tokens, stem
-from scenewright.backends.builtin.phrases import Phrase, load_phrases
-from scenewright.scene.cache import RecentCache
 
 _MENDED_TAGS = [
     "AGENT",
@@ -201,16 +199,9 @@ def _has_agent(chunks: Sequence[Chunk]) -> bool:
     return False
 
 
+@cache
 def load_lexicon() -> Lexicon:
-    """The lexicon shipped with the package, and the phrases of the relation files."""
-    spoken = load_phrases()
-    return _COMPILED.get(None, spoken, make=lambda: _compile_lexicon(spoken))
-
-
-_COMPILED: RecentCache[None, Lexicon] = RecentCache(most=1)
-
-
-def _compile_lexicon(spoken: tuple[Phrase, ...]) -> Lexicon:
+    """The lexicon shipped with the package."""
     folder = files("scenewright.backends.builtin")
     table: dict[str, dict[str, Any]] = tomllib.loads(
         folder.joinpath("lexicon.toml").read_text("utf-8")
@@ -229,19 +220,7 @@ def _compile_lexicon(spoken: tuple[Phrase, ...]) -> Lexicon:
                     targets.update(
                         form for word in words if len(word) >= 4 for form in _list_forms(word, tag)
                     )
-    known.update(_add_phrases(root, spoken))
     return Lexicon(root, frozenset(known), tuple(sorted(targets)))
-
-
-def _add_phrases(root: _Node, spoken: Sequence[Phrase]) -> set[str]:
-    """Adds them to the tree; the words they are made of."""
-    return {
-        word
-        for said in spoken
-        for spelling in said.spellings
-        for tag, value in said.tags
-        for word in _add(root, spelling, tag, value)
-    }
 
 
 def _list_forms(word: str, tag: str) -> tuple[str, ...]:

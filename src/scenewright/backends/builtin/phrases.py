@@ -1,99 +1,117 @@
-"""Phrases of relation files: each asks for its relation, played as that file says."""
+"""Phrases of relation files: each asks for its relation, played as that file says.
+
+The reader knows no phrase of a file: a plain verb stands for it while the text is read, and the
+event that is read there gets the file's pattern.
+"""
 
 from __future__ import annotations
 
-import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
-from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft, Site
-from scenewright.backends.builtin.impacts import read_impacts
-from scenewright.backends.builtin.normalise import clean
-from scenewright.backends.builtin.shorthand import expand
+from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.relations import Pattern, Role, load_patterns
-from scenewright.scene.social import RelationType
 
-_TAGS: dict[RelationType, str] = {
-    "collide_at": "COLLIDE", "near_miss": "NEAR", "yield_to": "YIELD", "follow": "FOLLOW",
+_VERBS = {
+    "rear_end": ("rear-ends", "is rear-ended by"), "sideswipe": ("sideswipes", "is sideswiped by"),
+    "head_on": ("crashes head-on into", "is hit head-on by"), "angle": ("T-bones", "is T-boned by"),
+    "collide_at": ("hits", "is hit by"), "near_miss": ("narrowly misses", "is narrowly missed by"),
+    "yield_to": ("yields to", "is let through by"), "follow": ("follows", "is followed by"),
 }  # fmt: skip
-_CARRIER = re.compile(r"^ *a car (.+) a truck *$")
-_REVERSED = "<"
+"""Verbs that stand for a phrase: said of `from`, and of `to`."""
 
 
 @dataclass(frozen=True)
 class Phrase:
-    """Words that ask for a pattern.
+    """A plain verb in place of a phrase: where it stands, and the patterns that are asked for."""
 
-    Attributes:
-        spellings: the words as written, and as they are once the text has been made plain.
-        tags: what they mean to the reader: the relation, and the pattern.
+    start: int
+    end: int
+    patterns: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PhrasedText(RewrittenText):
+    """A text with plain verbs in place of the phrases of relation files."""
+
+    phrases: tuple[Phrase, ...] = ()
+
+
+def replace_phrases(text: str) -> PhrasedText:
+    """The text with a plain verb for every phrase of a relation file."""
+    patterns = load_patterns()
+    spoken, known = _COMPILED.get(None, patterns, make=lambda: _compile_phrases(patterns))
+    found = [(m, *known[int(str(m.lastgroup)[1:])]) for m in spoken.finditer(text)]
+    worded, pieces = replace_pieces(
+        text,
+        ((m.start(), m.end(), verbs[_PASSIVE.match(m[0]) is not None]) for m, verbs, _ in found),
+    )
+    phrases = tuple(
+        Phrase(start, end, names)
+        for (start, end, *_), (_, _, names) in zip(pieces, found, strict=True)
+    )
+    return PhrasedText(worded, text, pieces, phrases)
+
+
+_PASSIVE = re.compile(r"(?:is|was|were|are|gets|got|being) .* by$", re.IGNORECASE | re.DOTALL)
+_Spoken = tuple[re.Pattern[str], list[tuple[tuple[str, str], tuple[str, ...]]]]
+_COMPILED: RecentCache[None, _Spoken] = RecentCache(most=1)
+
+
+def _compile_phrases(patterns: Sequence[Pattern]) -> _Spoken:
+    """Any phrase; by the number of its group, its verbs (active, passive) and its patterns."""
+    known: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {}
+    for pattern in patterns:
+        verbs = _VERBS.get(pattern.kind or "", _VERBS[pattern.relation])
+        for words, turned in pattern.list_phrase_words():
+            both, others = known.get(words, (verbs[::-1] if turned else verbs, ()))
+            known[words] = both, (*others, pattern.id)
+    longest = sorted(known, key=len, reverse=True)
+    spoken = "|".join(f"(?P<p{n}>{_spell(words)})" for n, words in enumerate(longest))
+    whole = rf"(?<!\w)(?:{spoken})(?!\w)" if longest else r"(?!)"
+    return re.compile(whole, re.IGNORECASE), [known[words] for words in longest]
+
+
+def _spell(words: str) -> str:
+    """The words of a phrase, its verb in any form: "noses out", "nosing out", "nosed out"."""
+    verb, *rest = words.split()
+    if not verb.endswith("s"):
+        return r"\s+".join(map(re.escape, words.split()))
+    base = re.escape(verb.removesuffix("s").removesuffix("e"))
+    active = rf"(?:(?:is|was|are|were) )?{base}(?:e?s|e?d|ing|e)?"
+    passive = rf"(?:is|was|were|are|gets|got|being) {base}e?d"
+    after = "".join(rf"\s+{re.escape(each)}" for each in rest)
+    return rf"{passive}{after}\s+by|{active}{after}"
+
+
+def play_phrase(relation: RelationDraft, phrase: Phrase, site: Site) -> None:
+    """Has a relation played as the first pattern of a phrase that can be said of its two agents.
+
+    Of a collision that nearly happens, the pattern is that of the near miss.
+
+    Raises:
+        Refused: none of them can.
     """
-
-    spellings: tuple[str, ...]
-    tags: tuple[tuple[str, str], ...]
-
-
-def load_phrases() -> tuple[Phrase, ...]:
-    """Every phrase of every relation file; the same tuple as long as the files are the same."""
-    found = load_patterns()
-    return _SPOKEN.get(
-        None, found, make=lambda: tuple(itertools.chain.from_iterable(map(_list_phrases, found)))
-    )
-
-
-def has_phrase(text: str) -> bool:
-    """Whether a text holds the phrase of a relation file."""
-    plain = f" {' '.join(expand(clean(text)).split())} "
-    return any(
-        f" {spelling} " in plain for phrase in load_phrases() for spelling in phrase.spellings
-    )
+    known = {each.id: each.relation for each in load_patterns()}
+    kinds = {each.id: each.kind for each in load_patterns()}
+    names = [_soften(each) if relation.type == "near_miss" else each for each in phrase.patterns]
+    names = [each for each in names if known.get(each) == relation.type]
+    for number, name in enumerate(names, start=1):
+        relation.pattern, relation.kind = name, relation.kind or kinds[name]
+        try:
+            assign_agents(relation, site)
+        except Refused:
+            if number == len(names):
+                raise
+        else:
+            return
 
 
-def is_of_phrase(words: str, pattern: str) -> bool:
-    """Whether words are part of a phrase that asks for a pattern."""
-    part = f" {' '.join(expand(clean(words)).split())} "
-    return any(
-        part in f" {spelling} "
-        for phrase in load_phrases()
-        if read_pattern(dict(phrase.tags)["PATTERN"])[0] == pattern
-        for spelling in phrase.spellings
-    )
-
-
-_SPOKEN: RecentCache[None, tuple[Phrase, ...]] = RecentCache(most=1)
-
-
-def _list_phrases(pattern: Pattern) -> Iterator[Phrase]:
-    for words, turned in pattern.list_phrase_words():
-        yield _build_phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
-
-
-@lru_cache(maxsize=4096)
-def _build_phrase(relation: RelationType, kind: str, name: str, words: str, turned: bool) -> Phrase:
-    meaning = kind if relation == "collide_at" else "any"
-    pattern = f"{name}{_REVERSED if turned else ''}"
-    return Phrase(
-        tuple(dict.fromkeys((words, _normalise_words(words)))),
-        ((_TAGS[relation], meaning), ("PATTERN", pattern)),
-    )
-
-
-def _normalise_words(words: str) -> str:
-    """The words after all that is done to a text before it is read; unchanged if they dissolve."""
-    said, _ = read_impacts(expand(clean(f"a car {words} a truck")))
-    found = _CARRIER.match(read_clock(said)[0])
-    return found[1] if found else words
-
-
-def read_pattern(value: str | None) -> tuple[str | None, bool]:
-    """Of a PATTERN tag: the id, and whether `to` is named first."""
-    if value is None:
-        return None, False
-    return value.removesuffix(_REVERSED), value.endswith(_REVERSED)
+def _soften(name: str) -> str:
+    return name.replace("_collision", "_near_miss").replace("_strike", "_near_miss")
 
 
 def assign_agents(relation: RelationDraft, site: Site) -> None:

@@ -7,22 +7,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.encounters import (
-    find_kind,
-    find_side,
-    reroute_agent,
-    validate_objects,
-)
 from scenewright.backends.builtin.reader.interpret import get_side
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.words import find_subtype
-from scenewright.backends.builtin.standing import THING, find_thing, let_cross, let_jaywalk
 from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.base import Compass
 from scenewright.scene.social import (
     MOST_OBJECTS,
     STANDING_VEHICLES,
+    AgentNode,
     Encounter,
+    Meeting,
     ObjectKind,
     ObjectNode,
     SocialGraph,
@@ -48,7 +44,11 @@ _FIGURES: dict[str, tuple[Encounter, ...]] = {
 }  # fmt: skip
 """Tags of numbers, and what an agent does about an object of which they say how fast or long."""
 _FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
-_THINGS = re.compile(rf"\b{THING}\b", re.IGNORECASE)
+_THINGS = re.compile(
+    r"\b(?:bin|trash can|dustbin|dumpster|skip|container|kiosk|cabinet|box|crate|booth|stall|"
+    r"newsstand)(?:e?s)?\b",
+    re.IGNORECASE,
+)
 _BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
 
 
@@ -59,9 +59,11 @@ class ReadObject:
     Attributes:
         mentions: the words that name it; number: its own among the road users.
         beyond: the number of the second of two, between which a pedestrian comes out.
-        place: where it stands; hidden: the number of the agent that it hides; sights: the words.
+        place: where it stands; hidden: the number of the agent that it hides; hides_several: the
+            words speak of more; sights: these words.
         seen: the words that say how long before the event the hidden one is seen.
-        met_by: the number of the agent that meets it; meets: the words; figures: their numbers.
+        meetings: what each agent does that meets it, by its number; meets: the words; figures:
+            their numbers.
     """
 
     number: int
@@ -69,12 +71,17 @@ class ReadObject:
     beyond: int | None = None
     place: list[ReadSpan] = field(default_factory=list)
     hidden: int | None = None
+    hides_several: bool = False
     sights: list[ReadSpan] = field(default_factory=list)
     seen: list[ReadSpan] = field(default_factory=list)
-    met_by: int | None = None
-    encounter: Encounter | None = None
+    meetings: dict[int, Encounter] = field(default_factory=dict)
     meets: list[ReadSpan] = field(default_factory=list)
     figures: list[ReadSpan] = field(default_factory=list)
+
+    @property
+    def encounter(self) -> Encounter | None:
+        """What the first one does that meets it."""
+        return next(iter(self.meetings.values()), None)
 
     def list_spans(self) -> Iterator[ReadSpan]:
         """All words that are about it."""
@@ -86,7 +93,7 @@ class ReadObject:
         tolerance = _TIME_TOLERANCE if self.encounter == "waits_then_passes" else _SPEED_TOLERANCE
         found = [parse_range(each.words, "", tolerance) for each in self.figures]
         ranges = [each for each in found if each is not None and each[1] is not None]
-        return (ranges[0][0], ranges[0][1] or 0.0) if ranges else None
+        return (round(ranges[0][0], 3), round(ranges[0][1] or 0.0, 3)) if ranges else None
 
 
 def take_out_objects(reading: Reading) -> tuple[Reading, tuple[ReadObject, ...]]:
@@ -123,19 +130,24 @@ def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
         for each in subjects:
             each.place.append(span)
     elif span.tag == "sight" and agents:
+        several = len([n for n in span.subjects if n not in objects]) > 1
         for each in things:
-            each.hidden = agents[0]
+            each.hidden, each.hides_several = agents[0], several
             each.sights.append(span)
-    elif encounter is not None and agents and not span.negated:
-        things[0].met_by, things[0].encounter = agents[0], _join_meeting(things[0], encounter)
+    elif encounter is not None and agents and span.negated:
+        things[0].meets.append(span)  # "neither passes" only says that what is said is all
+    elif encounter is not None and agents:
+        for agent in agents:
+            before = things[0].meetings.get(agent)
+            things[0].meetings[agent] = _join_meeting(before, encounter)
         things[0].meets.append(span)
 
 
-def _join_meeting(each: ReadObject, encounter: Encounter) -> Encounter:
+def _join_meeting(before: Encounter | None, encounter: Encounter) -> Encounter:
     """One that waits and then goes round does both; one that is doored does not hit as well."""
-    if each.encounter == "doored":
+    if before == "doored":
         return "doored"
-    both = {each.encounter, encounter} == {"waits_behind", "goes_round"}
+    both = {before, encounter} == {"waits_behind", "goes_round"}
     return "waits_then_passes" if both else encounter
 
 
@@ -143,7 +155,7 @@ def _assign_figures(reading: Reading, objects: Mapping[int, ReadObject]) -> None
     """Numbers of a hit, of a wait and of the time at which a hidden agent is seen."""
     for span in reading.spans:
         for each in objects.values():
-            own = not span.subjects or each.met_by in span.subjects
+            own = not span.subjects or not each.meetings.keys().isdisjoint(span.subjects)
             if span.tag == "seen" and each.hidden is not None:
                 each.seen.append(span)
             elif own and each.encounter in _FIGURES.get(span.tag, ()):
@@ -188,18 +200,27 @@ def add_read_objects(
         if each.hidden is not None:
             node = node.model_copy(update=_hide(graph, each, names))
             agents = [let_cross(agent) if agent.id == node.hides else agent for agent in agents]
-        own = next((n for n, a in enumerate(agents) if a.id == names.get(each.met_by or 0)), None)
-        if own is not None and agents[own].type != "pedestrian":
+        meeting: list[Meeting] = []
+        for number, encounter in each.meetings.items():
+            own = next((n for n, a in enumerate(agents) if a.id == names.get(number)), None)
+            if own is None or agents[own].type == "pedestrian":
+                raise Refused(
+                    "out_of_scope",
+                    f"It is not clear which vehicle or rider '{each.meets[0].words}' is said of; "
+                    "name it first.",
+                )
             agents[own] = reroute_agent(agents[own], node)
-            side = find_side(agents[own], node) if node.leg is not None else {}
-            meeting = {"met_by": agents[own].id, "encounter": each.encounter}
-            node = node.model_copy(update={**side, **meeting, "figure": each.get_figure()})
-        elif each.meets:
-            raise Refused(
-                "out_of_scope",
-                f"It is not clear which vehicle or rider '{each.meets[0].words}' is said of; "
-                "name it first.",
-            )
+            if node.leg is not None and not meeting:
+                node = node.model_copy(update=find_side(agents[own], node))
+            waits = any(m.encounter in ("waits_behind", "queues") for m in meeting)
+            queues = waits and encounter == "waits_behind"
+            figure = None if meeting else each.get_figure()
+            how = "queues" if queues else encounter
+            meeting.append(Meeting(agent=agents[own].id, encounter=how, figure=figure))
+        if meeting:
+            first, *others = meeting
+            fields = {"met_by": first.agent, "encounter": first.encounter, "figure": first.figure}
+            node = node.model_copy(update={**fields, "others": tuple(others)})
         nodes.append(node)
         said += _list_said(each, node)
         if each.beyond is not None:
@@ -234,7 +255,7 @@ def _make_node(each: ReadObject, name: str) -> ObjectNode:
         {
             "id": name,
             "kind": kind,
-            "subtype": subtype if kind in STANDING_VEHICLES else None,
+            "subtype": subtype if kind in STANDING_VEHICLES and kind != "bus_stop" else None,
             "leg": get_side(sides[0]) if sides else None,
             "side": "exit" if sides and sides[0].tag == "to" else None,
         }
@@ -247,6 +268,12 @@ def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dic
     Raises:
         Refused: a vehicle is hidden, or nothing happens between the hidden agent and a vehicle.
     """
+    if each.hides_several:
+        raise Refused(
+            "out_of_scope",
+            f"'{each.sights[0].words}' seems to hide several, and one pedestrian can be hidden; "
+            "say one of them.",
+        )
     types = {agent.id: agent.type for agent in graph.agents}
     walker = names.get(each.hidden or 0)
     pairs = [(e.from_, e.to) for e in graph.relations if walker in (e.from_, e.to)]
@@ -259,7 +286,11 @@ def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dic
             "rider that a vehicle hits, nearly hits or gives way to can be; say such an event.",
         )
     found = [parse_range(span.words, "", _TIME_TOLERANCE) for span in each.seen]
-    leads = [(lead[0], lead[1]) for lead in found if lead is not None and lead[1] is not None]
+    leads = [
+        (round(lead[0], 3), round(lead[1], 3))
+        for lead in found
+        if lead is not None and lead[1] is not None
+    ]
     return {"hides": walker, "hidden_from": drivers[0], "lead": leads[0] if leads else None}
 
 
@@ -278,3 +309,74 @@ def _say(span: ReadSpan, became: Became, agents: tuple[str, ...], value: str) ->
     return SaidSpan(
         start=span.start, end=span.end, words=span.words, became=became, agents=agents, value=value
     )
+
+
+def validate_objects(graph: SocialGraph, words: str) -> SocialGraph:
+    """The graph, once what stands in it is found to be consistent.
+
+    Args:
+        words: those that a refusal quotes.
+
+    Raises:
+        Refused: an object cannot be what the words say, such as one that two agents hit.
+    """
+    try:
+        return SocialGraph.model_validate(graph.model_dump(by_alias=True))
+    except ValueError as error:
+        reason = str(error).split("Value error, ")[-1].split(" [type")[0]
+        raise Refused("out_of_scope", f"'{words}': {reason}.") from error
+
+
+def find_kind(words: str, how: Encounter) -> ObjectKind:
+    """What stands in the way is in a lane; what is hit may also stand at the kerb."""
+    low = words.lower()
+    in_lane = re.search(r"\b(?:lane|way|path|road)\b", low) is not None
+    if how == "doored":
+        return "parked"
+    if re.search(r"double[- ]?parked|unloading|\b(?:bus|coach)\b.*\bstop\b", low):
+        return "double_parked"
+    if "parked" in low:
+        return "double_parked" if in_lane or how != "hits" else "parked"
+    return "stalled"
+
+
+def find_side(agent: AgentNode, node: ObjectNode) -> dict[str, str]:
+    """The side of its leg on which an object stands that an agent meets, as a field of it."""
+    return {"side": "entry" if agent.entry == node.leg else "exit"}
+
+
+def reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
+    """The agent with a route by the leg on which the object stands.
+
+    Raises:
+        Refused: it comes and leaves by other legs.
+    """
+    leg: Compass | None = node.leg
+    if leg is None or leg in (agent.entry, agent.exit):
+        return agent
+    if agent.entry is None and node.side != "exit":
+        return agent.model_copy(update={"entry": leg})
+    if agent.exit is None:
+        return agent.model_copy(update={"exit": leg})
+    raise Refused(
+        "out_of_scope", f"{agent.id} does not come by the {leg} leg, where {node.id} is to stand."
+    )
+
+
+def find_thing(words: str) -> ObjectKind:
+    """The kind of something that is no vehicle."""
+    low = words.lower()
+    if re.search(r"container|skip|dumpster", low):
+        return "container"
+    return "bin" if re.search(r"\b(?:dust)?bins?\b|trash can", low) else "box"
+
+
+def let_jaywalk(agent: AgentNode) -> AgentNode:
+    """No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it."""
+    free = agent.crosswalk is None and agent.type == "pedestrian"
+    return agent.model_copy(update={"movement": "jaywalking"}) if free else agent
+
+
+def let_cross(agent: AgentNode) -> AgentNode:
+    """An agent that comes out from behind an object crosses the road, if nothing else is said."""
+    return agent if agent.movement else agent.model_copy(update={"movement": "crossing"})

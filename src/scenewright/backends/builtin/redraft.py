@@ -1,40 +1,43 @@
-"""The scene as a draft that the planner's own grammar changes, and back to a social graph.
+"""What words of a conversation change: the planner's reader on (what is there, what is said).
 
-An agent that the words name carries its id as a label, so that the grammar means the right one;
-agents keep their ids, and relations that are not mentioned keep their figures.
+The scene is put into plain sentences, read alone and read with the change after them. What differs
+between the two readings is the change; all else of the scene stays as it is.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 from pydantic import ValidationError
 
-from scenewright.backends.builtin import edits as grammar_of_edits
-from scenewright.backends.builtin import grammar_plan, graph_making
-from scenewright.backends.builtin.clauses import ClauseReader
-from scenewright.backends.builtin.clock import Clock, read_clock
-from scenewright.backends.builtin.context import read_context
-from scenewright.backends.builtin.draft import (
-    AgentDraft,
-    ContextDraft,
-    Draft,
-    Refused,
-    RelationDraft,
-    Site,
-)
-from scenewright.backends.builtin.grammar import build_modifiers
-from scenewright.backends.builtin.lexicon import Chunk, load_lexicon
-from scenewright.backends.builtin.mentions import Item, Mention, build_noun_phrases
+from scenewright.backends.builtin.draft import Refused, Site
+from scenewright.backends.builtin.lexicon import Chunk
+from scenewright.backends.builtin.mentions import Item, Mention
 from scenewright.backends.builtin.normalise import clean, split_tokens
-from scenewright.backends.builtin.reader.words import COARSE
-from scenewright.backends.builtin.references import People
-from scenewright.backends.builtin.scope import check_language, check_scope, check_text
-from scenewright.backends.builtin.shorthand import expand
-from scenewright.backends.builtin.ties import list_ties
-from scenewright.scene.edits import Edit, Situation, diff_graphs
+from scenewright.backends.builtin.phrases import replace_phrases
+from scenewright.backends.builtin.reader.learned_plan import (
+    LearnedPlan,
+    is_no_change,
+    read_plan,
+)
+from scenewright.backends.builtin.references import People, format_phrase
+from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.scene.edits import Edit, SetMeasure, Situation, diff_graphs
+from scenewright.scene.phrasing import choose_names, describe_graph
 from scenewright.scene.route_table import WAY_FIELDS, resolve_route
-from scenewright.scene.social import EntryTie, RelationEdge, SceneContext, SocialGraph
+from scenewright.scene.social import (
+    AgentNode,
+    EntryTie,
+    ObjectNode,
+    Refusal,
+    RelationEdge,
+    SceneContext,
+    SocialGraph,
+)
+
+_ENDS = ("from_", "to", "braker", "first", "strikes")
+"""Fields of a relation that name an agent."""
 
 
 def get_next_item(items: Sequence[Item], at: int) -> Item | None:
@@ -42,224 +45,217 @@ def get_next_item(items: Sequence[Item], at: int) -> Item | None:
     return items[at + 1] if at + 1 < len(items) else None
 
 
-def read_by_grammar(
-    text: str, situation: Situation, people: People, *, site: Site
+def read_change(
+    text: str, items: Sequence[Item], situation: Situation, people: People, *, site: Site
 ) -> tuple[Edit, ...]:
-    """What the planner's grammar makes of it, as the difference of two graphs."""
+    """The edits that words ask for, by two readings of the scene, without and with them.
+
+    Args:
+        items: the words as noun phrases and what stands between them.
+
+    Raises:
+        Unclear: the words may mean several agents.
+        Refused: they cannot be read, or do not fit what is there.
+    """
     check_text(text)
-    whole = expand(clean(text))
-    check_language(text, split_tokens(whole))
-    plain, clock = read_clock(whole)
-    chunks = load_lexicon().split_chunks(split_tokens(plain))
-    figures = (clock.time, clock.pet, clock.ttc, clock.speed)
-    if not any(each is not None for each in figures) and not _has_time(chunks):
-        check_scope(whole, chunks, editing=True)
-    base = _Base(situation, site)
-    base.change(plain, chunks, clock, people)
-    before = situation.graph
-    after = base.build_graph(clock).model_copy(update={"objects": before.objects})
-    return diff_graphs(before, after)
+    check_language(text, split_tokens(clean(text)))
+    for item in items:
+        if isinstance(item, Chunk) and item.has("BAD_AGENT"):
+            raise Refused("impossible", f"There is no {item.text} in this scene, and none can be.")
+    graph = situation.graph.model_copy(update={"objects": (), "measures": ()})
+    phrased = replace_phrases(_name_people(text, items, situation, people))
+    sentences = describe_graph(graph)
+    before = read_plan(sentences, site=site)
+    after = read_plan(
+        phrased.text, previous=sentences, site=site, phrases=phrased.phrases, changes=True
+    )
+    if is_no_change(after.reading) and not after.objects:
+        return ()
+    for each in (before, after):
+        if isinstance(each.plan, Refusal):
+            raise Refused(each.plan.code, each.plan.reason)
+    return _Change(situation, before, after, site).list_edits()
 
 
-def _has_time(chunks: Sequence[Chunk]) -> bool:
-    return any(chunk.has("TIMEWORD") for chunk in chunks)
-
-
-class _Base:
-    """The scene as a draft that the planner's grammar can change."""
-
-    def __init__(self, situation: Situation, site: Site) -> None:
-        self._before = situation.graph
-        self._taken = {each.id for each in situation.present}
-        drawn = {each.id: each for each in situation.present}
-        self._agents = {
-            node.id: AgentDraft(
-                node.type,
-                subtype=COARSE.get(node.subtype or "", node.subtype),
-                entry=node.entry,
-                exit=node.exit,
-                movement=node.movement,
-                crosswalk=node.crosswalk,
-                runs_red=node.runs_red,
-                label=node.id,
-                head=_choose_id_head(node.subtype or drawn[node.id].subtype, node.type)
-                if node.id in drawn
-                else node.type,
+def _name_people(text: str, items: Sequence[Item], situation: Situation, people: People) -> str:
+    """The words with the names that the plain sentences have for the agents they mean."""
+    names = choose_names(situation.graph)
+    in_order = list(names.values())
+    for ordinal, at in (("first", 0), ("second", 1), ("third", 2), ("last", -1)):
+        if len(in_order) > at:
+            text = re.sub(rf"\bthe {ordinal} one\b", in_order[at], text, flags=re.IGNORECASE)
+    for at, item in enumerate(items):
+        if not isinstance(item, Mention):
+            continue
+        agent = people.find_named(item, get_next_item(items, at))
+        if agent is None:
+            continue
+        if agent.id not in names:
+            raise Refused(
+                "impossible",
+                f"{agent.id} is a background agent without a role; it can be "
+                "removed, slowed down or moved in time, or an agent of its own can be added.",
             )
-            for node in self._before.agents
-        }
-        self._edges = [
-            (
-                RelationDraft(
-                    edge.type,
-                    self._agents[edge.from_],
-                    self._agents[edge.to],
-                    kind=edge.kind,
-                    cause=edge.cause,
-                    point_from=edge.point_from,
-                    point_to=edge.point_to,
-                    pattern=edge.pattern,
-                    first=None if edge.first is None else self._agents[edge.first],
-                    strikes=None if edge.strikes is None else self._agents[edge.strikes],
-                ),
-                edge,
-            )
-            for edge in self._before.relations
-        ]
-        context = self._before.context
-        self._draft = Draft(
-            agents=list(self._agents.values()),
-            relations=[draft for draft, _ in self._edges],
-            context=ContextDraft(density=context.density, time_of_day=context.time_of_day),
-            site=site,
-        )
+        words = rf"\b(?:(?:the|that|this) )?{re.escape(format_phrase(item))}\b"
+        text = re.sub(words, names[agent.id], text, count=1, flags=re.IGNORECASE)
+    return text
 
-    def change(self, plain: str, chunks: Sequence[Chunk], clock: Clock, people: People) -> None:
-        """As the words say, in place."""
-        draft = self._draft
-        if any(chunk.tags.get("EDIT") == "swap" for chunk in chunks):
-            for relation in draft.relations:
-                relation.from_, relation.to = relation.to, relation.from_
-                if relation.first is not None:
-                    swapped = relation.first is relation.from_
-                    relation.first = relation.to if swapped else relation.from_
-                if relation.strikes is not None:
-                    swapped = relation.strikes is relation.from_
-                    relation.strikes = relation.to if swapped else relation.from_
-        else:
-            self._read(plain, chunks, people)
-        read_context(draft, chunks, clock)
-        grammar_of_edits._forget(draft)
-        self._keep_fitting_fields()
-        if not draft.agents and (draft.context.vehicles, draft.context.pedestrians) == (0, 0):
-            raise Refused("impossible", "Then no agent would be left; add one first.")
-        graph_making.finish_draft(draft)
 
-    def _read(self, plain: str, chunks: Sequence[Chunk], people: People) -> None:
-        draft = self._draft
-        rest = list(chunks)
-        if "instead" in plain:
-            rest = [grammar_of_edits._make_definite(chunk) for chunk in rest]
-        earlier, agents = list(draft.relations), list(draft.agents)
-        draft.relations.clear()
-        items = build_noun_phrases(build_modifiers(rest), text=plain)
-        self._label(items, people)
-        # A crosswalk given before does not bind a pedestrian that now comes from another side.
-        for agent in self._agents.values():
-            agent.crosswalk = None
-        reader = ClauseReader(draft, editing=True)
-        reader.read(items)
-        grammar_plan.settle_failed_yields(draft, reader)
-        if "late_brake" in reader.said:
-            graph_making.set_cause(draft, "late_brake")
-        grammar_of_edits._replace_relations(draft, earlier, rest, known=agents)
+class _Change:
+    """The difference of two readings, carried over to the scene's graph."""
 
-    def _label(self, items: Sequence[Item], people: People) -> None:
-        """Mentions of agents that are there carry their names."""
-        for at, item in enumerate(items):
-            if not isinstance(item, Mention):
+    def __init__(
+        self, situation: Situation, before: LearnedPlan, after: LearnedPlan, site: Site
+    ) -> None:
+        if isinstance(before.plan, Refusal) or isinstance(after.plan, Refusal):
+            raise TypeError("two plans are needed")
+        self._graph, self._site = situation.graph, site
+        self._before, self._after = before.plan, after.plan
+        self._hidden = {each.hides for each in after.plan.objects}
+        known = [each.id for each in self._graph.agents]
+        # Each sentence of the scene brings one agent, in order.
+        earlier = dict(zip(sorted(before.users), known, strict=False))
+        self._was = {before.users[n]: name for n, name in earlier.items()}
+        taken = {each.id for each in situation.present} | set(known)
+        self._now: dict[str, str] = {}
+        for number, theirs in sorted(after.users.items()):
+            if number not in earlier:
                 continue
-            agent = people.find_named(item, get_next_item(items, at))
-            if agent is None:
-                item.label = None
-            elif agent.id in self._agents:
-                item.label, item.type = agent.id, agent.type
-            else:
-                raise Refused(
-                    "impossible",
-                    f"{agent.id} is a background agent without a role; it can be "
-                    "removed, slowed down or moved in time, or an agent of its own can be added.",
-                )
+            # Who becomes of another class is another agent.
+            if self._after.agent(theirs).type == self._before.agent(before.users[number]).type:
+                self._now[theirs] = earlier[number]
+        for node in self._after.agents:
+            if node.id not in self._now:
+                self._now[node.id] = free_name(node.type, taken)
+                taken.add(self._now[node.id])
 
-    def _keep_fitting_fields(self) -> None:
-        """An agent with a new route keeps the fields of the former one that fit it."""
-        for name, agent in self._agents.items():
-            now = {each: getattr(agent, each) for each in WAY_FIELDS}
-            was = {each: getattr(self._before.agent(name), each) for each in WAY_FIELDS}
-            given = {key: each for key, each in now.items() if each not in (None, was[key])}
-            if given.get("movement") == "jaywalking":
-                was["crosswalk"] = None
-            found = resolve_route(agent.type, was, given, self._draft.site.ways)
-            # Where no route fits what is given, the words are reported as they are.
-            found = found or {**now, "crosswalk": now["crosswalk"] or was["crosswalk"]}
-            for key, each in found.items():
-                setattr(agent, key, each)
-
-    def build_graph(self, clock: Clock) -> SocialGraph:
-        """The draft as a social graph in which agents keep their ids.
-
-        Raises:
-            Refused: what changes does not fit what stays, such as a push without a collision.
-        """
-        ids = {
-            id(agent): name
-            for name, agent in self._agents.items()
-            if agent.type == self._before.agent(name).type
-        }
-        taken = self._taken | set(self._agents)
-        for agent in self._draft.agents:
-            if id(agent) not in ids:
-                ids[id(agent)] = free_name(agent.type, taken)
-                taken.add(ids[id(agent)])
-        nodes = [graph_making.make_node(agent, ids[id(agent)]) for agent in self._draft.agents]
-        tied = [
-            EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
-            for agent, other, side in list_ties(self._draft)
-        ]
-        given = {frozenset((each.agent, each.of)) for each in tied}
-        moved = {n.id for n in nodes if n.id in self._agents and n.entry != self._get_entry(n.id)}
-        kept = [
-            each
-            for each in self._before.ties
-            if frozenset((each.agent, each.of)) not in given and not {each.agent, each.of} & moved
-        ]
-        present = {node.id for node in nodes}
-        edges = tuple(self._build_edge(each, ids, clock) for each in self._draft.relations[:6])
-        ties = tuple(t for t in (*kept, *tied) if {t.agent, t.of} <= present)
+    def list_edits(self) -> tuple[Edit, ...]:
+        """The edits that lead from the scene's graph to the one that is asked for."""
+        nodes = tuple(self._change_node(node) for node in self._after.agents)
+        present = {each.id for each in nodes}
+        gone = {each.id for each in self._graph.agents} - set(self._was.values())
+        nodes += tuple(each for each in self._graph.agents if each.id in gone)
+        present |= gone
         try:
-            return SocialGraph(
-                agents=tuple(nodes), relations=edges, ties=ties, context=self._build_context()
+            graph = SocialGraph(
+                agents=nodes,
+                relations=self._change_relations(present),
+                ties=self._change_ties(present),
+                context=self._change_context(),
+                objects=(*self._graph.objects, *self._list_new_objects()),
             )
         except ValidationError as error:
             fault = error.errors()[0]["msg"].removeprefix("Value error, ")
             raise Refused("contradictory", f"{fault}; change both, or say it anew.") from error
+        figures = tuple(
+            SetMeasure(measure=each.model_copy(update=self._rename(each, ("agent", "other"))))
+            for each in self._after.measures
+            if each not in self._before.measures
+        )
+        return (*diff_graphs(self._graph, graph), *figures)
 
-    def _get_entry(self, name: str) -> str | None:
-        return self._before.agent(name).entry
+    def _rename(self, each: object, fields: Sequence[str]) -> dict[str, str]:
+        """The fields that name agents, with the names that the scene has for them."""
+        named = {field: getattr(each, field) for field in fields}
+        return {field: self._now[name] for field, name in named.items() if name in self._now}
 
-    def _build_edge(
-        self, relation: RelationDraft, ids: Mapping[int, str], clock: Clock
-    ) -> RelationEdge:
-        before = next((edge for draft, edge in self._edges if draft is relation), None)
-        made = graph_making.make_edge(relation, dict(ids), self._draft)
-        if before is None:
-            return made
-        update: dict[str, object] = {
-            name: getattr(made, name)
-            for name in ("from_", "to", "kind", "cause", "pattern", "first")
+    def _change_node(self, node: AgentNode) -> AgentNode:
+        """The scene's agent with what the words change of it, or a new one."""
+        name = self._now[node.id]
+        read = next((o for o, own in self._was.items() if own == name), None)
+        if read is None:
+            return node.model_copy(update={"id": name})
+        was, known = self._before.agent(read), self._graph.agent(name)
+        fields = [f for f in AgentNode.model_fields if f not in ("id", "type", *WAY_FIELDS)]
+        update = {f: getattr(node, f) for f in fields if getattr(node, f) != getattr(was, f)}
+        given = {
+            f: getattr(node, f)
+            for f in WAY_FIELDS
+            if getattr(node, f) not in (None, getattr(was, f))
         }
-        if relation.type == "follow" and (clock.pet, clock.ttc) != (None, None):
-            raise Refused("impossible", "A follower keeps a headway; it has no PET and no TTC.")
-        for name, figure in (
-            ("target_pet", clock.pet), ("target_ttc", clock.ttc), ("impact_speed", clock.speed),
-        ):  # fmt: skip
-            if figure is not None:
-                update[name] = getattr(made, name)
-        return before.model_copy(update=update)
+        if given.get("movement") == "crossing" and node.id in self._hidden:
+            del given["movement"]  # who comes out from behind something crosses anyway
+        earlier = {f: getattr(known, f) for f in WAY_FIELDS}
+        if given.get("movement") == "jaywalking":
+            earlier["crosswalk"] = None
+        found = resolve_route(known.type, earlier, given, self._site.ways) if given else earlier
+        return known.model_copy(update={**update, **(found or {**earlier, **given})})
 
-    def _build_context(self) -> SceneContext:
-        context = self._draft.context
-        update: dict[str, object] = {
-            "density": context.density,
-            "time_of_day": context.time_of_day,
+    def _change_relations(self, present: set[str]) -> tuple[RelationEdge, ...]:
+        read = {_pair(e, self._was): e for e in self._before.relations}
+        kept = []
+        for edge in self._after.relations:
+            now = edge.model_copy(update=self._rename(edge, _ENDS))
+            pair = frozenset((now.from_, now.to))
+            own = next((e for e in self._graph.relations if {e.from_, e.to} == pair), None)
+            was = read.get(pair)
+            if own is None or was is None or (own.type, own.from_) != (now.type, now.from_):
+                kept.append(now)
+                continue
+            old = was.model_copy(update={f: self._was.get(getattr(was, f) or "") for f in _ENDS})
+            changed = {
+                f: getattr(now, f)
+                for f in RelationEdge.model_fields
+                if getattr(now, f) != getattr(old, f)
+            }
+            kept.append(own.model_copy(update=changed))
+        unread = [
+            edge
+            for edge in self._graph.relations
+            if frozenset((edge.from_, edge.to)) not in read and {edge.from_, edge.to} <= present
+        ]
+        known = {frozenset((each.from_, each.to)) for each in kept}
+        return (*kept, *(e for e in unread if frozenset((e.from_, e.to)) not in known))
+
+    def _change_ties(self, present: set[str]) -> tuple[EntryTie, ...]:
+        moved = {
+            own
+            for read, own in self._was.items()
+            if own in self._now.values() and self._find(own).entry != self._before.agent(read).entry
         }
-        if context.vehicles is not None or context.pedestrians is not None:
-            update["background"] = graph_making.make_context(self._draft).background
-        return self._before.context.model_copy(update=update)
+        fresh = [
+            tie.model_copy(update=self._rename(tie, ("agent", "of"))) for tie in self._after.ties
+        ]
+        given = {frozenset((tie.agent, tie.of)) for tie in fresh}
+        old = [
+            tie
+            for tie in self._graph.ties
+            if frozenset((tie.agent, tie.of)) not in given and not {tie.agent, tie.of} & moved
+        ]
+        return tuple(tie for tie in (*old, *fresh) if {tie.agent, tie.of} <= present)
+
+    def _list_new_objects(self) -> list[ObjectNode]:
+        """What is to stand in the scene beside what does already."""
+        known = self._graph.objects
+        number = max((int(each.id.rpartition("-")[2]) for each in known), default=0)
+        ids = {each.id: f"object-{number + n}" for n, each in enumerate(self._after.objects, 1)}
+        return [
+            each.model_copy(
+                update={
+                    "id": ids[each.id],
+                    "beyond": ids.get(each.beyond or ""),
+                    **self._rename(each, ("hides", "hidden_from", "met_by")),
+                    "others": tuple(
+                        m.model_copy(update=self._rename(m, ("agent",))) for m in each.others
+                    ),
+                }
+            )
+            for each in self._after.objects
+        ]
+
+    def _find(self, name: str) -> AgentNode:
+        read = next(theirs for theirs, own in self._now.items() if own == name)
+        return self._after.agent(read)
+
+    def _change_context(self) -> SceneContext:
+        was, now = self._before.context, self._after.context
+        fields = ("density", "time_of_day", "background")
+        update = {f: getattr(now, f) for f in fields if getattr(now, f) != getattr(was, f)}
+        return self._graph.context.model_copy(update=update)
 
 
-def _choose_id_head(subtype: str | None, kind: str) -> str:
-    return kind if subtype is None or kind == "pedestrian" else subtype.replace("_", " ")
+def _pair(edge: RelationEdge, names: Mapping[str, str]) -> frozenset[str]:
+    return frozenset(names.get(each, each) for each in (edge.from_, edge.to))
 
 
 def free_name(kind: str, taken: set[str]) -> str:

@@ -6,8 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import get_args
 
-from scenewright.backends.builtin.coreference import OPPOSITE
-from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.draft import OPPOSITE, Refused
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.mentions import Item, Mention
 from scenewright.backends.builtin.reader.words import COARSE, narrow_subtype

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
-from scenewright.backends.builtin import edits as grammar_of_edits
 from scenewright.backends.builtin.asked_figures import read_figure
 from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.dials import build_motion_edit, number
@@ -22,9 +21,9 @@ from scenewright.backends.builtin.mentions import Item, Mention, build_noun_phra
 from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.reader.words import narrow_subtype
-from scenewright.backends.builtin.redraft import free_name, get_next_item, read_by_grammar
+from scenewright.backends.builtin.redraft import free_name, get_next_item, read_change
 from scenewright.backends.builtin.references import People, Unclear
-from scenewright.backends.builtin.standing_edits import read_standing_edits
+from scenewright.backends.builtin.standing_edits import find_removed
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
 from scenewright.errors import Rejected
 from scenewright.scene.edits import (
@@ -50,6 +49,14 @@ _PARTS = re.compile(
     r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
     r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn it|delay|replace|"
     r"have the|have it|let the|give it|no background)\b)"
+)
+_CUE = re.compile(
+    r"^\s*(?:then|and|next|afterwards|finally|ok|okay)\b|\b(instead|now|change|switch|"
+    r"same (?:but|scene|thing|setup|again)|keep|actually|add|remove|drop|delete|swap|"
+    r"replace|also|make (?:it|the|that|him|her|them|this|one)"
+    r"|turn (?:it|that) into|set the|this time|what if|let the|have the|have it|let it|"
+    r"should|more|less|busier|quieter|earlier|later|reverse|other way a?round|but|"
+    r"without|move)\b"
 )
 _FRESH = re.compile(r"\b(?:new scene|start over|from scratch|forget (?:that|it|the))\b")
 _REMOVES = re.compile(r"\b(?:remove|delete|drop|get rid of|take out|take away|lose)\b")
@@ -134,9 +141,9 @@ def _build_edits(
     again = _ANOTHER.match(" ".join(words.lower().split()))
     if again is not None:
         return Edits(edits=(_redraw(again, situation, chosen),))
-    if standing := read_standing_edits(words, situation):
+    if standing := find_removed(words, situation):
         return Edits(edits=standing)
-    if not grammar_of_edits.is_edit(words) and not _is_about_scene(words, situation, chosen):
+    if not _is_edit(words) and not _is_about_scene(words, situation, chosen):
         return NewScene()
     found: list[Edit] = []
     for part in _PARTS.split(words.strip()):
@@ -151,6 +158,26 @@ def _build_edits(
             reason="That changes nothing in the scene; say what shall be different.",
         )
     return Edits(edits=tuple(found))
+
+
+def _is_edit(text: str) -> bool:
+    """True if the text changes an earlier turn rather than describing a scene of its own."""
+    plain = clean(text)
+    chunks = load_lexicon().split_chunks(split_tokens(plain))
+    agents = [at for at, chunk in enumerate(chunks) if chunk.has("AGENT")]
+    introduced = [at for at in agents if _is_indefinite(chunks, at)]
+    if any(chunk.has(*_EVENTS) for chunk in chunks) and len(introduced) >= 2:
+        return False
+    return bool(_CUE.search(plain)) or len(agents) < 2
+
+
+def _is_indefinite(chunks: Sequence[Chunk], at: int) -> bool:
+    for chunk in reversed(chunks[max(0, at - 4) : at]):
+        if chunk.has("AGENT") or chunk.mark:
+            return False
+        if chunk.has("DET"):
+            return chunk.tags["DET"] in {"indefinite", "another"}
+    return False
 
 
 def _is_about_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bool:
@@ -200,7 +227,7 @@ def _read_part(
     made = made or _read_figure(text, items, situation, people)
     made = made or _read_motion(text, items, people)
     made = made or (None if event else _read_kind(plain, items, situation, people))
-    return made or read_by_grammar(text, situation, people, site=site)
+    return made or read_change(text, items, situation, people, site=site)
 
 
 def _has_figures(plain: str) -> bool:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from scenewright.backends.builtin.attach import LEFT_OF_HEADING
-from scenewright.backends.builtin.coreference import OPPOSITE
-from scenewright.backends.builtin.draft import AgentDraft, Draft, RelationDraft
+from scenewright.backends.builtin.draft import (
+    LEFT_OF_HEADING,
+    OPPOSITE,
+    AgentDraft,
+    Draft,
+    RelationDraft,
+)
 from scenewright.backends.builtin.entail import find_partner
 from scenewright.scene.social import EntrySide
 

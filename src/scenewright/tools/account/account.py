@@ -15,7 +15,8 @@ from scenewright.tools.account.claims import Binding, Claim, Result
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.mentions import Mention, find_mentions
 from scenewright.tools.account.sense_readers import read_claims
-from scenewright.tools.account.vocabulary import Token, load_vocabulary, read_tokens
+from scenewright.tools.account.talk import is_talk
+from scenewright.tools.account.vocabulary import Token, is_list_label, load_vocabulary, read_tokens
 from scenewright.tools.relation_checker import check
 from scenewright.tools.relation_checker.clock import is_within
 
@@ -149,7 +150,7 @@ def list_unknown_words(
     return tuple(
         _build_entry(text, 0, tokens[n : n + 1], _Judged("not_shown", evidence=reason))
         for n, token in enumerate(tokens)
-        if not (_is_function(token) or _names_road(token, intersection_map))
+        if not (is_function(token) or _names_road(token, intersection_map))
         and (reason := _find_unknown(tokens, n)) is not None
     )
 
@@ -162,7 +163,7 @@ def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
     families = token.list_families()
     if families == {"beyond"} and not token.phrase and not _is_denied(tokens, n):
         return _BEYOND[token.list_values("beyond")[0]]
-    return None if families or token.phrase else _NOT_SHOWN
+    return None if families or token.phrase or is_talk(tokens, n) else _NOT_SHOWN
 
 
 def _is_denied(tokens: Sequence[Token], n: int) -> bool:
@@ -183,7 +184,8 @@ def _is_stop(token: Token) -> bool:
     return token.kind in ("end", "comma", "arrow")
 
 
-def _is_function(token: Token) -> bool:
+def is_function(token: Token) -> bool:
+    """Whether a word has no content of its own."""
     function = load_vocabulary().function
     if _is_stop(token):
         return True
@@ -247,7 +249,7 @@ def _find_repeated(
 def _is_silent(token: Token, found: _Judged) -> bool:
     """Whether a function word needs no state of its own."""
     turns_meaning = token.negates or token.has("sequence")
-    return _is_function(token) and found.state != "seen" and not turns_meaning
+    return is_function(token) and found.state != "seen" and not turns_meaning
 
 
 def _fail(_facts: SceneFacts, _binding: Binding) -> Result:
@@ -259,7 +261,7 @@ def _judge(
 ) -> _Judged | None:
     """The state of a word by the results of its claims; None where it needs no state."""
     token = tokens[n]
-    if _is_stop(token):
+    if _is_stop(token) or is_list_label(tokens, n):
         return None
     held = [each for each in found if each[1].holds]
     false = [each for each in found if each[1].holds is False]
@@ -273,14 +275,14 @@ def _judge(
     if held and not (decided or broad or (strict and weak)):
         claim, result = min(held, key=lambda e: (e[0].type in _WEAK, e[0].type != "kind"))
         return _Judged("seen", f"{claim.type} {claim.value}", result.evidence, result.agents)
-    if _is_function(token):
+    if is_function(token):
         return None
     if _names_road(token, facts.intersection_map):
         return _Judged("seen", "road", "a street of this place")
     return (
         _judge_beyond(n, tokens)
         or _judge_place(token, facts)
-        or _judge_claims(token, found, strict or false, _begins_part(tokens, n))
+        or _judge_claims(tokens, n, found, strict or false)
     )
 
 
@@ -309,17 +311,17 @@ def _judge_place(token: Token, facts: SceneFacts) -> _Judged | None:
 
 
 def _judge_claims(
-    token: Token,
+    tokens: Sequence[Token],
+    n: int,
     found: Sequence[tuple[Claim, Result]],
     false: Sequence[tuple[Claim, Result]],
-    begins: bool,
 ) -> _Judged | None:
     """The state of a content word of which no claim holds.
 
     Args:
         false: those of its claims that are false, the gravest ones alone.
-        begins: a part of a sentence begins with it.
     """
+    token, begins = tokens[n], _begins_part(tokens, n)
     families = token.list_families()
     grave = [each for each in false if each[0].type in (*_STRICT, "crosswalk")]
     limit = token.unit is not None and not found
@@ -335,6 +337,9 @@ def _judge_claims(
     lists = begins and families == {"order"} and token.text in ("first", "last", "second")
     if lists or (token.has("sequence") and token.text not in _MOMENTS):
         return None  # it joins no two events and orders no two road users
+    unknown = token.kind == "word" and not (found or families or token.phrase)
+    if unknown and is_talk(tokens, n):
+        return _Judged("manner", evidence="says nothing that tracks could show")
     return _Judged("not_shown", evidence=_NOT_SHOWN)
 
 

@@ -102,6 +102,8 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     number = number or next((each.number for each in before if each.number), None)
     plural = _is_plural(tokens[head]) or "several" in words or token.has("group")
     label = _read_label(tokens, stop)
+    none = _find_none_after(tokens, stop)
+    stop = none or stop
     count = int(number) if number and number >= 1 else None if plural else 1
     return Mention(
         head=head,
@@ -114,13 +116,22 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         object=things or any(each.has("object") for each in before)
         or any(each.has("object") for each in tokens[stop : stop + 1]),
         background=any(each.is_in("around") for each in before) and (plural or number is not None),
-        absent=any(each.text in ("no", "without", "zero", "n't", "any") for each in before)
+        absent=none is not None
+        or any(each.text in ("no", "without", "zero", "n't", "any") for each in before)
         or (start > 0 and tokens[start - 1].text in ("no", "without", "zero", "nor")),
         label=label,
         other="other" in words,
         definite=any(each.is_in("definite") for each in before),
         nouns=tuple(range(n, head + 1)),
     )  # fmt: skip
+
+
+def _find_none_after(tokens: Sequence[Token], stop: int) -> int | None:
+    """The end of "none" or 0 in "vehicles: none"; None where no such word follows a noun."""
+    at = stop + (stop < len(tokens) and tokens[stop].text == ":")
+    if at < len(tokens) and (tokens[at].text in ("none", "zero", "nil") or tokens[at].text == "0"):
+        return at + 1
+    return None
 
 
 def _read_number_after(tokens: Sequence[Token], stop: int) -> float | None:

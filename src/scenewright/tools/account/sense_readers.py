@@ -11,7 +11,7 @@ from scenewright.tools.account.event_readers import read_event, read_order, read
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.mentions import Mention
 from scenewright.tools.account.parties import PartyFinder
-from scenewright.tools.account.vocabulary import Token
+from scenewright.tools.account.vocabulary import Token, is_list_label
 from scenewright.tools.relation_checker.legs import find_relative_side
 
 Reader = Callable[[PartyFinder, int, str], Iterable[Claim]]
@@ -171,17 +171,8 @@ def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
         kinds = tokens[span[0]].list_values("event")
         yield Claim("count", f"{number:g} {'/'.join(kinds)}", (n,), (),
                     tests.EventCountTest(kinds, number))  # fmt: skip
-    elif not _is_list_label(tokens, n) and not any(m.start <= n < m.stop for m in finder.mentions):
+    elif not is_list_label(tokens, n) and not any(m.start <= n < m.stop for m in finder.mentions):
         yield Claim("number", f"{number:g}", (n,), (), tests.BareNumberTest(number))
-
-
-def _is_list_label(tokens: Sequence[Token], n: int) -> bool:
-    """Whether a number only counts the items of a list: "1) ..." or "2. ..."."""
-    follow = tokens[n + 1] if n + 1 < len(tokens) else None
-    if follow is None or follow.start != tokens[n].end:
-        return False
-    begins = n == 0 or tokens[n - 1].kind in ("end", "comma")
-    return follow.text == ")" or (begins and follow.text in (".", ":"))
 
 
 # --- what is said of all agents of a mention
@@ -424,7 +415,16 @@ def _read_motion_verb(finder: PartyFinder, n: int, _value: str) -> Iterator[Clai
 
 def _read_tie(*sides: str) -> Reader:
     def read(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-        subjects = finder.find_subjects(n)
+        start = min(start for start, _ in finder.tokens[n].senses.values())
+        while start and (
+            finder.tokens[start - 1].is_in("possessive", "beside")
+            or finder.tokens[start - 1].text.endswith("'s")
+        ):
+            start -= 1  # of "from my left", who comes from there is named before "from"
+        subjects = finder.find_subjects(start)
+        if all(finder.mentions[i].start > n for i in subjects):  # "from the left of a car"
+            before = [i for i, m in enumerate(finder.mentions) if m.head < start]
+            subjects = (*before[:-4:-1], *subjects)
         yield Claim("tie", "/".join(sides), (n,), subjects, tests.TieTest(subjects, sides))
 
     return read

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from importlib.resources import files
@@ -54,7 +54,7 @@ class Token:
         senses: what the word may claim; nouns have `noun.CLASS`.
         phrase: first and last token (exclusive) of the phrase that gave the senses.
         sentence: number of its sentence; kind: word, figure, clock, end, comma or arrow.
-        mended: the known word that a misspelt one was taken for.
+        mended: the known word that a misspelt one was taken for; capital: it begins with one.
         phrase: type of the event, and tokens, of a phrase of a relation file that it belongs to.
     """
 
@@ -69,6 +69,7 @@ class Token:
     senses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     mended: str | None = None
     phrase: tuple[str, int, int] | None = None
+    capital: bool = False
 
     def has(self, *senses: str) -> bool:
         """Whether it has any of the senses, or one of a family such as `density`."""
@@ -191,6 +192,19 @@ def _read_tokens(text: str, phrases: tuple[tuple[str, tuple[str, ...]], ...]) ->
     )
 
 
+def is_list_label(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a number only counts an item: "1) ...", "2. ...", "Question 21", "Item 4(a)"."""
+    if tokens[n].number is None or tokens[n].unit:
+        return False
+    if n and tokens[n - 1].is_in("numbered") and n <= 3:
+        return True
+    follow = tokens[n + 1] if n + 1 < len(tokens) else None
+    if follow is None or follow.start > tokens[n].end + 1:
+        return False
+    begins = n == 0 or tokens[n - 1].kind in ("end", "comma")
+    return follow.text == ")" or (begins and follow.text in (".", ":"))
+
+
 def _find_relation_phrases(
     tokens: list[Token], phrases: tuple[tuple[str, tuple[str, ...]], ...]
 ) -> dict[int, tuple[str, int, int]]:
@@ -232,6 +246,7 @@ def _cut(text: str) -> Iterator[Token]:
         yield Token(
             match.start(), match.start() + len(match[0].rstrip()), low, stem, kind,
             sentence, number, (match["unit"] or "").lower().replace(" ", "") or None,
+            capital=match[0][:1].isupper(),
         )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import (
@@ -109,7 +109,8 @@ def read_number(
     before = _get_words_before(span, text)
     unit = parse_range(span.words, before, 0.0)
     kind = _find_kind(span, users, spans, _get_words_after(span, text))
-    kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft)
+    about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
+    kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
     if span.negated or kind is None:
         return None
     found = parse_range(span.words, before, UNITS[kind].tolerance)
@@ -241,9 +242,21 @@ def _find_point(words: str) -> MeasureKind:
     return "front_point_right" if _RIGHT.search(words) else "front_point"
 
 
-def _fit_unit(kind: MeasureKind, unit: str, draft: Draft) -> MeasureKind | None:
-    """The kind that has this unit, where words such as "gap" leave that open."""
-    follows = bool(draft.relations) and all(each.type == "follow" for each in draft.relations)
+def _is_in_lane(relation: RelationDraft) -> bool:
+    """Whether one of the two drives behind the other, so that there is a headway."""
+    return relation.type == "follow" or relation.manoeuvre == "cuts_in"
+
+
+def _fit_unit(
+    kind: MeasureKind, unit: str, draft: Draft, about: Collection[AgentDraft]
+) -> MeasureKind | None:
+    """The kind that has this unit, where words such as "gap" leave that open.
+
+    Args:
+        about: those that the figure is said of.
+    """
+    theirs = [e for e in draft.relations if e.from_ in about and e.to in about] or draft.relations
+    follows = bool(theirs) and all(map(_is_in_lane, theirs))
     if kind.endswith("_point") or "_point_" in kind:
         return kind if unit == "%" else None
     if kind in ("headway", "gap"):
@@ -277,6 +290,7 @@ def _find_ends(
         first, second = relation.from_, relation.to
         strikes = first.type == "vehicle" or second.type != "vehicle"
         turned = kind == "side_point" or ("_point" in kind and subjects[:1] == [second])
+        turned = turned or (kind in ("headway", "gap") and relation.manoeuvre == "cuts_in")
         yield (second, first) if turned or not strikes else (first, second)
 
 
@@ -290,7 +304,8 @@ def _find_relation(
 ) -> RelationDraft | None:
     """The event whose figure it is: of the agents named, else the last one described before."""
     wanted = ("collide_at",) if "_point" in kind else _EVENTS_OF.get(kind, tuple(_EVENTS))
-    fitting = [each for each in draft.relations if each.type in wanted]
+    spaced = kind in ("headway", "gap")
+    fitting = [e for e in draft.relations if e.type in wanted or (spaced and _is_in_lane(e))]
     named = [e for e in fitting if any(a in (e.from_, e.to) for a in subjects)] if subjects else []
     named = named or fitting
     if len(named) <= 1:

@@ -17,11 +17,6 @@ _MEASURES = re.compile(
     r"\b\d+(?:[.,]\d+)?\s?(?:m/s|km/?h|kph|mph|seconds?|secs?|s|met(?:re|er)s?|m|cm|feet|ft|am|pm)\b",
     re.IGNORECASE,
 )
-_ORDERS = re.compile(
-    r"\b(?:first|second|last) (?:is|over|through|across|comes|goes)\b|"
-    r"\b(?:is|comes|goes|passes|crosses) (?:first|second|last)\b",
-    re.IGNORECASE,
-)
 _NEGATIONS = compile_negations("no one", "none", "cannot")
 _EXCEPTED = re.compile(r"\b(?:all|every\w*|each) (?:but|except)\b", re.IGNORECASE)
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
@@ -30,14 +25,6 @@ _SURELY_A_REFERENCE = 0.6
 
 _NEAR = 30
 """Characters between a negation and the span that takes account of it."""
-
-
-def is_order_unread(reading: Reading) -> bool:
-    """Whether words for an order of passing lie outside of all spans."""
-    return any(
-        not any(a.start < match.end() and match.start() < a.end for a in reading.spans)
-        for match in _ORDERS.finditer(reading.text)
-    )
 
 
 def is_exception_unread(reading: Reading) -> bool:

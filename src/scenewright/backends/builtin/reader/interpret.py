@@ -7,6 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NoReturn, cast, get_args
 
+from rapidfuzz import process
+from rapidfuzz.distance import OSA
+
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
     AgentDraft,
@@ -36,7 +39,7 @@ from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import find_named_legs, is_street_like
 from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
-from scenewright.backends.builtin.reader.words import find_subtype, time_words_in
+from scenewright.backends.builtin.reader.words import find_class, find_subtype, time_words_in
 from scenewright.backends.builtin.scope import build_not_english, build_nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
@@ -97,12 +100,20 @@ _TOO_LATE = re.compile(
 )
 _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
+_SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
+"""What stands right before "impact" where that only says when."""
+_STOPS_BEFORE = re.compile(r"\b(?:stop|halt|brak)\w*\b[^.;]{0,30}\bbefore $", re.IGNORECASE)
+"""What stands right before "hitting each other" where that does not come about."""
+_TURN_CRASH = re.compile(r"\b(left|right)[- ](?:turn|cross)(?: across path)? $", re.IGNORECASE)
+"""What stands right before "collision" where it is that of a turn across the way of another."""
+_HAND_SIDE = re.compile(r"\b(?:left|right)[- ]hand side\b", re.IGNORECASE)
+"""A side from which somebody comes, and no part of a vehicle."""
 _NOBODY = re.compile(
     r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
 )
 _CORNER = re.compile(r"corner|sidewalk|pavement|footpath|footway|kerb|curb", re.IGNORECASE)
 _SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
-_BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b", re.IGNORECASE)
+_BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b|\b([NESW])/?B\b", re.IGNORECASE)
 _TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er|s)?\b|\b([LR])T\b", re.IGNORECASE)
 _THROUGH = re.compile(
     r"\b(?:through|thru|straight)(?:[- ]\w+)?$|^(?:through|thru|straight)\b", re.IGNORECASE
@@ -161,7 +172,8 @@ class Interpretation:
     """A draft, the road users by number, and what every span became.
 
     Attributes:
-        braking: agents that brake hard; times: spans that say the time of day; first: those that
+        braking: agents that brake hard; dodging: whether one swerves or jumps aside, which is all
+            that is said of an event; times: spans that say the time of day; first: those that
             say which agent passes first; behind: those that say this or which one follows; roads:
             those that name a street; places: those that name another place; absent: those that say
             that a class is not in the scene at all.
@@ -176,6 +188,7 @@ class Interpretation:
     entries: list[AccountEntry] = field(default_factory=list)
     denied: list[ReadSpan] = field(default_factory=list)
     braking: set[int] = field(default_factory=set)
+    dodging: bool = False
     times: list[ReadSpan] = field(default_factory=list)
     first: list[ReadSpan] = field(default_factory=list)
     behind: list[ReadSpan] = field(default_factory=list)
@@ -338,14 +351,18 @@ _CLASSES: dict[str, AgentClass] = {
     "veh": "vehicle", "ped": "pedestrian", "cyc": "cyclist", "scoot": "scooter",
 }  # fmt: skip
 _NO_BICYCLE = re.compile(r"rickshaw|pedicab|unicycl|velomobile|handcart|quad", re.IGNORECASE)
-_SCOOTER = re.compile(r"scoot|\btrottinette|\b(?:lime|bird|voi|tier)\b", re.IGNORECASE)
+_NO_SCOOTER = re.compile(
+    r"skate|wheel ?chair|hover|segway|unicycle|rollator|roller|mobility|long ?board|pogo|stroller|"
+    r"trolley|kick ?sled|push ?chair|pram",
+    re.IGNORECASE,
+)
 
 
 def _get_class(span: ReadSpan) -> AgentClass | None:
     """The class that a mention introduces; None where agents of its kind are not modelled."""
     if span.tag == "cyc" and _NO_BICYCLE.search(span.words):
         return None
-    if span.tag == "scoot" and not _SCOOTER.search(span.words):
+    if span.tag == "scoot" and _NO_SCOOTER.search(span.words):
         return None
     return _CLASSES.get(span.tag)
 
@@ -371,7 +388,7 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
             result.enter(span, "movement", (number,), agent.movement)
         return
     if match := _BOUND.search(span.words):
-        bound = match[1].lower()
+        bound = match[1].lower() if match[1] else _INITIAL[match[2].lower()]
         given = [get_side(each) for each in result.spans if _has_entry(each, (number,))]
         if given and given[0] not in (None, OPPOSITE[bound], bound):
             agent.exit = bound
@@ -559,10 +576,18 @@ def _is_within_reach(result: Interpretation) -> bool:
 
 def get_side(span: ReadSpan) -> str | None:
     """The compass name in the words of a span, else the one that the encoder sees there."""
-    if match := _NAME.search(span.words):
-        return (match[1] + (match[2] or "")).lower()
+    names = [(m[1] + (m[2] or "")).lower() for m in _NAME.finditer(span.words)]
+    if len(names) == 2 and span.tag == "cw":  # from corner to corner: the side that both share
+        shared = [side for side in _INITIAL.values() if all(side in name for name in names)]
+        names = shared if len(shared) == 1 else names
+    if names:
+        return names[0]
     if match := _LETTER.search(span.words):
         return _INITIAL[match[1].lower()]
+    for word in re.findall(r"[a-z]{4,6}", span.words.lower()):  # "nroth"
+        near = process.extractOne(word, _INITIAL.values(), scorer=OSA.distance, score_cutoff=1)
+        if near is not None:
+            return str(near[0])
     return _INITIAL[span.side.lower()] if span.side else None
 
 
@@ -578,6 +603,8 @@ def _put(result: Interpretation, agent: AgentDraft, name: str, value: str, words
     if result.changing and old != value and name not in agent.edited:
         if name == "entry":
             agent.relatives = []
+            if agent.walks and "crosswalk" not in agent.edited:
+                agent.crosswalk = None
         for other in _GIVES_WAY[name]:
             if other not in agent.edited:
                 setattr(agent, other, None)
@@ -672,7 +699,8 @@ def _write_side(
 
 def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
     word = _RELATIVE[str(span.value)]
-    if word in ("of_left", "of_right") and _STRUCK_SIDE.search(span.words) and result.eventful:
+    struck = _STRUCK_SIDE.search(_HAND_SIDE.sub("", span.words))
+    if word in ("of_left", "of_right") and struck and result.eventful:
         result.enter(span, "impact_point", span.objects)
         return
     if word == "exit_crosswalk" and _is_own_side(result, span):
@@ -753,6 +781,11 @@ def _run_red(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _relate(result: Interpretation, span: ReadSpan) -> None:
+    if span.tag == "hit" and _STOPS_BEFORE.search(result.text[: span.start]):
+        span = replace(span, tag="near", value=None)
+    if _SECONDS_BEFORE.search(result.text[: span.start]):
+        result.enter(span, "manner", span.subjects)
+        return
     if span.negated:
         result.denied.append(span)
         return
@@ -777,8 +810,13 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         edge = RelationDraft(RELATIONS[span.tag], users[first], users[second])
         if span.tag == "yield" and _CROSSES.search(span.words):
             _let_cross(users[second])
+        turn = _TURN_CRASH.search(result.text[: span.start])
         edge.kind = _KINDS.get(span.value or "")
+        if span.tag == "hit" and turn is not None and edge.kind is None:
+            edge.kind = "left_turn" if turn[1].lower() == "left" else "right_turn"
         edge.first = users[first] if span.value == "cutoff" else None
+        if span.tag == "hit" and _TOO_LATE.search(span.words):
+            result.braking.add(first)
         _add_relation(result, edge)
         result.enter(span, "relation", (first, second), edge.type)
         if edge.first is not None:
@@ -820,6 +858,9 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
         agent = result.users.get(number)
         if agent is None or (motion in get_args(PedestrianMotion)) != agent.walks:
             result.enter(span, "nothing", (number,), note=_BEYOND["act"])
+        elif span.negated:  # "does not run": so it walks, as all do of whom nothing is said
+            agent.motion = None if agent.motion == motion else agent.motion
+            result.enter(span, "manner", (number,))
         elif motion == "darts_out" and _WALKS.search(span.words):
             result.enter(span, "manner", (number,))
         else:
@@ -846,7 +887,13 @@ def _react(result: Interpretation, span: ReadSpan) -> None:
     known = _REACTIONS.get((span.value, agents[0].type == "pedestrian")) if agents else None
     if known == "steps_back" and _JUMPS.search(span.words):
         known = "jumps_back"
-    threat = any(each.tag in ("hit", "near") and not each.negated for each in result.spans)
+    threat = any(
+        (each.tag in ("hit", "near") or (each.tag, each.value) == ("lane", "cutin"))
+        and not each.negated
+        for each in result.spans
+    )
+    if not threat and known not in (None, "none") and len(result.users) == 2:
+        result.dodging = threat = not result.eventful
     if span.negated or known is None or not threat:
         _leave_out_act(result, span)
     else:
@@ -970,7 +1017,10 @@ def _edit(result: Interpretation, span: ReadSpan) -> None:
                 if edge.strikes is not None:
                     edge.strikes = edge.to if edge.strikes is edge.from_ else edge.from_
     else:
+        kind = find_class(span.words)
         for agent in result.list_agents(span.subjects):
+            if kind not in (None, agent.type):
+                agent.type, agent.movement, agent.crosswalk = kind, None, None
             agent.subtype = find_subtype(span.words) if agent.type == "vehicle" else None
             agent.head = span.words
     result.enter(span, "agent", span.subjects, span.tag)
@@ -987,6 +1037,8 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
         _set_density(result, span)
     elif span.tag == "normal":
         result.draft.normal = not span.negated
+        if result.changing and not span.negated:
+            result.draft.relations.clear()
         result.enter(span, "normal")
     else:
         _set_background(result, span)
@@ -1185,7 +1237,8 @@ def _settle(result: Interpretation) -> None:
     _read_overtaking(result)
     _read_numbers(result)
     _settle_places(result)
-    if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
+    threatened = result.braking or result.dodging
+    if threatened and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
     settle_lead_braking(result)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.draft import Draft, Refused, Site
 from scenewright.backends.builtin.graph_making import (
@@ -13,6 +14,7 @@ from scenewright.backends.builtin.graph_making import (
     place_impacts,
 )
 from scenewright.backends.builtin.impacts import read_impacts
+from scenewright.backends.builtin.phrases import Phrase, play_phrase
 from scenewright.backends.builtin.read_objects import (
     ReadObject,
     add_read_objects,
@@ -23,7 +25,7 @@ from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.groups import join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
 from scenewright.backends.builtin.reader.manoeuvres import correct_manoeuvres
-from scenewright.backends.builtin.reader.merging import merge_mentions
+from scenewright.backends.builtin.reader.merging import merge_mentions, refer_back
 from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, read_text
@@ -42,6 +44,7 @@ class LearnedPlan:
         objects: what stands in the text, which is part of the plan.
         confidence: the least probability of a choice that the plan rests on; 0 where words are
             passed over that may not be.
+        users: number of a road user in the reading -> id of its agent.
     """
 
     plan: Plan
@@ -49,19 +52,39 @@ class LearnedPlan:
     interpretation: Interpretation | None
     confidence: float
     objects: tuple[ReadObject, ...] = ()
+    phrases: tuple[Phrase, ...] = ()
+    users: Mapping[int, str] = field(default_factory=dict)
 
 
-def read_plan(text: str, *, previous: str | None = None, site: Site | None = None) -> LearnedPlan:
-    """The plan that the encoder reads in a text (paper 3.1, SEMANTICS 2-4 and 8)."""
-    reading = _read(text, previous)
-    return plan_reading(reading, site or Site(), text)
+def read_plan(
+    text: str,
+    *,
+    previous: str | None = None,
+    site: Site | None = None,
+    phrases: tuple[Phrase, ...] = (),
+    changes: bool = False,
+) -> LearnedPlan:
+    """The plan that the encoder reads in a text (paper 3.1, SEMANTICS 2-4 and 8).
+
+    Args:
+        phrases: verbs of the text that stand for phrases of relation files.
+        changes: the text is known to change the previous one, whatever it looks like.
+    """
+    if changes and previous is not None:
+        joint = replace(read_text(text, previous=previous), kind="edit")
+        reading = refer_back(joint, len(previous))
+    else:
+        reading = _read(text, previous)
+    return plan_reading(reading, site or Site(), text, phrases)
 
 
 OPENERS = ("Show me this: ", "ok so ")
 """Words before a text that change nothing in what it asks for."""
 
 
-def read_again(text: str, opener: str, *, site: Site | None = None) -> LearnedPlan:
+def read_again(
+    text: str, opener: str, *, site: Site | None = None, phrases: tuple[Phrase, ...] = ()
+) -> LearnedPlan:
     """The plan that the encoder reads in a text after an opener, with places as in the text.
 
     A reading that the encoder is sure of comes out the same; one that hangs by a thread does not.
@@ -70,14 +93,17 @@ def read_again(text: str, opener: str, *, site: Site | None = None) -> LearnedPl
     kept = [at for at, span in enumerate(reading.spans) if span.start >= len(opener)]
     spans = tuple(_shift(reading.spans[at], -len(opener)) for at in kept)
     users = {user: kept.index(at) for user, at in reading.users.items() if at in kept}
-    return plan_reading(replace(reading, text=text, spans=spans, users=users), site or Site(), text)
+    shifted = replace(reading, text=text, spans=spans, users=users)
+    return plan_reading(shifted, site or Site(), text, phrases)
 
 
 def _shift(span: ReadSpan, characters: int) -> ReadSpan:
     return replace(span, start=span.start + characters, end=span.end + characters)
 
 
-def plan_reading(whole: Reading, site: Site, text: str) -> LearnedPlan:
+def plan_reading(
+    whole: Reading, site: Site, text: str, phrases: tuple[Phrase, ...] = ()
+) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
     reading, objects = take_out_objects(whole)
     reading = read_reactions(correct_manoeuvres(join_groups(merge_mentions(reading))))
@@ -86,8 +112,10 @@ def plan_reading(whole: Reading, site: Site, text: str) -> LearnedPlan:
     try:
         interpretation = interpret(reading, site)
         draft = _settle(interpretation, text)
-        finished = finish_draft(draft)
         offset = reading.text.find(SEPARATOR) + len(SEPARATOR) if reading.kind == "edit" else 0
+        for phrase in phrases:
+            _play_phrase(phrase, reading, interpretation, offset)
+        finished = finish_draft(draft)
         names = name_agents(finished.agents)
         said = interpretation.build_account(names, offset)
         graph = make_graph(finished)
@@ -96,8 +124,28 @@ def plan_reading(whole: Reading, site: Site, text: str) -> LearnedPlan:
         plan: Plan = add_read_objects(graph, objects, users) if objects else graph
     except Refused as verdict:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
-        return LearnedPlan(refusal, reading, None, confidence, objects)
-    return LearnedPlan(plan, reading, interpretation, confidence, objects)
+        return LearnedPlan(refusal, reading, None, confidence, objects, phrases)
+    return LearnedPlan(plan, reading, interpretation, confidence, objects, phrases, users)
+
+
+def _play_phrase(
+    phrase: Phrase, reading: Reading, interpretation: Interpretation, offset: int
+) -> None:
+    """Has the event that is read at a phrase played as the phrase's file says.
+
+    Raises:
+        Refused: the phrase cannot be said of these two.
+    """
+    start, end = phrase.start + offset, phrase.end + offset
+    spans = (s for s in reading.spans if s.start < end and start < s.end and s.objects)
+    for span in spans:
+        ends = [interpretation.users.get(n) for n in (*span.subjects[:1], *span.objects[:1])]
+        relations = interpretation.draft.relations
+        theirs = [each for each in relations if each.from_ in ends and each.to in ends]
+        if any(each.type == "near_miss" for each in theirs):  # "and nearly hits it"
+            relations[:] = [e for e in relations if e not in theirs or e.type != "collide_at"]
+        for relation in theirs:
+            play_phrase(relation, phrase, interpretation.draft.site)
 
 
 def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObject, ...]) -> float:
@@ -194,6 +242,6 @@ def _settle(interpretation: Interpretation, text: str) -> Draft:
     said = draft.agents or draft.normal or draft.denied or context.density or context.time_of_day
     if not said and context.vehicles is None and context.pedestrians is None:
         raise build_nothing_planned()
-    _, impacts = read_impacts(text.lower())
+    _, impacts = read_impacts(re.sub(r"(?<!driver)(?<!passenger)['’]s ", "  ", text.lower()))
     place_impacts(draft, impacts)
     return draft

@@ -86,6 +86,26 @@ def merge_mentions(reading: Reading) -> Reading:
     return reading
 
 
+def refer_back(reading: Reading, end: int) -> Reading:
+    """The reading of a change in which "the car" or "car 2" is the one that is there.
+
+    Args:
+        end: where the sentences of what is there end.
+    """
+    known = {
+        re.sub(r"^(?:an?|the) ", "", reading.spans[at].words.lower()): user
+        for user, at in reading.users.items()
+        if reading.spans[at].start < end
+    }
+    for user, at in list(reading.users.items()):
+        span = reading.spans[reading.users.get(user, at)]
+        noun = span.words.lower().removeprefix("the ")
+        definite = span.words.lower() != noun or noun[-1].isdecimal()
+        if span.start >= end and definite and noun in known and len(span.subjects) == 1:
+            reading = _merge(reading, known[noun], user)
+    return reading
+
+
 def _let_walk(span: ReadSpan) -> ReadSpan:
     """The mention as one of a pedestrian where its noun can be nothing else."""
     if span.tag == "veh" and _WALKER.search(span.words) and find_subtype(span.words) is None:
@@ -97,11 +117,15 @@ def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
     """A crosswalk said right after the rider who opens the text, or who alone could be on it, is
     where that one rides."""
     riders = [each for each in reading.spans if each.tag in ("cyc", "scoot")]
-    before = [each for each in riders if _ON_THE.fullmatch(reading.text[each.end : span.start])]
+    before = [
+        each
+        for each in riders
+        if each.end <= span.start and _ON_THE.fullmatch(reading.text[each.end : span.start])
+    ]
     if span.tag not in ("cw", "cross") or len(before) != 1 or len(before[0].subjects) != 1:
         return span
-    events = [each for each in reading.spans if each.tag in EVENTS and each.start < span.start]
-    if events and any(each.tag == "ped" for each in reading.spans):
+    walkers = [each for each in reading.spans if each.tag == "ped" and each.start < span.start]
+    if any(n in span.subjects for each in walkers for n in each.subjects):
         return span
     sure = max(span.confidence, _SURELY)
     return replace(span, subjects=before[0].subjects, objects=(), confidence=sure)
@@ -156,7 +180,7 @@ def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
         for user, at in reading.users.items()
         if len(reading.spans[at].subjects) == 1
     }
-    yield from _find_articles(single)
+    yield from _find_articles(reading, single)
     yield from _find_touching(reading, single)
     yield from _find_driven(reading, single)
     speaker = next((u for u, span in single.items() if _SPEAKER.match(span.words)), None)
@@ -166,11 +190,20 @@ def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
             yield speaker, user
 
 
-def _find_articles(single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
+def _find_articles(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
     """A mention that is an article alone, and the next: "a jaywalking pedestrian"."""
+    text, spans = reading.text, reading.spans
     for user, span in single.items():
         if _ARTICLE.fullmatch(span.words):
-            later = [u for u in single if 0 <= single[u].start - span.end <= _MOST_BETWEEN]
+            later = [
+                u
+                for u in single
+                if 0 <= single[u].start - span.end <= _MOST_BETWEEN
+                and re.fullmatch(r"[\w' -]*", text[span.end : single[u].start])
+                and not any(
+                    e.tag in EVENTS and span.end <= e.start < single[u].start for e in spans
+                )
+            ]
             if later:
                 yield min(later, key=lambda u: single[u].start), user
 
@@ -191,6 +224,8 @@ def _find_driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tupl
         for other, later in single.items():
             if not 0 <= later.start - span.end <= _MOST_BETWEEN or span.tag == "obj":
                 continue
+            if any(span.end <= each.start < later.start for each in reading.spans):
+                continue  # something else is said in between
             match = _RIDES.search(reading.text[span.start : later.start].strip())
             if match is None:
                 continue
@@ -223,7 +258,7 @@ def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
     gone = replace(second, tag="ref", value=None, subjects=(kept,))
     if _SPEAKER.match(first.words):
         first = replace(first, words=second.words)
-    elif not reading.text[second.end : first.start].strip(" -"):
+    elif second.end <= first.start and not reading.text[second.end : first.start].strip(" -"):
         whole = reading.text[second.start : first.end]
         first = replace(first, words=whole, start=second.start)
     spans = tuple(

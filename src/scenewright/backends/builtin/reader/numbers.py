@@ -16,8 +16,10 @@ _WORDS = {
     "no": 0, "none": 0, "without": 0, "nil": 0, "single": 1, "lone": 1, "a couple": 2, "couple": 2,
     "pair": 2, "both": 2, "twin": 2, "twins": 2, "duo": 2, "trio": 3, "half a dozen": 6,
     "half-dozen": 6, "a dozen": 12, "dozen": 12, "thirty": 30, "forty": 40, "fifty": 50,
-    "hundred": 100,
+    "sixty": 60, "seventy": 70, "eighty": 80, "ninety": 90, "hundred": 100,
 }  # fmt: skip
+_TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+_COMPOUND = re.compile(rf"\b({'|'.join(_TENS)})[- ]({'|'.join(TO_TWENTY[1:10])})\b", re.IGNORECASE)
 _NUMBER = re.compile(
     r"(?<![\w.])(?:(\d{1,3})(?![\w.,:]*\d)|("
     + "|".join(sorted(map(re.escape, _WORDS), key=len, reverse=True))
@@ -41,6 +43,9 @@ _LABEL = re.compile(
 def number_in(words: str) -> int | None:
     """The first number in some words; None if there is none."""
     match = _NUMBER.search(words)
+    compound = _COMPOUND.search(words)
+    if compound is not None and match is not None and compound.start() == match.start():
+        return _WORDS[compound[1].lower()] + _WORDS[compound[2].lower()]
     if match is None:
         return None
     return int(match[1]) if match[1] else _WORDS[match[2].lower()]

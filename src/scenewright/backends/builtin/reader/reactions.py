@@ -26,7 +26,9 @@ _UNREACTING = re.compile(
 )
 _AWAY = r"(?: away)?(?: from (?:it|him|her|them|the (?:car|van|truck|bus|vehicle)))?"
 _WAYS = {
-    "steps_back": rf"(?:steps?|stepp?ed|stepping|backs?|backed|backing) (?:back|off|up)\b{_AWAY}",
+    "steps_back": rf"(?:steps?|stepp?ed|stepping|backs?|backed|backing) (?:back|off|up)\b"
+    r"(?! (?:of )?(?:the |a )?(?:kerb|curb|pavement|sidewalk|footpath|bus))(?! mid-?block)"
+    f"{_AWAY}",
     "jumps_back": rf"(?:jump(?:s|ed|ing)?|leap(?:s|ed|ing|t)?|spr[aiu]ngs?) back\b{_AWAY}",
     "runs": r"(?:r[au]n(?:s|ning)?|sprint(?:s|ed|ing)?|dash(?:es|ed|ing)?|jump(?:s|ed|ing)?|"
     r"leap(?:s|ed|ing|t)?) (?:out of|clear of) (?:the|its|his|her|their) (?:way|path)\b",

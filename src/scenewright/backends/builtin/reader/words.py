@@ -3,6 +3,13 @@
 from __future__ import annotations
 
 import re
+from functools import cache, lru_cache
+from importlib.resources import files
+
+from rapidfuzz import process
+from rapidfuzz.distance import OSA
+
+from scenewright.scene.base import AgentClass
 
 _SUBTYPES = (
     (
@@ -42,7 +49,8 @@ _SUBTYPES = (
     (
         "motorcycle",
         r"motor ?-?(?:cycle|bike)|\bmoped|\bvespa|\bbiker|\bmotorcyclist|\bharley|"
-        r"\bdirt bike|\bscooter|\bkawasaki|\bducati|\byamaha|\bsuperbike|\bchopper\b|"
+        r"\bmo-?ped|\bmoto\b|\bdirt bike|\bscooter|\bkawasaki|\bducati|\byamaha|\bsuperbike|"
+        r"\bchopper\b|"
         r"\btwo-?wheelers?\b|\bmotor(?:ised|ized)? ?bike",
     ),
     (
@@ -53,7 +61,10 @@ _SUBTYPES = (
     ),
     (
         "car",
-        r"\b(?:cars?|vans?|suvs?|sedans?|hatchbacks?|minivans?|pick-?ups?|estate|"
+        r"\b(?:cars?|vans?|suvs?|sedans?|hatchbacks?|minivans?|pick-?ups?|estate|opel|skoda|seat|"
+        r"renault|peugeot|citro[eë]n|vauxhall|mazda|subaru|hyundai|suzuki|saab|lada|dacia|porsche|"
+        r"jaguar|buick|chevy|chevrolet|dodge|chrysler|lexus|mini|corsa|astra|polo|fiesta|clio|civic|"
+        r"corolla|camry|passat|transporter|motorcar|automobile|ev|banger|"
         r"saloon|coupe|convertible|jeep|limo(?:usine)?|auto|police|patrol|uber|"
         r"toyota|ford|honda|bmw|audi|tesla|volvo|kia|nissan|mercedes|vw|golf|prius|fiat|"
         r"crossover|wagon|roadster|hearse|camper)\b",
@@ -98,7 +109,59 @@ def find_subtype(words: str) -> str | None:
     """The subtype of vehicle that some words name; None where they leave it open."""
     if _PICKUP.search(words):
         return "car"
-    return next((name for name, pattern in _COMPILED if pattern.search(words)), None)
+    found = next((name for name, pattern in _COMPILED if pattern.search(words)), None)
+    return found or _find_misspelt(words)
+
+
+@lru_cache(maxsize=512)
+def _find_misspelt(words: str) -> str | None:
+    """The subtype of a noun with one slip of the finger in it: "buss", "taix", "trcuk"."""
+    for word in re.findall(r"[a-z-]{3,}", words.lower()):
+        if word in _load_plain_words():
+            continue
+        slips = 1 if len(word) < 7 else 2
+        near = process.extractOne(word, _NOUNS.keys(), scorer=OSA.distance, score_cutoff=slips)
+        if near is not None and near[0][0] == word[0]:
+            return _NOUNS[near[0]]
+    return None
+
+
+_NOUNS = {
+    "car": "car", "van": "van", "bus": "bus", "buses": "bus", "taxi": "taxi", "truck": "truck",
+    "lorry": "truck",
+    "coach": "bus", "motorbike": "motorcycle", "motorcycle": "motorcycle", "ambulance": "ambulance",
+    "sedan": "car", "hatchback": "car", "pickup": "car", "minivan": "car", "moped": "motorcycle",
+}  # fmt: skip
+
+
+@cache
+def _load_plain_words() -> frozenset[str]:
+    """English words that are no slip of the finger."""
+    folder = files("scenewright.backends.builtin")
+    return frozenset(folder.joinpath("english.txt").read_text("utf-8").split())
+
+
+def find_class(words: str) -> AgentClass | None:
+    """The class of road user that some words name; None where they leave it open."""
+    if _RIDER.search(words):
+        return "cyclist"
+    if re.search(r"\be-?scooter|\bkick scooter", words, re.IGNORECASE):
+        return "scooter"
+    if find_subtype(words) is not None:
+        return "vehicle"
+    return "pedestrian" if _WALKER.search(words) else None
+
+
+_RIDER = re.compile(
+    r"\b(?:cyclist|bicycle|bicyclist|push-?bike|(?:cargo|road|mountain) bike|(?<!motor)(?<!motor )"
+    r"(?<!dirt )bike)s?\b",
+    re.IGNORECASE,
+)
+_WALKER = re.compile(
+    r"\b(?:ped(?:estrian)?|walker|jogger|runner|(?:wo)?man|child|kid|girl|boy|lady|person|"
+    r"grandmother|grandfather|nurse|student|tourist)s?\b",
+    re.IGNORECASE,
+)
 
 
 COARSE = {

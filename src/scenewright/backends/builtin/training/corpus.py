@@ -64,11 +64,12 @@ def find_faults(path: Path) -> Iterator[str]:
         except AnnotationError as error:
             yield f"line {number}: {error}"
             continue
-        for fault in _find_faults(row):
+        for fault in find_row_faults(row):
             yield f"line {number}: {fault}"
 
 
-def _find_faults(row: AnnotatedText) -> Iterator[str]:
+def find_row_faults(row: AnnotatedText) -> Iterator[str]:
+    """What is wrong with the marks of a row."""
     known: list[int] = []
     for span in row.spans:
         words = row.text[span.start : span.end]

@@ -1,0 +1,1 @@
+"""The words that the account takes for talk."""
