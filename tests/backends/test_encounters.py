@@ -233,3 +233,8 @@ def test_a_door_opens_too_late_for_a_cyclist() -> None:
     assert seen["speed"] == pytest.approx(15 / 3.6, abs=0.5)
     assert door.since == pytest.approx(seen["time"] - seen["opened"], abs=0.01)
     assert {each.state for each in scene.proof.account} == {"seen"}
+
+
+def test_a_cyclist_the_wrong_way_is_said_to_be_left_out() -> None:
+    graph = plan("A cyclist rides the wrong way down the north leg and nearly hits a pedestrian")
+    assert isinstance(graph, Refusal) or all(each.motion is None for each in graph.agents)

@@ -1,4 +1,4 @@
-"""Everyday phrasings of a change, read against the scene before the planner's grammar is asked.
+"""Everyday phrasings of a change, read against the scene before the planner's reader is asked.
 
 Each rule is a form of words and its edit. The agent that the words mean is decided here as well:
 "her", "the truck", "the other one". Words that fit no rule are left to the planner; what the
@@ -291,7 +291,7 @@ def _reverse(found: re.Match[str], talk: Talk) -> Reading | None:
 
 
 def _come_from(found: re.Match[str], talk: Talk) -> Reading | None:
-    """Riders alone: the planner's grammar reads this for all other agents."""
+    """Riders alone: the planner's reader reads this for all other agents."""
     node = talk.find(found["who"])
     if node is None or node.type not in ("cyclist", "scooter"):
         return None
@@ -366,7 +366,7 @@ def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
 
 
 def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
-    """A speed of a rider; the planner's grammar reads this for all other agents."""
+    """A speed of a rider; the planner's reader reads this for all other agents."""
     node = talk.find(found["who"])
     if node is None or node.type not in ("cyclist", "scooter"):
         return None

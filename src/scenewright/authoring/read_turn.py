@@ -1,4 +1,4 @@
-"""Words -> what they amount to: by the grammar, or by the language model that plans."""
+"""Words -> what they amount to: by the builtin planner, or by the language model that plans."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def read_words(
     seed: int,
     account: Account = ignore_account,
 ) -> Reading:
-    """What the words amount to: as the planner reads them, by rule where it is the grammar.
+    """What the words amount to: as the planner reads them, by rule where it is the builtin one.
 
     What the session itself does, such as undoing, and words that say they begin a new scene are
     read by rule with any planner; so is what the planner had no useful reading of.

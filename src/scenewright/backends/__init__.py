@@ -1,6 +1,6 @@
-"""Backends that answer the pipeline's questions: a grammar, a language model, a file of answers.
+"""Backends that answer the pipeline's questions: a trained reader, a model, a file of answers.
 
-`builtin` is the grammar, `chat` any chat model that LangChain reaches, `engine` a model that vLLM
+`builtin` is the reader, `chat` any chat model that LangChain reaches, `engine` a model that vLLM
 runs in this process, `recorded` answers from a file, `scripted` says what it is handed. `spoken`
 turns a text model into a backend, `staged` has one backend per stage.
 """
@@ -66,7 +66,7 @@ class Call:
 
 
 def _raise_no_prompt() -> Prompt:
-    raise TypeError("this question has no words; only a grammar can answer it")
+    raise TypeError("this question has no words; only the builtin planner can answer it")
 
 
 Account = Callable[[Call], None]

@@ -1,4 +1,4 @@
-"""The builtin backend: a grammar plans, and reads the speeds that words give. No model."""
+"""The builtin backend: it plans by its reader, and reads the speeds that words give. No model."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class BuiltinBackend:
             case "behavior":
                 return {"stops": [], "cannot": [each["number"] for each in question.facts["words"]]}
             case "summary" | "edits":
-                raise TypeError(f"the grammar is not asked for {question.task}")
+                raise TypeError(f"the builtin backend is not asked for {question.task}")
 
 
 def _plan(question: Question) -> dict[str, Any]:

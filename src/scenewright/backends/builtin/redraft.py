@@ -16,6 +16,7 @@ from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Item, Mention
 from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.phrases import replace_phrases
+from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.learned_plan import (
     LearnedPlan,
     is_no_change,
@@ -74,6 +75,11 @@ def read_change(
     for each in (before, after):
         if isinstance(each.plan, Refusal):
             raise Refused(each.plan.code, each.plan.reason)
+    passed = find_passed_over(after.reading)
+    if passed and after.confidence <= 0.0 and not after.objects:
+        raise Refused(
+            "out_of_scope", f"It is not clear what '{passed[0]}' says; say it in other words."
+        )
     return _Change(situation, before, after, site).list_edits()
 
 
@@ -114,6 +120,13 @@ class _Change:
         self._hidden = {each.hides for each in after.plan.objects}
         known = [each.id for each in self._graph.agents]
         # Each sentence of the scene brings one agent, in order.
+        types = [self._before.agent(before.users[n]).type for n in sorted(before.users)]
+        if types != [each.type for each in self._graph.agents]:
+            raise Refused(
+                "out_of_scope",
+                "This scene cannot be put into plain words, so words cannot change it like that; "
+                "change it by hand, or describe the whole scene anew.",
+            )
         earlier = dict(zip(sorted(before.users), known, strict=False))
         self._was = {before.users[n]: name for n, name in earlier.items()}
         taken = {each.id for each in situation.present} | set(known)

@@ -1,7 +1,6 @@
 """What a turn of a conversation means: words, and the scene as it is -> a reading of them.
 
-Dials, removals and numbers are read here. Everything else is read by the planner's own grammar,
-against a draft made of the social graph, in which agents that the words name are labelled.
+Dials, removals and numbers are read here; everything else by the planner's own reader (`redraft`).
 """
 
 from __future__ import annotations
@@ -231,7 +230,7 @@ def _read_part(
 
 
 def _has_figures(plain: str) -> bool:
-    """Whether the words say how severe it shall be: those are for the grammar."""
+    """Whether the words say how severe it shall be: those are for the reader."""
     clock = read_clock(plain)[1]
     return any(each is not None for each in (clock.pet, clock.ttc, clock.speed))
 

@@ -51,7 +51,7 @@ class StoryRequest:
     Attributes:
         turn: counts the stories, so that voices can take turns.
         avoid: texts of this slot that were refused; taken: texts of the whole order.
-        grammar: whether the builtin grammar will plan it, so that it had better understand it.
+        grammar: whether the builtin planner will plan it, so that it had better understand it.
     """
 
     turn: int = 0
@@ -72,7 +72,7 @@ class Writer(Protocol):
 
 
 class BuiltinWriter:
-    """Templates in turn; the grammar reads each text back, and a misread one is written anew."""
+    """Templates in turn; the planner reads each text back, and a misread one is written anew."""
 
     name = "builtin"
 
@@ -83,7 +83,7 @@ class BuiltinWriter:
     def write_text(
         self, story: Story, asked: StoryRequest, *, rng: np.random.Generator
     ) -> WrittenText | None:
-        """A text that the grammar reads as the story, and that the map has room for."""
+        """A text that the planner reads as the story, and that the map has room for."""
         voices = list_voices(story)
         for k in range(TRIES):
             voice = voices[(asked.turn + k) % len(voices)]

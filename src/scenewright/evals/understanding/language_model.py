@@ -88,7 +88,7 @@ def ask_about_scene(
 
 
 def require_language_model(backend: Backend) -> Backend:
-    """Return the backend unless it is the grammar, which cannot read scenes.
+    """Return the backend unless it is the builtin planner, which cannot read scenes.
 
     Raises:
         InputError: it is.

@@ -1,7 +1,7 @@
 """A turn of a conversation read by a language model: what the words change in the scene as it is.
 
 The model is shown the agents and answers with edits, a question back or a refusal. What it says
-becomes the same typed values that the grammar makes of words, and passes the same checks.
+becomes the same typed values that the builtin planner makes of words, and passes the same checks.
 """
 
 from __future__ import annotations

@@ -125,7 +125,7 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
         BackendFault: the backend cannot answer.
     """
     plan = ask(backend, question, PlanReply, stage="scene_planner").root
-    # A grammar has filled in what follows, by rules of its own.
+    # The builtin planner has filled in what follows, by rules of its own.
     if isinstance(plan, Refusal):
         return plan
     text = str(question.facts["instruction"])

@@ -858,6 +858,8 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
         agent = result.users.get(number)
         if agent is None or (motion in get_args(PedestrianMotion)) != agent.walks:
             result.enter(span, "nothing", (number,), note=_BEYOND["act"])
+        elif motion in get_args(VehicleMotion) and agent.type != "vehicle":
+            result.enter(span, "nothing", (number,), note="only vehicles can be asked to do that")
         elif span.negated:  # "does not run": so it walks, as all do of whom nothing is said
             agent.motion = None if agent.motion == motion else agent.motion
             result.enter(span, "manner", (number,))

@@ -168,11 +168,11 @@ COARSE = {
     "van": "car", "taxi": "car", "police_car": "car",
     "emergency": "truck", "ambulance": "truck", "fire_engine": "truck",
 }  # fmt: skip
-"""Subtypes that the grammar knows as kinds of a wider one."""
+"""Subtypes as kinds of a wider one."""
 
 
 def narrow_subtype(subtype: str | None, head: str) -> str | None:
-    """The subtype that a noun says where the grammar has only the wider one."""
+    """The subtype that a noun says where only the wider one is known."""
     found = find_subtype(head)
     return found if subtype in (None, "car", "truck") and found in COARSE else subtype
 
