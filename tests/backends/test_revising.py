@@ -426,3 +426,8 @@ def test_a_number_becomes_a_figure_of_the_graph(words: str, measure: str) -> Non
     assert [format_measure(each) for each in changed.measures] == [measure]
     again = apply_edits(changed, (RemoveAgent(agent="pedestrian-1"),))
     assert all(each.other is None for each in again.measures)
+
+
+@pytest.mark.parametrize("words", ["Two cars crash at the lights", "A bus hits a cyclist"])
+def test_words_with_parties_and_an_event_of_their_own_are_a_new_scene(words: str) -> None:
+    assert isinstance(read(words, ONE), NewScene)

@@ -49,8 +49,8 @@ LENGTH = (
     'at another time, say "let it happen 12 s into the scene".'
 )
 CLASSES: dict[str, tuple[str, str | None]] = {
-    "car": ("vehicle", "car"), "taxi": ("vehicle", "car"), "cab": ("vehicle", "car"),
-    "van": ("vehicle", "truck"), "truck": ("vehicle", "truck"), "lorry": ("vehicle", "truck"),
+    "car": ("vehicle", "car"), "taxi": ("vehicle", "taxi"), "cab": ("vehicle", "taxi"),
+    "van": ("vehicle", "van"), "truck": ("vehicle", "truck"), "lorry": ("vehicle", "truck"),
     "bus": ("vehicle", "bus"), "coach": ("vehicle", "bus"), "motorcycle": ("vehicle", "motorcycle"),
     "motorbike": ("vehicle", "motorcycle"), "vehicle": ("vehicle", None),
     "driver": ("vehicle", None), "cyclist": ("cyclist", None), "bike": ("cyclist", None),

@@ -165,8 +165,10 @@ def _is_edit(text: str) -> bool:
     chunks = load_lexicon().split_chunks(split_tokens(plain))
     agents = [at for at, chunk in enumerate(chunks) if chunk.has("AGENT")]
     introduced = [at for at in agents if _is_indefinite(chunks, at)]
-    if any(chunk.has(*_EVENTS) for chunk in chunks) and len(introduced) >= 2:
-        return False
+    counted = [at for at in agents if at and chunks[at - 1].tags.get("NUMBER", "1") != "1"]
+    happens = any(chunk.has(*_EVENTS) for chunk in chunks)
+    if happens and (len(introduced) >= 2 or (counted and not _CUE.search(plain))):
+        return False  # it brings its own parties and event
     return bool(_CUE.search(plain)) or len(agents) < 2
 
 
