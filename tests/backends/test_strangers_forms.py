@@ -15,6 +15,7 @@ from scenewright.scene.social import Refusal, SocialGraph
     ("text", "meant"),
     [
         ("veh W->E, ped lets veh go", "The pedestrian yields to the vehicle."),
+        ("Two cars crash in the middle of the junction", "Car 1 collides with car 2."),
         ("A bycicle and a buss colide", "The cyclist collides with the bus."),
         ("A (northbound) collides with B (eastbound).", "Vehicle 1 collides with vehicle 2."),
         ("ego car must swerve, a child runs out from behind a parked truck",

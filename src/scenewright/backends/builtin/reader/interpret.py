@@ -100,6 +100,13 @@ _TOO_LATE = re.compile(
 )
 _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
+_HERE = re.compile(
+    r"\b(?:middle|cent(?:re|er)|heart|inside)\b.*\b(?:junction|intersection|crossroads?|crossing)\b|"
+    r"^(?:(?:at|in|on) )?(?:the |this |a )?(?:(?:traffic )?lights?|junction|intersection|"
+    r"crossroads?|stop[- ]?(?:line|bar))$",
+    re.IGNORECASE,
+)
+"""Words of a place that are the junction itself."""
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
 _STOPS_BEFORE = re.compile(r"\b(?:stop|halt|brak)\w*\b[^.;]{0,30}\bbefore $", re.IGNORECASE)
@@ -485,6 +492,9 @@ def _settle_places(result: Interpretation) -> None:
         if pattern.zone == "sidewalk" and any(e.type == pattern.relation for e in walking)
     }
     for span in result.places:
+        if _HERE.search(span.words):
+            result.enter(span, "manner")
+            continue
         if not known or not _CORNER.search(span.words):
             _refuse_place(span)
         for edge in walking:
