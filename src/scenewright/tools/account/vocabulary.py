@@ -273,6 +273,8 @@ def _mend_spelling(token: Token) -> Token:
         return token
     alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
     near = [w for w in alike if _is_one_slip(token.text, w)]
+    if token.capital:
+        near = [w for w in near if w not in _SPELT]  # "Sven" is no "seven"
     if not near:
         return token
     best = min(near, key=lambda w: (w[0] != token.text[0], abs(len(w) - len(token.text)), w))
