@@ -70,7 +70,7 @@ def test_an_unsure_reading_that_does_not_come_out_again_is_asked_about() -> None
 
 
 def test_every_sentence_offered_is_understood_as_it_is_meant() -> None:
-    refused = plan("Simulate a pedestrian being hit by one of two cars from the north.")
+    refused = plan("Some idiot made a U-turn right in front of the 42 and I clipped his bumper.")
     assert isinstance(refused, Refusal)
     assert refused.did_you_mean
     for sentence in refused.did_you_mean:
