@@ -1,31 +1,10 @@
-"""Readings made of annotated instructions, and annotations written back as lines."""
+"""Annotated instructions written back as lines."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from scenewright.backends.builtin.reader.annotation import MENTIONS, AnnotatedText, Span
-from scenewright.backends.builtin.reader.labels import COMPASS
-from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-
-
-def build_reading(annotated: AnnotatedText) -> Reading:
-    """The reading that an annotation is, as if the encoder had read it without doubt."""
-    spans = tuple(
-        ReadSpan(
-            each.start, each.end, annotated.text[each.start : each.end], each.tag, each.value,
-            each.negated, each.value if each.value in COMPASS else None, each.subjects,
-            each.objects, 1.0,
-        )
-        for each in annotated.spans
-    )  # fmt: skip
-    users = {
-        user: at
-        for at, each in enumerate(annotated.spans)
-        if each.tag in MENTIONS
-        for user in each.subjects
-    }
-    return Reading(annotated.text, annotated.kind, 1.0, spans, users)
+from scenewright.backends.builtin.reader.annotation import AnnotatedText, Span
 
 
 def format_annotation(annotated: AnnotatedText) -> str:

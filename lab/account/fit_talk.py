@@ -20,7 +20,13 @@ import scenewright
 from scenewright.backends.builtin.training.corpus import list_package_files, read_corpus
 from scenewright.scene.base import FloatArray
 from scenewright.tools.account.account import is_function
-from scenewright.tools.account.talk import BUCKETS, LIKELY, WEIGHTS, hash_features
+from scenewright.tools.account.talk import (
+    BUCKETS,
+    LIKELY,
+    WEIGHTS,
+    compute_content_chance,
+    hash_features,
+)
 from scenewright.tools.account.vocabulary import read_tokens
 
 _SILENT = (None, "manner", "del", "normal", "veh", "ped", "cyc", "scoot", "ref")
@@ -87,8 +93,7 @@ def check(examples: Sequence[Example]) -> None:
         held = set(names[fold::5])
         weights = fit_weights([each for each in examples if each.file not in held])
         for each in (e for e in examples if e.file in held):
-            score = weights[-1] + weights[each.features].sum()
-            passed[each.tells].append(1 / (1 + np.exp(-score)) < LIKELY)
+            passed[each.tells].append(compute_content_chance(weights, each.features) < LIKELY)
     for tells, found in passed.items():
         kind = "that say something" if tells else "without content"
         print(f"of {len(found)} unknown words {kind} {np.mean(found):.1%} pass for talk")

@@ -21,6 +21,7 @@ from scenewright.backends.builtin.reader.annotation import (
     AnnotatedText,
     parse_annotation,
 )
+from scenewright.backends.builtin.reader.labels import COMPASS
 from scenewright.backends.builtin.reader.learned_plan import LearnedPlan, plan_reading
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.training.corpus import find_row_faults, list_package_files
@@ -146,7 +147,7 @@ def build_reading(row: AnnotatedText) -> Reading:
     spans = tuple(
         ReadSpan(
             s.start, s.end, row.text[s.start : s.end], s.tag, s.value, s.negated,
-            s.value if s.value in ("N", "E", "S", "W") else None, s.subjects, s.objects, 1.0,
+            s.value if s.value in COMPASS else None, s.subjects, s.objects, 1.0,
         )
         for s in row.spans
     )  # fmt: skip
@@ -165,14 +166,14 @@ def _plan(row: AnnotatedText) -> LearnedPlan | None:
 def write_rows(seed: int) -> Iterator[str]:
     """Annotated lines: descriptions, then descriptions with a change."""
     lines = [
-        (path, line)
+        line
         for path in list_package_files()
         for line in path.read_text("utf-8").splitlines()
         if line.strip() and not line.startswith(("#", "%off", "%foreign"))
     ]
     random.Random(seed).shuffle(lines)
     count = 0
-    for _, line in lines:
+    for line in lines:
         change = line.startswith("%edit ")
         before, _, after = line.removeprefix("%edit ").partition(SEPARATOR)
         found = _plan(parse_annotation(before))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from threadpoolctl import threadpool_limits
 
-from annotated_readings import build_reading
+from lab.planner.plain_sentences import build_reading
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import is_same_plan, is_sure, plan

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from annotated_readings import build_reading, format_annotation
+from annotated_readings import format_annotation
+from lab.planner.plain_sentences import build_reading
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import (
     AnnotatedText,

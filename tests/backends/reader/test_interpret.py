@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from annotated_readings import build_reading
+from lab.planner.plain_sentences import build_reading
 from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading

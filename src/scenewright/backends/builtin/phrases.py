@@ -88,19 +88,18 @@ def _spell(words: str) -> str:
 
 
 def play_phrase(relation: RelationDraft, phrase: Phrase, site: Site) -> None:
-    """Has a relation played as the first pattern of a phrase that can be said of its two agents.
+    """Give a relation the first pattern of a phrase that fits its two agents.
 
-    Of a collision that nearly happens, the pattern is that of the near miss.
+    The pattern of a collision that nearly happens is that of the near miss.
 
     Raises:
-        Refused: none of them can.
+        Refused: no pattern fits them.
     """
-    known = {each.id: each.relation for each in load_patterns()}
-    kinds = {each.id: each.kind for each in load_patterns()}
+    known = {each.id: each for each in load_patterns() if each.relation == relation.type}
     names = [_soften(each) if relation.type == "near_miss" else each for each in phrase.patterns]
-    names = [each for each in names if known.get(each) == relation.type]
+    names = [each for each in names if each in known]
     for number, name in enumerate(names, start=1):
-        relation.pattern, relation.kind = name, relation.kind or kinds[name]
+        relation.pattern, relation.kind = name, relation.kind or known[name].kind
         try:
             assign_agents(relation, site)
         except Refused:

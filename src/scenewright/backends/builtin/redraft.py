@@ -22,7 +22,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
     is_no_change,
     read_plan,
 )
-from scenewright.backends.builtin.references import People, format_phrase
+from scenewright.backends.builtin.references import ORDINALS, People, format_phrase
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.scene.edits import Edit, SetMeasure, Situation, diff_graphs
 from scenewright.scene.phrasing import choose_names, describe_graph
@@ -87,7 +87,7 @@ def _name_people(text: str, items: Sequence[Item], situation: Situation, people:
     """The words with the names that the plain sentences have for the agents they mean."""
     names = choose_names(situation.graph)
     in_order = list(names.values())
-    for ordinal, at in (("first", 0), ("second", 1), ("third", 2), ("last", -1)):
+    for ordinal, at in ORDINALS.items():
         if len(in_order) > at:
             text = re.sub(rf"\bthe {ordinal} one\b", in_order[at], text, flags=re.IGNORECASE)
     for at, item in enumerate(items):

@@ -13,7 +13,7 @@ from scenewright.backends.builtin.reader.words import COARSE, narrow_subtype
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
 from scenewright.scene.social import Subtype
 
-_ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
+ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
 _NEW = frozenset({"indefinite", "another", "no"})
 _SUBTYPES = frozenset(get_args(Subtype))
 _PLAIN_WORDS = frozenset(
@@ -140,8 +140,8 @@ class People:
             if mention.head in {"car", "vehicle"} and len(only) == 1:
                 front = only
         found = front or alike
-        if mention.det in _ORDINALS:
-            return found[_ORDINALS[mention.det] :][:1] if found else []
+        if mention.det in ORDINALS:
+            return found[ORDINALS[mention.det] :][:1] if found else []
         given = [each for each in mention.premods if isinstance(each, Modifier)]
         narrowed = [
             each for each in found if all(_is_as_described(each, premod) for premod in given)

@@ -37,14 +37,15 @@ def is_talk(tokens: Sequence[Token], n: int) -> bool:
         limit = LIKELY_THING
     elif tokens[n].capital and before is not None and before.kind != "end":
         limit = LIKELY_NAME
-    return compute_content_chance(tokens, n) < limit
+    return compute_content_chance(_load_weights(), hash_features(tokens, n)) < limit
 
 
-def compute_content_chance(tokens: Sequence[Token], n: int) -> float:
-    """The probability that an unknown word says something that a scene has to show."""
-    weights = _load_weights()
-    score = weights[-1] + sum(weights[bucket] for bucket in hash_features(tokens, n))
-    return float(1.0 / (1.0 + np.exp(-score)))
+def compute_content_chance(weights: FloatArray, buckets: Sequence[int]) -> float:
+    """The probability that a word with these features says something that a scene has to show.
+
+    Weights: [BUCKETS + 1], the last one the intercept.
+    """
+    return float(1.0 / (1.0 + np.exp(-weights[-1] - weights[list(buckets)].sum())))
 
 
 def hash_features(tokens: Sequence[Token], n: int) -> list[int]:

@@ -114,7 +114,7 @@ _STOPS_BEFORE = re.compile(r"\b(?:stop|halt|brak)\w*\b[^.;]{0,30}\bbefore $", re
 _TURN_CRASH = re.compile(r"\b(left|right)[- ](?:turn|cross)(?: across path)? $", re.IGNORECASE)
 """What stands right before "collision" where it is that of a turn across the way of another."""
 _HAND_SIDE = re.compile(r"\b(?:left|right)[- ]hand side\b", re.IGNORECASE)
-"""A side from which somebody comes, and no part of a vehicle."""
+"""The side from which a road user comes, not a part of a vehicle."""
 _NOBODY = re.compile(
     r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
 )
@@ -870,7 +870,7 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "nothing", (number,), note=_BEYOND["act"])
         elif motion in get_args(VehicleMotion) and agent.type != "vehicle":
             result.enter(span, "nothing", (number,), note="only vehicles can be asked to do that")
-        elif span.negated:  # "does not run": so it walks, as all do of whom nothing is said
+        elif span.negated:  # "does not run": the pedestrian walks
             agent.motion = None if agent.motion == motion else agent.motion
             result.enter(span, "manner", (number,))
         elif motion == "darts_out" and _WALKS.search(span.words):

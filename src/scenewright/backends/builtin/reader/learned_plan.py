@@ -131,7 +131,7 @@ def plan_reading(
 def _play_phrase(
     phrase: Phrase, reading: Reading, interpretation: Interpretation, offset: int
 ) -> None:
-    """Has the event that is read at a phrase played as the phrase's file says.
+    """Give the event that is read at a phrase the pattern of the phrase's relation file.
 
     Raises:
         Refused: the phrase cannot be said of these two.
@@ -143,7 +143,9 @@ def _play_phrase(
         relations = interpretation.draft.relations
         theirs = [each for each in relations if each.from_ in ends and each.to in ends]
         if any(each.type == "near_miss" for each in theirs):  # "and nearly hits it"
-            relations[:] = [e for e in relations if e not in theirs or e.type != "collide_at"]
+            for collision in [each for each in theirs if each.type == "collide_at"]:
+                theirs.remove(collision)
+                relations.remove(collision)
         for relation in theirs:
             play_phrase(relation, phrase, interpretation.draft.site)
 
