@@ -9,10 +9,10 @@ checker, which must not share code with what it checks; a test holds both to the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from scenewright.geometry.polyline import smooth_gaussian
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 
@@ -79,14 +79,11 @@ def smooth(xy: FloatArray, smoothing: float) -> FloatArray:
     Args:
         smoothing: its standard deviation over time [s]; 0 leaves the positions as they are.
     """
-    from scipy import ndimage
-
-    filters: Any = ndimage
     width = count_edge_samples(smoothing) * 2
     if smoothing <= 0 or len(xy) < 2:
         return xy
     padded = np.pad(xy, ((width, width), (0, 0)), mode="reflect", reflect_type="odd")
-    even = filters.gaussian_filter1d(padded, smoothing / STEP, axis=0)
+    even = smooth_gaussian(padded, smoothing / STEP)
     return np.asarray(even[width : width + len(xy)])
 
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from scenewright.backends import Backend, Call
-from scenewright.geometry.map_areas import MapAreas
 from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
-from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
-from scenewright.tools.gmm_sampler import Priors
-from scenewright.tools.solver.select import Mode
 
 if TYPE_CHECKING:
+    from scenewright.geometry.map_areas import MapAreas
+    from scenewright.scene.map import IntersectionMap
+    from scenewright.tools.gmm_sampler import Priors
+    from scenewright.tools.solver.select import Mode
     from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
 
 RefinerName = Literal["none", "trajnet"]
@@ -85,3 +85,14 @@ class RunContext:
         """A generator of a stage (or part of one), fresh at every attempt, the same for a run."""
         key = (self.seed, self.entropy, zlib.crc32(stage.encode()), len(rejections))
         return np.random.default_rng(np.random.SeedSequence(key))
+
+
+class Runtime(Protocol):
+    """What the state machine hands a node besides its state: LangGraph's own class, or a like one.
+
+    Nodes do not import it from LangGraph, which takes a second to load: `plan` works without.
+    """
+
+    @property
+    def context(self) -> RunContext:
+        """The world of the run."""

@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.base import AgentClass
 
 ReactionKind = Literal["brakes", "swerves", "stops", "steps_back", "jumps_back", "runs"]
 """A vehicle or rider brakes or swerves within its lane; a pedestrian does one of the others."""
@@ -47,15 +47,6 @@ class LogNormal:
             value = self.median * float(np.exp(self.spread * rng.standard_normal()))
             if self.least <= value <= self.most:
                 return value
-
-    def compute_cdf(self, values: FloatArray) -> FloatArray:
-        """[N] probability of less than each of [N] values."""
-        from scipy.special import ndtr
-
-        score = ndtr(np.log(np.array([self.least, self.most]) / self.median) / self.spread)
-        inside = np.clip(values, self.least, self.most)
-        share = ndtr(np.log(inside / self.median) / self.spread)
-        return np.asarray((share - score[0]) / (score[1] - score[0]))
 
 
 REACTION_TIME = LogNormal(1.0, 0.334, 0.4, 2.4)

@@ -18,6 +18,6 @@ def stem_word(word: str) -> str:
 
 @cache
 def _load_stemmer() -> Any:
-    import snowballstemmer
+    import Stemmer
 
-    return snowballstemmer.stemmer("english")
+    return Stemmer.Stemmer("english")

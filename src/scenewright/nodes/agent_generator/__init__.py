@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import NotRequired, TypedDict
 
-from langgraph.runtime import Runtime
-
 from scenewright.errors import Rejected
-from scenewright.nodes.context import RunContext
+from scenewright.nodes.context import RunContext, Runtime
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
@@ -39,7 +37,7 @@ class GeneratorWrites(TypedDict):
     candidates: CandidateSet
 
 
-def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> GeneratorWrites:
+def generate_agents(state: GeneratorReads, *, runtime: Runtime) -> GeneratorWrites:
     """Draws the foreground agents, the number of background agents and M candidates per agent.
 
     Lawful samples come first; where there can be none, or after as many as the budget has, those in

@@ -10,12 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NotRequired, TypedDict
 
-from langgraph.runtime import Runtime
-
 from scenewright.backends import Question
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_latest_rejections
-from scenewright.nodes.context import RunContext
+from scenewright.nodes.context import RunContext, Runtime
 from scenewright.nodes.event_reasoner.prompts import render_stops_prompt
 from scenewright.nodes.event_reasoner.reply import (
     SegmentReply,
@@ -66,7 +64,7 @@ class ReasonerWrites(TypedDict):
     behavior: BehaviorProgram
 
 
-def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> ReasonerWrites:
+def reason_events(state: ReasonerReads, *, runtime: Runtime) -> ReasonerWrites:
     """Summarises the selected priors and writes the segments that realise the relations."""
     context = runtime.context
     added, selection = _add_stops(state, context)
@@ -79,7 +77,7 @@ def edit_segments(
     segments: Mapping[str, Sequence[SegmentReply]],
     state: ReasonerReads,
     *,
-    runtime: Runtime[RunContext],
+    runtime: Runtime,
 ) -> ReasonerWrites:
     """The same with segments that an agent has written itself, checked against the tracks."""
     context, selection = runtime.context, state["selection"]

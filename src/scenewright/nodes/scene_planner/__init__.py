@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TypedDict
 
-from langgraph.runtime import Runtime
-
 from scenewright.backends import Backend, Question, get_backend_of_task
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_stage_faults
-from scenewright.nodes.context import RunContext
+from scenewright.nodes.context import RunContext, Runtime
 from scenewright.nodes.remaining import refuse_unrealised, refuse_words
 from scenewright.nodes.scene_planner.hints import locate_hints
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
@@ -61,7 +59,7 @@ _CODES: dict[str, RejectionCode] = {
 }
 
 
-def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerWrites:
+def plan_scene(state: PlannerReads, *, runtime: Runtime) -> PlannerWrites:
     """Asks for the social graph, unless it is settled, and binds it to the map."""
     context = runtime.context
     plan = state.get("planned") or _get_plan(state, context)

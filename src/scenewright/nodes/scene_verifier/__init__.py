@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import NotRequired, TypedDict
 
-from langgraph.runtime import Runtime
-
 from scenewright.errors import Rejected
 from scenewright.memory.state import Tracks
-from scenewright.nodes.context import RunContext
+from scenewright.nodes.context import RunContext, Runtime
 from scenewright.nodes.remaining import close_account
 from scenewright.nodes.scene_verifier.assemble import assemble
 from scenewright.nodes.scene_verifier.braking import find_wrong_braker
@@ -55,7 +53,7 @@ class VerifierWrites(TypedDict):
     proof: Proof
 
 
-def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> VerifierWrites:
+def verify_scene(state: VerifierReads, *, runtime: Runtime) -> VerifierWrites:
     """Assembles the scene and proves it, or says with evidence why it is none."""
     context = runtime.context
     scene = _assemble(state, state["refined"], context)

@@ -13,11 +13,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 import numpy as np
-from langgraph.runtime import Runtime
 
 from scenewright.geometry.driving_profile import Motion, sample_track
 from scenewright.memory.state import Tracks
-from scenewright.nodes.context import RunContext
+from scenewright.nodes.context import RunContext, Runtime
 from scenewright.nodes.trajectory_refiner.guides import build_guides
 from scenewright.nodes.trajectory_refiner.spacing import find_crowded
 from scenewright.scene.base import RIDERS, FloatArray
@@ -65,7 +64,7 @@ class RefinerWrites(TypedDict):
     refinement: Refinement
 
 
-def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) -> RefinerWrites:
+def refine_trajectories(state: RefinerReads, *, runtime: Runtime) -> RefinerWrites:
     """Edits every selected prior by its segments, and refines what came of it."""
     motions, edited = _edit_motions(state)
     refiner = runtime.context.learned

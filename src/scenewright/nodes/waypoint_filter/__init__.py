@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from typing import Any, NotRequired, TypedDict
 
-from langgraph.runtime import Runtime
-
 from scenewright.backends import Question
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_latest_rejections
-from scenewright.nodes.context import RunContext
+from scenewright.nodes.context import RunContext, Runtime
 from scenewright.nodes.remaining import (
     Left,
     is_last_answer,
@@ -64,7 +62,7 @@ class FilterWrites(TypedDict):
     selection: Selection
 
 
-def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> FilterWrites:
+def filter_waypoints(state: FilterReads, *, runtime: Runtime) -> FilterWrites:
     """Writes the constraint program, with what the remaining words add, and solves it."""
     facts = _collect_facts(state)
     program = write_program(facts)
@@ -76,7 +74,7 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> Fil
         raise Rejected(error.rejection, kept={"added_clauses": added}) from error
 
 
-def solve_program(text: str, state: FilterReads, *, runtime: Runtime[RunContext]) -> FilterWrites:
+def solve_program(text: str, state: FilterReads, *, runtime: Runtime) -> FilterWrites:
     """Solves a constraint program that an agent has written itself, in its text form."""
     return _solve(parse(text), AddedClauses(), _collect_facts(state), state, runtime.context)
 
