@@ -188,11 +188,11 @@ def make(
         time_limit=time_limit,
     )
     with show_progress(quiet=quiet) as log:
-        made = make_scene(request, log=log)
+        made = make_scene(request, log=log, answer=(lambda _: None) if quiet else _log_summary)
     for warning in made.warnings:
         log_line(f"warning: {warning}")
     if not quiet:
-        _log_summary(made.list_summary())
+        _log_summary([f"  {made.folder}: {', '.join(made.files)}"])
     if as_json:
         write_json(made.to_json())
     else:

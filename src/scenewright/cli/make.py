@@ -59,15 +59,6 @@ class MakeResult:
     files: tuple[str, ...]
     warnings: tuple[str, ...]
 
-    def list_summary(self) -> list[str]:
-        """A few lines for people."""
-        from scenewright.cli.scene_summary import summarize_scene
-        from scenewright.intersections import load_map
-
-        intersection_map = load_map(self.scene.record.meta.intersection)
-        lines = summarize_scene(self.scene.record, self.scene.proof, intersection_map)
-        return [*lines, f"  {self.folder}: {', '.join(self.files)}"]
-
     def to_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""
         record, proof = self.scene.record, self.scene.proof
@@ -99,10 +90,15 @@ def read_instruction(text: str) -> str:
     return text
 
 
-def make_scene(request: MakeOptions, *, log: ProgressCallback) -> MakeResult:
+def make_scene(
+    request: MakeOptions, *, log: ProgressCallback, answer: Callable[[list[str]], None]
+) -> MakeResult:
     """Synthesises a scene and writes its folder as a whole.
 
     A picture or a recording that cannot be drawn is a warning: the scene is worth more.
+
+    Args:
+        answer: called with what happens in the scene, a few lines, before views of it are drawn.
 
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`; or the folder cannot be written.
@@ -115,10 +111,18 @@ def make_scene(request: MakeOptions, *, log: ProgressCallback) -> MakeResult:
         target = target_folder(str(name), force=request.force)
     with fill_folder(target) as part:
         scene.save(part, profile=request.profile)
+        answer(_summarize(scene))
         warnings = (*_explain_unrefined(scene), *_add_views(scene, part, request, log))
         files = tuple(sorted(entry.name for entry in part.iterdir()))
         stop_if_asked()
     return MakeResult(scene, _shorten_path(target), files, warnings)
+
+
+def _summarize(scene: Scene) -> list[str]:
+    from scenewright.cli.scene_summary import summarize_scene
+    from scenewright.intersections import load_map
+
+    return summarize_scene(scene.record, scene.proof, load_map(scene.record.meta.intersection))
 
 
 def choose_folder_name(scene_id: str) -> str:
