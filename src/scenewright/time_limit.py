@@ -18,6 +18,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+from scenewright.errors import InputError
+
 DEFAULT_LIMIT = 600.0
 """[s] What is counted ends within half a minute on an idle core, so that this decides nothing
 unless twenty processes share that core."""
@@ -110,3 +112,11 @@ def raise_after(seconds: float, error: BaseException) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+
+
+def check_time_limit(seconds: float | None) -> None:
+    """Raises InputError for a time limit that is none."""
+    if seconds is not None and not 0.0 < seconds <= LONGEST_LIMIT:
+        raise InputError(
+            f"a time limit is a number of seconds up to {LONGEST_LIMIT:g}, got {seconds:g}"
+        )

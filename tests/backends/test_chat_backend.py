@@ -336,7 +336,7 @@ def test_what_cannot_be_a_backend_is_reported_in_one_line(
 
 
 def test_a_missing_package_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenewright.backends.chat.naming.find_spec", lambda _: None)
+    monkeypatch.setattr("scenewright.extras.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install 'scenewright\[chat\]'"):
         load_backend("openai:m", base_url="http://127.0.0.1:9/v1")
 

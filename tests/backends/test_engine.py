@@ -46,7 +46,7 @@ def vllm(monkeypatch: pytest.MonkeyPatch) -> None:
     sampling.StructuredOutputsParams = SimpleNamespace  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "vllm", module)
     monkeypatch.setitem(sys.modules, "vllm.sampling_params", sampling)
-    monkeypatch.setattr(engine, "find_spec", lambda _: module)
+    monkeypatch.setattr("scenewright.extras.find_spec", lambda _: module)
 
 
 def asked(words: str, seed: int = 0) -> Question:
@@ -103,6 +103,6 @@ def test_a_reply_cut_off_is_refused() -> None:
 def test_an_engine_that_cannot_be_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match=r"vLLM cannot load broken: RuntimeError: no GPU$"):
         load_backend("vllm:broken")
-    monkeypatch.setattr(engine, "find_spec", lambda _: None)
+    monkeypatch.setattr("scenewright.extras.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install 'scenewright\[vllm\]'"):
         load_backend("vllm:m")

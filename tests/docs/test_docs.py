@@ -7,6 +7,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,19 @@ def links(page: Path) -> list[str]:
     prose = _FENCED.sub("", page.read_text("utf-8"))
     targets = (target.split("#")[0] for target in _LINK.findall(prose))
     return [target for target in targets if target and "://" not in target]
+
+
+def test_every_extra_that_is_named_exists() -> None:
+    known = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    files = [*PAGES, *(ROOT / "src").rglob("*.py"), ROOT / "Makefile"]
+    text = "\n".join(each.read_text("utf-8") for each in files)
+    named = {
+        *re.findall(r"scenewright\[(\w+)\]", text),
+        *re.findall(r"require_extra\(\s*\"(\w+)\"", text),
+        *re.findall(r"\(extras? `(\w+)`\)", text),
+    }
+    assert {"learn", "maps", "page", "exports"} <= named
+    assert named <= known["optional-dependencies"].keys()
 
 
 def example_tracks() -> str:

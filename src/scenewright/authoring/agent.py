@@ -23,7 +23,6 @@ from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiabl
 from scenewright.graph.run import (
     DEFAULT_INTERSECTION,
     ProgressCallback,
-    check_time_limit,
     format_json_line,
     ground_of,
 )
@@ -34,6 +33,7 @@ from scenewright.scene.record import SceneRecord
 from scenewright.time_limit import (
     DEFAULT_LIMIT,
     TimeLimitReachedError,
+    check_time_limit,
     limit_time,
     stop_clock,
 )

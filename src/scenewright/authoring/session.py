@@ -59,7 +59,6 @@ from scenewright.graph.run import (
     ProgressCallback,
     Scene,
     check_arguments,
-    check_time_limit,
     encode_proof,
     encode_scene,
     format_json_line,
@@ -81,7 +80,7 @@ from scenewright.scene.edits import (
 from scenewright.scene.events import Proof
 from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.scene.social import SocialGraph
-from scenewright.time_limit import DEFAULT_LIMIT, limit_time
+from scenewright.time_limit import DEFAULT_LIMIT, check_time_limit, limit_time
 from scenewright.work_limit import MOST_WORK, limit_work
 
 MAIN = "main"

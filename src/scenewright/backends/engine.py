@@ -12,12 +12,12 @@ import time
 from concurrent.futures import Future
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 from scenewright.backends import Prompt, Question
 from scenewright.backends.text_backend import Completion
 from scenewright.errors import BackendFault, InputError
+from scenewright.extras import require_extra
 
 PREFIX = "vllm:"
 _GATHERED_FOR = 0.02
@@ -53,8 +53,7 @@ class Engine:
         Raises:
             InputError: vLLM is not installed, or cannot load the model.
         """
-        if find_spec("vllm") is None:
-            raise InputError(f"{PREFIX}{model} needs vLLM; pip install 'scenewright[vllm]'")
+        require_extra("vllm", PREFIX + model, "vllm")
         self.name, self.at_once = PREFIX + model, at_once
         self._tokens = tokens
         self._waiting: queue.SimpleQueue[_Waiting] = queue.SimpleQueue()

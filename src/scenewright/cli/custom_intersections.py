@@ -10,9 +10,9 @@ from typing import Any
 
 from scenewright.arrays import read_arrays
 from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
-from scenewright.cli.extras import require_torch
 from scenewright.cli.learned_walks import learn_walks
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.intersections import (
     REFINER_WEIGHTS,
     check_bundle,
@@ -163,7 +163,9 @@ def simulate_own(
         InputError: no such imported intersection, SUMO not installed, a number that cannot be.
     """
     if train:
-        require_torch("training a refiner", otherwise="leave it out with --no-train")
+        require_extra(
+            "learn", "training a refiner", "torch", otherwise="leave it out with --no-train"
+        )
     from scenewright.tools.fitting.simulated_priors import fit_simulated_priors, simulate_map
 
     bundle = open_custom_bundle(name)
@@ -270,7 +272,7 @@ def fit_own(
         InputError: no such imported intersection, or tracks or options that cannot be used.
     """
     if train:
-        require_torch("adapting the refiner", otherwise="leave out --train")
+        require_extra("learn", "adapting the refiner", "torch", otherwise="leave out --train")
     from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
     from scenewright.tools.track_io.track_files import read_track_files
 

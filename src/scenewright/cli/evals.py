@@ -54,11 +54,13 @@ def score_trajnet(
     The refiner predicts without goals, given each pedestrian's destination, and given where it is
     at the end of the scene. Files without the future are predicted but not scored.
     """
-    from scenewright.cli.extras import require_torch
     from scenewright.evals.trajnet.evaluate import evaluate
+    from scenewright.extras import require_extra
 
     if weights is not None:
-        require_torch("predicting the benchmark", otherwise="score without --weights")
+        require_extra(
+            "learn", "predicting the benchmark", "torch", otherwise="score without --weights"
+        )
     recordings = read_recordings(files)
     with show_progress(quiet=quiet) as log:
         evaluated = evaluate(

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.nodes.toolbox import AgentSegments
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT, TimeLimitReachedError, limit_time
@@ -67,10 +68,9 @@ def serve(served: ServerOptions) -> None:
 
 def build_server(served: ServerOptions) -> MCPServer[Any]:
     """The server with its tools, not yet running."""
-    try:
-        from mcp.server import MCPServer
-    except ImportError as error:
-        raise InputError("this needs the package mcp; pip install 'scenewright[mcp]'") from error
+    require_extra("mcp", "serving tools", "mcp")
+    from mcp.server import MCPServer
+
     server: MCPServer[Any] = MCPServer("scenewright", instructions=_GUIDE, log_level="WARNING")
     desk = _ClientState(served)
     for tool in (

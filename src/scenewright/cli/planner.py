@@ -60,9 +60,9 @@ def train(
     Beside your instructions it learns from those of the package. Use the weights with
     SCENEWRIGHT_PLANNER=FILE.
     """
-    from scenewright.cli.extras import require_torch
+    from scenewright.extras import require_extra
 
-    require_torch("training the planner")
+    require_extra("learn", "training the planner", "torch")
     from scenewright.backends.builtin.training.corpus import find_faults, list_package_files
     from scenewright.backends.builtin.training.fit import train_reader
 

@@ -21,7 +21,8 @@ from scenewright.cli.backend_options import (
 )
 from scenewright.cli.console import log_line
 from scenewright.errors import InputError, ScenewrightError
-from scenewright.time_limit import DEFAULT_LIMIT
+from scenewright.extras import require_extra
+from scenewright.time_limit import DEFAULT_LIMIT, check_time_limit
 
 HOST = "127.0.0.1"
 
@@ -44,20 +45,7 @@ def serve(
     open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
 ) -> None:
     """Serve a page, to this machine alone, on which scenes are made and changed (extra `page`)."""
-    try:
-        import uvicorn
-
-        from scenewright.cli.page.batches import Batches
-        from scenewright.cli.page.conversations import Conversations
-        from scenewright.cli.page.model_choice import ModelChoice
-        from scenewright.cli.page.own_maps import OwnMaps
-        from scenewright.cli.page.server import Page, build_app
-    except ImportError as error:
-        raise InputError(
-            "this needs starlette and uvicorn; pip install 'scenewright[page]'"
-        ) from error
-    from scenewright.cli.user_folders import find_threads_file
-    from scenewright.graph.run import check_time_limit
+    require_extra("page", "serving a page", "starlette", "uvicorn")
     from scenewright.intersections import find_data_folder, load_map
 
     check_time_limit(time_limit)
@@ -65,12 +53,24 @@ def serve(
     chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
     listener = _listen(port)
     port = listener.getsockname()[1]
+    token = secrets.token_urlsafe(24)
+    address = f"http://{HOST}:{port}/?token={token}"
+    # Whoever opens it now waits for what is loaded below.
+    log_line(f"open {address}\nCtrl-C ends it; conversations are kept")
+    import uvicorn
+
+    from scenewright.cli.page.batches import Batches
+    from scenewright.cli.page.conversations import Conversations
+    from scenewright.cli.page.model_choice import ModelChoice
+    from scenewright.cli.page.own_maps import OwnMaps
+    from scenewright.cli.page.server import Page, build_app
+    from scenewright.cli.user_folders import find_threads_file
+
     conversations = Conversations(
         str(find_threads_file(threads)), backend=chosen_backend, seed=seed, time_limit=time_limit,
         lawful=lawful,
     )  # fmt: skip
     name = ", ".join(backend) if backend else "builtin"
-    token = secrets.token_urlsafe(24)
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
     batches = Batches(find_data_folder() / "page-batches", time_limit=time_limit, lawful=lawful)
     page = Page(
@@ -81,8 +81,6 @@ def serve(
         build_app(page, token=token, hosts=hosts), log_level="warning", lifespan="off",
         access_log=False,
     )  # fmt: skip
-    address = f"http://{HOST}:{port}/?token={token}"
-    log_line(f"open {address}\nCtrl-C ends it; conversations are kept")
     warming = threading.Thread(target=_warm_up, args=(intersection,), daemon=True)
     warming.start()
     if open_:

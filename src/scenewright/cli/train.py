@@ -40,9 +40,9 @@ def train_refiner(
         InputError: no such intersection, no such corpus, or a place that cannot be written.
     """
     from scenewright.cli.adapted_refiner import GOES_ON
-    from scenewright.cli.extras import require_torch
+    from scenewright.extras import require_extra
 
-    require_torch("training a refiner")
+    require_extra("learn", "training a refiner", "torch")
     from scenewright.intersections import find_bundle_folder
     from scenewright.tools.track_io import load_recordings
     from scenewright.tools.trajnet_refiner.bundle_training import (

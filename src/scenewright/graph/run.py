@@ -47,8 +47,8 @@ from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import (
     DEFAULT_LIMIT,
-    LONGEST_LIMIT,
     TimeLimitReachedError,
+    check_time_limit,
     limit_time,
 )
 from scenewright.tools.account import prove
@@ -513,14 +513,6 @@ def check_length(instruction: str) -> None:
         raise InputError(
             f"the instruction has {len(instruction):,} characters; at most {LONGEST_REQUEST:,} "
             "are read"
-        )
-
-
-def check_time_limit(seconds: float | None) -> None:
-    """Raises InputError for a time limit that is none."""
-    if seconds is not None and not 0.0 < seconds <= LONGEST_LIMIT:
-        raise InputError(
-            f"a time limit is a number of seconds up to {LONGEST_LIMIT:g}, got {seconds:g}"
         )
 
 

@@ -322,7 +322,7 @@ def test_tfrecords_have_the_checksum_of_the_standard() -> None:
 
 def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mcap", None)
-    with pytest.raises(InputError, match=r"^osi needs the package mcap: pip install .*export"):
+    with pytest.raises(InputError, match=r"^osi needs mcap: pip install .*exports"):
         write_scene(make_scene(), "osi")
 
 

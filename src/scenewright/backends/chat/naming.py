@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 
 from scenewright.backends.chat.faults import quote
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 
 if TYPE_CHECKING:
     from langchain_core.language_models import BaseChatModel
@@ -60,11 +61,7 @@ def load_chat_model(
         return Endpoint(_load_other(name, provider, base_url, key), name, key)
     if provider == "anthropic" and base_url is not None:
         raise InputError("--base-url is for OpenAI-compatible endpoints; name the model openai:...")
-    if find_spec(_PACKAGE[provider]) is None:
-        raise InputError(
-            f"{name} needs the package {_PACKAGE[provider].replace('_', '-')}; "
-            "pip install 'scenewright[chat]'"
-        )
+    require_extra("chat", name, _PACKAGE[provider])
     key = _find_key(provider, base_url)
     make = _load_openai if provider == "openai" else _load_anthropic
     made = make(

@@ -58,6 +58,7 @@ class OwnMaps:
             InputError: it is no map that can be read.
         """
         from scenewright.tools.map_import import list_junctions
+        from scenewright.tools.map_import.check_file import detect_map_format, require_sumo
 
         found = _ENDING.search(name)
         if found is None:
@@ -67,6 +68,7 @@ class OwnMaps:
         path = self._folder / f"{digest}{found[0].lower()}"
         write_atomically(path, data)
         try:
+            require_sumo(detect_map_format(path))  # not first when a junction is chosen and named
             with self._lock:  # one conversion at a time: each may take a minute
                 overview = list_junctions(path)
         except InputError as error:
@@ -105,6 +107,17 @@ class OwnMaps:
                 log=lambda _stage, _line: None,
             )  # fmt: skip
         return {"name": facts["name"], "lines": import_text(facts)}
+
+
+def describe_missing() -> str | None:
+    """Say what must be installed before most maps can be imported; None where all is there."""
+    from scenewright.tools.map_import.check_file import require_sumo
+
+    try:
+        require_sumo()
+    except InputError as error:
+        return str(error)
+    return None
 
 
 def _suggest_name(file: str) -> str:

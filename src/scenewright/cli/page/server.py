@@ -29,7 +29,7 @@ from scenewright.cli.page.answers import (
 from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversation, Conversations
 from scenewright.cli.page.model_choice import ModelChoice
-from scenewright.cli.page.own_maps import OwnMaps
+from scenewright.cli.page.own_maps import OwnMaps, describe_missing
 from scenewright.cli.page.schema import describe_routes
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.intersections import list_intersections, load_map
@@ -126,6 +126,7 @@ class Page:
                 "threads": await run_in_threadpool(self._conversations.list_names),
                 "backend": self._choice.name,
                 "intersection": self._intersection,
+                "missing": describe_missing(),
             }
         )
 

@@ -13,7 +13,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from scenewright.dataset.batch.pool import TRIES, WARM_UP, Died, Overdue
-from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.time_limit import raise_after
 
 JobT = TypeVar("JobT")
@@ -58,12 +58,8 @@ def spread_on_ray(
 
 
 def _import_ray() -> Any:
-    try:
-        return import_module("ray")
-    except ImportError as error:
-        raise InputError(
-            "--engine ray needs the extra: pip install 'scenewright[ray]', or make ray"
-        ) from error
+    require_extra("ray", "--engine ray", "ray")
+    return import_module("ray")
 
 
 def _begin(ray: Any, workers: int) -> None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenewright.dataset.batch.manifest import MANIFEST, read_manifest
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.files import write_atomically
 
 if TYPE_CHECKING:
@@ -160,8 +161,7 @@ def _format_lines(comment: str, body: bytes) -> bytes:
 
 
 def _load_library() -> Any:
-    try:
-        from cryptography.hazmat.primitives.asymmetric import ed25519
-    except ImportError as error:
-        raise InputError("signing needs the extra sign: pip install 'scenewright[sign]'") from error
+    require_extra("sign", "signing", "cryptography")
+    from cryptography.hazmat.primitives.asymmetric import ed25519
+
     return ed25519

@@ -1,4 +1,4 @@
-"""MCAP files of messages on topics (extra `export`)."""
+"""MCAP files of messages on topics (extra `exports`)."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any
 
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.tools.exporters.exported_scene import ExportedScene
 
 _HERE = "scenewright.tools.exporters"
@@ -22,7 +23,7 @@ class Format:
         module, function: where its exporter is: (scene) -> file name -> bytes.
         index: function of that module that writes what belongs to all scenes of a folder, if any.
         forms: forms in which a scene can be written; the first is the usual one.
-        packages: of the extra `export`, needed by this format alone.
+        packages: of the extra `exports`, needed by this format alone.
     """
 
     title: str
@@ -85,7 +86,7 @@ def write_scene(scene: ExportedScene, name: str, *, form: str | None = None) -> 
     form = form or chosen.forms[0]
     if form not in chosen.forms:
         raise InputError(f"{name} has no form {form[:40]!r}; it has: {', '.join(chosen.forms)}")
-    _check_packages(name, chosen)
+    require_extra("exports", name, *chosen.packages)
     more = {"form": form} if len(chosen.forms) > 1 else {}
     files: dict[str, bytes] = chosen.load(chosen.function)(scene, **more)
     return files
@@ -98,13 +99,3 @@ def write_index(scenes: Sequence[ExportedScene], name: str) -> dict[str, bytes]:
         return {}
     files: dict[str, bytes] = chosen.load(chosen.index)(scenes)
     return files
-
-
-def _check_packages(name: str, chosen: Format) -> None:
-    for package in chosen.packages:
-        try:
-            import_module(package)
-        except ImportError as error:
-            raise InputError(
-                f"{name} needs the package {package}: pip install 'scenewright[export]'"
-            ) from error

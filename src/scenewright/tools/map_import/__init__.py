@@ -12,7 +12,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
-from scenewright.tools.map_import.check_file import MapFormat, detect_map_format, unpack_map
+from scenewright.tools.map_import.check_file import (
+    MapFormat,
+    detect_map_format,
+    require_sumo,
+    unpack_map,
+)
 from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview
 from scenewright.tools.map_import.osm_streets import survey_osm_junctions
 from scenewright.tools.map_import.survey import Survey
@@ -55,6 +60,7 @@ def import_map(
     with tempfile.TemporaryDirectory() as scratch:
         path = unpack_map(Path(file), Path(scratch))
         map_format = detect_map_format(path)
+        require_sumo(map_format)
         survey = _read_survey(
             path, map_format, center=center, junction=junction, left_hand=left_hand, streets=streets
         )

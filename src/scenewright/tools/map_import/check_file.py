@@ -15,6 +15,7 @@ from typing import Any, Literal
 from xml.parsers import expat
 
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.tools.map_import.osm_elements import is_pbf
 
 MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo", "commonroad", "argoverse2", "womd"]
@@ -60,6 +61,20 @@ def detect_map_format(file: Path) -> MapFormat:
     if scan.format is None:
         raise InputError(f"{file} is no map that can be read: {_SUPPORTED}")
     return "lanelet2" if scan.has_lanelets else scan.format
+
+
+def require_sumo(map_format: MapFormat | None = None) -> None:
+    """Raise unless SUMO is there, by whose converter and library some formats are read.
+
+    Args:
+        map_format: None asks for all that need it.
+
+    Raises:
+        InputError: it is not; the line holds the command that installs it.
+    """
+    if map_format in ("osm", "opendrive", "sumo", None):
+        work = "importing a map of OpenStreetMap, OpenDRIVE or SUMO"
+        require_extra("maps", work, "sumo", "sumolib")
 
 
 def unpack_map(file: Path, scratch: Path) -> Path:

@@ -25,7 +25,7 @@ from scenewright.geometry.geographic import (
 )
 from scenewright.geometry.polyline import measure_length
 from scenewright.scene.base import Colour, FloatArray
-from scenewright.tools.map_import.check_file import MapFormat
+from scenewright.tools.map_import.check_file import MapFormat, require_sumo
 from scenewright.tools.map_import.driving_side import (
     find_opendrive_side,
     find_osm_side,
@@ -75,7 +75,6 @@ _LANE_REACH = 120.0
 """Lanes are followed that far out of the junction [m]."""
 _STRAIGHT = math.radians(35.0)
 _COLOURS: Mapping[str, Colour] = {"g": "green", "y": "yellow", "o": "green"}
-_MISSING_SUMO = "importing this map needs SUMO{}: pip install 'scenewright[maps]'"
 _CUT_OUT = "cut out the surroundings of the junction first"
 
 
@@ -225,6 +224,7 @@ def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> Juncti
     Raises:
         InputError: not convertible.
     """
+    require_sumo(map_format)
     network = file
     if map_format != "sumo":
         network = scratch / "converted.net.xml"
@@ -296,10 +296,7 @@ def group_network(net: Any, found: Sequence[Ring] = ()) -> list[JunctionGroup]:
 
 
 def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: bool) -> None:
-    try:
-        home = Path(import_module("sumo").SUMO_HOME)
-    except ImportError:
-        raise InputError(_MISSING_SUMO.format("")) from None
+    home = Path(import_module("sumo").SUMO_HOME)
     command = [str(home / "bin" / "netconvert"), "-o", str(network), "--no-turnarounds", "true"]
     command += ["--junctions.internal-link-detail", "16", "--junctions.corner-detail", "8"]
     command += ["--no-warnings", "true", "--output.street-names", "true"]
@@ -354,10 +351,7 @@ def _find_middle_of_osm(file: Path) -> LatLon:
 
 
 def _read_network(network: Path, file: Path) -> Any:
-    try:
-        reader = import_module("sumolib").net
-    except ImportError:
-        raise InputError(_MISSING_SUMO.format("'s library")) from None
+    reader = import_module("sumolib").net
     try:
         return reader.readNet(str(network), withInternal=True, withPrograms=True)
     except Exception as fault:  # the reader raises all kinds of exceptions for strange files

@@ -1,4 +1,4 @@
-"""Tracks in ASAM OSI ground truth in MCAP files (extra `export`).
+"""Tracks in ASAM OSI ground truth in MCAP files (extra `exports`).
 
 The schema holds the fields of OSI 3.7 that moving objects, lights and the map need, by their
 numbers; nested messages have names of their own, which changes no bytes.
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.tools.track_io.protobuf_schema import build_messages
 from scenewright.tools.track_io.sampled_recording import AgentSamples, SampledRecording
 
@@ -73,12 +74,8 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
 
 
 def _read_messages(data: bytes, name: str) -> list[Any]:
-    try:
-        library = import_module("mcap.reader")
-    except ImportError as error:
-        raise InputError(
-            f"{name} needs the package mcap: pip install 'scenewright[export]'"
-        ) from error
+    require_extra("exports", name, "mcap")
+    library = import_module("mcap.reader")
     truth = load_osi_classes()["GroundTruth"]
     try:
         reader = library.make_reader(io.BytesIO(data), validate_crcs=True)

@@ -304,6 +304,7 @@ async function start() {
     find("backend").textContent = `backend: ${facts.backend}`;
     find("thread").append(make("option", { value: "", textContent: "new" }), ...facts.threads.map((name) => make("option", { value: name, textContent: name })));
     showPlaces(facts.intersections, facts.intersection);
+    if (facts.missing) sayAboutMap(facts.missing);
     const wanted = new URLSearchParams(location.search).get("thread");
     if (wanted && facts.threads.includes(wanted)) addThread(wanted);
     await openThread(find("thread").value);

@@ -1,0 +1,24 @@
+"""Optional packages, looked for before any work that needs them is done."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from scenewright.errors import InputError
+
+
+def require_extra(extra: str, work: str, *modules: str, otherwise: str = "") -> None:
+    """Raise unless the modules that an extra installs are there; none of them is loaded.
+
+    Args:
+        extra: of `pyproject.toml`; work: what needs it, in words.
+        otherwise: what can be done without it.
+
+    Raises:
+        InputError: one is missing; the line holds the command that installs it.
+    """
+    missing = [each for each in modules if find_spec(each) is None]
+    if missing:
+        instead = f", or {otherwise}" if otherwise else ""
+        names = " and ".join(each.replace("_", "-") for each in missing)
+        raise InputError(f"{work} needs {names}: pip install 'scenewright[{extra}]'{instead}")
