@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from scenewright.dataset.batch import audit, carry_out
+from scenewright.dataset.orders import agent
 
 
 def spread_inline(
@@ -20,5 +21,5 @@ def spread_inline(
 
 def run_jobs_inline(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have batches made and checked without worker processes, which tests/dataset tests."""
-    for module in (audit, carry_out):
+    for module in (audit, carry_out, agent):
         monkeypatch.setattr(module, "spread", spread_inline)

@@ -15,8 +15,9 @@ from scenewright import synthesize
 from scenewright.cli.agent import make_paper_dataset, run_agent
 from scenewright.cli.scene_summary import format_verdict
 from scenewright.dataset.batch.worker import Job, Options, build_job, work
-from scenewright.dataset.orders.agent import build_slots, choose_runner, draw_story
+from scenewright.dataset.orders.agent import build_slots
 from scenewright.dataset.orders.order_spec import read_order
+from scenewright.dataset.orders.wording import choose_runner, draw_story
 from scenewright.dataset.orders.writers import BuiltinWriter, StoryRequest
 from scenewright.errors import Rejected, Unsatisfiable
 from scenewright.graph import routes
@@ -176,12 +177,12 @@ def test_texts_of_a_lawful_order_name_the_red_lights_that_they_need() -> None:
     assert choose_runner("pedestrian_near_miss_right_turn", ON.name) is None
     assert choose_runner("rear_end_collision", ON.name) is None
     wish, writer = read_order("23 near misses"), BuiltinWriter(ON, lawful=True)
-    context = cast(Any, SimpleNamespace(options=Options(ON.name, lawful=True), wish=wish))
+    options = Options(ON.name, lawful=True)
     worded = dict[str | None, str]()
     for slot in build_slots(wish, seed=0):
         rng = np.random.default_rng(slot.number)
         for _ in range(12):
-            story = draw_story(slot, context, rng)
+            story = draw_story(slot, wish, options, rng)
             written = writer.write_text(story, StoryRequest(slot.number), rng=rng)
             if written is not None:
                 worded[story.leaf] = written.text

@@ -311,12 +311,12 @@ def _show_bar() -> Iterator[ProgressCallback]:
 
 
 def format_progress(progress: Progress) -> str:
-    """`120 of 1000 rows (3 refused), 18.2 rows/s, 48 s left`."""
+    """`120 of 1000 rows (3 refused), 18.2 rows/s, 48 s left`; or of `texts` of an order."""
     unmade = [f"{n} {status}" for status, n in progress.counts.items() if status != "made"]
     counted = f" ({', '.join(unmade)})" if unmade else ""
-    rate = f", {progress.rate:.3g} rows/s" if progress.rate else ""
+    rate = f", {progress.rate:.3g} {progress.what}/s" if progress.rate else ""
     left = "" if progress.left is None else f", {format_duration(progress.left)} left"
-    return f"{progress.done} of {progress.of} rows{counted}{rate}{left}"
+    return f"{progress.done} of {progress.of} {progress.what}{counted}{rate}{left}"
 
 
 def format_duration(seconds: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -22,6 +22,8 @@ from scenewright.graph.run import make_folder
 Engine = Literal["process", "ray"]
 JOURNAL = "journal.jsonl"
 _OUT_OF_MEMORY = -9
+RECENT = 50
+"""Rows whose pace tells how long the others will take."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,8 @@ class Progress:
 
     Attributes:
         done, of: rows that came to an end, earlier runs' included, and rows in all.
-        counts: rows by status; rate: rows a second in this run; left: seconds to go, if known.
+        counts: rows by status; rate: rows a second of late; left: seconds to go, if known.
+        what: what is counted, rows or the texts of an order.
     """
 
     done: int
@@ -38,6 +41,7 @@ class Progress:
     counts: Mapping[str, int]
     rate: float
     left: float | None
+    what: str = "rows"
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -105,7 +109,7 @@ class BatchFolder:
         Raises:
             InputError: the folder cannot be written any more; what is done stays.
         """
-        clock = _ProgressClock(of, log)
+        clock = ProgressClock(of, log)
         todo = self._open(jobs, clock)
         for job, result in _load_engine(engine)(todo, work, workers=workers, limit=limit):
             if not clock.now:
@@ -125,7 +129,7 @@ class BatchFolder:
         ):
             yield journal
 
-    def _open(self, jobs: Iterable[Job], clock: _ProgressClock) -> Iterator[Job]:
+    def _open(self, jobs: Iterable[Job], clock: ProgressClock) -> Iterator[Job]:
         for job in jobs:
             if self.is_done(job):
                 entry = self.journal.get_entry(job.number)
@@ -152,29 +156,30 @@ class BatchFolder:
         )
 
 
-class _ProgressClock:
-    """Counts rows and reports progress."""
+class ProgressClock:
+    """Counts rows that came to an end and reports progress."""
 
-    def __init__(self, of: int, log: ProgressCallback) -> None:
-        self._of, self._log = of, log
+    def __init__(self, of: int, log: ProgressCallback, *, what: str = "rows") -> None:
+        self._of, self._log, self._what = of, log, what
         self._counts = Counter[str]()
-        self._first: float | None = None
+        self._ended = deque[float](maxlen=RECENT)
         self.now = 0
 
     def log_end(self, status: str, *, now: bool) -> None:
+        """Count a row; `now` tells it from one of an earlier run."""
         self._counts[status] += 1
         if now:
             self.now += 1
-            self._first = self._first or time.monotonic()
+            self._ended.append(time.monotonic())
         rate, done = self._rate(), self._counts.total()
         left = (self._of - done) / rate if rate else None
-        self._log(Progress(done, self._of, dict(self._counts), rate, left))
+        self._log(Progress(done, self._of, dict(self._counts), rate, left, self._what))
 
     def _rate(self) -> float:
-        """Rows a second since the first one: what workers need to start says nothing."""
-        if self._first is None or self.now < 2:
+        """Rows a second over the last ones: what workers need to start says nothing."""
+        if len(self._ended) < 2:
             return 0.0
-        return (self.now - 1) / max(time.monotonic() - self._first, 1e-6)
+        return (len(self._ended) - 1) / max(self._ended[-1] - self._ended[0], 1e-6)
 
 
 def _load_engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died | Overdue]]]:

@@ -1,4 +1,8 @@
-"""Jobs on processes of this machine: started fresh, each with one job, replaced when they die."""
+"""Jobs on processes of this machine: each has one job at a time and is replaced when it dies.
+
+Workers are forked from a server that has loaded and used all that a scene needs, where the system
+can fork and the environment is as it was when the server began; else each starts and loads anew.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
-from multiprocessing.context import SpawnProcess
+from multiprocessing.context import ForkServerContext, SpawnContext
+from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
 JobT = TypeVar("JobT")
@@ -26,6 +31,8 @@ TRIES = 3
 """How many workers may die of one job before it is given up."""
 WARM_UP = 60.0
 """More time for the first job of a worker, which has everything to load [s]."""
+_PRELOADED = "scenewright.dataset.batch.preload"
+_server_environment: dict[str, str] = {}
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -55,10 +62,9 @@ class _Worker(Generic[JobT]):
     """A process, the pipe to it, and the job that it has."""
 
     def __init__(self, task: Callable[[Any], Any]) -> None:
-        context = multiprocessing.get_context("spawn")
+        context = _choose_context()
         self.pipe, theirs = context.Pipe()
-        self.process: SpawnProcess = context.Process(target=_serve, args=(theirs, task))
-        self.process.daemon = True
+        self.process: BaseProcess = context.Process(target=_serve, args=(theirs, task), daemon=True)
         with _use_one_thread():
             self.process.start()
         theirs.close()
@@ -82,6 +88,18 @@ class _Worker(Generic[JobT]):
         self.pipe.close()
         self.process.kill()
         self.process.join()
+
+
+def _choose_context() -> ForkServerContext | SpawnContext:
+    """Workers of the server see the environment with which it began."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    if not _server_environment:
+        _server_environment.update(os.environ)
+        multiprocessing.set_forkserver_preload([_PRELOADED])
+    if _server_environment != dict(os.environ):
+        return multiprocessing.get_context("spawn")
+    return multiprocessing.get_context("forkserver")
 
 
 @contextmanager

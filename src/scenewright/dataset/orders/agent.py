@@ -12,72 +12,41 @@ journal, so a run that is killed goes on where it was.
 from __future__ import annotations
 
 import json
-import zlib
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypedDict
 
-import numpy as np
 from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 
-from scenewright.dataset.batch.answering import BUILTIN, Asking, Names, find_url, make_plain_name
-from scenewright.dataset.batch.carry_out import BatchFolder, Engine, ProgressCallback
+from scenewright.dataset.batch.answering import Asking, Names, find_url, make_plain_name
+from scenewright.dataset.batch.carry_out import (
+    BatchFolder,
+    Engine,
+    ProgressCallback,
+    ProgressClock,
+)
 from scenewright.dataset.batch.journal import JournalEntry as Done
+from scenewright.dataset.batch.pool import spread
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_log import Book, OrderEntry
-from scenewright.dataset.orders.order_spec import OrderSpec, Quota
-from scenewright.dataset.orders.scenario_spec import (
-    Party,
-    Story,
-    draw_minute,
-    draw_passers,
-    list_parties,
+from scenewright.dataset.orders.order_spec import OrderSpec
+from scenewright.dataset.orders.wording import (
+    Slot,
+    Wording,
+    WordingTask,
+    choose_planner,
+    make_rng,
+    word_by_templates,
+    word_slot,
 )
-from scenewright.dataset.orders.templates import list_voices, render_text
-from scenewright.dataset.orders.writers import StoryRequest, Writer, WrittenText
-from scenewright.intersections import load_map
-from scenewright.scene.relations import get_pattern
-from scenewright.scene.social import Density
-from scenewright.tools.map_grounding.grounding import can_be_lawful
+from scenewright.dataset.orders.writers import Writer
 
-REWORDED = 2
-"""Attempts at one pattern before another one of the kind takes its place."""
-STORIES = 12
-"""Stories that are thought up for one attempt at most."""
-_DETAIL = (0.25, 0.35, 0.4)
-"""How often a text gives the movements alone, one place as well, and both sides."""
-_DENSITIES: tuple[Density | None, ...] = (None, None, "low", "medium", "high")
-_TIME_GIVEN = 0.8
-
-
-@dataclass(frozen=True)
-class Slot:
-    """One scene that the order wants.
-
-    Attributes:
-        name: begins the ids of its rows; key: what chance goes by.
-        leaves: patterns to try, one after the other.
-        attempts: made so far; filled: id of the row that serves it.
-        waiting: whether its backend could not be reached, so that no other words would help.
-    """
-
-    number: int
-    name: str
-    key: str
-    quota: Quota
-    leaves: tuple[str, ...]
-    attempts: int = 0
-    filled: str | None = None
-    waiting: bool = False
-
-    @property
-    def open(self) -> bool:
-        """Whether another instruction may fill it."""
-        return self.filled is None and not self.waiting
+FEW = 12
+"""Texts for which no workers are started."""
 
 
 class OrderState(TypedDict, total=False):
@@ -130,7 +99,11 @@ def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
     open_slots = [slot for slot in state["slots"] if slot.open]
     due = open_slots[: context.budget - state["spent"]]
     slots = {slot.number: replace(slot, attempts=slot.attempts + 1) for slot in due}
-    entries = tuple(_write_instruction(slots[slot.number], context) for slot in due)
+    new = [each for each in slots.values() if not context.book.find(each.number, each.attempts)]
+    for slot, wording in zip(new, _word_slots(new, context), strict=True):
+        context.book.add(_build_entry(slot, wording, context))
+    found = (context.book.find(each.number, each.attempts) for each in slots.values())
+    entries = tuple(each for each in found if each is not None)
     after = tuple(slots.get(slot.number, slot) for slot in state["slots"])
     return {"slots": after, "due": entries, "spent": state["spent"] + len(due)}
 
@@ -203,7 +176,7 @@ def build_slots(wish: OrderSpec, *, seed: int) -> Iterator[Slot]:
     number, names = 0, _choose_id_prefixes(wish)
     for quota in wish.quotas:
         key = quota.name if quota.place is None else f"{quota.place}-{quota.name}"
-        rng = _make_rng(seed, key)
+        rng = make_rng(seed, key)
         leaves = [quota.leaves[int(k)] for k in rng.permutation(len(quota.leaves))]
         name = quota.name if quota.backend is None else f"{names[quota.backend]}-{quota.name}"
         digits = max(len(str(quota.count)), 2)
@@ -225,95 +198,51 @@ def _choose_id_prefixes(wish: OrderSpec) -> dict[str, str]:
     }
 
 
-def _make_rng(*key: int | str) -> np.random.Generator:
-    numbers = [part if isinstance(part, int) else zlib.crc32(part.encode()) for part in key]
-    return np.random.default_rng(np.random.SeedSequence(numbers))
+def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wording]:
+    """Word slots in their order; templates on all workers, as each text is read back."""
+    tasks = [
+        WordingTask(
+            slot,
+            context.wish,
+            context.options,
+            tuple(
+                each.text
+                for k in range(1, slot.attempts)
+                if (each := context.book.find(slot.number, k)) is not None
+            ),
+        )
+        for slot in slots
+    ]
+    clock = ProgressClock(len(tasks), context.log, what="texts")
+    if context.writer.name != "builtin" or len(tasks) < FEW:
+        for task in tasks:
+            yield word_slot(task, context.writer, context.book.texts)
+            clock.log_end("made", now=True)
+        return
+    done: dict[int, Wording] = {}
+    waiting = deque(task.slot.number for task in tasks)
+    for task, result in spread(tasks, word_by_templates, workers=context.workers):
+        worded = result if isinstance(result, Wording) else word_by_templates(task)
+        done[task.slot.number] = worded
+        clock.log_end("made", now=True)
+        while waiting and waiting[0] in done:
+            yield done.pop(waiting.popleft())
 
 
-def _write_instruction(slot: Slot, context: OrderContext) -> OrderEntry:
-    """The instruction of this attempt: as it was written before, or a new one."""
-    known = context.book.find(slot.number, slot.attempts)
-    if known is not None:
-        return known
-    rng = _make_rng(context.options.seed, slot.key, slot.attempts)
-    earlier = [context.book.find(slot.number, k) for k in range(1, slot.attempts)]
-    story, written = _word_story(slot, context, [each.text for each in earlier if each], rng)
+def _build_entry(slot: Slot, wording: Wording, context: OrderContext) -> OrderEntry:
     background = context.wish.context.background
-    entry = OrderEntry(
+    return OrderEntry(
         id=slot.name if slot.attempts == 1 else f"{slot.name}-try{slot.attempts}",
         slot=slot.number,
         attempt=slot.attempts,
         event=slot.quota.event,
-        leaf=story.leaf,
-        voice=written.voice,
-        text=written.text,
-        seed=int(rng.integers(2**31)),
-        backend=list(_choose_planner(slot, context)),
+        leaf=wording.leaf,
+        voice=wording.written.voice,
+        text=wording.written.text,
+        seed=wording.seed,
+        backend=list(choose_planner(slot, context.options)),
         background=None if background is None else background.model_dump(exclude_none=True),
     )
-    context.book.add(entry)
-    return entry
-
-
-def _choose_planner(slot: Slot, context: OrderContext) -> Names:
-    return context.options.backend if slot.quota.backend is None else (slot.quota.backend,)
-
-
-def _word_story(
-    slot: Slot, context: OrderContext, avoid: list[str], rng: np.random.Generator
-) -> tuple[Story, WrittenText]:
-    """A story with its text; one that the place has no room for is thought up anew."""
-    turn = slot.number + 5 * (slot.attempts - 1)
-    asked = StoryRequest(
-        turn, tuple(avoid), context.book.texts, _choose_planner(slot, context) == BUILTIN
-    )
-    for _ in range(STORIES):
-        story = draw_story(slot, context, rng)
-        written = context.writer.write_text(story, asked, rng=rng)
-        if written is not None:
-            return story, written
-    # Written as it is: the pipeline will report what is wrong with it.
-    voice = list_voices(story)[0]
-    return story, WrittenText(render_text(story, voice, rng), voice, STORIES)
-
-
-def draw_story(slot: Slot, context: OrderContext, rng: np.random.Generator) -> Story:
-    """What this attempt is to show."""
-    intersection_map = load_map(context.options.intersection)
-    leaf = _choose_leaf(slot)
-    parties: tuple[Party, ...] = ()
-    if leaf is not None:
-        detail = int(rng.choice(len(_DETAIL), p=_DETAIL))
-        parties = list_parties(
-            get_pattern(leaf),
-            intersection_map=intersection_map,
-            detail=detail,
-            rng=rng,
-            rider=slot.quota.rider,
-        )
-    elif slot.quota.foreground:
-        parties = draw_passers(intersection_map, rng)
-    windows = context.wish.windows
-    is_given = bool(windows) or rng.random() < _TIME_GIVEN
-    minute = draw_minute(windows, rng) if is_given else None
-    drawn = _DENSITIES[int(rng.integers(len(_DENSITIES)))]
-    density = context.wish.context.density or drawn
-    runner = choose_runner(leaf, context.options.intersection) if context.options.lawful else None
-    return Story(slot.quota.event, leaf, parties, minute, density, runner)
-
-
-@cache
-def choose_runner(leaf: str | None, intersection: str) -> int | None:
-    """The party that a text has run a red light, as without that the pattern cannot be there."""
-    if leaf is None or can_be_lawful(get_pattern(leaf), intersection_map=load_map(intersection)):
-        return None
-    return 0 if get_pattern(leaf).violator == "from" else 1
-
-
-def _choose_leaf(slot: Slot) -> str | None:
-    if not slot.leaves:
-        return None
-    return slot.leaves[(slot.attempts - 1) // REWORDED % len(slot.leaves)]
 
 
 def build_jobs(

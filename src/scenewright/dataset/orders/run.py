@@ -32,7 +32,6 @@ from scenewright.dataset.batch.worker import Options, format_json_line
 from scenewright.dataset.orders.agent import (
     OrderContext,
     OrderState,
-    Slot,
     build_jobs,
     build_order_graph,
     list_shown,
@@ -40,6 +39,7 @@ from scenewright.dataset.orders.agent import (
 from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
+from scenewright.dataset.orders.wording import Slot
 from scenewright.dataset.orders.writers import load_writer
 from scenewright.errors import InputError
 from scenewright.files import write_atomically

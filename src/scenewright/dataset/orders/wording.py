@@ -1,0 +1,167 @@
+"""The wording of a slot of an order: a story is thought up, written and read back."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from scenewright.dataset.batch.answering import BUILTIN, Names
+from scenewright.dataset.batch.worker import Options
+from scenewright.dataset.orders.order_spec import OrderSpec, Quota
+from scenewright.dataset.orders.scenario_spec import (
+    Party,
+    Story,
+    draw_minute,
+    draw_passers,
+    list_parties,
+)
+from scenewright.dataset.orders.templates import list_voices, render_text
+from scenewright.dataset.orders.writers import BuiltinWriter, StoryRequest, Writer, WrittenText
+from scenewright.intersections import load_map
+from scenewright.scene.relations import get_pattern
+from scenewright.scene.social import Density
+from scenewright.tools.map_grounding.grounding import can_be_lawful
+
+REWORDED = 2
+"""Attempts at one pattern before another one of the kind takes its place."""
+STORIES = 12
+"""Stories that are thought up for one attempt at most."""
+_DETAIL = (0.25, 0.35, 0.4)
+"""How often a text gives the movements alone, one place as well, and both sides."""
+_DENSITIES: tuple[Density | None, ...] = (None, None, "low", "medium", "high")
+_TIME_GIVEN = 0.8
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One scene that the order wants.
+
+    Attributes:
+        name: begins the ids of its rows; key: what chance goes by.
+        leaves: patterns to try, one after the other.
+        attempts: made so far; filled: id of the row that serves it.
+        waiting: whether its backend could not be reached, so that no other words would help.
+    """
+
+    number: int
+    name: str
+    key: str
+    quota: Quota
+    leaves: tuple[str, ...]
+    attempts: int = 0
+    filled: str | None = None
+    waiting: bool = False
+
+    @property
+    def open(self) -> bool:
+        """Whether another instruction may fill it."""
+        return self.filled is None and not self.waiting
+
+
+@dataclass(frozen=True)
+class WordingTask:
+    """A slot, and all that its text depends on.
+
+    Attributes:
+        earlier: texts of this slot that were refused.
+    """
+
+    slot: Slot
+    wish: OrderSpec
+    options: Options
+    earlier: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Wording:
+    """A text for a slot, and the seed of its scene."""
+
+    leaf: str | None
+    written: WrittenText
+    seed: int
+
+
+def word_by_templates(task: WordingTask) -> Wording:
+    """Word a slot by the builtin templates; as a worker does, for which a place is loaded once."""
+    options = task.options
+    return word_slot(task, _load_templates(options.intersection, options.lawful), ())
+
+
+@cache
+def _load_templates(intersection: str, lawful: bool) -> BuiltinWriter:
+    return BuiltinWriter(load_map(intersection), lawful=lawful)
+
+
+def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> Wording:
+    """Word a slot; a story that the place has no room for is thought up anew.
+
+    Args:
+        taken: texts of the whole order.
+    """
+    slot, options = task.slot, task.options
+    rng = make_rng(options.seed, slot.key, slot.attempts)
+    turn = slot.number + 5 * (slot.attempts - 1)
+    asked = StoryRequest(turn, task.earlier, taken, choose_planner(slot, options) == BUILTIN)
+    for _ in range(STORIES):
+        story = draw_story(slot, task.wish, options, rng)
+        written = writer.write_text(story, asked, rng=rng)
+        if written is not None:
+            break
+    else:  # written as it is: the pipeline will report what is wrong with it
+        voice = list_voices(story)[0]
+        written = WrittenText(render_text(story, voice, rng), voice, STORIES)
+    return Wording(story.leaf, written, int(rng.integers(2**31)))
+
+
+def choose_planner(slot: Slot, options: Options) -> Names:
+    """The backend that plans a slot's text: its quota's own, or the order's."""
+    return options.backend if slot.quota.backend is None else (slot.quota.backend,)
+
+
+def draw_story(slot: Slot, wish: OrderSpec, options: Options, rng: np.random.Generator) -> Story:
+    """What this attempt is to show."""
+    intersection_map = load_map(options.intersection)
+    leaf = _choose_leaf(slot)
+    parties: tuple[Party, ...] = ()
+    if leaf is not None:
+        detail = int(rng.choice(len(_DETAIL), p=_DETAIL))
+        parties = list_parties(
+            get_pattern(leaf),
+            intersection_map=intersection_map,
+            detail=detail,
+            rng=rng,
+            rider=slot.quota.rider,
+        )
+    elif slot.quota.foreground:
+        parties = draw_passers(intersection_map, rng)
+    windows = wish.windows
+    is_given = bool(windows) or rng.random() < _TIME_GIVEN
+    minute = draw_minute(windows, rng) if is_given else None
+    drawn = _DENSITIES[int(rng.integers(len(_DENSITIES)))]
+    density = wish.context.density or drawn
+    runner = choose_runner(leaf, options.intersection) if options.lawful else None
+    return Story(slot.quota.event, leaf, parties, minute, density, runner)
+
+
+@cache
+def choose_runner(leaf: str | None, intersection: str) -> int | None:
+    """The party that a text has run a red light, as without that the pattern cannot be there."""
+    if leaf is None or can_be_lawful(get_pattern(leaf), intersection_map=load_map(intersection)):
+        return None
+    return 0 if get_pattern(leaf).violator == "from" else 1
+
+
+def _choose_leaf(slot: Slot) -> str | None:
+    if not slot.leaves:
+        return None
+    return slot.leaves[(slot.attempts - 1) // REWORDED % len(slot.leaves)]
+
+
+def make_rng(*key: int | str) -> np.random.Generator:
+    """A generator of random numbers by numbers and names."""
+    numbers = [part if isinstance(part, int) else zlib.crc32(part.encode()) for part in key]
+    return np.random.default_rng(np.random.SeedSequence(numbers))
