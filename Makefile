@@ -77,8 +77,8 @@ ray: $(TOOLS)
 
 $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@echo 'Installing into $(VENV), about 1.5 GB ...'
-	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[page]'
+	@echo 'Installing into $(VENV), about 0.8 GB ...'
+	$(BIN)/python -m pip install -qq --no-compile --disable-pip-version-check -c constraints.txt -e '.[page]'
 	touch $@
 
 $(TOOLS): $(INSTALLED)

@@ -7,6 +7,10 @@ from importlib.util import find_spec
 from scenewright.errors import InputError
 
 
+class MissingPackageError(InputError):
+    """Something needs an optional package that is not installed."""
+
+
 def require_extra(extra: str, work: str, *modules: str, otherwise: str = "") -> None:
     """Raise unless the modules that an extra installs are there; none of them is loaded.
 
@@ -15,10 +19,11 @@ def require_extra(extra: str, work: str, *modules: str, otherwise: str = "") -> 
         otherwise: what can be done without it.
 
     Raises:
-        InputError: one is missing; the line holds the command that installs it.
+        MissingPackageError: one is missing; the line holds the command that installs it.
     """
     missing = [each for each in modules if find_spec(each) is None]
     if missing:
         instead = f", or {otherwise}" if otherwise else ""
         names = " and ".join(each.replace("_", "-") for each in missing)
-        raise InputError(f"{work} needs {names}: pip install 'scenewright[{extra}]'{instead}")
+        command = f"pip install 'scenewright[{extra}]'"
+        raise MissingPackageError(f"{work} needs {names}: {command}{instead}")

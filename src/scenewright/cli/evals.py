@@ -184,6 +184,9 @@ def score_realism(
     A classifier's two-sample test with its floors, speeds kept, headways, companions, reactions,
     numbers of people, and a likelihood beside that of log replay.
     """
+    from scenewright.extras import require_extra
+
+    require_extra("learn", "judging realism", "sklearn")
     from scenewright.evals.realism.assessment import assess
     from scenewright.evals.realism.sources import read_source
     from scenewright.intersections import load_map

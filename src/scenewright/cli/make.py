@@ -10,11 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
-from scenewright.cli.views import ViewKind, write_view
-from scenewright.errors import InputError, ScenewrightError
+from scenewright.cli.views import ViewKind, add_views, write_view
+from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
@@ -163,31 +162,15 @@ def _explain_unrefined(scene: Scene) -> list[str]:
 
 def _add_views(
     scene: Scene, folder: Path, request: MakeOptions, log: ProgressCallback
-) -> tuple[str, ...]:
-    views: list[tuple[bool, str, Callable[[Scene, Path], None]]] = [
-        (request.picture, "scene.png", partial(_write, "png")),
-        (request.recording, "scene.rrd", _record),
-        (request.gif, "scene.gif", partial(_write, "gif")),
-        (request.html, "scene.html", partial(_write, "html")),
-    ]
-    warnings = []
-    for wanted, name, write in views:
-        if wanted:
-            log("writing", name)
-            warnings += _try_write(partial(write, scene, folder / name), name)
-    return tuple(warnings)
-
-
-def _try_write(write: Callable[[], None], name: str) -> list[str]:
-    """What went wrong, unless it is the disk, which concerns the scene as well."""
-    try:
-        write()
-    except (ScenewrightError, MemoryError):
-        raise
-    except Exception as error:  # a library or its environment; the scene stands without it
-        stop_if_asked()
-        return [format_one_line(f"no {name}: {type(error).__name__}: {error}", limit=300)]
-    return []
+) -> list[str]:
+    views: dict[str, tuple[bool, Callable[[Path], None]]] = {
+        "scene.png": (request.picture, partial(_write, "png", scene)),
+        "scene.rrd": (request.recording, partial(_record, scene)),
+        "scene.gif": (request.gif, partial(_write, "gif", scene)),
+        "scene.html": (request.html, partial(_write, "html", scene)),
+    }
+    wanted = {name: write for name, (asked, write) in views.items() if asked}
+    return add_views(folder, wanted, partial(log, "writing"))
 
 
 def _write(kind: ViewKind, scene: Scene, path: Path) -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenewright.cli.console import format_one_line
-from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import fill_folder, target_folder
-from scenewright.cli.views import ViewKind, write_view
-from scenewright.errors import InputError, ScenewrightError
+from scenewright.cli.views import ViewKind, add_views, write_view
+from scenewright.errors import InputError
 
 if TYPE_CHECKING:
     from scenewright.authoring.session import SessionVersion
@@ -29,31 +27,12 @@ def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], lis
         write_atomically(part / "scene.json", shown.scene_json)
         write_atomically(part / "proof.json", shown.proof_json)
         write_atomically(part / "provenance.json", shown.provenance_json)
-        warnings = _add_views(shown, part)
+        views = {"scene.png": partial(_draw, shown), "scene.rrd": partial(record_version, shown)}
+        warnings = add_views(part, views)
         files = sorted(entry.name for entry in part.iterdir())
     here = Path.cwd()
     shortest = target.relative_to(here) if target.is_relative_to(here) else target
     return shortest, files, warnings
-
-
-def _add_views(shown: SessionVersion, folder: Path) -> list[str]:
-    """Adds the picture and the recording; what could not be added is a warning."""
-    views: dict[str, Callable[[SessionVersion, Path], None]] = {
-        "scene.png": _draw,
-        "scene.rrd": record_version,
-    }
-    warnings = []
-    for name, write in views.items():
-        try:
-            write(shown, folder / name)
-        except (ScenewrightError, MemoryError):
-            raise
-        except Exception as error:  # a library or its environment; the scene stands without it
-            stop_if_asked()
-            warnings.append(
-                format_one_line(f"no {name}: {type(error).__name__}: {error}", limit=300)
-            )
-    return warnings
 
 
 def save_view(shown: SessionVersion, kind: ViewKind, path: str) -> Path:

@@ -2,14 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+
+from scenewright.cli.console import format_one_line
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.errors import ScenewrightError
+from scenewright.extras import MissingPackageError
 
 if TYPE_CHECKING:
     from scenewright.scene.events import Proof
     from scenewright.scene.record import SceneRecord
 
 ViewKind = Literal["png", "gif", "mp4", "html"]
+
+
+def add_views(
+    folder: Path,
+    views: Mapping[str, Callable[[Path], None]],
+    log: Callable[[str], None] = lambda _: None,
+) -> list[str]:
+    """Write views into a scene's folder and return what could not be added, and why.
+
+    A fault of the disk is raised, as it concerns the scene as well.
+
+    Args:
+        views: file name -> writes it; log: called with each name before.
+    """
+    warnings = []
+    for name, write in views.items():
+        log(name)
+        try:
+            write(folder / name)
+        except MissingPackageError as missing:
+            warnings.append(f"no {name}: {missing}")
+        except (ScenewrightError, MemoryError):
+            raise
+        except Exception as error:  # a library or its environment; the scene stands without it
+            stop_if_asked()
+            words = f"no {name}: {type(error).__name__}: {error}"
+            warnings.append(format_one_line(words, limit=300))
+    return warnings
 
 
 def write_view(

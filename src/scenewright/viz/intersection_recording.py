@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenewright.extras import require_extra
 from scenewright.files import write_atomically
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -48,6 +49,7 @@ def record_intersection(
     Raises:
         InputError: the file cannot be written; nothing is left behind.
     """
+    require_extra("recording", "a recording", "rerun")
     import rerun as rr
 
     stream = rr.RecordingStream(APPLICATION, recording_id=f"intersection-{intersection.name}")

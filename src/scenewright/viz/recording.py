@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.files import write_atomically
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event, Finding, Proof
@@ -81,6 +82,7 @@ def record_scene(
     Raises:
         InputError: the file cannot be written; nothing is left behind.
     """
+    require_extra("recording", "a recording", "rerun")
     import rerun as rr
 
     stream = rr.RecordingStream(APPLICATION, recording_id=scene.meta.scene_id)
@@ -145,7 +147,7 @@ def _find_viewer() -> str:
     beside = Path(sys.executable).with_name(name)
     found = str(beside) if beside.is_file() else shutil.which(name)
     if found is None:
-        raise InputError("no `rerun` command found; `pip install rerun-sdk` brings it")
+        raise InputError("no `rerun` command found: pip install 'scenewright[recording]'")
     return found
 
 

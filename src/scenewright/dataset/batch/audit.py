@@ -15,7 +15,13 @@ from typing import Any
 from scenewright.dataset.batch.manifest import MANIFEST, hash_files, is_as_written, read_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
 from scenewright.dataset.batch.worker import FILES
-from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter, import_parquet
+from scenewright.dataset.tables.parquet import (
+    TABLES,
+    SceneFiles,
+    TableWriter,
+    import_parquet,
+    require_tables,
+)
 from scenewright.errors import InputError
 from scenewright.graph.run import verify
 
@@ -72,6 +78,7 @@ def audit_dataset(
     Raises:
         InputError: there is no manifest.
     """
+    require_tables()
     manifest = read_manifest(folder)
     files: dict[str, str] = manifest["files"]
     faults = [] if is_as_written(folder) else [AuditFault(MANIFEST, "is not as it was written")]

@@ -18,6 +18,7 @@ from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.rows import RowSource, read_source
 from scenewright.dataset.batch.worker import Job, Options, build_job
+from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.graph.run import MAX_SEED, REFINERS
 from scenewright.intersections import find_bundle_folder, load_map
@@ -120,6 +121,7 @@ def check_request(request: Request) -> None:
         raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {request.workers}")
     if request.limit is not None and request.limit < 1:
         raise InputError(f"--limit is a number from 1, got {request.limit}")
+    require_tables()
     check_row_timeout(request.row_timeout)
     check_time_limit(request.options.time_limit)
     check_asking(request.asking, one_machine=request.engine == "process")

@@ -41,6 +41,7 @@ from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
 from scenewright.dataset.orders.wording import Slot
 from scenewright.dataset.orders.writers import load_writer
+from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
@@ -135,6 +136,7 @@ def check_order(order: Order, speakers: Mapping[Names, Asking]) -> None:
         raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {order.workers}")
     if order.most < order.wish.count:
         raise InputError(f"a budget of {order.most} is below the {order.wish.count} scenes ordered")
+    require_tables()
     check_row_timeout(order.row_timeout)
     check_asking(order.asking, one_machine=order.engine == "process")
     url = order.options.base_url

@@ -18,6 +18,7 @@ import numpy as np
 
 from scenewright.dataset.tables.map_rows import list_map_rows
 from scenewright.dataset.tables.splits import choose_split
+from scenewright.extras import require_extra
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass
@@ -383,6 +384,11 @@ class _Part:
 
 def _group_by_column(rows: list[dict[str, Any]], columns: Iterable[str]) -> dict[str, list[Any]]:
     return {key: [row.get(key) for row in rows] for key in columns}
+
+
+def require_tables() -> None:
+    """Raise InputError unless the package is there by which a dataset's tables are written."""
+    require_extra("tables", "a dataset", "pyarrow")
 
 
 def _import_arrow() -> Any:

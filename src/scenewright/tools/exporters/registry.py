@@ -60,6 +60,7 @@ FORMATS: dict[str, Format] = {
         "argoverse2",
         "write_argoverse2",
         forms=("whole", "window"),
+        packages=("pyarrow",),
     ),
     "osi": Format("ASAM OSI ground truth in MCAP", "osi", "write_osi", packages=("mcap",)),
     "foxglove": Format(

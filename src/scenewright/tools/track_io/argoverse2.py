@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.extras import require_extra
 from scenewright.tools.track_io.sampled_recording import (
     AgentSamples,
     SampledRecording,
@@ -54,6 +55,7 @@ def read_argoverse2(data: bytes, *, name: str) -> list[SampledRecording]:
 
 
 def _read_columns(data: bytes, name: str) -> dict[str, list[Any]]:
+    require_extra("exports", "reading Argoverse 2", "pyarrow")
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     try:
         file = parquet.ParquetFile(io.BytesIO(data))
