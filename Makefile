@@ -21,7 +21,7 @@ CASES ?= 100000
 TESTERS ?= 2
 
 # Benchmarks for which files or a folder must be named.
-NAMING := consumer_protection own_intersections same_behaviour trajnet understanding
+NAMING := cold_start consumer_protection own_intersections same_behaviour throughput trajnet understanding
 
 .DEFAULT_GOAL := demo
 .PHONY: page-tests demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs

@@ -7,21 +7,25 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from langgraph.runtime import Runtime
 
 from inline_jobs import run_jobs_inline, spread_inline
 from scenewright.backends import TASKS, Question
 from scenewright.backends.recorded import record_answers
 from scenewright.backends.text_backend import Completion, TextBackend
+from scenewright.cli.batch import format_progress
 from scenewright.cli.main import main
 from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.worker import Options, Outcome
-from scenewright.dataset.orders import writers
+from scenewright.dataset.orders import agent, writers
 from scenewright.dataset.orders.agent import build_slots
+from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import Order, build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
@@ -399,3 +403,29 @@ def test_the_command_line_says_what_it_understood(capsys: pytest.CaptureFixture[
     assert not Path("nowhere").exists()
     assert main(["agent", "3 dragons", "--out", "nowhere"]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_texts_worded_on_workers_are_those_of_one_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever is ready first: the book has the texts in the order of the slots."""
+    wish = read_order("4 yields")
+    slots, books, told = tuple(build_slots(wish, seed=0)), [], list[str]()
+
+    def answer_backwards(tasks: Any, task: Any, *, workers: int) -> Iterator[tuple[Any, Any]]:
+        yield from [(each, task(each)) for each in tasks][::-1]
+
+    monkeypatch.setattr(agent, "spread", answer_backwards)
+    for few in (10, 1):
+        monkeypatch.setattr(agent, "FEW", few)
+        folder = tmp_path / str(few)
+        folder.mkdir()
+        context: Any = SimpleNamespace(
+            wish=wish, options=OPTIONS, book=Book(folder), writer=BuiltinWriter(ON), workers=2,
+            budget=9, log=lambda progress: told.append(format_progress(progress)),
+        )  # fmt: skip
+        agent.write({"slots": slots, "spent": 0}, runtime=Runtime(context=context))
+        books.append((folder / BOOK).read_bytes())
+
+    assert books[0] == books[1] != b""
+    assert told[3].startswith("4 of 4 texts")
