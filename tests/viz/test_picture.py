@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from io import BytesIO
 from itertools import combinations, pairwise
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.text import Text
 from PIL import Image
 
 from scenewright.errors import InputError
@@ -23,9 +26,10 @@ from scenewright.viz.appearance import (
     make_printable,
     parse_colour,
 )
-from scenewright.viz.figure import use_plain_style
+from scenewright.viz.drawing import Drawing, create_page, measure_block
+from scenewright.viz.fonts import find_unshown, make_drawable, measure_text
 from scenewright.viz.frame_times import choose_frame_times
-from scenewright.viz.still import draw_figure
+from scenewright.viz.still import draw_page
 from scenewright.viz.video import film_scene
 
 HOSTILE = (
@@ -38,8 +42,19 @@ def pixels(path: Path) -> np.ndarray:
         return np.asarray(image.convert("RGB")).astype(int)
 
 
+def decode(png: bytes) -> np.ndarray:
+    with Image.open(BytesIO(png)) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
 def share_of(picture: np.ndarray, colour: str) -> float:
     return float((np.abs(picture - np.array(parse_colour(colour))).sum(axis=2) < 30).mean())
+
+
+def read_words(drawing: Drawing) -> list[tuple[str, dict[str, str]]]:
+    """Every line of text of a page and its attributes."""
+    found = ElementTree.fromstring(drawing.build_svg()).iter("{http://www.w3.org/2000/svg}text")
+    return [(each.text or "", each.attrib) for each in found]
 
 
 def asked(scene: SceneRecord, prompt: str) -> SceneRecord:
@@ -85,12 +100,12 @@ def test_amber_words_stand_beside_the_tick_of_picture_and_animation(
         (partly.model_copy(update={"verified": False}), "not verified\n'coming', 'light' not shown",
          "#B3202A"),
     ):  # fmt: skip
-        figure = draw_figure(scene, checked, intersection, 60)
-        assert [each.get_color() for each in figure.texts if each.get_text() == words] == [colour]
-        with use_plain_style():
-            facts = AnimatedScene(scene, checked, intersection).figure.texts[-1]
-        assert facts.get_text().endswith(f" {checked.describe_verdict()}")
-        assert facts.get_color() == colour
+        written = read_words(draw_page(scene, checked, intersection))
+        shades = [style["fill"] for line, style in written if line in words.split("\n")]
+        assert shades == [colour] * len(words.split("\n"))
+        facts, style = read_words(AnimatedScene(scene, checked, intersection).still)[-1]
+        assert facts.endswith(f" {checked.describe_verdict()}")
+        assert style["fill"] == colour
 
 
 def test_same_scene_gives_the_same_bytes(
@@ -162,10 +177,18 @@ def test_names_and_the_label_of_an_event_do_not_overlap(
     animated = AnimatedScene(scene, None, intersection)
     [mark] = animated.marks
     for time in np.arange(mark.time, mark.time + 1.0, 0.2):
-        shown = [each for each in animated._update_artists(float(time)) if isinstance(each, Text)]
-        boxes = [text.get_window_extent() for text in shown if text.get_text()]
-        assert len(boxes) > 2
-        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        boxes = []
+        for words, style in read_words(animated.draw_moving(float(time))):
+            size, bold = float(style["font-size"]), "font-weight" in style
+            wide, high = measure_block([words], size, bold=bold)
+            left = float(style["x"]) - (wide / 2 if style["text-anchor"] == "middle" else 0)
+            base = float(style["y"])
+            boxes.append((left, base - high, left + wide, base))
+        assert len(boxes) == 4
+        assert not any(
+            a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+            for a, b in combinations(boxes, 2)
+        )
 
 
 def test_an_animation_ends_two_seconds_after_its_event(scene: SceneRecord) -> None:
@@ -258,3 +281,45 @@ def test_printable_keeps_one_short_line() -> None:
     assert make_printable("a\n\tb\x00 c") == "a b c"
     assert len(make_printable("x" * 100_000, limit=50)) == 50
     assert make_printable("x" * 50, limit=50) == "x" * 50
+
+
+def test_words_are_data_and_characters_of_no_font_are_boxes() -> None:
+    page = create_page(3.0, 1.0)
+    page.write('<b fill="red">\x1b[31m & \ud800\U0010fffd', (0.1, 0.1), 8)
+    page.write("two\nlines", (0.1, 0.5), 8)
+    assert [words for words, _ in read_words(page)] == ['<b fill="red"> [31m &', "two", "lines"]
+    assert make_drawable("née ✓ Ωж") == "née ✓ Ωж"
+    assert find_unshown("a𒀀𒀀") == "𒀀"
+    assert make_drawable("a𒀀") == "a□"
+
+
+def test_text_is_at_most_a_little_narrower_than_measured() -> None:
+    for bold in (False, True):
+        page = create_page(4.0, 0.4)
+        page.write("Pedestrian-1: AVA to Wells", (0.0, 0.2), 16, bold=bold)
+        ink = np.flatnonzero((decode(page.render(100)) < 128).any(axis=(0, 2)))
+        wide = measure_text("Pedestrian-1: AVA to Wells", 16, bold=bold) / 72 * 100
+        assert 0.95 * wide < np.ptp(ink) <= wide  # measured without kerning
+
+
+def test_what_lies_outside_a_map_is_not_seen() -> None:
+    page = create_page(2.0, 2.0)
+    axes = page.add_map((0.0, 10.0, 0.0, 10.0), 0.5, 0.5, 1.0, 1.0)
+    axes.draw([[(-20.0, 5.0), (30.0, 5.0)]], order=2, stroke="#FF0000", stroke_width=30)
+    axes.mark([(5.0, 5.0)], 20, order=3, fill="#0000FF")
+    axes.mark([(5.0, 5.0)], 30, order=1, fill="#00FF00")
+    picture = decode(page.render(100))
+    assert picture[100, 20].tolist() == [255, 255, 255]
+    assert picture[100, 60].tolist() == [255, 0, 0]
+    assert picture[100, 100].tolist() == [0, 0, 255]
+
+
+def test_a_scene_is_made_and_drawn_without_matplotlib(tmp_path: Path) -> None:
+    script = (
+        "import sys; from scenewright.cli.main import main\n"
+        "words = 'make', 'A car yields to a pedestrian', '--refiner', 'none', '--seed', '1'\n"
+        "assert main([*words, '--no-recording', '-q', '--out', sys.argv[1]]) == 0\n"
+        "assert 'matplotlib' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script, str(tmp_path / "made")], check=True)
+    assert pixels(tmp_path / "made" / "scene.png").shape[1] == 1400

@@ -25,30 +25,17 @@ from scenewright.viz.appearance import (
     colour_verdict,
     find_light_colours,
     list_motions,
-    parse_colour,
+    make_printable,
 )
 from scenewright.viz.basemap import draw_basemap, draw_north, draw_scale
-from scenewright.viz.figure import (
-    INK,
-    SOFT_INK,
-    add_halo,
-    add_map_axes,
-    create_figure,
-    draw_points,
-    make_drawable,
-    use_plain_style,
-)
+from scenewright.viz.drawing import INK, SOFT_INK, Drawing, create_page, measure_block
 from scenewright.viz.frame_times import choose_frame_times
 from scenewright.viz.label_placement import LabelLayout
 from scenewright.viz.road_markings import find_light_positions
-from scenewright.viz.still import EVENT_WORDS, compute_windscreen, draw_objects
+from scenewright.viz.still import EVENT_WORDS, compute_windscreen, draw_fading_lines, draw_objects
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import LineCollection, PathCollection, PolyCollection
-    from matplotlib.figure import Figure
-    from matplotlib.text import Text
+    from PIL.Image import Image
 
 SIDE = 5.4
 HEAD = 0.5
@@ -93,156 +80,114 @@ def animate_scene(
     if not 1 <= fps <= 50:
         raise InputError(f"frames per second must be from 1 to 50, got {fps}")
     times = choose_frame_times(scene, fps=fps, whole=whole)
-    with use_plain_style():
-        animated = AnimatedScene(scene, proof, intersection)
-        few = [animated.render_frame(float(t)) for t in times[:: max(1, len(times) // 8)][:9]]
-        data = _encode_gif(
-            (animated.render_frame(float(t)) for t in times), palette=_choose_palette(few), fps=fps
-        )
+    animated = AnimatedScene(scene, proof, intersection)
+    few = [animated.render_frame(float(t)) for t in times[:: max(1, len(times) // 8)][:9]]
+    data = _encode_gif(
+        (animated.render_frame(float(t)) for t in times), palette=_choose_palette(few), fps=fps
+    )
     write_atomically(path, data)
 
 
 @dataclass(frozen=True, slots=True)
 class EventMark:
-    """The ring and the label of an event: shown from its time [s], the label in its box [m]."""
+    """An event [s] with its place and its words at theirs [2] [m], which take a box [m]."""
 
     time: float
+    spot: FloatArray
+    words: str
+    at: FloatArray
     box: Box
-    artists: tuple[Artist, Artist]
 
 
 class AnimatedScene:
-    """The still map in memory and the few artists that move over it."""
+    """The still map in memory, and drawings of what moves over it."""
 
     def __init__(
-        self,
-        scene: SceneRecord,
-        proof: Proof | None,
-        intersection: IntersectionMap,
-        *,
+        self, scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap, *,
         dpi: int = 100,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.scene = scene
+        self.dpi = dpi
         self.moving = list_motions(scene)
-        self.figure = create_figure(SIDE + 0.2, SIDE + HEAD + 0.1, dpi=dpi)
-        tall, wide = SIDE + HEAD + 0.1, SIDE + 0.2
-        rect = (0.1 / wide, 0.1 / tall, SIDE / wide, SIDE / tall)
-        self.axes = add_map_axes(self.figure, rect)
-        view = choose_view(scene, self.moving, intersection)
-        self.view = view
-        self.least = LEAST_WIDTH * (view[1] - view[0])
-        draw_basemap(self.axes, intersection, view)
-        draw_objects(self.axes, scene)
-        draw_scale(self.axes)
-        draw_north(self.axes)
-        _draw_header(self.figure, scene, proof)
-        self.canvas: FigureCanvasAgg = self.figure.canvas  # type: ignore[assignment]
-        self.canvas.draw()  # type: ignore[no-untyped-call]
-        self.still = self.canvas.copy_from_bbox(self.figure.bbox)  # type: ignore[no-untyped-call]
-        self.trails = self._add_trails()
-        self.bodies = self._add_polygons(10, edge="white")
-        self.panes = self._add_polygons(11, edge="none")
-        self.lights, self.lit = self._add_lights(intersection)
-        self.clock = self._add_clock()
-        self.names = [self._add_name(motion) for motion in self.moving if motion.is_foreground]
-        self.marks = self._add_event_marks()
+        self.view = choose_view(scene, self.moving, intersection)
+        self.lights = find_light_positions(intersection)
+        self.still = self._draw_still(proof, intersection)
+        self.ground = _decode(self.still.render(dpi))
+        self.marks = self._place_event_marks()
 
     def render_frame(self, time: float) -> Pixels:
         """[H, W, 3] the scene at a time [s]."""
-        self.canvas.restore_region(self.still)  # type: ignore[no-untyped-call]
-        for artist in self._update_artists(time):
-            self.axes.draw_artist(artist)
-        pixels = self.canvas.buffer_rgba()  # type: ignore[no-untyped-call]
-        return np.asarray(pixels)[:, :, :3].copy()
+        moving = _decode(self.draw_moving(time).render(self.dpi, transparent=True))
+        frame = self.ground.copy()
+        frame.alpha_composite(moving, (round(0.1 * self.dpi), round(HEAD * self.dpi)))
+        return np.asarray(frame)[:, :, :3]
 
-    def _update_artists(self, time: float) -> Iterator[Artist]:
-        here = [(m, i) for m in self.moving if (i := m.find_sample(time)) is not None]
-        self._update_trails(here)
-        self.bodies.set_verts([m.compute_outline(i, self.least) for m, i in here])
-        self.bodies.set_facecolor([m.colour for m, _ in here])
-        self.panes.set_verts(
-            [compute_windscreen(m, i) for m, i in here if m.agent.type != "pedestrian"]
-        )
-        now = find_light_colours(self.scene, time)
-        self.lights.set_facecolor([LIGHTS[now[n]] if n in now else "none" for n in self.lit])
-        self.lights.set_edgecolor([INK if n in now else "none" for n in self.lit])
-        self.clock.set_text(f"{time:4.1f} s")
-        yield from (self.lights, self.trails, self.bodies, self.panes, self.clock)
-        shown = [mark for mark in self.marks if mark.time - 1e-6 <= time <= mark.time + FLASH]
-        yield from self._place_names(here, [mark.box for mark in shown])
-        for mark in shown:
-            yield from mark.artists
-
-    def _add_trails(self) -> LineCollection:
-        from matplotlib.collections import LineCollection
-
-        trails = LineCollection([], linewidths=2.0, capstyle="butt", zorder=9)
-        self.axes.add_collection(trails, autolim=False)
-        return trails
-
-    def _update_trails(self, here: list[tuple[DrawnMotion, int]]) -> None:
-        lines, shades = [], []
-        for motion, index in here:
-            back = max(0, index - round(TRAIL / self.scene.meta.step))
-            for number, part in enumerate(np.array_split(np.arange(back, index + 1), 5)):
-                if len(part) > 1:
-                    lines.append(motion.xy[part[0] : part[-1] + 2])
-                    strength = 0.9 if motion.is_foreground else 0.5
-                    colour = np.array(parse_colour(motion.colour)) / 255
-                    shades.append((*colour, strength * (number + 1) / 5))
-        self.trails.set_segments(lines)
-        self.trails.set_color(shades)
-
-    def _add_polygons(self, order: int, *, edge: str) -> PolyCollection:
-        from matplotlib.collections import PolyCollection
-
-        shapes = PolyCollection(
-            [], facecolor=(1, 1, 1, 0.75), edgecolor=edge, linewidth=0.7, zorder=order
-        )
-        self.axes.add_collection(shapes, autolim=False)
-        return shapes
-
-    def _add_lights(self, intersection: IntersectionMap) -> tuple[PathCollection, list[str]]:
-        places = find_light_positions(intersection)
-        names = [name for name, spots in places.items() for _ in spots]
-        spots = np.array([spot for found in places.values() for spot in found]).reshape(-1, 2)
-        sizes = [26 if len(places[name]) == 1 else 14 for name in names]
-        return draw_points(self.axes, spots, s=sizes, linewidths=1.0, zorder=8), names
-
-    def _add_clock(self) -> Text:
-        return self.axes.text(
-            0.025, 0.97, "", transform=self.axes.transAxes, va="top", ha="left", fontsize=11,
-            color=INK, zorder=30, fontfamily=["DejaVu Sans Mono", "DejaVu Sans"],
-            bbox={"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#C9CCD1"},
-        )  # fmt: skip
-
-    def _add_name(self, motion: DrawnMotion) -> tuple[int, Text, FloatArray]:
-        """An agent's id, its name, and the room that the name takes [m]."""
-        text = self.axes.text(0, 0, make_drawable(motion.agent.name, limit=40), fontsize=8,
-                              va="bottom", ha="left", fontweight="bold", color=motion.colour,
-                              zorder=24, clip_on=True)  # fmt: skip
-        extent = text.get_window_extent().transformed(self.axes.transData.inverted())
-        return motion.agent.id, add_halo(text), np.array([extent.width, extent.height])
-
-    def _place_names(
-        self, here: list[tuple[DrawnMotion, int]], taken: list[Box]
-    ) -> Iterator[Artist]:
-        """Names inside the picture, each on the first side of its agent that is not taken."""
-        at = {motion.agent.id: motion.compute_outline(index) for motion, index in here}
-        named = {number: _bound(at[number]) for number, _, _ in self.names if number in at}
-        boxes = list(taken)
-        for number, text, size in self.names:
-            if number in at and self._is_in_view(at[number]):
-                others = [body for other, body in named.items() if other != number]
-                box = self._choose_box(named[number], size, [*boxes, *others])
-                boxes.append(box)
-                text.set_position((box[0], box[1]))
-                yield text
-
-    def _is_in_view(self, outline: FloatArray) -> bool:
+    def draw_moving(self, time: float) -> Drawing:
+        """The map's place with what moves or comes and goes, at a time [s]."""
+        axes = Drawing(self.view, 0.0, 0.0, SIDE, SIDE)
+        for name, light in find_light_colours(self.scene, time).items():
+            spots = self.lights.get(name, [])
+            size = 5.1 if len(spots) == 1 else 3.7
+            axes.mark(spots, size, fill=LIGHTS[light], stroke=INK, stroke_width=1.0)
         west, east, south, north = self.view
-        x, y = outline.mean(axis=0)
-        return bool(west <= x <= east and south <= y <= north)
+        least = LEAST_WIDTH * (east - west)
+        trails: dict[tuple[str, float], list[FloatArray]] = {}
+        bodies: dict[str, list[FloatArray]] = {}
+        panes: list[FloatArray] = []
+        named: list[tuple[DrawnMotion, Box]] = []
+        for motion in self.moving:
+            index = motion.find_sample(time)
+            if index is None:
+                continue
+            outline = motion.compute_outline(index, least)
+            trail = motion.xy[max(0, index - round(TRAIL / self.scene.meta.step)) : index + 1]
+            if not _overlap(_bound(np.vstack([outline, trail])), (west, south, east, north)):
+                continue
+            strength = 0.9 if motion.is_foreground else 0.5
+            trails.setdefault((motion.colour, strength), []).append(trail)
+            bodies.setdefault(motion.colour, []).append(outline)
+            panes += [compute_windscreen(motion, index)] * (motion.agent.type != "pedestrian")
+            named += [(motion, _bound(outline))] * motion.is_foreground
+        for (colour, strength), lines in trails.items():
+            draw_fading_lines(axes, lines, colour, strength * np.arange(1, 6) / 5, width=2.0)
+        for colour, outlines in bodies.items():
+            axes.draw(outlines, closed=True, fill=colour, stroke="white", stroke_width=0.7)
+        axes.draw(panes, closed=True, fill="white", fill_opacity=0.75)
+        corner = west + 0.035 * (east - west), north - 0.035 * (east - west)
+        axes.write(f"{time:.1f} s", corner, 11, above=0.0, box=("white", "#C9CCD1"))
+        shown = [mark for mark in self.marks if mark.time - 1e-6 <= time <= mark.time + FLASH]
+        for motion, box in self.place_names(axes, named, [mark.box for mark in shown]):
+            axes.write(motion.agent.name, box[:2], 8, above=1.0, bold=True, halo="white",
+                       fill=motion.colour)  # fmt: skip
+        for mark in shown:
+            axes.mark(mark.spot, 26.5, stroke=INK, stroke_width=1.6)
+            axes.write(mark.words, mark.at, 9, align="middle", bold=True, box=("#FFF4CC", INK))
+        return axes
+
+    def _draw_still(self, proof: Proof | None, intersection: IntersectionMap) -> Drawing:
+        page = create_page(SIDE + 0.2, SIDE + HEAD + 0.1)
+        axes = page.add_map(self.view, 0.1, HEAD, SIDE, SIDE)
+        draw_basemap(axes, intersection)
+        draw_objects(axes, self.scene)
+        draw_scale(axes)
+        draw_north(axes)
+        _draw_header(page, self.scene, proof)
+        return page
+
+    def place_names(
+        self, axes: Drawing, named: list[tuple[DrawnMotion, Box]], taken: list[Box]
+    ) -> Iterator[tuple[DrawnMotion, Box]]:
+        """Names inside the picture, each on the first side of its agent that is not taken."""
+        west, east, south, north = self.view
+        boxes = list(taken)
+        for motion, body in named:
+            x, y = (body[0] + body[2]) / 2, (body[1] + body[3]) / 2
+            if west <= x <= east and south <= y <= north:
+                words = [make_printable(motion.agent.name, limit=40)]
+                size = np.array(measure_block(words, 8, bold=True)) / axes.scale
+                others = [other for who, other in named if who is not motion]
+                boxes.append(self._choose_box(body, size, [*boxes, *others]))
+                yield motion, boxes[-1]
 
     def _choose_box(self, body: Box, size: FloatArray, taken: list[Box]) -> Box:
         west, east, south, north = self.view
@@ -263,27 +208,28 @@ class AnimatedScene:
         free = (box for box in whole if not any(_overlap(box, other) for other in taken))
         return next(free, whole[0])
 
-    def _add_event_marks(self) -> list[EventMark]:
-        """A ring and a label for every event with a time and a place."""
+    def _place_event_marks(self) -> list[EventMark]:
         found: list[EventMark] = []
         for event in self.scene.events:
             if event.time is None or event.location is None:
                 continue
             spot = np.array(event.location, dtype=float)
-            layout = LabelLayout(self.axes, boxes=[mark.box for mark in found])
+            layout = LabelLayout(
+                Drawing(self.view, 0.0, 0.0, SIDE, SIDE), boxes=[mark.box for mark in found]
+            )
             for motion in self.moving:
                 near = (motion.times >= event.time) & (motion.times <= event.time + FLASH)
                 layout.avoid(motion.xy[near])
-            ring: Artist = draw_points(
-                self.axes, spot, s=700, facecolors="none", edgecolors=INK, linewidths=1.6, zorder=20
-            )
-            words = layout.write(
-                f"{EVENT_WORDS[event.type]} · {event.time:.1f} s", spot, distances=(3.4, 5.0),
-                halo=False, fontsize=9, fontweight="bold", color=INK, zorder=25,
-                bbox={"boxstyle": "round,pad=0.3", "facecolor": "#FFF4CC", "edgecolor": INK},
-            )  # fmt: skip
-            found.append(EventMark(event.time, layout.boxes[-1], (ring, words)))
+            words = f"{EVENT_WORDS[event.type]} · {event.time:.1f} s"
+            at = layout.reserve(words, spot, 9, (3.4, 5.0), bold=True, boxed=True)
+            found.append(EventMark(event.time, spot, words, at, layout.boxes[-1]))
         return found
+
+
+def _decode(png: bytes) -> Image:
+    from PIL import Image
+
+    return Image.open(BytesIO(png))
 
 
 def _bound(outline: FloatArray) -> Box:
@@ -295,22 +241,18 @@ def _overlap(one: Box, other: Box) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def _draw_header(figure: Figure, scene: SceneRecord, proof: Proof | None) -> None:
-    words = textwrap.wrap(make_drawable(scene.meta.user_prompt, limit=200), 92) or [
+def _draw_header(page: Drawing, scene: SceneRecord, proof: Proof | None) -> None:
+    words = textwrap.wrap(make_printable(scene.meta.user_prompt, limit=200), 92) or [
         "Untitled scene"
     ]
     if len(words) > 2:
         words = [words[0], words[1] + " …"]
-    tall, wide = figure.get_figheight(), figure.get_figwidth()
-    text = figure.text(0.1 / wide, 1 - 0.08 / tall, "\n".join(words), fontsize=7.8, color=INK,
-                       va="top", ha="left", linespacing=1.3)  # fmt: skip
-    share = text.get_window_extent().width / (figure.dpi * SIDE)
-    text.set_fontsize(7.8 / max(1.0, share))
+    size = 7.8 / max(1.0, measure_block(words, 7.8)[0] / (SIDE * page.scale))
+    page.write("\n".join(words), (0.1, 0.1), size, above=0.0)
     verdict = "" if proof is None else f"  {proof.describe_verdict()}"
     colour = SOFT_INK if proof is None else colour_verdict(proof)
-    figure.text(1 - 0.1 / wide, (SIDE + 0.13) / tall,
-                make_drawable(scene.meta.scene_id + verdict, limit=100), fontsize=6.5,
-                color=colour, va="bottom", ha="right")  # fmt: skip
+    facts = make_printable(scene.meta.scene_id + verdict, limit=100)
+    page.write(facts, (SIDE + 0.1, HEAD - 0.03), 6.5, align="end", above=1.0, fill=colour)
 
 
 def _encode_gif(frames: Iterator[Pixels], *, palette: bytes, fps: int) -> bytes:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
-from scenewright.viz.appearance import View
-from scenewright.viz.figure import INK, SOFT_INK, add_halo, find_unshown, make_drawable
+from scenewright.viz.appearance import make_printable
+from scenewright.viz.drawing import INK, SOFT_INK, Drawing, measure_block
+from scenewright.viz.fonts import find_unshown
 from scenewright.viz.road_markings import build_crosswalk_bars, find_midpoint, find_painted_bounds
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.path import Path
 
 GROUND = "#F5F3EE"
 ASPHALT = "#D3D6DA"
@@ -24,124 +22,71 @@ PAINT = "#FFFFFF"
 MEDIAN = "#E0B23C"
 
 
-def draw_basemap(axes: Axes, intersection: IntersectionMap, view: View) -> None:
-    """Draw the map; line widths follow the scale of the axes, so set those first."""
-    west, east, south, north = view
-    axes.set_xlim(west, east)
-    axes.set_ylim(south, north)
-    axes.set_facecolor(GROUND)
+class KeyEntry(NamedTuple):
+    """Words of a key, beside a stroke of a width and dashes [points] or, of width 0, a disc."""
+
+    words: str
+    colour: str
+    width: float
+    dashes: str = "none"
+
+
+def draw_basemap(axes: Drawing, intersection: IntersectionMap) -> None:
+    """Draw the map; line widths follow its scale."""
+    west, east, south, north = axes.view
+    corners = [(west, south), (east, south), (east, north), (west, north)]
+    axes.draw([corners], closed=True, order=0, fill=GROUND)
     _draw_areas(axes, intersection.walkable, SIDEWALK, order=1)
     _draw_areas(axes, intersection.road, ASPHALT, order=2)
-    _draw_crosswalks(axes, intersection)
-    _draw_lane_markings(axes, intersection)
-    _draw_stop_lines(axes, intersection)
-
-
-def compute_points_per_metre(axes: Axes) -> float:
-    """Typographic points per metre of the map."""
-    figure = axes.figure
-    west, east = axes.get_xlim()
-    return float(axes.get_position().width * figure.get_figwidth() * 72 / (east - west))  # type: ignore[union-attr]
+    bars = [bar for walk in intersection.crosswalks for bar in build_crosswalk_bars(walk)]
+    axes.draw(bars, closed=True, fill=PAINT)
+    thin, dash = max(0.15 * axes.scale, 0.5), 2.0 * axes.scale
+    found = find_painted_bounds(intersection)
+    axes.draw(found["divider"], stroke=PAINT, stroke_width=thin, stroke_dasharray=dash)
+    axes.draw(found["edge"], stroke=PAINT, stroke_width=thin)
+    axes.draw(found["median"], stroke=MEDIAN, stroke_width=1.4 * thin)
+    stops = [line.line for line in intersection.stop_lines]
+    axes.draw(stops, stroke=PAINT, stroke_width=max(0.5 * axes.scale, 1.0))
 
 
 def _draw_areas(
-    axes: Axes, areas: tuple[PolygonWithHoles, ...], colour: str, *, order: int
+    axes: Drawing, areas: tuple[PolygonWithHoles, ...], colour: str, *, order: int
 ) -> None:
-    from matplotlib.collections import PathCollection
-
-    paths = [_build_area_path(area) for area in areas]
-    axes.add_collection(
-        PathCollection(paths, facecolor=colour, edgecolor=KERB, linewidth=0.5, zorder=order),
-        autolim=False,
-    )
-
-
-def _build_area_path(area: PolygonWithHoles) -> Path:
-    from matplotlib.path import Path
-
-    rings = [_orient_ring(np.array(area.exterior), positive=True)]
-    rings += [_orient_ring(np.array(hole), positive=False) for hole in area.holes]
-    return Path.make_compound_path(*(Path(np.vstack([r, r[:1]]), closed=True) for r in rings))
+    for area in areas:
+        rings = [area.exterior, *area.holes]
+        axes.draw(
+            rings, closed=True, order=order, fill=colour, fill_rule="evenodd", stroke=KERB,
+            stroke_width=0.5,
+        )  # fmt: skip
 
 
-def _orient_ring(ring: FloatArray, *, positive: bool) -> FloatArray:
-    nxt = np.roll(ring, -1, axis=0)
-    area = float(np.sum(ring[:, 0] * nxt[:, 1] - nxt[:, 0] * ring[:, 1]))
-    return ring if (area > 0) == positive else ring[::-1]
-
-
-def _draw_crosswalks(axes: Axes, intersection: IntersectionMap) -> None:
-    from matplotlib.collections import PolyCollection
-
-    bars = [bar for walk in intersection.crosswalks for bar in build_crosswalk_bars(walk)]
-    axes.add_collection(
-        PolyCollection(bars, facecolor=PAINT, edgecolor="none", zorder=3), autolim=False
-    )
-
-
-def _draw_lane_markings(axes: Axes, intersection: IntersectionMap) -> None:
-    thin = max(0.15 * compute_points_per_metre(axes), 0.5)
-    dash = 2.0 * compute_points_per_metre(axes) / thin
-    found = find_painted_bounds(intersection)
-    _draw_lines(axes, found["divider"], colors=PAINT, linewidths=thin, linestyles=(0, (dash, dash)))
-    _draw_lines(axes, found["edge"], colors=PAINT, linewidths=thin)
-    _draw_lines(axes, found["median"], colors=MEDIAN, linewidths=1.4 * thin)
-
-
-def _draw_lines(axes: Axes, lines: list[FloatArray], **style: Any) -> None:
-    from matplotlib.collections import LineCollection
-
-    axes.add_collection(LineCollection(lines, zorder=3, capstyle="butt", **style), autolim=False)
-
-
-def _draw_stop_lines(axes: Axes, intersection: IntersectionMap) -> None:
-    lines = [np.array(line.line, dtype=float) for line in intersection.stop_lines]
-    _draw_lines(
-        axes, lines, colors=PAINT, linewidths=max(0.5 * compute_points_per_metre(axes), 1.0)
-    )
-
-
-def draw_scale(axes: Axes) -> None:
+def draw_scale(axes: Drawing) -> None:
     """A scale bar in the lower left corner of the axes."""
-    west, east = axes.get_xlim()
-    south, _ = axes.get_ylim()
+    west, east, south, _ = axes.view
     side = east - west
-    length = next(n for n in (100, 50, 20, 10, 5, 2, 1) if n <= side / 4 or n == 1)
+    lengths = (size * 10**power for power in (3, 2, 1, 0) for size in (5, 2, 1))
+    length = next(n for n in lengths if n <= side / 4 or n == 1)
     x, y = west + 0.035 * side, south + 0.035 * side
     for colour, width in (("white", 4.6), (INK, 1.8)):
-        axes.plot([x, x + length], [y, y], color=colour, lw=width, zorder=30, solid_capstyle="butt")
-    label = axes.text(x + length / 2, y + 0.012 * side, f"{length} m", ha="center", va="bottom",
-                      fontsize=7.5, color=INK, zorder=31)  # fmt: skip
-    add_halo(label)
+        bar = [(x, y), (x + length, y)]
+        axes.draw([bar], order=30, stroke=colour, stroke_width=width)
+    at = x + length / 2, y + 0.012 * side
+    axes.write(f"{length} m", at, 7.5, align="middle", above=1.0, halo="white", order=31)
 
 
-def draw_north(axes: Axes) -> None:
+def draw_north(axes: Drawing) -> None:
     """A north arrow in the upper right corner of the axes."""
-    from matplotlib.patches import Polygon
-
-    _, east = axes.get_xlim()
-    _, north = axes.get_ylim()
-    side = east - axes.get_xlim()[0]
+    west, east, _, north = axes.view
+    side = east - west
     x, y = east - 0.05 * side, north - 0.115 * side
     size = 0.05 * side
     shape = np.array([(0, 1), (0.42, -0.15), (0, 0.12), (-0.42, -0.15)]) * size + (x, y)
-    axes.add_patch(Polygon(shape, closed=True, facecolor=INK, edgecolor="white", lw=1.2, zorder=30))
-    add_halo(
-        axes.text(
-            x,
-            y + 1.12 * size,
-            "N",
-            ha="center",
-            va="bottom",
-            fontsize=9,
-            fontweight="bold",
-            color=INK,
-            zorder=31,
-        )
-    )
+    axes.draw([shape], closed=True, order=30, fill=INK, stroke="white", stroke_width=1.2)
+    at = x, y + 1.12 * size
+    axes.write("N", at, 9, align="middle", above=1.0, bold=True, halo="white", order=31)
 
 
-def draw_road_names(axes: Axes, intersection: IntersectionMap, *, avoid: FloatArray) -> None:
+def draw_road_names(axes: Drawing, intersection: IntersectionMap, *, avoid: FloatArray) -> None:
     """Every road's name once, at the edge of the axes, on the lane farthest from [N, 2] points."""
     places: dict[str, list[tuple[float, FloatArray, float]]] = {}
     for leg in intersection.legs:
@@ -158,11 +103,11 @@ def draw_road_names(axes: Axes, intersection: IntersectionMap, *, avoid: FloatAr
         _write_road_name(axes, road, at, bearing)
 
 
-def _find_edge_point(axes: Axes, lane: FloatArray, ahead: FloatArray) -> FloatArray:
+def _find_edge_point(axes: Drawing, lane: FloatArray, ahead: FloatArray) -> FloatArray:
     """[2] where a lane that leads along `ahead` meets the edge of the axes [m]."""
     left = np.array([-ahead[1], ahead[0]])
     across = float(find_midpoint(lane) @ left)
-    bounds = ((0, axes.get_xlim()), (1, axes.get_ylim()))
+    bounds = ((0, axes.view[:2]), (1, axes.view[2:]))
     reaches = [
         (bound - across * left[i]) / ahead[i]
         for i, pair in bounds
@@ -173,10 +118,27 @@ def _find_edge_point(axes: Axes, lane: FloatArray, ahead: FloatArray) -> FloatAr
     return np.asarray(across * left + 0.985 * reach * ahead)
 
 
-def _write_road_name(axes: Axes, name: str, at: FloatArray, bearing: float) -> None:
+def _write_road_name(axes: Drawing, name: str, at: FloatArray, bearing: float) -> None:
     turn = (np.rad2deg(bearing) + 89.0) % 180.0 - 89.0
     outwards = np.cos(np.deg2rad(turn) - bearing) > 0
-    text = axes.text(float(at[0]), float(at[1]), make_drawable(name, limit=60), rotation=turn,
-                     rotation_mode="anchor", ha="right" if outwards else "left", va="center",
-                     fontsize=8, color=SOFT_INK, zorder=4)  # fmt: skip
-    add_halo(text, colour=ASPHALT)
+    axes.write(
+        make_printable(name, limit=60), at, 8, align="end" if outwards else "start", turn=turn,
+        halo=ASPHALT, order=4, fill=SOFT_INK,
+    )  # fmt: skip
+
+
+def draw_key(page: Drawing, entries: Sequence[KeyEntry], top: float, *, columns: int) -> None:
+    """Words in rows from a height on [inches], each beside its stroke."""
+    widths = [
+        max(measure_block([entry.words], 8)[0] for entry in entries[column::columns]) / page.scale
+        for column in range(min(columns, len(entries)))
+    ]
+    for number, entry in enumerate(entries):
+        column, y = number % columns, top + 0.2 * (number // columns)
+        x = 0.24 + sum(widths[:column]) + 0.46 * column
+        if entry.width:
+            page.draw([[(x, y), (x + 0.18, y)]], stroke=entry.colour, stroke_width=entry.width,
+                      stroke_dasharray=entry.dashes)  # fmt: skip
+        else:
+            page.mark([(x + 0.09, y)], 5.0, fill=entry.colour)
+        page.write(entry.words, (x + 0.26, y), 8)

@@ -5,22 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from scenewright.files import write_atomically
 from scenewright.scene.base import FloatArray, Point
-from scenewright.viz.figure import (
-    INK,
-    add_halo,
-    create_figure,
-    encode_png,
-    find_unshown,
-    make_drawable,
-    use_plain_style,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from scenewright.viz.appearance import make_printable
+from scenewright.viz.basemap import draw_north, draw_scale
+from scenewright.viz.drawing import Drawing, create_page
+from scenewright.viz.fonts import find_unshown
 
 _SIDE = 11.0
 """Of the picture [inches]."""
@@ -50,37 +43,29 @@ def draw_junctions(
     Raises:
         InputError: the file cannot be written; nothing is left behind.
     """
-    from matplotlib.collections import LineCollection
+    points = np.vstack([np.zeros((0, 2)), [mark.xy for mark in marks], *roads])
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    half = 0.56 * max(float(np.ptp(points, axis=0).max()), 4 * _ARM)
+    (west, south), (east, north) = middle - half, middle + half
+    page = create_page(_SIDE, _SIDE + 0.25)
+    axes = page.add_map((west, east, south, north), 0.25, 0.5, _SIDE - 0.5, _SIDE - 0.5)
+    axes.draw(roads, order=0, stroke="#D9DCE1", stroke_width=1.2)
+    for mark in marks:
+        _draw_mark(axes, mark, with_streets=len(marks) <= _LABELLED)
+    draw_scale(axes)
+    draw_north(axes)
+    page.write(make_printable(title, limit=110), (0.25, 0.3), 10)
+    write_atomically(png, page.render(110))
 
-    with use_plain_style():
-        figure = create_figure(_SIDE, _SIDE, dpi=110)
-        axes = figure.add_axes((0.06, 0.05, 0.92, 0.9))
-        axes.add_collection(LineCollection(list(roads), colors="#D9DCE1", linewidths=1.2, zorder=0))
-        for mark in marks:
-            _draw_mark(axes, mark, with_streets=len(marks) <= _LABELLED)
-        axes.margins(0.12)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.tick_params(labelsize=7)
-        axes.set_title(make_drawable(title, limit=110), fontsize=10)
-        axes.set_xlabel("metres east", fontsize=8)
-        write_atomically(png, encode_png(figure))
 
-
-def _draw_mark(axes: Axes, mark: JunctionMark, *, with_streets: bool) -> None:
-    x, y = mark.xy
+def _draw_mark(axes: Drawing, mark: JunctionMark, *, with_streets: bool) -> None:
+    spot = np.array(mark.xy)
     for bearing, street in mark.legs:
-        ahead = math.cos(bearing), math.sin(bearing)
-        axes.plot(
-            [x, x + _ARM * ahead[0]], [y, y + _ARM * ahead[1]], color="#8A8F98", lw=2, zorder=1
-        )
+        arm = _ARM * np.array([math.cos(bearing), math.sin(bearing)])
+        axes.draw([[spot, spot + arm]], order=1, stroke="#8A8F98", stroke_width=2)
         if street and with_streets and not find_unshown(street):
-            spot = x + 1.15 * _ARM * ahead[0], y + 1.15 * _ARM * ahead[1]
-            add_halo(
-                axes.text(*spot, make_drawable(street, limit=40), fontsize=5.5, color=INK,
-                          ha="center", va="center", clip_on=True)
-            )  # fmt: skip
-    axes.plot(x, y, "o", color="#C43E3E", ms=5, zorder=2)
-    label = axes.annotate(
-        mark.id, mark.xy, (4, 4), textcoords="offset points", fontsize=7.5, weight="bold", zorder=5
-    )
-    add_halo(label)
+            axes.write(make_printable(street, limit=40), spot + 1.15 * arm, 5.5, align="middle",
+                       halo="white")  # fmt: skip
+    axes.mark(spot, 5, order=2, fill="#C43E3E")
+    corner = spot + 4 / axes.scale
+    axes.write(mark.id, corner, 7.5, above=1.0, bold=True, halo="white", order=5, fill="black")

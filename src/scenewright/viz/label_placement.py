@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.viz.figure import add_halo, make_drawable
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.text import Text
+from scenewright.viz.appearance import make_printable
+from scenewright.viz.drawing import INK, Drawing, measure_block
 
 _ANGLES = np.deg2rad(np.arange(0, 360, 22.5))
 
@@ -26,7 +22,7 @@ class LabelLayout:
         boxes: taken rectangles (west, south, east, north) [m].
     """
 
-    axes: Axes
+    axes: Drawing
     points: list[FloatArray] = field(default_factory=list)
     boxes: list[tuple[float, float, float, float]] = field(default_factory=list)
 
@@ -35,55 +31,49 @@ class LabelLayout:
         self.points.append(np.asarray(points, dtype=float))
 
     def write(
-        self, words: str, anchor: FloatArray, *, distances: tuple[float, ...], leader: bool = False,
-        halo: bool = True, **style: Any,
-    ) -> Text:  # fmt: skip
+        self, words: str, anchor: FloatArray, size: float, colour: str, *,
+        distances: tuple[float, ...], order: float, bold: bool = False, leader: bool = False,
+        box: tuple[str, str] | None = None,
+    ) -> None:  # fmt: skip
         """Write `words` near `anchor` where least is covered; with `leader` a thin line to it."""
-        text = self.axes.text(float(anchor[0]), float(anchor[1]), make_drawable(words, limit=80),
-                              ha="center", va="center", **style)  # fmt: skip
-        size = self._measure(text)
-        centres = [
-            anchor + np.array([np.cos(a), np.sin(a)]) * (d + _compute_reach(a, size))
+        words = make_printable(words, limit=80)
+        place = self.reserve(words, anchor, size, distances, bold=bold, boxed=box is not None)
+        if leader:
+            self.axes.draw([[place, anchor]], order=21, stroke=INK, stroke_width=0.8)
+        self.axes.write(
+            words, place, size, align="middle", bold=bold, halo=None if box else "white", box=box,
+            order=order, fill=colour,
+        )  # fmt: skip
+
+    def reserve(
+        self, words: str, anchor: FloatArray, size: float, distances: tuple[float, ...], *,
+        bold: bool, boxed: bool,
+    ) -> FloatArray:  # fmt: skip
+        """[2] where the middle of `words` covers least at these distances from `anchor` [m]."""
+        around = (0.9 if boxed else 0.25) * size
+        room = (np.array(measure_block([words], size, bold=bold)) + around) / self.axes.scale
+        centres = np.array([
+            anchor + np.array([np.cos(a), np.sin(a)]) * (d + _compute_reach(a, room))
             for d in distances
             for a in _ANGLES
-        ]
-        costs = [self._compute_cost(c, size) + i // len(_ANGLES) for i, c in enumerate(centres)]
-        best = centres[int(np.argmin(costs))]
-        text.set_position((float(best[0]), float(best[1])))
-        self.boxes.append(_compute_box(best, size))
-        if leader:
-            self._draw_leader(best, anchor)
-        return add_halo(text) if halo else text
+        ])  # fmt: skip
+        costs = self._compute_costs(centres - room / 2, centres + room / 2)
+        best = int(np.argmin(costs + np.arange(len(centres)) // len(_ANGLES)))
+        low, high = centres[best] - room / 2, centres[best] + room / 2
+        self.boxes.append((float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+        return np.asarray(centres[best])
 
-    def _measure(self, text: Text) -> FloatArray:
-        """[2] width and height of a text and its box [m]."""
-        extent = text.get_window_extent()
-        around = 0.9 if text.get_bbox_patch() else 0.25
-        pad = around * float(text.get_fontsize()) / 72 * self.axes.figure.dpi
-        pixels = np.array([extent.width + pad, extent.height + pad])
-        scale = self.axes.transData.transform([(0, 0), (1, 1)])
-        return np.asarray(pixels / (scale[1] - scale[0]))
-
-    def _compute_cost(self, centre: FloatArray, size: FloatArray) -> float:
-        west, south, east, north = _compute_box(centre, size)
-        covered = sum(
-            int(((p[:, 0] > west) & (p[:, 0] < east) & (p[:, 1] > south) & (p[:, 1] < north)).sum())
-            for p in self.points
-        )
-        overlaps = sum(
-            west < box[2] and east > box[0] and south < box[3] and north > box[1]
-            for box in self.boxes
-        )
-        x, y = self.axes.get_xlim(), self.axes.get_ylim()
-        margin = 0.01 * (x[1] - x[0])
-        outside = west < x[0] + margin or east > x[1] - margin
-        outside = outside or south < y[0] + margin or north > y[1] - margin
-        return covered + 40.0 * overlaps + 400.0 * outside
-
-    def _draw_leader(self, centre: FloatArray, anchor: FloatArray) -> None:
-        self.axes.plot(
-            [centre[0], anchor[0]], [centre[1], anchor[1]], color="#23272E", lw=0.8, zorder=21
-        )
+    def _compute_costs(self, low: FloatArray, high: FloatArray) -> FloatArray:
+        """[C] what boxes with these corners [C, 2] [m] cover."""
+        points = np.vstack([np.empty((0, 2)), *self.points])
+        covered = ((points > low[:, None]) & (points < high[:, None])).all(axis=2).sum(axis=1)
+        boxes = np.array(self.boxes).reshape(-1, 4)
+        apart = (low[:, None] >= boxes[:, 2:]) | (high[:, None] <= boxes[:, :2])
+        overlaps = (~apart.any(axis=2)).sum(axis=1)
+        west, east, south, north = self.axes.view
+        margin = 0.01 * (east - west)
+        outside = (low < (west + margin, south + margin)) | (high > (east - margin, north - margin))
+        return np.asarray(covered + 40.0 * overlaps + 400.0 * outside.any(axis=1))
 
 
 def _compute_reach(angle: float, size: FloatArray) -> float:
@@ -91,8 +81,3 @@ def _compute_reach(angle: float, size: FloatArray) -> float:
     half = size / 2
     c, s = max(abs(np.cos(angle)), 1e-9), max(abs(np.sin(angle)), 1e-9)
     return float(min(half[0] / c, half[1] / s))
-
-
-def _compute_box(centre: FloatArray, size: FloatArray) -> tuple[float, float, float, float]:
-    low, high = centre - size / 2, centre + size / 2
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Leg
-from scenewright.viz.figure import find_unshown
+from scenewright.viz.fonts import find_unshown
 
 _INSET = 0.86
 """Of the way from the middle of the picture to its edge, for the middle of a label."""

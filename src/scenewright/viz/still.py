@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,26 +27,19 @@ from scenewright.viz.appearance import (
     list_motions,
     make_printable,
     outline_object,
-    parse_colour,
 )
 from scenewright.viz.basemap import draw_basemap, draw_north, draw_road_names, draw_scale
-from scenewright.viz.figure import (
+from scenewright.viz.drawing import (
     INK,
+    OCTAGON,
     SOFT_INK,
-    add_map_axes,
-    create_figure,
-    draw_curve,
-    draw_points,
-    encode_png,
-    make_drawable,
-    use_plain_style,
+    STAR,
+    Drawing,
+    create_page,
+    measure_block,
 )
 from scenewright.viz.label_placement import LabelLayout
 from scenewright.viz.road_markings import find_light_positions
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WIDTH = 7.0
 MARGIN = 0.18
@@ -76,37 +69,32 @@ def draw_scene(
     Raises:
         InputError: the file cannot be written; nothing is left behind.
     """
-    with use_plain_style():
-        write_atomically(path, encode_png(draw_figure(scene, proof, intersection, dpi)))
+    write_atomically(path, draw_page(scene, proof, intersection).render(dpi))
 
 
-def draw_figure(
-    scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap, dpi: int
-) -> Figure:
-    """The picture, not yet written."""
-    title = textwrap.wrap(make_drawable(scene.meta.user_prompt, limit=320), 84) or [
+def draw_page(scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap) -> Drawing:
+    """The picture, not yet rendered."""
+    title = textwrap.wrap(make_printable(scene.meta.user_prompt, limit=320), 84) or [
         "Untitled scene"
     ]
     moving = list_motions(scene)
     entries = _list_legend_entries(scene, moving)
     side = WIDTH - 2 * MARGIN
-    beside = [] if proof is None else textwrap.wrap(make_drawable(proof.caveat), 96)
+    beside = [] if proof is None else textwrap.wrap(make_printable(proof.caveat), 96)
     above = 0.52 + 0.2 * (len(title) + len(beside))
-    below = 0.12 + 0.2 * len(entries)
-    figure = create_figure(WIDTH, above + side + below, dpi=dpi)
-    height = above + side + below
-    axes = add_map_axes(figure, (MARGIN / WIDTH, below / height, side / WIDTH, side / height))
-    draw_basemap(axes, intersection, choose_view(scene, moving, intersection))
+    page = create_page(WIDTH, above + side + 0.12 + 0.2 * len(entries))
+    axes = page.add_map(choose_view(scene, moving, intersection), MARGIN, above, side, side)
+    draw_basemap(axes, intersection)
     _draw_agents(axes, scene, moving, intersection)
     draw_scale(axes)
     draw_north(axes)
-    _draw_title(figure, title, beside, scene, proof)
-    _draw_legend(figure, entries, height)
-    return figure
+    _draw_title(page, title, beside, scene, proof)
+    _draw_legend(page, entries, above + side + 0.12)
+    return page
 
 
 def _draw_agents(
-    axes: Axes, scene: SceneRecord, moving: list[DrawnMotion], intersection: IntersectionMap
+    axes: Drawing, scene: SceneRecord, moving: list[DrawnMotion], intersection: IntersectionMap
 ) -> None:
     time = find_main_time(scene)
     layout = _reserve_label_space(axes, scene, moving)
@@ -116,36 +104,47 @@ def _draw_agents(
     draw_road_names(axes, intersection, avoid=np.vstack(layout.points))
     draw_lights(axes, scene, intersection, time)
     draw_objects(axes, scene)
+    _draw_recent_tracks(axes, [motion for motion in moving if not motion.is_foreground], time)
     for motion in moving:
         if motion.is_foreground:
             _draw_trail(axes, motion, time)
             _draw_ghosts(axes, motion, time)
-        else:
-            _draw_recent_track(axes, motion, time)
     for number, motion in enumerate(moving):
         _draw_footprint(axes, motion, time, order=10 + 2 * number / len(moving))
     _draw_labels(axes, layout, scene, moving)
 
 
-def draw_objects(axes: Axes, scene: SceneRecord) -> None:
+def draw_objects(axes: Drawing, scene: SceneRecord) -> None:
     """Standing objects: hatched where they block the view."""
-    from matplotlib.patches import Polygon
-
     for each in scene.objects:
-        axes.add_patch(
-            Polygon(
-                outline_object(each), closed=True, facecolor=STANDING, lw=0.9,
-                # A white rim would leave nothing of a door.
-                edgecolor=STANDING if each.kind == "door" else "white",
-                hatch="////" if each.height == "high" else None, zorder=9.5,
-            )
-        )  # fmt: skip
+        # A white rim would leave nothing of a door.
+        rim = STANDING if each.kind == "door" else "white"
+        outline = outline_object(each)
+        axes.draw([outline], closed=True, order=9.5, fill=STANDING)
+        if each.height == "high":
+            hatch = _hatch_outline(outline, 6.0 / axes.scale)
+            axes.draw(hatch, order=9.5, stroke="white", stroke_width=1.2)
+        axes.draw([outline], closed=True, order=9.5, stroke=rim, stroke_width=0.9)
 
 
-def _reserve_label_space(axes: Axes, scene: SceneRecord, moving: list[DrawnMotion]) -> LabelLayout:
+def _hatch_outline(corners: FloatArray, gap: float) -> list[FloatArray]:
+    """Diagonals across a convex outline, so far apart from west to east [m]."""
+    offsets = corners[:, 0] - corners[:, 1]
+    lines = []
+    for offset in np.arange(offsets.min() + gap / 2, offsets.max(), gap):
+        share = offsets - offset
+        crosses = np.flatnonzero(share * np.roll(share, -1) < 0)
+        ends = np.roll(corners, -1, axis=0)[crosses] - corners[crosses]
+        reach = share[crosses] / (share - np.roll(share, -1))[crosses]
+        lines.append(corners[crosses] + reach[:, None] * ends)
+    return lines
+
+
+def _reserve_label_space(
+    axes: Drawing, scene: SceneRecord, moving: list[DrawnMotion]
+) -> LabelLayout:
     """Space that labels must not cover; the corners belong to the scale bar and the north arrow."""
-    west, east = axes.get_xlim()
-    south, north = axes.get_ylim()
+    west, east, south, north = axes.view
     side, time = east - west, find_main_time(scene)
     layout = LabelLayout(axes)
     layout.boxes += [
@@ -171,69 +170,62 @@ def _fill_outline(outline: FloatArray) -> FloatArray:
     return np.vstack([middle + k * (outline - middle) for k in (1.0, 0.66, 0.33, 0.0)])
 
 
-def draw_lights(axes: Axes, scene: SceneRecord, intersection: IntersectionMap, time: float) -> None:
+def draw_lights(
+    axes: Drawing, scene: SceneRecord, intersection: IntersectionMap, time: float
+) -> None:
     """A dot beside every stop line and at both ends of every crosswalk that has a light."""
     now = find_light_colours(scene, time)
     places = find_light_positions(intersection)
     for name, colour in now.items():
         spots = np.array(places.get(name, [])).reshape(-1, 2)
-        size = 34 if len(spots) == 1 else 17
-        draw_points(axes, spots, s=size, c=LIGHTS[colour], edgecolors=INK, linewidths=1.1, zorder=9)
+        size = 5.8 if len(spots) == 1 else 4.1
+        axes.mark(spots, size, order=9, fill=LIGHTS[colour], stroke=INK, stroke_width=1.1)
 
 
-def _draw_recent_track(axes: Axes, motion: DrawnMotion, time: float) -> None:
-    """Draw the last seconds of the track, muted."""
-    recent = (motion.times <= time) & (motion.times >= time - 4.0)
-    _draw_fading_line(axes, motion.xy[recent], motion.colour, width=1.6, strongest=0.55, order=5)
+def _draw_recent_tracks(axes: Drawing, moving: list[DrawnMotion], time: float) -> None:
+    """Draw the last seconds of tracks, muted."""
+    tracks: dict[str, list[FloatArray]] = {}
+    for motion in moving:
+        recent = motion.xy[(motion.times <= time) & (motion.times >= time - 4.0)]
+        if any(_is_inside(axes, point) for point in recent[::5]):
+            tracks.setdefault(motion.colour, []).append(recent)
+    for colour, lines in tracks.items():
+        draw_fading_lines(axes, lines, colour, np.linspace(0.07, 0.55, 12), width=1.6, order=5)
 
 
-def _draw_trail(axes: Axes, motion: DrawnMotion, time: float) -> None:
-    before = motion.times <= time + 1e-6
-    _draw_fading_line(axes, motion.xy[before], motion.colour, width=2.2, strongest=0.95, order=7)
+def _draw_trail(axes: Drawing, motion: DrawnMotion, time: float) -> None:
+    before = motion.xy[motion.times <= time + 1e-6]
+    strengths = np.linspace(0.11, 0.95, 24)
+    draw_fading_lines(axes, [before], motion.colour, strengths, width=2.2, order=7)
     after = motion.xy[motion.times >= time - 1e-6]
-    draw_curve(axes, after, color=motion.colour, lw=1.2, ls=(0, (3, 2)), alpha=0.75, zorder=6)
-    seconds = find_full_seconds(motion)
-    draw_points(
-        axes, motion.xy[seconds], s=5, c="white", edgecolors=motion.colour, linewidths=0.8, zorder=8
-    )
+    if len(after):
+        axes.draw([after], order=6, stroke=motion.colour, stroke_width=1.2,
+                  stroke_dasharray="3.6 2.4", stroke_opacity=0.75)  # fmt: skip
+    seconds = motion.xy[find_full_seconds(motion)]
+    axes.mark(seconds, 2.2, order=8, fill="white", stroke=motion.colour, stroke_width=0.8)
 
 
-def _draw_fading_line(
-    axes: Axes, xy: FloatArray, colour: str, *, width: float, strongest: float, order: int
-) -> None:
-    from matplotlib.collections import LineCollection
-
-    if len(xy) < 2:
-        return
-    pieces = np.array_split(np.arange(len(xy)), max(1, min(24, len(xy) // 2)))
-    lines = [xy[p[0] : p[-1] + 2] for p in pieces]
-    shades = np.zeros((len(lines), 4))
-    shades[:, :3] = np.array(parse_colour(colour)) / 255
-    shades[:, 3] = np.linspace(0.12, 1.0, len(lines)) * strongest
-    axes.add_collection(
-        LineCollection(lines, colors=shades, linewidths=width, capstyle="butt", zorder=order),
-        autolim=False,
-    )
+def draw_fading_lines(
+    axes: Drawing, lines: Sequence[FloatArray], colour: str, strengths: FloatArray, *,
+    width: float, order: float = 3,
+) -> None:  # fmt: skip
+    """Lines [N, 2] [m] in pieces of these opacities [S], from their starts to their ends."""
+    for number, strength in enumerate(strengths):
+        pieces = [
+            xy[len(xy) * number // len(strengths) : len(xy) * (number + 1) // len(strengths) + 1]
+            for xy in lines
+        ]
+        axes.draw([piece for piece in pieces if len(piece) > 1], order=order, stroke=colour,
+                  stroke_width=width, stroke_opacity=round(float(strength), 3))  # fmt: skip
 
 
-def _draw_ghosts(axes: Axes, motion: DrawnMotion, time: float) -> None:
+def _draw_ghosts(axes: Drawing, motion: DrawnMotion, time: float) -> None:
     """Footprints before (filled, faint) and after (outlines) the time of the picture."""
-    from matplotlib.patches import Polygon
-
     for index, offset in choose_ghost_samples(motion, time):
-        fade = max(0.12, 0.42 - 0.05 * abs(offset))
-        fill = (*np.array(parse_colour(motion.colour)) / 255, fade if offset < 0 else 0.0)
-        edge = (*np.array(parse_colour(motion.colour)) / 255, 0.5)
-        axes.add_patch(
-            Polygon(
-                motion.compute_outline(index),
-                closed=True,
-                facecolor=fill,
-                edgecolor=edge,
-                lw=0.8,
-                zorder=6.5,
-            )
-        )
+        fade = max(0.12, 0.42 - 0.05 * abs(offset)) if offset < 0 else 0.0
+        axes.draw([motion.compute_outline(index)], closed=True, order=6.5, fill=motion.colour,
+                  fill_opacity=fade, stroke=motion.colour, stroke_opacity=0.5,
+                  stroke_width=0.8)  # fmt: skip
 
 
 def choose_ghost_samples(motion: DrawnMotion, time: float) -> list[tuple[int, float]]:
@@ -262,39 +254,19 @@ def _keep_apart(xy: FloatArray, start: list[int], samples: list[int], gap: float
     return kept[len(start) :]
 
 
-def _draw_footprint(axes: Axes, motion: DrawnMotion, time: float, *, order: float) -> None:
-    from matplotlib.patches import Polygon
-
+def _draw_footprint(axes: Drawing, motion: DrawnMotion, time: float, *, order: float) -> None:
     index = motion.find_sample(time)
     if index is None:
         return
-    axes.add_patch(
-        Polygon(
-            motion.compute_outline(index),
-            closed=True,
-            facecolor=motion.colour,
-            edgecolor="white",
-            lw=0.9,
-            joinstyle="round",
-            zorder=order,
-        )
-    )
-    if motion.is_foreground and motion.agent.type == "pedestrian":
-        ring = motion.xy[index] + 3 * (motion.compute_outline(index) - motion.xy[index])
-        axes.add_patch(
-            Polygon(ring, closed=True, fill=False, edgecolor=motion.colour, lw=1.3, zorder=order)
-        )
+    outline = motion.compute_outline(index)
+    axes.draw([outline], closed=True, order=order, fill=motion.colour, stroke="white",
+              stroke_width=0.9)  # fmt: skip
     if motion.agent.type != "pedestrian":
-        axes.add_patch(
-            Polygon(
-                compute_windscreen(motion, index),
-                closed=True,
-                facecolor="white",
-                alpha=0.75,
-                lw=0,
-                zorder=order + 0.01,
-            )
-        )
+        pane = compute_windscreen(motion, index)
+        axes.draw([pane], closed=True, order=order, fill="white", fill_opacity=0.75)
+    elif motion.is_foreground:
+        ring = motion.xy[index] + 3 * (outline - motion.xy[index])
+        axes.draw([ring], closed=True, order=order, stroke=motion.colour, stroke_width=1.3)
 
 
 def compute_windscreen(motion: DrawnMotion, index: int) -> FloatArray:
@@ -308,7 +280,7 @@ def compute_windscreen(motion: DrawnMotion, index: int) -> FloatArray:
 
 
 def _draw_labels(
-    axes: Axes, layout: LabelLayout, scene: SceneRecord, moving: list[DrawnMotion]
+    axes: Drawing, layout: LabelLayout, scene: SceneRecord, moving: list[DrawnMotion]
 ) -> None:
     """Write events first: they have the first choice of space."""
     for event in scene.events:
@@ -323,38 +295,36 @@ def _draw_labels(
             _mark_times(axes, layout, motion, find_main_time(scene))
 
 
-def _draw_event(axes: Axes, layout: LabelLayout, event: EventRecord) -> None:
+def _draw_event(axes: Drawing, layout: LabelLayout, event: EventRecord) -> None:
     spot = np.array(event.location, dtype=float)
-    burst = event.type in ("collision", "near_miss")
-    draw_points(axes, spot, s=150 if burst else 80, marker="*" if burst else "o",
-                c="#FFD23F" if burst else "white", edgecolors=INK, linewidths=1.2,
-                zorder=22)  # fmt: skip
-    if not burst:
-        draw_points(axes, spot, s=16, c=INK, zorder=22.1)
+    if event.type in ("collision", "near_miss"):
+        axes.mark(spot, 12.2, corners=STAR, order=22, fill="#FFD23F", stroke=INK, stroke_width=1.2)
+    else:
+        axes.mark(spot, 8.9, order=22, fill="white", stroke=INK, stroke_width=1.2)
+        axes.mark(spot, 5.0, order=22, fill=INK)
     words = f"{EVENT_WORDS[event.type]} · t = {event.time:.1f} s"
-    side = axes.get_xlim()[1] - axes.get_xlim()[0]
+    side = axes.view[1] - axes.view[0]
     layout.write(
-        words, spot, distances=(0.07 * side, 0.11 * side, 0.16 * side), leader=True, halo=False,
-        fontsize=9.5, fontweight="bold", color=INK, zorder=23,
-        bbox={"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": INK, "lw": 0.9},
+        words, spot, 9.5, INK, distances=(0.07 * side, 0.11 * side, 0.16 * side), leader=True,
+        bold=True, box=("white", INK), order=23,
     )  # fmt: skip
 
 
-def _write_name(axes: Axes, layout: LabelLayout, motion: DrawnMotion, time: float) -> None:
+def _write_name(axes: Drawing, layout: LabelLayout, motion: DrawnMotion, time: float) -> None:
     index = motion.find_sample(time)
     anchor = motion.xy[index if index is not None else 0]
     if _is_inside(axes, anchor):
         reach = max(motion.agent.length / 2, 0.6)
-        layout.write(motion.agent.name, anchor, distances=(0.5 * reach + 0.9, reach + 0.9),
-                     fontsize=8.5, fontweight="bold", color=motion.colour, zorder=24)  # fmt: skip
+        layout.write(motion.agent.name, anchor, 8.5, motion.colour, bold=True, order=24,
+                     distances=(0.5 * reach + 0.9, reach + 0.9))  # fmt: skip
 
 
-def _is_inside(axes: Axes, point: FloatArray) -> bool:
-    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+def _is_inside(axes: Drawing, point: FloatArray) -> bool:
+    west, east, south, north = axes.view
     return bool(west < point[0] < east and south < point[1] < north)
 
 
-def _mark_stops(axes: Axes, layout: LabelLayout, motion: DrawnMotion) -> None:
+def _mark_stops(axes: Drawing, layout: LabelLayout, motion: DrawnMotion) -> None:
     """A stop sign and a bar at the front of a stationary agent, with the time it is stationary."""
     for segment in motion.agent.segments:
         stand = (
@@ -365,53 +335,49 @@ def _mark_stops(axes: Axes, layout: LabelLayout, motion: DrawnMotion) -> None:
         sign = _draw_stop_sign(axes, motion, stand[0])
         begin, end = motion.times[stand[0]], motion.times[stand[1]]
         layout.avoid(sign[None])
-        layout.write(f"stands {begin:.1f}–{end:.1f} s", sign, distances=(0.9, 1.8), fontsize=7.5,
-                     color=STOP_RED, zorder=24)  # fmt: skip
+        layout.write(f"stands {begin:.1f}–{end:.1f} s", sign, 7.5, STOP_RED, order=24,
+                     distances=(0.9, 1.8))  # fmt: skip
 
 
-def _draw_stop_sign(axes: Axes, motion: DrawnMotion, index: int) -> FloatArray:
+def _draw_stop_sign(axes: Drawing, motion: DrawnMotion, index: int) -> FloatArray:
     angle = motion.heading[index]
     ahead = np.array([np.cos(angle), np.sin(angle)])
     right = np.array([ahead[1], -ahead[0]])
     middle, reach = motion.compute_front(index) + 0.35 * ahead, 0.75 * motion.agent.width
     bar = np.array([middle - reach * right, middle + (reach + 0.4) * right])
-    draw_curve(axes, bar, color=STOP_RED, lw=1.6, zorder=13, solid_capstyle="butt")
-    draw_points(axes, bar[1], s=62, marker=(8, 0, 22.5), c=STOP_RED, edgecolors="white",
-                linewidths=0.9, zorder=14)  # fmt: skip
+    axes.draw([bar], order=13, stroke=STOP_RED, stroke_width=1.6)
+    axes.mark(bar[1], 7.9, corners=OCTAGON, order=14, fill=STOP_RED, stroke="white",
+              stroke_width=0.9)  # fmt: skip
     return np.asarray(bar[1])
 
 
-def _mark_times(axes: Axes, layout: LabelLayout, motion: DrawnMotion, time: float) -> None:
+def _mark_times(axes: Drawing, layout: LabelLayout, motion: DrawnMotion, time: float) -> None:
     """Write the time of every faded footprint."""
     for index, _ in choose_ghost_samples(motion, time):
         at = motion.xy[index]
         if _is_inside(axes, at):
-            layout.write(f"{motion.times[index]:.0f} s", at,
-                         distances=(motion.agent.width / 2 + 0.1,), fontsize=6.5,
-                         color=motion.colour, zorder=20)  # fmt: skip
+            layout.write(f"{motion.times[index]:.0f} s", at, 6.5, motion.colour, order=20,
+                         distances=(motion.agent.width / 2 + 0.1,))  # fmt: skip
 
 
 def _draw_title(
-    figure: Figure, lines: list[str], beside: list[str], scene: SceneRecord, proof: Proof | None
+    page: Drawing, lines: list[str], beside: list[str], scene: SceneRecord, proof: Proof | None
 ) -> None:
     """The instruction, facts and the verdict; below the verdict what stands beside it."""
-    meta, height = scene.meta, figure.get_figheight()
-    left = MARGIN / WIDTH
-    text = figure.text(left, 1 - 0.14 / height, "\n".join(lines), fontsize=10.5, color=INK,
-                       va="top", ha="left", linespacing=1.3)  # fmt: skip
-    wide = text.get_window_extent().width / (figure.dpi * (WIDTH - 2 * MARGIN))
-    text.set_fontsize(10.5 / max(1.0, wide))
+    meta, room = scene.meta, page.scale * (WIDTH - 2 * MARGIN)
+    size = 10.5 / max(1.0, measure_block(lines, 10.5)[0] / room)
+    page.write("\n".join(lines), (MARGIN, 0.16), size, above=0.0)
     facts = [meta.scene_id, meta.intersection, meta.time_of_day]
     facts += [f"{meta.density} density"] if meta.density else []
     facts += [f"seed {meta.seed}"]
-    below = 1 - (0.24 + 0.2 * len(lines)) / height
-    figure.text(left, below, make_drawable("  ·  ".join(facts), limit=110), fontsize=8,
-                color=SOFT_INK, va="top", ha="left")  # fmt: skip
+    below = 0.24 + 0.2 * len(lines)
+    words = make_printable("  ·  ".join(facts), limit=110)
+    page.write(words, (MARGIN, below), 8, above=0.0, fill=SOFT_INK)
     if proof is not None:
         mark = "✓ " if proof.verified else ""
-        figure.text(1 - left, below, mark + "\n".join([proof.verdict, *beside]), fontsize=8.5,
-                    color=colour_verdict(proof), fontweight="bold", va="top", ha="right",
-                    linespacing=1.5)  # fmt: skip
+        page.write(mark + "\n".join([proof.verdict, *beside]), (WIDTH - MARGIN, below), 8.5,
+                   align="end", above=0.0, bold=True, spacing=1.5,
+                   fill=colour_verdict(proof))  # fmt: skip
 
 
 def _list_legend_entries(
@@ -462,33 +428,16 @@ def _describe_agent(motion: DrawnMotion, actions: dict[int, str]) -> str:
     return make_printable(f"{agent.name}: {agent.subtype or agent.type}, {way}{action}", limit=110)
 
 
-def _draw_legend(figure: Figure, rows: list[list[tuple[str, str, str]]], height: float) -> None:
-    axes = figure.add_axes((0, 0, 1, 0.2 * len(rows) / height))
-    axes.set_xlim(0, WIDTH)
-    axes.set_ylim(0.2 * len(rows), 0)
-    axes.axis("off")
+def _draw_legend(page: Drawing, rows: list[list[tuple[str, str, str]]], top: float) -> None:
     for number, row in enumerate(rows):
-        x, y = MARGIN + 0.12, 0.2 * number + 0.04
+        x, y = MARGIN + 0.12, top + 0.2 * number + 0.04
         for symbol, colour, words in row:
-            _draw_symbol(axes, symbol, colour, x, y)
-            text = axes.text(x + 0.2, y, make_drawable(words), fontsize=8, color=INK, va="center")
-            x += 0.45 + text.get_window_extent().width / figure.dpi
-
-
-def _draw_symbol(axes: Axes, symbol: str, colour: str, x: float, y: float) -> None:
-    from matplotlib.patches import FancyBboxPatch
-
-    if symbol == "vehicle":
-        axes.add_patch(
-            FancyBboxPatch(
-                (x - 0.1, y - 0.04),
-                0.2,
-                0.08,
-                facecolor=colour,
-                lw=0,
-                boxstyle="round,pad=0,rounding_size=0.02",
-            )
-        )
-        return
-    size, edge = {"pedestrian": (36, "white"), "dot": (9, INK), "light": (30, INK)}[symbol]
-    draw_points(axes, [(x, y)], s=size, c=colour, edgecolors=edge, linewidths=0.9)
+            if symbol == "vehicle":
+                bar = [(x - 0.08, y), (x + 0.08, y)]
+                page.draw([bar], stroke=colour, stroke_width=5.8)
+            else:
+                size = {"pedestrian": 6.0, "dot": 3.0, "light": 5.5}[symbol]
+                rim = "white" if symbol == "pedestrian" else INK
+                page.mark([(x, y)], size, fill=colour, stroke=rim, stroke_width=0.9)
+            page.write(words, (x + 0.2, y), 8)
+            x += 0.45 + measure_block([words], 8)[0] / page.scale

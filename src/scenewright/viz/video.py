@@ -17,7 +17,6 @@ from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
 from scenewright.viz.animation import AnimatedScene, Pixels
-from scenewright.viz.figure import use_plain_style
 from scenewright.viz.frame_times import choose_frame_times
 
 FPS = 25
@@ -42,9 +41,8 @@ def film_scene(
     """
     program = find_ffmpeg()
     times = choose_frame_times(scene, fps=FPS, whole=whole)
-    with use_plain_style():
-        animated = AnimatedScene(scene, proof, intersection, dpi=DPI)
-        data = _encode(program, (animated.render_frame(float(t)) for t in times))
+    animated = AnimatedScene(scene, proof, intersection, dpi=DPI)
+    data = _encode(program, (animated.render_frame(float(t)) for t in times))
     write_atomically(path, data)
 
 

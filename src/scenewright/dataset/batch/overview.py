@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +52,17 @@ def draw_overview(
 def _draw_places(
     axes: Any, places: Mapping[str, Sequence[float]], kinds: Sequence[str], name: str | None
 ) -> None:
+    from matplotlib.image import imread
+
     axes.set(title="where events happen", xlabel="x [m]", ylabel="y [m]", aspect="equal")
     if name is not None:
         from scenewright.intersections import load_map
         from scenewright.viz.basemap import draw_basemap
+        from scenewright.viz.drawing import Drawing
 
-        draw_basemap(axes, load_map(name), VIEW)
+        ground = Drawing(VIEW, 0.0, 0.0, 4.0, 4.0)
+        draw_basemap(ground, load_map(name))
+        axes.imshow(imread(BytesIO(ground.render(150))), extent=VIEW)
     for kind in kinds:
         values = places[kind]
         label = f"{kind.replace('_', ' ')} ({len(values) // 3})"
