@@ -50,3 +50,11 @@ def _interpolate_poses(
         if at == nodes[last]:
             poses[n, 0], poses[n, 1], poses[n, 2] = xy[last, 0], xy[last, 1], heading[last]
     return poses
+
+
+@compiled
+def find_nearest_point(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
+    """Find the point [N, 2] nearest to (x, y), and its distance [m]."""
+    away = np.hypot(xy[:, 0] - x, xy[:, 1] - y)
+    node = int(np.argmin(away))
+    return node, float(away[node])

@@ -197,17 +197,14 @@ _NOWHERE = np.empty((0, 5))
 
 def _build_hold_table(holds: tuple[StopCommand, ...], law: DrivingProfile) -> FloatArray:
     """Build the [N, 5] table: place [m], release [s], braking [m/s^2], speed [m/s], 0; by place."""
-    if not holds:
-        return _NOWHERE
     rows = [(h.s, h.release, h.braking or law.braking, h.speed, 0.0) for h in holds]
-    return np.array(sorted(rows, key=itemgetter(0)))
+    return np.array(sorted(rows, key=itemgetter(0))) if rows else _NOWHERE
 
 
 def _build_slowing_table(slowings: tuple[Slowing, ...]) -> FloatArray:
     """Build the [N, 5] table of slowings; the last column is how far the speed is kept [m]."""
-    if not slowings:
-        return _NOWHERE
-    return np.array([(slow.s, 0.0, slow.braking, slow.speed, slow.kept) for slow in slowings])
+    rows = [(each.s, 0.0, each.braking, each.speed, each.kept) for each in slowings]
+    return np.array(rows) if rows else _NOWHERE
 
 
 # ---- as machine code: arrays of arc lengths [m], squared speeds [m^2/s^2] and times [s] ----------

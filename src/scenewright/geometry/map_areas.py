@@ -69,21 +69,17 @@ class MapAreas:
 
     def compute_road_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on the road."""
-        return _share(geos.contains_xy(self._road, xy))
+        return float(np.mean(geos.contains_xy(self._road, xy)))
 
     def compute_walkable_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on walkable area or a crosswalk."""
-        return _share(geos.contains_xy(self._walkable, xy))
+        return float(np.mean(geos.contains_xy(self._walkable, xy)))
 
     def find_crosswalk_visits(self, xy: FloatArray) -> list[Visit]:
         """The crosswalks that any of the points [N, 2] of a path lies on, in the map's order."""
         visits = _find_visits(xy, self._corners, self._ends, self._boxes).tolist()
         each = zip(self._crosswalks, visits, strict=True)
         return [Visit(name, *visit) for name, visit in each if visit[0] >= 0]
-
-
-def _share(inside: NDArray[np.bool_]) -> float:
-    return int(np.count_nonzero(inside)) / len(inside)
 
 
 def _concatenate_polygons(

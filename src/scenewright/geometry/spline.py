@@ -77,13 +77,29 @@ def build_even_path(curve: FloatArray) -> Path:
 @compiled
 def _resample_evenly(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Points [N, 2] [m], arc length [m], heading [rad] and curvature [1/m] of an even path."""
-    length = _measure_arc_lengths(curve)
-    last = max(int(np.rint(length[-1] / SPACING)), 2)
-    s = np.arange(last + 1) * (length[-1] / last)
-    s[-1] = length[-1]
-    xy = _interpolate_points(curve, length, s)
+    total = _measure_arc_lengths(curve)[-1]
+    xy, s = resample_points(curve, max(int(np.rint(total / SPACING)), 2) + 1)
     heading, turning = _measure_directions(xy, s[1])
     return xy, s, heading, _average(turning, max(int(np.rint(_CURVATURE_WINDOW / s[1] / 2)), 1))
+
+
+@compiled
+def resample_points(curve: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """So many points of a curve at equal arc length, both ends included, and it [m]."""
+    length = _measure_arc_lengths(curve)
+    s = np.arange(count) * (length[-1] / (count - 1))
+    s[-1] = length[-1]
+    xy = np.empty((count, 2))
+    k = 0
+    for n in range(count):
+        while k < len(length) - 2 and length[k + 1] <= s[n]:
+            k += 1
+        # A curve whose last points coincide ends with a step of no length.
+        ends = s[n] >= length[-1]
+        share = 1.0 if ends else (s[n] - length[k]) / (length[k + 1] - length[k])
+        for axis in range(2):
+            xy[n, axis] = curve[k, axis] + share * (curve[k + 1, axis] - curve[k, axis])
+    return xy, s
 
 
 @compiled
@@ -94,22 +110,6 @@ def _measure_arc_lengths(curve: FloatArray) -> FloatArray:
         step = np.hypot(curve[k, 0] - curve[k - 1, 0], curve[k, 1] - curve[k - 1, 1])
         length[k] = length[k - 1] + step
     return length
-
-
-@compiled
-def _interpolate_points(curve: FloatArray, length: FloatArray, s: FloatArray) -> FloatArray:
-    """[N, 2] the points of a curve at ascending arc lengths [m]."""
-    xy = np.empty((len(s), 2))
-    k = 0
-    for n in range(len(s)):
-        while k < len(length) - 2 and length[k + 1] <= s[n]:
-            k += 1
-        # A curve whose last points coincide ends with a step of no length.
-        ends = s[n] >= length[-1]
-        share = 1.0 if ends else (s[n] - length[k]) / (length[k + 1] - length[k])
-        for axis in range(2):
-            xy[n, axis] = curve[k, axis] + share * (curve[k + 1, axis] - curve[k, axis])
-    return xy
 
 
 @compiled

@@ -107,8 +107,9 @@ class DrawnWaypoints:
         waypoints: [M, K, 2] at equal arc length [m]; nll: [M] -log p_wp [nats].
         component: [M] the component of p_wp that each fits best.
         time_laws, time_nll: M time laws and their -log density [nats].
-        aside: M courses of how far to the left of the path it walks between its waypoints [m];
-            none where it does not wander.
+        pace: gives the pace of the m-th time law; None where the laws have it.
+        aside: gives the m-th course of how far to the left of the path it walks between its
+            waypoints [m]; None where it does not wander.
     """
 
     waypoints: FloatArray
@@ -116,7 +117,8 @@ class DrawnWaypoints:
     component: NDArray[np.intp]
     time_laws: tuple[DrivingProfile, ...]
     time_nll: FloatArray
-    aside: tuple[FloatArray, ...] = ()
+    pace: Callable[[int], tuple[float, ...]] | None = None
+    aside: Callable[[int], FloatArray] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -194,7 +196,8 @@ def test_candidates_are_built_from_what_was_drawn():
         prior = PRIORS.waypoints[agent.route.id]
         nll = compute_waypoint_nll(prior, candidate.waypoints[None])
         assert candidate.nll == pytest.approx(float(nll[0]))  # of a path held to its lane, too
-        assert candidate.time_law == agent.drawn.time_laws[3]
+        pace = agent.drawn.pace(3)
+        assert candidate.time_law == replace(agent.drawn.time_laws[3], pace=pace)
         assert np.hypot(*(candidate.path.xy[0] - candidate.waypoints[0])) < 1e-9
         assert np.hypot(*(candidate.path.xy[-1] - agent.drawn.waypoints[3, -1])) < 0.2
         if name == "vehicle-4":

@@ -79,7 +79,8 @@ def test_who_has_no_lane_is_left_alone():
 
 
 def test_walkers_sway_about_a_path_through_their_waypoints():
-    aside = np.array(sample_lateral_wander(50.0, np.random.default_rng(3), size=60))
+    draw_aside = sample_lateral_wander(50.0, np.random.default_rng(3), size=60)
+    aside = np.array([draw_aside(m) for m in range(60)])
     assert np.abs(aside[:, ::PER_INTERVAL]).max() < 1e-12
     assert 0.05 < np.median(aside.std(axis=1)) < 0.15
     assert np.abs(aside).max() < 0.36

@@ -265,13 +265,12 @@ def _draw_agent(
         )
         profiles = sample_driving_profiles(priors, route.id, own_rng, size=size)
         speeds = np.array([each.speed for each in profiles])
-        paces = sample_pace(shape.type, prior.length, own_rng, speeds=speeds)
-        profiles = [replace(p, pace=each) for p, each in zip(profiles, paces, strict=True)]
+        pace = sample_pace(shape.type, prior.length, own_rng, speeds=speeds)
         profile_nll = compute_profile_nll(priors, route.id, profiles)
         nll, component = compute_nll_and_component(prior, waypoints)
         walks = shape.type == "pedestrian"
-        aside = sample_lateral_wander(prior.length, own_rng, size=size) if walks else ()
-        return DrawnWaypoints(waypoints, nll, component, tuple(profiles), profile_nll, aside)
+        aside = sample_lateral_wander(prior.length, own_rng, size=size) if walks else None
+        return DrawnWaypoints(waypoints, nll, component, tuple(profiles), profile_nll, pace, aside)
 
     build = _make_builder(route, shape, subtype, draw, prior, lanes)
     chance = None if arrival is None else arrival / _SECONDS
@@ -294,8 +293,8 @@ def _make_builder(
 
     def build(m: int) -> Candidate:
         drawn = draw()
-        waypoints, nll = drawn.waypoints[m], float(drawn.nll[m])
-        aside = drawn.aside[m] if drawn.aside else None
+        waypoints, nll, law = drawn.waypoints[m], float(drawn.nll[m]), drawn.time_laws[m]
+        aside = drawn.aside(m) if drawn.aside else None
         path = build_path(prior, waypoints, int(drawn.component[m]), aside)
         held = None if lanes is None else lanes.hold(path)
         if held is not None:
@@ -306,7 +305,7 @@ def _make_builder(
             waypoints=waypoints,
             path=path,
             nll=nll,
-            time_law=drawn.time_laws[m],
+            time_law=replace(law, pace=drawn.pace(m)) if drawn.pace else law,
             time_nll=float(drawn.time_nll[m]),
             shape=shape,
             subtype=subtype,
@@ -397,11 +396,8 @@ def _fit_to_riders(
 def _replace_drawn(
     agent: AgentCandidates, drawn: DrawnWaypoints, prior: WaypointPrior
 ) -> AgentCandidates:
-    def draw() -> DrawnWaypoints:
-        return drawn
-
-    build = _make_builder(agent.route, agent.shape, agent.subtype, draw, prior)
-    return replace(agent, draw=draw, build=build)
+    build = _make_builder(agent.route, agent.shape, agent.subtype, lambda: drawn, prior)
+    return replace(agent, draw=lambda: drawn, build=build)
 
 
 def _draw_shape(

@@ -10,18 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
+from scenewright.geometry.along import find_nearest_point
 from scenewright.geometry.polyline import (
-    measure_distances,
     resample_by_spacing,
-    resample_to_count,
     smooth_gaussian,
 )
-from scenewright.geometry.spline import build_even_path
+from scenewright.geometry.spline import build_even_path, resample_points
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K, Path
 from scenewright.scene.map import IntersectionMap
@@ -44,6 +44,12 @@ class ApproachLanes:
 
     lines: tuple[FloatArray, ...]
 
+    @cached_property
+    def _points(self) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Points [P, 2] of all lines, and where each line begins and ends among them [L + 1]."""
+        ends = np.cumsum([0, *map(len, self.lines)], dtype=np.intp)
+        return np.concatenate([np.empty((0, 2)), *self.lines]), ends
+
     def resample(self, drawn: FloatArray, draw: Callable[[int], FloatArray]) -> FloatArray:
         """Waypoints [M, K, 2], those that leave their lane on the approach drawn anew.
 
@@ -51,21 +57,12 @@ class ApproachLanes:
             draw: gives so many waypoints.
         """
         for _ in range(_ROUNDS):
-            away = np.flatnonzero(~self._find_in_lane(drawn)) if self.lines else ()
-            if not len(away):
+            away = [m for m, each in enumerate(drawn) if not _keeps_lane(each, *self._points)]
+            if not away:
                 break
             drawn = drawn.copy()
             drawn[away] = draw(len(away))
         return drawn
-
-    def _find_in_lane(self, drawn: FloatArray) -> NDArray[np.bool_]:
-        """[M] whether all waypoints before the line are in one lane."""
-        inside = np.zeros(len(drawn), dtype=np.bool_)
-        for line in self.lines:
-            away = measure_distances(drawn.reshape(-1, 2), line)
-            beyond = (away.argmin(axis=1) == len(line) - 1).reshape(-1, K)
-            inside |= (beyond | (away.min(axis=1).reshape(-1, K) < _IN_LANE)).all(axis=1)
-        return inside
 
     def hold(self, path: Path) -> tuple[Path, FloatArray] | None:
         """The path held to the lane by which it comes to the line, and its waypoints [K, 2].
@@ -75,9 +72,8 @@ class ApproachLanes:
         """
         if not self.lines:
             return None
-        ends = measure_distances(np.array([line[-1] for line in self.lines]), path.xy).min(axis=1)
-        held = _hold(path.xy, path.heading, self.lines[int(ends.argmin())], _MOST_SLOPE)
-        return (build_even_path(held), resample_to_count(held, K)) if len(held) else None
+        held, waypoints = _hold(path.xy, path.heading, *self._points, _MOST_SLOPE)
+        return (build_even_path(held), waypoints) if len(held) else None
 
 
 def find_approach_lanes(intersection_map: IntersectionMap, movement: str | None) -> ApproachLanes:
@@ -103,13 +99,34 @@ def _smooth_and_extend(line: FloatArray) -> FloatArray:
 
 
 @compiled
-def _hold(xy: FloatArray, heading: FloatArray, lane: FloatArray, most: float) -> FloatArray:
-    """[P, 2] the path moved aside where it is steeper against the lane; empty if nowhere.
+def _keeps_lane(waypoints: FloatArray, points: FloatArray, ends: NDArray[np.intp]) -> bool:
+    """Whether all waypoints [K, 2] before the line are in one lane."""
+    for lane in range(len(ends) - 1):
+        line, kept = points[ends[lane] : ends[lane + 1]], 0
+        for k in range(len(waypoints)):
+            node, away = find_nearest_point(line, waypoints[k, 0], waypoints[k, 1])
+            kept += node == len(line) - 1 or away < _IN_LANE
+        if kept == len(waypoints):
+            return True
+    return len(ends) == 1
+
+
+@compiled
+def _hold(
+    xy: FloatArray, heading: FloatArray, points: FloatArray, ends: NDArray[np.intp], most: float
+) -> tuple[FloatArray, FloatArray]:
+    """Points [P, 2] moved aside where steeper against the lane, waypoints [K, 2]; empty if nowhere.
 
     Args:
-        xy: points [P, 2] of the path; heading: [P] of it [rad]; lane: [L, 2].
+        xy: points [P, 2] of the path; heading: [P] of it [rad]; points, ends: of the lanes.
     """
-    offset, left = _measure_offsets(xy, lane)
+    own, least = 0, np.inf
+    for each in range(len(ends) - 1):
+        last = points[ends[each + 1] - 1]
+        _, away = find_nearest_point(xy, last[0], last[1])
+        if away < least:
+            own, least = each, away
+    offset, left = _measure_offsets(xy, points[ends[own] : ends[own + 1]])
     moved, changed, more = xy.copy(), False, 0.0
     for i in range(len(offset) - 2, -1, -1):
         step = np.hypot(xy[i + 1, 0] - xy[i, 0], xy[i + 1, 1] - xy[i, 1])
@@ -120,7 +137,7 @@ def _hold(xy: FloatArray, heading: FloatArray, lane: FloatArray, most: float) ->
         changed = changed or kept != rise
         moved[i, 0] -= more * np.sin(heading[i])
         moved[i, 1] += more * np.cos(heading[i])
-    return moved if changed else moved[:0]
+    return (moved, resample_points(moved, K)[0]) if changed else (moved[:0], moved[:0])
 
 
 @compiled

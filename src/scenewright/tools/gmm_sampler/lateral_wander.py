@@ -10,11 +10,13 @@ after 0.8 s and 0.2 after 1.6 s. 12 pedestrians of TAF-BW's K729 have 0.09 m.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from scenewright.geometry.spline import DENSE, PER_INTERVAL, compute_spline_matrix
 from scenewright.scene.base import FloatArray
-from scenewright.tools.gmm_sampler.speed_wander import build_smoother
+from scenewright.tools.gmm_sampler.speed_wander import build_smoother, smooth_noise
 
 _SPREAD, _VARIES, _MOST = 0.22, 0.45, 0.35
 """Of the offset before its spline is taken off: median over people [m] and how that varies between
@@ -25,11 +27,15 @@ _LENGTH = 2.2
 
 def sample_lateral_wander(
     length: float, rng: np.random.Generator, *, size: int
-) -> tuple[FloatArray, ...]:
-    """Draw `size` courses [DENSE] of the offset to the left [m] over a way of this length [m]."""
+) -> Callable[[int], FloatArray]:
+    """Draw courses [DENSE] of the offset to the left [m] over a way of this length, by index."""
     spread = _SPREAD * np.exp(_VARIES * rng.standard_normal(size))
     smooth = build_smoother(DENSE, round(_LENGTH / max(length, 5.0) * (DENSE - 1), 1))
-    wander = np.clip(rng.standard_normal((size, smooth.shape[1])) @ smooth.T, -2.0, 2.0)
-    offset = spread[:, None] * wander
-    aside = offset - offset[:, ::PER_INTERVAL] @ compute_spline_matrix().T
-    return tuple(aside * np.minimum(1.0, _MOST / np.abs(aside).max(axis=1))[:, None])
+    noise = rng.standard_normal((size, smooth.shape[1]))
+
+    def compute(m: int) -> FloatArray:
+        offset = spread[m] * smooth_noise(smooth, noise[m])
+        aside = offset - compute_spline_matrix() @ offset[::PER_INTERVAL]
+        return np.asarray(aside * min(1.0, _MOST / np.abs(aside).max()))
+
+    return compute

@@ -45,22 +45,17 @@ def compute_nll_and_component(
     prior: WaypointPrior, waypoints: FloatArray
 ) -> tuple[FloatArray, NDArray[np.intp]]:
     """[m] -log p_wp [nats], and [m] the component that each of waypoints [m, K, 2] fits best."""
-    logs = compute_component_log_densities(prior, waypoints)
-    return np.asarray(-np.logaddexp.reduce(logs, axis=1)), logs.argmax(axis=1)
-
-
-def compute_component_log_densities(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
-    """[m, C] log of weight times density of each component [nats]."""
     points = waypoints.reshape(-1, DIMENSIONS)
-    return _compute_log_densities(points, prior.means, prior.whitening, prior.log_scale)
+    return _score(points, prior.means, prior.whitening, prior.log_scale)
 
 
 @compiled
-def _compute_log_densities(
+def _score(
     points: FloatArray, means: FloatArray, whitening: FloatArray, log_scale: FloatArray
-) -> FloatArray:
-    logs = np.empty((len(points), len(means)))
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    nll, component = np.full(len(points), np.inf), np.empty(len(points), np.intp)
     for m in range(len(points)):
+        most = -np.inf
         for c in range(len(means)):
             square = 0.0
             for i in range(DIMENSIONS):
@@ -68,13 +63,16 @@ def _compute_log_densities(
                 for j in range(i + 1):  # as the Cholesky factors, their inverses are lower
                     white += whitening[c, i, j] * (points[m, j] - means[c, j])
                 square += white * white
-            logs[m, c] = log_scale[c] - 0.5 * square
-    return logs
+            log = log_scale[c] - 0.5 * square
+            nll[m] = -np.logaddexp(-nll[m], log)
+            if log > most or c == 0:
+                most, component[m] = log, c
+    return nll, component
 
 
 def build_paths(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
     """The paths through waypoints [m, K, 2], each about its likeliest component's base curve."""
-    chosen = compute_component_log_densities(prior, waypoints).argmax(axis=1)
+    _, chosen = compute_nll_and_component(prior, waypoints)
     return [build_path(prior, each, int(c)) for each, c in zip(waypoints, chosen, strict=True)]
 
 

@@ -12,6 +12,7 @@ any mean speed (zara, hotel, K729). Of vehicles and riders the spread is assumed
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -31,8 +32,8 @@ _LENGTH = {"pedestrian": 1.4, "rider": 8.0, "vehicle": 14.0}
 
 def sample_pace(
     kind: str, length: float, rng: np.random.Generator, *, speeds: FloatArray
-) -> list[tuple[float, ...]]:
-    """Draw a course of the share of the free speed, every `PACE_STEP` over a way [m], for each.
+) -> Callable[[int], tuple[float, ...]]:
+    """Draw a course of the share of the free speed, every `PACE_STEP` over a way [m], by index.
 
     Args:
         speeds: [size] free speeds [m/s].
@@ -43,13 +44,22 @@ def sample_pace(
     spread = np.minimum(median * np.exp(varies * rng.standard_normal(size)), _MOST_SPREAD)
     count = int(length / PACE_STEP) + 2
     smooth = build_smoother(int(count * slower.max()) + 1, _LENGTH[group] / PACE_STEP)
-    wander = np.clip(rng.standard_normal((size, smooth.shape[1])) @ smooth.T, -2.0, 2.0)
-    places, known = np.arange(count), np.arange(wander.shape[1])
-    pace = [
-        np.exp(own * wide * np.interp(own * places, known, each))
-        for own, wide, each in zip(slower, spread, wander, strict=True)
-    ]
-    return [tuple(each.round(4).tolist()) for each in pace]
+    noise = rng.standard_normal((size, smooth.shape[1]))
+
+    def compute(m: int) -> tuple[float, ...]:
+        wander = smooth_noise(smooth, noise[m])
+        places = slower[m] * np.arange(count)
+        pace = np.exp(slower[m] * spread[m] * np.interp(places, np.arange(len(wander)), wander))
+        return tuple(pace.round(4).tolist())
+
+    return compute
+
+
+def smooth_noise(smooth: FloatArray, noise: FloatArray) -> FloatArray:
+    """Compute the process [count] that white noise [m] becomes, within two of its spreads."""
+    # `@` would wake as many threads as there are cores.
+    wander: FloatArray = np.einsum("ij,j->i", smooth, noise)
+    return np.minimum(np.maximum(wander, -2.0), 2.0)
 
 
 @lru_cache(maxsize=64)

@@ -27,7 +27,6 @@ class Option:
     Attributes:
         make: builds candidate and motion, entering at time 0, when first looked at.
         starts: [N] allowed entry times in steps of 0.1 s, ascending.
-        cost: -log density of it [nats].
         drawn_time: the entry time [steps] drawn for it.
         follows: whether it drives behind the vehicle ahead.
     """
@@ -35,7 +34,6 @@ class Option:
     make: Callable[[], ScheduledAgent]
     index: int
     starts: Steps
-    cost: float
     drawn_time: int = 0
     follows: bool = False
 

@@ -12,7 +12,7 @@ and stops.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,16 +70,6 @@ _Greens = tuple[FloatArray, NDArray[np.bool_], float, float]
 """What `_list_greens` gives."""
 
 
-@dataclass(frozen=True)
-class _Style:
-    """Car-following parameters: time headway [s], gap at standstill and to a line [m]."""
-
-    headway: float
-    gap: float
-    line: float
-    lag: float
-
-
 def follow_traffic(
     actor: ScheduledAgent,
     enters: float,
@@ -92,12 +82,19 @@ def follow_traffic(
     Returns:
         Its motion, entering at local time 0; None where it cannot be driven.
     """
-    style = _Style(
+    candidate, law = actor.candidate, actor.candidate.time_law
+    corridor = get_corridor(candidate)
+    line = np.inf if actor.landmarks.line is None else actor.landmarks.line
+    moved = _drive_among(
+        corridor.s, present.list_bars(corridor, in_lane=IN_LANE), enters,
+        moment.duration + _AFTER - enters,
+        candidate.path.s, np.sqrt(compute_squared_speed_limit(candidate)),
+        law.acceleration, law.braking,
         min(_HEADWAY * math.exp(_HEADWAY_SPREAD * rng.standard_normal()), 2.6),
-        float(rng.uniform(*_GAP)), float(rng.uniform(*_LINE)), float(rng.uniform(*START_LAG)),
+        rng.uniform(*_GAP), line, line - rng.uniform(*_LINE), rng.uniform(*START_LAG),
+        _list_greens(actor, moment), candidate.route.movement != "straight",
     )  # fmt: skip
-    moved = _drive(actor, enters, present, moment, style)
-    if moved is None:
+    if not len(moved):
         return None
     driven = _convert_to_pace(actor, moved, moment.duration - enters)
     if _brakes_hard(driven, actor.candidate.time_law.braking) or not _passes_on_green(
@@ -129,28 +126,6 @@ def _brakes_hard(driven: ScheduledAgent, usual: float) -> bool:
     return bool(change.min() < -most * 2 * STEP * 3 * STEP)
 
 
-def _drive(
-    actor: ScheduledAgent,
-    enters: float,
-    present: ReservationTable,
-    moment: SceneTiming,
-    style: _Style,
-) -> FloatArray | None:
-    """Compute the arc length [T] every 0.1 s from the entry on; None if it cannot be driven."""
-    candidate, law = actor.candidate, actor.candidate.time_law
-    corridor = get_corridor(candidate)
-    line = np.inf if actor.landmarks.line is None else actor.landmarks.line
-    until = moment.duration + _AFTER - enters
-    moved = _drive_among(
-        corridor.s, present.list_bars(corridor, in_lane=IN_LANE), enters, until,
-        candidate.path.s, np.sqrt(compute_squared_speed_limit(candidate)),
-        law.acceleration, law.braking, style.headway, style.gap,
-        line, line - style.line, style.lag, _list_greens(actor, moment),
-        candidate.route.movement != "straight",
-    )  # fmt: skip
-    return moved if len(moved) else None
-
-
 def _list_greens(actor: ScheduledAgent, moment: SceneTiming) -> _Greens:
     """List when the phases of its light end [s], which are green, offset and cycle."""
     group, clock = actor.landmarks.group, moment.clock
@@ -177,20 +152,16 @@ ahead in the lane; a crossing agent; a crossing foreground agent."""
 def _convert_to_pace(actor: ScheduledAgent, moved: FloatArray, until: float) -> ScheduledAgent:
     """Convert the motion to a pace and stops of the agent."""
     candidate, law = actor.candidate, actor.candidate.time_law
-    speed = np.gradient(moved, STEP)
+    speed, pace, fastest, slowest = _compute_pace(
+        moved, candidate.path.s, compute_squared_speed_limit(candidate)
+    )
     stops = _list_stops(actor, moved, speed)
-    places = np.arange(0.0, candidate.path.length + PACE_STEP, PACE_STEP)
-    free = np.sqrt(np.interp(places, candidate.path.s, compute_squared_speed_limit(candidate)))
-    way = moved + 1e-6 * np.arange(len(moved))
-    passed = np.where(places <= moved[-1], np.interp(places, way, speed), free)
-    pace = np.clip(passed, _LEAST, free.clip(_LEAST)) / law.speed
-    rates = np.diff(speed) / STEP
     own = DrivingProfile(
         law.speed,
-        max(law.acceleration, float(rates.max(initial=0.0))) * 1.05,
-        max(law.braking, -float(rates.min(initial=0.0))) * 1.05,
+        max(law.acceleration, fastest) * 1.05,
+        max(law.braking, -slowest) * 1.05,
         law.lateral,
-        tuple(pace.round(4).tolist()),
+        tuple((pace / law.speed).round(4).tolist()),
     )
     driven = ScheduledAgent.build_unplaced(replace(candidate, time_law=own), actor.landmarks)
     # A vehicle behind must see how it continues after the scene.
@@ -278,6 +249,38 @@ def _drive_among(
         if not _raise_walls(walls, rows, high, who, kind, met):
             break
     return np.empty(0)
+
+
+@compiled
+def _compute_pace(
+    moved: FloatArray, nodes: FloatArray, limit: FloatArray
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Compute speeds [T], the speed every `PACE_STEP` of its path, and the extreme rates."""
+    last = len(moved) - 1
+    speed, highest, lowest = np.empty(len(moved)), 0.0, 0.0
+    for k in range(len(moved)):
+        before, after = max(k - 1, 0), min(k + 1, last)
+        speed[k] = (moved[after] - moved[before]) / (STEP * (after - before))
+        if k > 0:
+            rate = (speed[k] - speed[k - 1]) / STEP
+            highest, lowest = max(highest, rate), min(lowest, rate)
+    pace, cell, step = np.empty(int(np.ceil(nodes[-1] / PACE_STEP + 1.0))), 0, 0
+    for n in range(len(pace)):
+        at = n * PACE_STEP
+        while cell < len(nodes) - 2 and nodes[cell + 1] <= at:
+            cell += 1
+        slope = (limit[cell + 1] - limit[cell]) / (nodes[cell + 1] - nodes[cell])
+        free = np.sqrt(slope * (min(at, nodes[-1]) - nodes[cell]) + limit[cell])
+        if at <= moved[-1]:
+            while step < last - 1 and moved[step + 1] + 1e-6 * (step + 1) <= at:
+                step += 1
+            way = moved[step] + 1e-6 * step
+            slope = (speed[step + 1] - speed[step]) / (moved[step + 1] + 1e-6 * (step + 1) - way)
+            passed = slope * (at - way) + speed[step]
+        else:
+            passed = free
+        pace[n] = min(max(passed, _LEAST), max(free, _LEAST))
+    return speed, pace, highest, lowest
 
 
 @compiled

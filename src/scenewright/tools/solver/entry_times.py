@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
+from scenewright.geometry.along import find_nearest_point
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.candidates import Candidate, DrivingProfile
@@ -51,9 +52,6 @@ STARTED = -6.0
 [s]."""
 
 Span = tuple[float, float]
-
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
 
 
 @dataclass(frozen=True)
@@ -158,8 +156,9 @@ def select_unseen_times(
         (comes, comes > 0.0, 0.0),
         (goes, goes < moment.duration, float(actor.motion.s[-1])),
     ):
+        x, y, _ = actor.get_pose(s) if there.any() else (math.inf, math.inf, 0.0)
         for time, place in moment.conflicts:
-            if math.dist(actor.get_pose(s)[:2], place) < _IN_VIEW:
+            if math.dist((x, y), place) < _IN_VIEW:
                 unseen &= ~(there & (np.abs(times - time) < _NEAR_CONFLICT))
     return starts[unseen]
 
@@ -330,29 +329,17 @@ def find_queue_tail(
     """Find the last vehicle standing on the candidate's path at some time of a span [s]."""
     found: QueueTail | None = None
     for actor in standing:
-        for s, start, until in _list_standstills(actor):
+        for (x, y, heading), start, until in actor.standstills:
             if until < span[0] or start > span[1]:
                 continue
-            x, y, heading = actor.get_pose(s)
             path = candidate.path
-            node, away = _find_nearest(path.xy, x, y)
+            node, away = find_nearest_point(path.xy, x, y)
             if away > _LANE_OFFSET or math.cos(path.heading[node] - heading) < _ONE_WAY:
                 continue
             rear = float(path.s[node]) - actor.candidate.shape.length / 2
             if found is None or rear < found.rear:
                 found = QueueTail(rear, start, until, actor.candidate.time_law)
     return found
-
-
-@compiled
-def _find_nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
-    """Find the point [N, 2] nearest to (x, y), and its distance [m]."""
-    node, least = 0, np.inf
-    for n in range(len(xy)):
-        away = np.hypot(xy[n, 0] - x, xy[n, 1] - y)
-        if away < least:
-            node, least = n, away
-    return node, least
 
 
 def limit_to_leader(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
@@ -364,18 +351,3 @@ def limit_to_leader(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
         acceleration=min(law.acceleration, ahead.acceleration),
     )
     return replace(candidate, time_law=pace)
-
-
-def _stands(stop: Stop, last: float) -> bool:
-    return not stop.rolls and stop.s <= last + 0.5
-
-
-def _list_standstills(actor: ScheduledAgent) -> Iterator[tuple[float, float, float]]:
-    """List arc length [m], start and end [s] of every standstill of a vehicle, its wreck
-    included."""
-    if actor.candidate.route.type == "pedestrian":
-        return
-    last = float(actor.motion.s[-1])
-    yield from ((stop.s, stop.start, stop.until) for stop in actor.stops if _stands(stop, last))
-    if actor.contact is not None:
-        yield last, actor.contact, actor.contact + _FOR_GOOD

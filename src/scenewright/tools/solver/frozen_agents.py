@@ -281,4 +281,4 @@ def _convert_to_option(agent: SelectedAgent, landmarks: Landmarks) -> tuple[Opti
     actor = rebuild_agent(agent, landmarks)
     start = round(actor.enters / STEP)
     local = actor.shift(-actor.enters)
-    return Option(lambda: local, 0, np.array([start], dtype=np.int64), 0.0), start
+    return Option(lambda: local, 0, np.array([start], dtype=np.int64)), start

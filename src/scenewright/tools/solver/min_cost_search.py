@@ -47,9 +47,8 @@ which all others are assigned."""
 _FOLLOWS_AFTER = 1.2
 """How much later than the first in its lane the second starts [s]."""
 
-_SAME, _PREFERENCE = 1e-6, 1e-5
-"""Costs so near one another are equal [nats]; and by so much an option of a candidate is cheaper
-than the next."""
+_SAME = 1e-6
+"""Costs so near one another are equal [nats]."""
 
 
 class MinCostSearch(Search):
@@ -203,21 +202,21 @@ class MinCostSearch(Search):
         actor = ScheduledAgent.build_unplaced(*built)
         half = STEP * len(actor.motion.s) / 2
         around = (moment.duration / 2 if draws.arrival is None else draws.arrival) - half
-        starts, cost = find_entry_times(actor, moment), self._get_cost(draws.name, m)
+        starts = find_entry_times(actor, moment)
         if len(starts):
-            yield Option(lambda: actor, m, starts, cost, round(around / STEP))
+            yield Option(lambda: actor, m, starts, round(around / STEP))
         drives = draws.route.type == "vehicle"
         last = find_queue_tail(built[0], fixed) if drives else None
         if last is not None:
-            yield from self._list_queueing(actor, m, cost + _PREFERENCE, around, moment, last)
+            yield from self._list_queueing(actor, m, around, moment, last)
         waiting = list(self._list_red_waits(actor, moment, around, -half - WAITING_ALREADY))
         waiting += [self._move_to_second_place(red) for red in waiting if drives]
         if moment.blocked:
             goes = [red for red in waiting if red.release < moment.duration]
             waiting += [replace(red, stays=True) for red in goes]
-        for rank, red in enumerate((red for red in waiting if red.holds), start=2):
+        for red in (red for red in waiting if red.holds):
             step = np.array([round(red.enters / STEP)], dtype=np.int64)
-            yield Option(red.actor, m, step, cost + rank * _PREFERENCE)
+            yield Option(red.actor, m, step)
 
     def _move_to_second_place(self, red: RedLightWait) -> RedLightWait:
         """Move it one place back, with room for a car ahead."""

@@ -313,12 +313,12 @@ def _compute_corner_distance(
 def compute_occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
     """Compute local times [s] at which the centre enters and leaves each node's stretch; inf =
     never."""
-    come, leave = _compute_passing_times(s, motion.s, half * (s[1] - s[0]), motion.ended)
+    come, leave = compute_passing_times(s, motion.s, half * (s[1] - s[0]), motion.ended)
     return (come, leave) if half else _add_rests(s, motion, come, leave)
 
 
 @compiled
-def _compute_passing_times(
+def compute_passing_times(
     s: FloatArray, moved: FloatArray, reach: float, ended: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Compute times [s] at which it comes within `reach` [m] of each of ascending places, and

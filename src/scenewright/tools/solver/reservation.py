@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 from scenewright.compiled import compiled
 from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
 from scenewright.geometry.driving_profile import Motion
-from scenewright.scene.base import RIDERS, FloatArray
-from scenewright.scene.candidates import Candidate
-from scenewright.scene.track import STEP
+from scenewright.scene.base import RIDERS, AgentClass, FloatArray
+from scenewright.scene.candidates import Candidate, Path
+from scenewright.scene.track import STEP, Shape
 from scenewright.tools.solver.path_conflict import (
     SLACK,
     Half,
     IntArray,
     compute_axis_gap,
-    compute_occupancy,
+    compute_passing_times,
 )
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.work_limit import count_work
@@ -100,10 +100,14 @@ class Corridor:
         return math.hypot(*self.half)
 
 
-@lru_cache(maxsize=512)
 def get_corridor(candidate: Candidate) -> Corridor:
-    """Return the nodes of a candidate's path; candidates are known by identity."""
-    path, shape, kind = candidate.path, candidate.shape, candidate.route.type
+    """Return the nodes of a candidate's path."""
+    return _build_corridor(candidate.path, candidate.shape, candidate.route.type)
+
+
+@lru_cache(maxsize=512)
+def _build_corridor(path: Path, shape: Shape, kind: AgentClass) -> Corridor:
+    """Build the nodes of a path, known by identity: drivers of many paces try the same one."""
     s = sample_nodes(path, _NODE[kind])
     return Corridor(
         s,
@@ -183,11 +187,12 @@ class ReservationTable:
     ) -> tuple[FloatArray, FloatArray]:
         """Find the ends [N] of the intervals of entry times [s] at which the agents would meet."""
         count_work()
-        corridor = get_corridor(actor.candidate)
-        come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
+        corridor, motion = get_corridor(actor.candidate), actor.motion
         nodes, keeping, _ = self._build_table()
-        met = self._find_meetings(corridor)
-        return _list_blocked(met, come, leave, corridor.walks, foreground, nodes, keeping)
+        return _list_blocked(
+            self._find_meetings(corridor), corridor.s, motion.s, motion.ended, corridor.walks,
+            foreground, nodes, keeping,
+        )  # fmt: skip
 
     def list_bars(self, corridor: Corridor, *, in_lane: float) -> Bars:
         """List nodes [N] where a background vehicle is blocked: when [s, s], by which agent, how.
@@ -212,11 +217,10 @@ class ReservationTable:
     def _meets(self, actor: ScheduledAgent, start: int, foreground: bool, follows: bool) -> bool:
         """Return whether it would meet an agent on entering at one time [steps]: faster than
         listing all."""
-        corridor = get_corridor(actor.candidate)
-        come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
+        corridor, motion = get_corridor(actor.candidate), actor.motion
         return _meets(
-            start, corridor.pose, corridor.half, corridor.reach, corridor.walks, come, leave,
-            foreground, follows, *self._build_table(),
+            start, corridor.s, corridor.pose, corridor.half, corridor.reach, corridor.walks,
+            motion.s, motion.ended, foreground, follows, *self._build_table(),
         )  # fmt: skip
 
     def _build_table(self) -> _Table:
@@ -244,7 +248,9 @@ def find_blocked_offsets(
     """Find open intervals (low, high) [steps] that o_b - o_a must avoid so that the pair keeps
     apart."""
     low, high = _build_single_table(a, strict).find_blocked_intervals(b, foreground=strict)
-    return _merge_intervals(_round_down(low) - 1, _round_up(high) + 1)
+    return _merge_intervals(
+        np.floor(low / STEP).astype(np.int64) - 1, np.ceil(high / STEP).astype(np.int64) + 1
+    )
 
 
 @lru_cache(maxsize=512)
@@ -261,11 +267,7 @@ def _build_reservation(
     ahead: float = 0.0,
 ) -> _Reservation:
     corridor = get_corridor(actor.candidate)
-    come, leave = compute_occupancy(corridor.s, motion, 0.5)
-    nodes = _compute_node_times(corridor.pose, come, leave, actor.enters)
-    # A node that it never reaches blocks nothing.
-    reached = np.flatnonzero(np.isfinite(come))
-    nodes = nodes[:, : reached[-1] + 1 if len(reached) else 1]
+    nodes = _compute_node_times(corridor.s, corridor.pose, motion.s, motion.ended, actor.enters)
     keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
                inner.clearance, inner.gap, outer.gap, ahead, inner is BACKGROUND)  # fmt: skip
     return _Reservation(nodes, np.array(keeping, dtype=np.float64))
@@ -290,11 +292,15 @@ def _find_runs(corridor: Corridor, table: _Table) -> ConflictRuns:
 
 @compiled
 def _compute_node_times(
-    pose: FloatArray, come: FloatArray, leave: FloatArray, enters: float
+    s: FloatArray, pose: FloatArray, moved: FloatArray, ended: bool, enters: float
 ) -> FloatArray:
-    """Compute poses [6, N], and from when until when it is there [s]."""
-    nodes, left = np.empty((6, len(come))), leave[0]
+    """Compute poses [6, N], and from when until when it is there [s], of the nodes it reaches."""
+    come, leave = compute_passing_times(s, moved, 0.5 * (s[1] - s[0]), ended)
+    count = 1  # a node that it never reaches blocks nothing
     for n in range(len(come)):
+        count = n + 1 if come[n] < np.inf else count
+    nodes, left = np.empty((6, count)), leave[0]
+    for n in range(count):
         for row in range(4):
             nodes[row, n] = pose[row, n]
         # A run of nodes ends when the last that is reached is left.
@@ -441,8 +447,9 @@ def _extend_run(runs: IntArray, count: int, under_way: bool, i: int, j: int, who
 @compiled
 def _list_blocked(
     met: ConflictRuns,
-    come: FloatArray,
-    leave: FloatArray,
+    s: FloatArray,
+    moved: FloatArray,
+    ended: bool,
     walks: bool,
     foreground: bool,
     nodes: FloatArray,
@@ -451,6 +458,7 @@ def _list_blocked(
     """List the ends of intervals of entry times [s]; a node that is never reached blocks
     nothing."""
     near, touching = met
+    come, leave = compute_passing_times(s, moved, 0.5 * (s[1] - s[0]), ended)
     low, high = np.empty(len(near) + len(touching)), np.empty(len(near) + len(touching))
     count = 0
     for runs, touch in ((near, False), (touching, True)):
@@ -469,12 +477,13 @@ def _list_blocked(
 @compiled
 def _meets(
     start: int,
+    s: FloatArray,
     pose: FloatArray,
     half: Half,
     reach: float,
     walks: bool,
-    come: FloatArray,
-    leave: FloatArray,
+    moved: FloatArray,
+    ended: bool,
     foreground: bool,
     follows: bool,
     nodes: FloatArray,
@@ -482,6 +491,7 @@ def _meets(
     ends: IntArray,
 ) -> bool:
     """Return whether entering at `start` [steps] is blocked (`_write_runs`, `_list_blocked`)."""
+    come, leave = compute_passing_times(s, moved, 0.5 * (s[1] - s[0]), ended)
     for who in range(len(keeping)):
         own = (keeping[who, _LONG], keeping[who, _WIDE])
         both, least = _compute_clearance(keeping[who], walks)
@@ -544,14 +554,6 @@ def _select_unblocked(starts: Steps, low: FloatArray, high: FloatArray) -> Steps
             unmet[count] = start
             count += 1
     return unmet[:count]
-
-
-def _round_down(seconds: FloatArray) -> Steps:
-    return np.floor(seconds / STEP).astype(np.int64)
-
-
-def _round_up(seconds: FloatArray) -> Steps:
-    return np.ceil(seconds / STEP).astype(np.int64)
 
 
 def _merge_intervals(low: Steps, high: Steps) -> list[tuple[int, int]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Push, Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.segment_editor import end_motion, make_stop_command, push_motion
+
+_FOR_GOOD = 60.0
+"""Longer than any scene [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +60,21 @@ class ScheduledAgent:
     def leaves(self) -> float:
         """Scene time of its last sample [s]."""
         return self.enters + STEP * (len(self.motion.s) - 1)
+
+    @cached_property
+    def standstills(self) -> tuple[tuple[tuple[float, float, float], float, float], ...]:
+        """Pose, start and end [s] of every standstill of a vehicle, its wreck included."""
+        if self.candidate.route.type == "pedestrian":
+            return ()
+        last = float(self.motion.s[-1])
+        found = [
+            (stop.s, stop.start, stop.until)
+            for stop in self.stops
+            if not stop.rolls and stop.s <= last + 0.5
+        ]
+        if self.contact is not None:
+            found.append((last, self.contact, self.contact + _FOR_GOOD))
+        return tuple((self.get_pose(s), start, until) for s, start, until in found)
 
     def edit(
         self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()

@@ -156,15 +156,11 @@ _STAGINGS_PER_TUPLE = 4
 _SEATINGS = 3
 """Assignments tried before all agents are drawn afresh (`draw`)."""
 
-_STUCK_COST = 8.0
-"""Cost of standing on at green because of a wreck [nats]."""
-
 WAITING_ALREADY = 4.0
 """How long before the scene begins [s] an agent that is already waiting arrived."""
 
-_WINDOW, _FAR_COST = 6.0, 2.0
-"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and the
-cost [nats] of an arrival at another time altogether."""
+_WINDOW = 6.0
+"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]."""
 
 _LATER, _LEAST_SEEN = (0.0, 1.2, 2.6, 4.5, 7.0), 4.0
 """How much later than drawn a vehicle enters among others [s], and how long it is visible at least.
@@ -229,7 +225,8 @@ class Search:
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
         self._strikers = frozenset(get_pair(c) for c in program.clauses if isinstance(c, Strikes))
-        self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
+        unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
+        self._unary = {c.agent: [each for each in unary if each.agent == c.agent] for c in unary}
         self._figures = tuple(c for c in program.clauses if isinstance(c, AgentFigure | PairFigure))
         self._measured = {
             name
@@ -280,8 +277,7 @@ class Search:
         self._parts = join_names((), map(get_pair, self._events))
         self._varied: frozenset[str] = frozenset()
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
-        self._failures: Counter[str] = Counter()
-        self._shortfalls = NearestMisses()
+        self._failures, self._shortfalls = Counter[str](), NearestMisses()
         self._unseated = self._staged = self._glances = 0
 
     def run(self) -> Selection:
@@ -452,10 +448,9 @@ class Search:
                 candidate, landmarks = returns, find_landmarks(returns, map_areas=self._ground)
             refused = [
                 rejection
-                for clause in self._unary
-                if clause.agent == name
+                for clause in self._unary.get(name, ())
                 # An agent that turns back walks half of a path that is long enough.
-                and not (name in self._returning and isinstance(clause, MinLength))
+                if not (name in self._returning and isinstance(clause, MinLength))
                 for rejection in check(
                     candidate, clause, landmarks=landmarks, map_areas=self._ground
                 )
@@ -852,33 +847,33 @@ class Search:
         actor = ScheduledAgent.build_unplaced(*built)
         half = STEP * len(actor.motion.s) / 2
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
-        cost, around = self._get_cost(draws.name, m), arrives - half
+        around = arrives - half
         if draws.chance is not None:
             around = compute_arrival_entry(actor, moment, draws.chance)
         if assigned.present is not None and _follows(draws):
-            yield from self._list_among_traffic(actor, m, cost, around, assigned.present, moment)
+            yield from self._list_among_traffic(actor, m, around, assigned.present, moment)
         waits = draws.chance is not None and not passes_on_green(actor, moment, around)
         far: list[Option] = []
         if not waits:
-            near, far = _list_green_passes(actor, m, cost, around, moment)
+            near, far = _list_green_passes(actor, m, around, moment)
             yield from near
         drives = draws.route.type == "vehicle"
         span = compute_red_span(actor, moment, around)
         last = find_queue_tail(built[0], assigned.standing, span) if drives else None
         waiting: list[tuple[RedLightWait, Steps]] = []
         if last is not None and draws.arrival is not None:
-            yield from self._list_queueing(actor, m, cost, around, moment, last)
+            yield from self._list_queueing(actor, m, around, moment, last)
         else:
             for red in self._list_red_waits(actor, moment, around, -half - WAITING_ALREADY):
                 waiting.append((red, np.array([round(red.enters / STEP)], dtype=np.int64)))
-                yield Option(red.actor, m, waiting[-1][1], cost)
+                yield Option(red.actor, m, waiting[-1][1])
         stuck = [
-            Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST)
+            Option(replace(red, stays=True).actor, m, step)
             for red, step in waiting
             if moment.blocked and red.release < moment.duration
         ]
         if waits:
-            near, far = _list_green_passes(actor, m, cost, around, moment)
+            near, far = _list_green_passes(actor, m, around, moment)
             later += (*near, *far, *stuck)
         else:
             yield from (*far, *stuck)
@@ -893,11 +888,10 @@ class Search:
         for place in (option.index, ~option.index):
             built = self._get_candidate(draws.name, place)
             if built is not None:
-                yield from self._list_led(draws, option, start, built, moment)
+                yield from self._list_led(option, start, built, moment)
 
     def _list_led(
         self,
-        draws: AgentCandidates,
         option: Option,
         start: int,
         built: tuple[Candidate, Landmarks],
@@ -914,14 +908,12 @@ class Search:
         )
         if lawful and not beyond and not apart:
             steps = np.array([start], dtype=np.int64)
-            cost = self._get_cost(draws.name, option.index)
-            yield Option(partial(_get_agent, actor), option.index, steps, cost)
+            yield Option(lambda: actor, option.index, steps)
 
     def _list_among_traffic(
         self,
         actor: ScheduledAgent,
         m: int,
-        cost: float,
         around: float,
         present: ReservationTable,
         moment: SceneTiming,
@@ -940,7 +932,7 @@ class Search:
             driven = follow_traffic(actor, enters, present, moment, self._rng)
             if driven is not None and enters + STEP * len(driven.motion.s) >= _LEAST_SEEN:
                 step = np.array([round(enters / STEP)], dtype=np.int64)
-                yield Option(partial(_get_agent, driven), m, step, cost, follows=True)
+                yield Option(partial(_get_agent, driven), m, step, follows=True)
 
     def _list_red_waits(
         self, actor: ScheduledAgent, moment: SceneTiming, around: float, waiting: float
@@ -961,7 +953,6 @@ class Search:
         self,
         free: ScheduledAgent,
         m: int,
-        cost: float,
         drawn_time: float,
         moment: SceneTiming,
         last: QueueTail,
@@ -983,7 +974,7 @@ class Search:
         stop = Stop("queue", s, stands, release - enters, "red_light")
         actor = free.edit(stops=(stop,)).cut_after(moment.duration - enters)
         if passes_on_green(actor, moment, enters):
-            yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
+            yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64))
 
     def _build_selection(
         self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
@@ -1069,20 +1060,22 @@ def _select_unseen(
             yield option
             continue
         starts = select_unseen_times(option.actor, option.starts, moment)
-        if len(starts):
-            yield replace(option, starts=starts)
+        if len(starts) == len(option.starts):
+            yield option
+        elif len(starts):
+            yield replace(option, make=partial(_get_agent, option.actor), starts=starts)
 
 
 def _list_green_passes(
-    actor: ScheduledAgent, m: int, cost: float, around: float, moment: SceneTiming
+    actor: ScheduledAgent, m: int, around: float, moment: SceneTiming
 ) -> tuple[list[Option], list[Option]]:
     """List passing on green near a time [s]; and at any time at all, where that is more."""
     starts, drawn_time = find_entry_times(actor, moment), round(around / STEP)
     near = starts[np.abs(STEP * starts - around) <= _WINDOW]
     more = len(starts) > len(near)
     return (
-        [Option(lambda: actor, m, near, cost, drawn_time)] if len(near) else [],
-        [Option(lambda: actor, m, starts, cost + _FAR_COST, drawn_time)] if more else [],
+        [Option(lambda: actor, m, near, drawn_time)] if len(near) else [],
+        [Option(lambda: actor, m, starts, drawn_time)] if more else [],
     )
 
 
