@@ -20,8 +20,8 @@ CASES ?= 100000
 # Processes that share the tests; one that has done its part takes tests of the others.
 TESTERS ?= 2
 
-# Benchmarks for which files or a folder must be named.
-NAMING := cold_start consumer_protection own_intersections same_behaviour throughput trajnet understanding
+# Benchmarks for which files, a folder or the environment of page-tests must be named.
+NAMING := cold_start consumer_protection own_intersections page_times same_behaviour throughput trajnet understanding
 
 .DEFAULT_GOAL := demo
 .PHONY: page-tests demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs

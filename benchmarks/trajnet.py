@@ -3,7 +3,7 @@
 FOLDER holds the benchmark's real training files. For every fold a network is trained on all other
 recordings and predicts the one left out; all folds share one recipe. Work that RUNS already holds
 is not done again, and a training that was killed goes on, so the command can simply be repeated.
-`--report` prints the tables of docs/evaluation.md from what RUNS holds.
+`--report` prints the tables behind docs/evaluation.md from what RUNS holds.
 
 Models: `polished`, the whole recipe of `lab.trajnet.training`; `refiner`, its first part alone, and
 ablations of that: `no_pooling`, `no_goals` and `raw` (without keeping apart; needs no training of

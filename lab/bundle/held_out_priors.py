@@ -1,7 +1,7 @@
 """Held-out likelihood of the priors, on the test hours of a bundle's corpus.
 
-`python -m lab.bundle.held_out_priors amsterdam_120` prints the tables of docs/evaluation.md. The
-test waypoints and counts are part of the bundle, so that no simulator is needed.
+`python -m lab.bundle.held_out_priors amsterdam_120` prints what docs/evaluation.md says of them.
+The test waypoints and counts are part of the bundle, so that no simulator is needed.
 """
 
 from __future__ import annotations
