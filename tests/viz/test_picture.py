@@ -29,6 +29,7 @@ from scenewright.viz.appearance import (
 from scenewright.viz.drawing import Drawing, create_page, measure_block
 from scenewright.viz.fonts import find_unshown, make_drawable, measure_text
 from scenewright.viz.frame_times import choose_frame_times
+from scenewright.viz.painting import paint
 from scenewright.viz.still import draw_page
 from scenewright.viz.video import film_scene
 
@@ -312,6 +313,20 @@ def test_what_lies_outside_a_map_is_not_seen() -> None:
     assert picture[100, 20].tolist() == [255, 255, 255]
     assert picture[100, 60].tolist() == [255, 0, 0]
     assert picture[100, 100].tolist() == [0, 0, 255]
+
+
+def test_a_painted_drawing_looks_like_the_rendered_one(
+    scene: SceneRecord, intersection: IntersectionMap
+) -> None:
+    drawing = AnimatedScene(scene, None, intersection).draw_moving(8.4)
+    rendered = decode(drawing.render(100))
+    image = Image.new("RGB", (1620, 1620), "white")
+    paint(drawing, image, 300 / 72)
+    painted = np.asarray(image.reduce(3)).astype(int)
+    assert rendered.shape == painted.shape
+    assert (rendered < 255).any(axis=2).mean() > 0.02
+    assert np.abs(rendered - painted).mean() < 0.5
+    assert (np.abs(rendered - painted).sum(axis=2) > 200).mean() < 2e-3
 
 
 def test_a_scene_is_made_and_drawn_without_matplotlib(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +30,9 @@ from scenewright.viz.basemap import draw_basemap, draw_north, draw_scale
 from scenewright.viz.drawing import INK, SOFT_INK, Drawing, create_page, measure_block
 from scenewright.viz.frame_times import choose_frame_times
 from scenewright.viz.label_placement import LabelLayout
+from scenewright.viz.painting import paint
 from scenewright.viz.road_markings import find_light_positions
 from scenewright.viz.still import EVENT_WORDS, compute_windscreen, draw_fading_lines, draw_objects
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 SIDE = 5.4
 HEAD = 0.5
@@ -48,6 +45,9 @@ LEAST_WIDTH = 0.02
 
 UNUSED = 255
 """The palette entry of pixels that stay as they were."""
+
+SMOOTH = 3
+"""Frames are painted in so many times the pixels each way."""
 
 GAP = 0.4
 """Between an agent and its name, and between a name and the edge [m]."""
@@ -106,21 +106,27 @@ class AnimatedScene:
         self, scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap, *,
         dpi: int = 100,
     ) -> None:  # fmt: skip
+        from PIL import Image
+
         self.scene = scene
-        self.dpi = dpi
+        self.zoom = dpi * SMOOTH
         self.moving = list_motions(scene)
         self.view = choose_view(scene, self.moving, intersection)
         self.lights = find_light_positions(intersection)
         self.still = self._draw_still(proof, intersection)
-        self.ground = _decode(self.still.render(dpi))
+        ground = Image.open(BytesIO(self.still.render(self.zoom))).convert("RGB")
+        left, top, side = (round(each * dpi) * SMOOTH for each in (0.1, HEAD, SIDE))
+        self.map = ground.crop((left, top, left + side, top + side))
+        self.page = ground.reduce(SMOOTH)
+        self.corner = left // SMOOTH, top // SMOOTH
         self.marks = self._place_event_marks()
 
     def render_frame(self, time: float) -> Pixels:
         """[H, W, 3] the scene at a time [s]."""
-        moving = _decode(self.draw_moving(time).render(self.dpi, transparent=True))
-        frame = self.ground.copy()
-        frame.alpha_composite(moving, (round(0.1 * self.dpi), round(HEAD * self.dpi)))
-        return np.asarray(frame)[:, :, :3]
+        moving, frame = self.map.copy(), self.page.copy()
+        paint(self.draw_moving(time), moving, self.zoom / 72)
+        frame.paste(moving.reduce(SMOOTH), self.corner)
+        return np.asarray(frame)
 
     def draw_moving(self, time: float) -> Drawing:
         """The map's place with what moves or comes and goes, at a time [s]."""
@@ -224,12 +230,6 @@ class AnimatedScene:
             at = layout.reserve(words, spot, 9, (3.4, 5.0), bold=True, boxed=True)
             found.append(EventMark(event.time, spot, words, at, layout.boxes[-1]))
         return found
-
-
-def _decode(png: bytes) -> Image:
-    from PIL import Image
-
-    return Image.open(BytesIO(png))
 
 
 def _bound(outline: FloatArray) -> Box:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -29,6 +30,31 @@ Points = FloatArray | Sequence[float] | Sequence[Point] | Sequence[FloatArray]
 Style = str | float
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """An element of SVG; a path has its lines, each of [N, 2] points on the page."""
+
+    order: float
+    tag: str
+    style: Mapping[str, Style]
+    lines: Sequence[FloatArray] = ()
+    closed: bool = False
+    words: str | None = None
+
+    def write(self) -> str:
+        """The element as SVG."""
+        style = {k: f"{v:.3f}" if isinstance(v, float) else v for k, v in self.style.items()}
+        if self.lines:
+            rows = (
+                "L".join(f"{x:.2f} {y:.2f}" for x, y in line.tolist()) + "Z" * self.closed
+                for line in self.lines
+            )
+            style["d"] = "M" + "M".join(rows)
+        start = "".join(f' {name.replace("_", "-")}="{value}"' for name, value in style.items())
+        end = "/>" if self.words is None else f">{escape(self.words)}</{self.tag}>"
+        return f"<{self.tag}{start}{end}"
+
+
 class Drawing:
     """Shapes and words; those with a higher `order` lie above, others in the order of drawing.
 
@@ -46,7 +72,7 @@ class Drawing:
         self._box = np.array([left, top, width, height]) * _POINTS
         self._steps = self._box[2:] / (east - west, south - north)
         self.scale = float(self._steps[0])
-        self._parts: list[tuple[float, str]] = []
+        self._parts: list[Part] = []
         self._maps: list[Drawing] = []
 
     def add_map(self, view: View, left: float, top: float, width: float, height: float) -> Drawing:
@@ -63,9 +89,8 @@ class Drawing:
         self, lines: Iterable[Points], *, closed: bool = False, order: float = 3, **style: Style
     ) -> None:
         """Lines or, closed, areas with holes, of [N, 2] points each, as one shape."""
-        shape = "".join(_trace(self.locate(line), closed) for line in lines)
-        if shape:
-            self._add(order, f'path d="{shape}"', None, style)
+        if places := [self.locate(line) for line in lines]:
+            self._parts.append(Part(order, "path", style, places, closed))
 
     def mark(
         self, points: Points, size: float, *, corners: FloatArray | None = None, order: float = 3,
@@ -73,10 +98,12 @@ class Drawing:
     ) -> None:  # fmt: skip
         """Discs, or shapes of other unit corners [N, 2], of so many points across."""
         for x, y in self.locate(points).tolist():
-            shape = f'circle cx="{x:.2f}" cy="{y:.2f}" r="{size / 2:.2f}"'
-            if corners is not None:
-                shape = f'path d="{_trace((x, y) + size / 2 * corners, closed=True)}"'
-            self._add(order, shape, None, style)
+            if corners is None:
+                disc = {"cx": x, "cy": y, "r": size / 2}
+                self._parts.append(Part(order, "circle", disc | style))
+            else:
+                shape = [(x, y) + size / 2 * corners]
+                self._parts.append(Part(order, "path", style, shape, closed=True))
 
     def write(
         self, text: str, at: Points, size: float, *, align: str = "start", above: float = 0.5,
@@ -98,55 +125,52 @@ class Drawing:
         top = y - above * high
         if box is not None:
             pad, left = _PAD * size, x - {"start": 0.0, "middle": 0.5, "end": 1.0}[align] * wide
-            place = f'x="{left - pad:.2f}" y="{top - pad:.2f}" rx="{pad:.2f}"'
-            room = {"width": wide + 2 * pad, "height": high + 2 * pad}
-            self._add(order, f"rect {place}", None, room | {"fill": box[0], "stroke": box[1]})
-        look: dict[str, Style] = {"fill": INK, "text_anchor": align, "font_size": size}
+            self._parts.append(Part(order, "rect", {
+                "x": left - pad, "y": top - pad, "rx": pad, "width": wide + 2 * pad,
+                "height": high + 2 * pad, "fill": box[0], "stroke": box[1],
+            }))  # fmt: skip
+        look: dict[str, Style] = {"fill": INK, "text_anchor": align, "font_size": float(size)}
         look |= {"font_weight": "bold"} if bold else {}
         look |= {"transform": f"rotate({-turn:.2f} {x:.2f} {y:.2f})"} if turn else {}
         if halo:
             look |= {"stroke": halo, "stroke_width": 2.2, "paint_order": "stroke"}
         for number, line in enumerate(lines):
             base = top + size * (_ASCENT + number * (_ASCENT * spacing + _DESCENT))
-            self._add(order, f'text x="{x:.2f}" y="{base:.2f}"', line, look | style)
+            place = {"x": float(x), "y": float(base)}
+            self._parts.append(Part(order, "text", place | look | style, words=line))
 
-    def build_svg(self, dpi: float = _POINTS, *, transparent: bool = False) -> str:
-        """The page as a document; if transparent, what runs over the edge of a map stays."""
+    def list_parts(self) -> list[Part]:
+        """The parts of this page or map, from the lowest to the uppermost."""
+        return sorted(self._parts, key=lambda part: part.order)
+
+    def build_svg(self, dpi: float = _POINTS) -> str:
+        """The page as a document."""
         _, _, wide, high = self._box
-        page, drawn, frames = f"M0 0H{wide:.2f}V{high:.2f}H0Z", "", ""
-        for each in self._maps:
-            x, y, w, h = each._box
-            drawn += each._join_parts()
+        page, frames = f"M0 0H{wide:.2f}V{high:.2f}H0Z", ""
+        drawn = [part for each in self._maps for part in each.list_parts()]
+        for x, y, w, h in (each._box for each in self._maps):
             frames += f"M{x:.2f} {y:.2f}h{w:.2f}v{h:.2f}h{-w:.2f}Z"
-        if frames and not transparent:
-            # Far cheaper than to clip the maps: all of the page but their places lies above them.
-            drawn += f'<path d="{page}{frames}" fill="white" fill-rule="evenodd"/>'
-            drawn += f'<path d="{frames}" stroke="#C9CCD1" stroke-width="0.6"/>'
+        # Far cheaper than to clip the maps: all of the page but their places lies above them.
+        cover = {"d": page + frames, "fill": "white", "fill_rule": "evenodd"}
+        drawn += [Part(0, "path", cover)] if frames else []
+        drawn += [Part(0, "path", {"d": frames, "stroke": "#C9CCD1", "stroke_width": 0.6})]
+        content = "".join(part.write() for part in [*drawn, *self.list_parts()])
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:.2f} {high:.2f}" '
             f'width="{wide / _POINTS * dpi:.0f}" height="{high / _POINTS * dpi:.0f}" '
             'preserveAspectRatio="none" fill="none" stroke-linejoin="round" '
-            f'font-family="DejaVu Sans">{drawn}{self._join_parts()}</svg>'
+            f'font-family="DejaVu Sans">{content}</svg>'
         )
 
-    def render(self, dpi: int, *, transparent: bool = False) -> bytes:
+    def render(self, dpi: int) -> bytes:
         """The page as a PNG file; the same page has the same bytes."""
         import resvg_py
 
-        svg = self.build_svg(dpi, transparent=transparent)
+        svg = self.build_svg(dpi)
         return resvg_py.svg_to_bytes(
             svg_string=svg, skip_system_fonts=True, font_files=list_font_files(svg),
-            background=None if transparent else "white",
+            background="white",
         )  # fmt: skip
-
-    def _join_parts(self) -> str:
-        return "".join(part for _, part in sorted(self._parts, key=lambda part: part[0]))
-
-    def _add(self, order: float, tag: str, words: str | None, style: Mapping[str, Style]) -> None:
-        """A part with an end of its own if it has words."""
-        written = "".join(f' {k.replace("_", "-")}="{value}"' for k, value in style.items())
-        end = "/>" if words is None else f">{escape(words)}</text>"
-        self._parts.append((order, f"<{tag}{written}{end}"))
 
 
 def create_page(width: float, height: float) -> Drawing:
@@ -160,8 +184,3 @@ def measure_block(
     """Width and height of lines of text [points]."""
     high = _ASCENT + _DESCENT + (len(lines) - 1) * (_ASCENT * spacing + _DESCENT)
     return max(measure_text(line, size, bold=bold) for line in lines), high * size
-
-
-def _trace(points: FloatArray, closed: bool) -> str:
-    """[N, 2] points on the page as the commands of a path."""
-    return "M" + "L".join(f"{x:.2f} {y:.2f}" for x, y in points.tolist()) + "Z" * closed

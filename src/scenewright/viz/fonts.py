@@ -54,7 +54,7 @@ def measure_text(text: str, size: float, *, bold: bool = False) -> float:
     """Width of one line, without kerning, in units of `size`; other scripts count as squares."""
     own = find_faces()["regular"]
     usual = "".join(c for c in text if find_font(c) == own)
-    font = _open_font(find_faces()["bold" if bold else "regular"])
+    font = _open_file(find_faces()["bold" if bold else "regular"], _MEASURED)
     return size * (font.getlength(usual) / _MEASURED + len(text) - len(usual))
 
 
@@ -68,18 +68,25 @@ def find_font(character: str) -> str | None:
 def _has_character(file: str, character: str) -> bool:
     """Whether its glyph differs from that of a character which no font has."""
     try:
-        font = _open_font(file)
+        font = _open_file(file, _MEASURED)
         glyph, missing = (font.getmask(each, mode="1") for each in (character, "\uffff"))
     except OSError:
         return False
     return glyph.size != missing.size or bytes(glyph) != bytes(missing)
 
 
+def open_font(text: str, size: int, *, bold: bool) -> FreeTypeFont:
+    """A font [pixels] for a text: one that has its first character that the usual face lacks."""
+    faces = find_faces()
+    other = (file for file in map(find_font, text) if file not in (None, faces["regular"]))
+    return _open_file(next(other, None) or faces["bold" if bold else "regular"], size)
+
+
 @cache
-def _open_font(file: str) -> FreeTypeFont:
+def _open_file(file: str, size: int) -> FreeTypeFont:
     from PIL import ImageFont
 
-    return ImageFont.truetype(file, _MEASURED, layout_engine=ImageFont.Layout.BASIC)
+    return ImageFont.truetype(file, size, layout_engine=ImageFont.Layout.BASIC)
 
 
 @cache

@@ -65,15 +65,15 @@ class LabelLayout:
 
     def _compute_costs(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """[C] what boxes with these corners [C, 2] [m] cover."""
-        points = np.vstack([np.empty((0, 2)), *self.points])
-        covered = ((points > low[:, None]) & (points < high[:, None])).all(axis=2).sum(axis=1)
+        x, y = np.vstack([np.empty((0, 2)), *self.points]).T
+        inside = (x > low[:, :1]) & (x < high[:, :1]) & (y > low[:, 1:]) & (y < high[:, 1:])
         boxes = np.array(self.boxes).reshape(-1, 4)
         apart = (low[:, None] >= boxes[:, 2:]) | (high[:, None] <= boxes[:, :2])
         overlaps = (~apart.any(axis=2)).sum(axis=1)
         west, east, south, north = self.axes.view
         margin = 0.01 * (east - west)
         outside = (low < (west + margin, south + margin)) | (high > (east - margin, north - margin))
-        return np.asarray(covered + 40.0 * overlaps + 400.0 * outside.any(axis=1))
+        return np.asarray(inside.sum(axis=1) + 40.0 * overlaps + 400.0 * outside.any(axis=1))
 
 
 def _compute_reach(angle: float, size: FloatArray) -> float:
