@@ -75,13 +75,15 @@ def run_rollout(
         if waypoints is not None:
             goal, due = _select_next_waypoints(waypoints, now, wanted, lead)
         scene = Observed(filled[:, max(0, now - config.observed) : now], classes, goal, due)
-        predicted = net.predict(scene, steps=wanted)
+        part = filled[:, now : now + ahead]
+        open_ = np.isnan(part) & ~gone[:, now : now + ahead, None]
+        # Who is not predicted stays where it is, so all are if there is a second stride.
+        asked = open_.any(axis=(1, 2)) if wanted <= config.stride else None
+        predicted = net.predict(scene, steps=wanted, wanted=asked)
         drawn = predicted.xy[:, :ahead].astype(np.float64)
         if noise is not None:
             drawn = drawn + _sample_offsets(predicted, noise[:, now])[:, :ahead]
-        part = filled[:, now : now + ahead]
-        filled[:, now : now + ahead] = np.where(np.isnan(part), drawn, part)
-        filled[gone] = np.nan
+        part[open_] = drawn[open_]
         now += ahead
     return filled
 
