@@ -23,7 +23,6 @@ from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.config import (
     BEFORE,
     CLASSES,
-    GOAL_FEATURES,
     LATE,
     OUTPUTS,
     PAIR_FEATURES,
@@ -39,12 +38,12 @@ _HEADING_STEPS = 4
 """Steps of which the direction of an agent is taken."""
 _BEYOND = np.float32(7.905)
 """Where the hyperbolic tangent is 1 in single precision."""
-_ODD = tuple(np.array([4.89352455891786e-03, 6.37261928875436e-04, 1.48572235717979e-05,
-    5.12229709037114e-08, -8.60467152213735e-11, 2.00018790482477e-13, -2.76076847742355e-16],
+_ODD = tuple(np.array([-2.76076847742355e-16, 2.00018790482477e-13, -8.60467152213735e-11,
+    5.12229709037114e-08, 1.48572235717979e-05, 6.37261928875436e-04, 4.89352455891786e-03],
     np.float32))  # fmt: skip
-_EVEN = tuple(np.array([4.89352518554385e-03, 2.26843463243900e-03, 1.18534705686654e-04,
-    1.19825839466702e-06], np.float32))  # fmt: skip
-"""Coefficients of x^1, x^3, ... above and x^0, x^2, ... below the line (those of Eigen)."""
+_EVEN = tuple(np.array([1.19825839466702e-06, 1.18534705686654e-04, 2.26843463243900e-03,
+    4.89352518554385e-03], np.float32))  # fmt: skip
+"""Coefficients of x^13, x^11, ... above and x^6, x^4, ... below the line (those of Eigen)."""
 
 
 class Observed(NamedTuple):
@@ -86,24 +85,20 @@ class _Linear(NamedTuple):
     bias: Floats
 
 
-class _Cell(NamedTuple):
-    """An LSTM's [in, 4 hidden] and [hidden, 4 hidden] weights, gates input, forget, cell, output."""
-
-    read: _Linear
-    memory: Floats
-
-
 class _Layers(NamedTuple):
     """The weights, those of pooling empty in a network without it.
 
     Attributes:
         unit: [C] usual distance in a step [m] by class; reach: [C] to neighbours [m].
-        kind: [C, embedding] what is added for each class.
         walking: see `RefinerConfig`; NaN for None.
+        kind: [C, embedding] what is added for each class.
+        encoder, decoder: LSTMs that read input and output, gates input, forget, cell, output.
     """
 
     unit: Floats
     reach: Floats
+    neighbours: int
+    walking: float
     kind: Floats
     past: _Linear
     shortcut: _Linear
@@ -113,10 +108,8 @@ class _Layers(NamedTuple):
     impression: _Linear
     pool: _Linear
     output: _Linear
-    encoder: _Cell
-    decoder: _Cell
-    neighbours: int
-    walking: float
+    encoder: _Linear
+    decoder: _Linear
 
 
 class _Present(NamedTuple):
@@ -184,37 +177,22 @@ class RefinerNetwork:
     @cached_property
     def _layers(self) -> _Layers:
         c, weights = self.config, self.weights
-        empty = np.zeros((0, 0), dtype=np.float32)
-
-        def get(name: str) -> _Linear:
-            weight = np.ascontiguousarray(weights.get(f"{name}.weight", empty).T)
-            none = np.zeros(weight.shape[1], dtype=np.float32)
-            return _Linear(weight, weights.get(f"{name}.bias", none))
-
-        def get_cell(name: str, end: str) -> _Cell:
-            read, memory = (
-                np.ascontiguousarray(weights[f"{name}.weight_{part}{end}"].T)
-                for part in ("ih", "hh")
-            )
+        pairs = []
+        for name in ("past_embedding", "shortcut", "motion_embedding", "memory", "pair",
+                     "impression", "pool", "output"):  # fmt: skip
+            weight = weights.get(f"{name}.weight", np.zeros((0, 0), np.float32)).T
+            pairs.append((weight, weights.get(f"{name}.bias", np.zeros(weight.shape[1], "f4"))))
+        for name, end in (("encoder", "_l0"), ("decoder", "")):
+            read, memory = (weights[f"{name}.weight_{part}{end}"].T for part in ("ih", "hh"))
             bias = weights[f"{name}.bias_ih{end}"] + weights[f"{name}.bias_hh{end}"]
-            return _Cell(_Linear(read, bias), memory)
-
+            pairs.append((np.concatenate((read, memory)), bias))
         return _Layers(
-            unit=np.array(c.pace, dtype=np.float32) * np.float32(c.step),
-            reach=np.array(c.reach, dtype=np.float32),
-            kind=weights["class_embedding.weight"],
-            past=get("past_embedding"),
-            shortcut=get("shortcut"),
-            motion=get("motion_embedding"),
-            memory=get("memory"),
-            pair=get("pair"),
-            impression=get("impression"),
-            pool=get("pool"),
-            output=get("output"),
-            encoder=get_cell("encoder", "_l0"),
-            decoder=get_cell("decoder", ""),
-            neighbours=c.neighbours,
-            walking=np.nan if c.walking is None else c.walking,
+            np.array(c.pace, dtype=np.float32) * np.float32(c.step),
+            np.array(c.reach, dtype=np.float32),
+            c.neighbours,
+            np.nan if c.walking is None else c.walking,
+            weights["class_embedding.weight"],
+            *(_Linear(np.ascontiguousarray(weight), bias) for weight, bias in pairs),
         )
 
 
@@ -241,15 +219,17 @@ def _predict(
     for step in range(0, steps, stride):
         if step > 0:
             near = _find_nearest(now.xy, wanted, classes, layers)
-        read = _look(now, aims, step, along, classes, wanted, near, slot, h, layers)
+        read = _look(now, aims, step, along, classes, wanted, layers)
+        if len(layers.pool.bias):
+            seen = _pool(now, along, classes, wanted, near, slot, h, layers)
+            read = np.concatenate((read, seen), axis=1)
         h, c = h[slot[wanted]], c[slot[wanted]]
         slot[wanted] = np.arange(len(wanted))
         _advance(layers.decoder, read, h, c)
-        changes = _apply(layers.output, h)
-        for w in range(len(wanted)):
-            i = wanted[w]
+        learned = _apply(layers.output, h)
+        for w, i in enumerate(wanted):
             _move(
-                now, i, changes[w], aims[i], step, along[i], classes[i], layers, out[i], spread[i]
+                now, i, learned[w], aims[i], step, along[i], classes[i], layers, out[i], spread[i]
             )
     return out, spread, along
 
@@ -258,58 +238,52 @@ def _predict(
 def _observe(xy: Floats, classes: Places, unit: Floats) -> tuple[Floats, Floats, _Present]:
     """Directions [N, 2], past moves as the network reads them [N, T - 1, 5], and the present."""
     n, last = len(xy), xy.shape[1] - 1
+    early, then = last - min(LATE, last - 1), last - min(BEFORE, last)
     along, past = np.zeros((n, 2), np.float32), np.zeros((n, last, 5), np.float32)
     both, move = np.zeros(last + 1, np.bool_), np.zeros((last + 1, 2), np.float32)
-    now = _Present(
-        xy[:, last].copy(), np.zeros((n, 2), np.float32), np.zeros((n, 2), np.float32),
-        np.zeros((n, 2), np.float32), np.zeros(n, np.float32), np.zeros(n, np.float32),
-    )  # fmt: skip
+    change, before = np.zeros((n, 2), np.float32), np.zeros((n, 2), np.float32)
+    now = _Present(xy[:, last].copy(), change.copy(), change, before,
+                   np.zeros(n, np.float32), np.zeros(n, np.float32))  # fmt: skip
     for i in range(n):
         first = last
         for k in range(last - 1, max(last - 1 - _HEADING_STEPS, -1), -1):
             first = first if np.isnan(xy[i, k, 0]) else k
-        x, y = xy[i, last, 0] - xy[i, first, 0], xy[i, last, 1] - xy[i, first, 1]
+        x, y = xy[i, last] - xy[i, first]
         length = np.sqrt(x * x + y * y)
         along[i, 0] = x / length if length > 1e-6 else 1.0
         along[i, 1] = y / length if length > 1e-6 else 0.0
         for k in range(1, last + 1):
-            x, y = xy[i, k, 0] - xy[i, k - 1, 0], xy[i, k, 1] - xy[i, k - 1, 1]
-            both[k] = not np.isnan(x)
-            move[k, 0], move[k, 1] = (x, y) if both[k] else (np.float32(0.0), np.float32(0.0))
-            own = past[i, k - 1]
-            own[0], own[1] = _turn_back(move[k], along[i])
-            own[0], own[1] = own[0] / unit[classes[i]], own[1] / unit[classes[i]]
+            both[k] = not np.isnan(xy[i, k, 0] - xy[i, k - 1, 0])
+            move[k] = xy[i, k] - xy[i, k - 1] if both[k] else np.zeros(2, np.float32)
+            x, y = _turn_back(move[k], along[i])
+            past[i, k - 1, 0], past[i, k - 1, 1] = x / unit[classes[i]], y / unit[classes[i]]
+            past[i, k - 1, 4] = both[k]
             if both[k] and both[k - 1]:
-                own[2], own[3] = (
-                    5.0 * (own[0] - past[i, k - 2, 0]),
-                    5.0 * (own[1] - past[i, k - 2, 1]),
-                )
-            own[4] = both[k]
-        early, before = last - min(LATE, last - 1), last - min(BEFORE, last)
-        if both[early : last + 1].all():
-            now.change[i] = (move[last] - move[early]) / np.float32(last - early)
+                past[i, k - 1, 2:4] = np.float32(5.0) * (past[i, k - 1, :2] - past[i, k - 2, :2])
+        if both[early:].all():
+            change[i] = (move[last] - move[early]) / np.float32(last - early)
         now.move[i], now.moved[i] = move[last], both[last]
-        if not np.isnan(xy[i, before, 0]):
-            now.before[i], now.known[i] = xy[i, before], 1.0
+        if not np.isnan(xy[i, then, 0]):
+            before[i], now.known[i] = xy[i, then], 1.0
     return along, past, now
 
 
 @compiled
 def _find_nearest(xy: Floats, wanted: Places, classes: Places, layers: _Layers) -> Places:
-    """[W, K] the nearest neighbours within reach of each, in any order; -1 for none."""
-    near = np.full((len(wanted), layers.neighbours if len(layers.memory.bias) else 0), -1)
-    for w in range(len(wanted)):
-        i = wanted[w]
-        apart = np.empty(len(xy), np.float32)
-        for j in range(len(xy)):
-            x, y = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-            apart[j] = np.inf if i == j else np.sqrt(x * x + y * y)
-        for k in range(near.shape[1]):
+    """[R, 2] places in `wanted`, and of their nearest neighbours within reach among all agents."""
+    most = min(layers.neighbours, len(xy) - 1)
+    pairs, count = np.empty((len(wanted) * most, 2), np.int64), 0
+    for w, i in enumerate(wanted):
+        away = xy - xy[i]
+        apart = np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1])
+        apart[i] = np.inf
+        for _ in range(most):
             j = np.argmin(apart)
             if apart[j] >= layers.reach[classes[i]]:
                 break
-            near[w, k], apart[j] = j, np.inf
-    return near
+            pairs[count, 0], pairs[count, 1], apart[j] = w, j, np.inf
+            count += 1
+    return pairs[:count]
 
 
 @compiled
@@ -320,55 +294,34 @@ def _encode(
 
     Who is neither wanted nor near to such a one is left out. All that stand have one row.
     """
-    slot, asked = np.full(len(past), -1), np.zeros(len(past), np.bool_)
+    asked, rows = np.zeros(len(past), np.bool_), np.empty(len(past), np.int64)
     asked[wanted] = True
-    for w in range(len(near)):
-        for j in near[w]:
-            if j >= 0:
-                asked[j] = True
-    stand, rows, count = np.full(len(CLASSES), -1), np.empty(len(past), np.int64), 0
-    for i in range(len(past)):
-        if not asked[i]:
-            continue
+    asked[near[:, 1]] = True
+    slot, stand, count = np.full(len(past), -1), np.full(len(CLASSES), -1), 0
+    for i in np.flatnonzero(asked):
         stands = past[i, :, 4].all() and not past[i, :, :2].any()
-        if stands and stand[classes[i]] >= 0:
-            slot[i] = stand[classes[i]]
-            continue
-        if stands:
-            stand[classes[i]] = count
-        slot[i], rows[count] = count, i
-        count += 1
-    rows = rows[:count]
-    own = past[rows]
-    h = np.zeros((count, len(layers.encoder.memory)), np.float32)
+        slot[i] = stand[classes[i]] if stands else -1
+        if slot[i] < 0:
+            slot[i], rows[count] = count, i
+            stand[classes[i]] = count if stands else stand[classes[i]]
+            count += 1
+    own, kinds = past[rows[:count]], classes[rows[:count]]
+    h = np.zeros((count, len(layers.encoder.bias) // 4), np.float32)
     c = np.zeros_like(h)
     for k in range(past.shape[1]):
-        read = _apply(layers.past, np.ascontiguousarray(own[:, k]))
-        for r in range(count):
-            read[r] += layers.kind[classes[rows[r]]]
-        _rectify(read)
-        _advance(layers.encoder, read, h, c)
+        _advance(layers.encoder, _embed(layers.past, own[:, k].copy(), kinds, layers), h, c)
     h += _rectify(_apply(layers.shortcut, own.reshape(count, -1)))
     return slot, h, c
 
 
 @compiled
 def _look(
-    now: _Present,
-    aims: Floats,
-    step: int,
-    along: Floats,
-    classes: Places,
-    wanted: Places,
-    near: Places,
-    slot: Places,
-    memory: Floats,
+    now: _Present, aims: Floats, step: int, along: Floats, classes: Places, wanted: Places,
     layers: _Layers,
-) -> Floats:
-    """[W, embedding + pooled] what each reads: its own motion, its goal, and its neighbours."""
+) -> Floats:  # fmt: skip
+    """[W, embedding] what each reads of its own motion, and of its goal."""
     motion = np.zeros((len(wanted), len(layers.motion.weight)), np.float32)
-    for w in range(len(wanted)):
-        i = wanted[w]
+    for w, i in enumerate(wanted):
         unit, own = layers.unit[classes[i]], motion[w]
         x, y = _turn_back(now.move[i], along[i])
         own[0], own[1], own[2] = x / unit, y / unit, now.moved[i]
@@ -382,31 +335,27 @@ def _look(
                 own[7] = min(max(x / left / unit, -4.0), 4.0)
                 own[8] = min(max(y / left / unit, -4.0), 4.0)
                 own[9] = 1.0
-    motion = _apply(layers.motion, motion)
-    for w in range(len(wanted)):
-        motion[w] += layers.kind[classes[wanted[w]]]
-    _rectify(motion)
-    if near.shape[1] == 0:
-        return motion
-    counts = (near >= 0).sum(axis=1)
-    pairs, p = np.empty((counts.sum(), PAIR_FEATURES), np.float32), 0
-    for w in range(len(wanted)):
-        for j in near[w, : counts[w]]:
-            i = wanted[w]
-            _compare(now, i, j, along[i], layers.unit[classes[i]], classes[j], pairs[p])
-            p += 1
-    seen, messages, p = _apply(layers.pair, pairs), _apply(layers.memory, memory), 0
-    for w in range(len(wanted)):
-        for j in near[w, : counts[w]]:
-            seen[p] += messages[slot[j]]
-            p += 1
-    impressions, p = _rectify(_apply(layers.impression, _rectify(seen))), 0
+    return _embed(layers.motion, motion, classes[wanted], layers)
+
+
+@compiled
+def _pool(
+    now: _Present, along: Floats, classes: Places, wanted: Places, near: Places, slot: Places,
+    memory: Floats, layers: _Layers,
+) -> Floats:  # fmt: skip
+    """[W, pooled] the strongest impressions that the nearest neighbours make."""
+    pairs = np.empty((len(near), PAIR_FEATURES), np.float32)
+    for p, (w, j) in enumerate(near):
+        i = wanted[w]
+        _compare(now, i, j, along[i], layers.unit[classes[i]], classes[j], pairs[p])
+    seen, messages = _apply(layers.pair, pairs), _apply(layers.memory, memory)
+    for p, (_, j) in enumerate(near):
+        seen[p] += messages[slot[j]]
+    impressions = _rectify(_apply(layers.impression, _rectify(seen)))
     strongest = np.zeros((len(wanted), impressions.shape[1]), np.float32)
-    for w in range(len(wanted)):
-        for _ in range(counts[w]):
-            strongest[w] = np.maximum(strongest[w], impressions[p])
-            p += 1
-    return np.concatenate((motion, _rectify(_apply(layers.pool, strongest))), axis=1)
+    for p, (w, _) in enumerate(near):
+        strongest[w] = np.maximum(strongest[w], impressions[p])
+    return _rectify(_apply(layers.pool, strongest))
 
 
 @compiled
@@ -436,17 +385,9 @@ def _compare(
 
 @compiled
 def _move(
-    now: _Present,
-    i: int,
-    learned: Floats,
-    aims: Floats,
-    step: int,
-    along: Floats,
-    kind: int,
-    layers: _Layers,
-    places: Floats,
-    spread: Floats,
-) -> None:
+    now: _Present, i: int, learned: Floats, aims: Floats, step: int, along: Floats, kind: int,
+    layers: _Layers, places: Floats, spread: Floats,
+) -> None:  # fmt: skip
     """Write the places [P, 2] and spread [P, 3] of an agent from a step on, and move it there.
 
     Args:
@@ -486,10 +427,9 @@ def _turn_back(vector: Floats, along: Floats) -> tuple[float, float]:
 
 
 @compiled
-def _advance(cell: _Cell, read: Floats, h: Floats, c: Floats) -> None:
+def _advance(cell: _Linear, read: Floats, h: Floats, c: Floats) -> None:
     """Advance output h and memory c of an LSTM [M, hidden] by a step."""
-    gates, width = _apply(cell.read, read), h.shape[1]
-    _multiply(h, cell.memory, gates)
+    gates, width = _apply(cell, np.concatenate((read, h), axis=1)), h.shape[1]
     for r in range(len(h)):
         enter, forget = gates[r, :width], gates[r, width : 2 * width]
         fresh, leave = gates[r, 2 * width : 3 * width], gates[r, 3 * width :]
@@ -500,21 +440,30 @@ def _advance(cell: _Cell, read: Floats, h: Floats, c: Floats) -> None:
 
 
 @compiled
-def _squash(x: float) -> float:
+def _embed(layer: _Linear, x: Floats, kinds: Places, layers: _Layers) -> Floats:
+    y = _apply(layer, x)
+    for r in range(len(y)):
+        y[r] += layers.kind[kinds[r]]
+    return _rectify(y)
+
+
+@compiled
+def _squash(x: np.float32) -> np.float32:
     half = np.float32(0.5)
     return half + half * _tanh(half * x)
 
 
 @compiled
-def _tanh(x: float) -> float:
+def _tanh(x: np.float32) -> np.float32:
     """The hyperbolic tangent in single precision, of which loops become vectors."""
     x = min(max(x, -_BEYOND), _BEYOND)
-    t = x * x
-    above = _ODD[6]
-    for k in range(5, -1, -1):
-        above = above * t + _ODD[k]
-    below = ((_EVEN[3] * t + _EVEN[2]) * t + _EVEN[1]) * t + _EVEN[0]
-    return x * above / below
+    t, above, below = x * x, _ODD[0], _EVEN[0]
+    for each in _ODD[1:]:
+        above = above * t + each
+    for each in _EVEN[1:]:
+        below = below * t + each
+    y: np.float32 = x * above / below
+    return y
 
 
 @compiled
