@@ -587,7 +587,7 @@ def test_everybody_rolls_straight_on_and_known_positions_stay() -> None:
 
 def test_the_next_waypoint_is_the_goal() -> None:
     waypoints = Waypoints(np.array([[[1.0, 0.0], [2.0, 0.0]]]), np.array([[12.0, 14.0]]))
-    goal, due = _select_next_waypoints(waypoints, 11, 6)
+    goal, due = _select_next_waypoints(*waypoints, 11, 6, np.zeros(1, dtype=np.int64))
     assert goal[0, :, 0].tolist()[:4] == [1.0, 1.0, 2.0, 2.0]
     assert np.isnan(goal[0, 4:]).all()
     assert due[0].tolist()[:4] == [2.0, 2.0, 4.0, 4.0]
@@ -597,6 +597,6 @@ def test_each_agent_can_look_further_ahead_than_the_others() -> None:
     """Whoever leads by two heads for the second waypoint from two steps before the first is due."""
     places = np.broadcast_to(np.array([[1.0, 0.0], [2.0, 0.0]]), (2, 2, 2))
     waypoints = Waypoints(places, np.broadcast_to(np.array([12.0, 16.0]), (2, 2)))
-    goal, due = _select_next_waypoints(waypoints, 10, 4, np.array([0, 2]))
+    goal, due = _select_next_waypoints(*waypoints, 10, 4, np.array([0, 2]))
     assert goal[:, :, 0].tolist() == [[1.0, 1.0, 1.0, 2.0], [1.0, 2.0, 2.0, 2.0]]
     assert due.tolist() == [[3.0, 3.0, 3.0, 7.0], [3.0, 7.0, 7.0, 7.0]]

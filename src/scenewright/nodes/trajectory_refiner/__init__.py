@@ -183,7 +183,7 @@ def _refine_motions(
         for name in changed:
             refine(name)
         # Who would come too close to another gets less, as both keep their distance unrefined.
-        crowded = find_crowded(tracks, edited, shapes)
+        crowded = find_crowded(tracks, edited, shapes, changed)
         changed = [name for name in guides if name in crowded and shares[name] > 0.0]
         shares |= {name: max(each for each in SHARES if each < shares[name]) for name in changed}
     for name in guides:

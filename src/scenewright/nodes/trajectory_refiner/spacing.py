@@ -5,10 +5,11 @@ The edited priors keep their distances, as the solver saw to it; the network kno
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.solver.path_conflict import compute_clearance
@@ -25,16 +26,25 @@ _STRIDE = 5
 """Samples from one at which that is looked at to the next."""
 _ASIDE = 0.5
 """How far beside the footprint of the one behind the one ahead may be in a bend [m]."""
-_ALONG = np.cos(np.radians(30.0))
+_ALONG = float(np.cos(np.radians(30.0)))
 
 
 def find_crowded(
-    refined: Mapping[str, Track], edited: Mapping[str, Track], shapes: Mapping[str, Shape]
+    refined: Mapping[str, Track],
+    edited: Mapping[str, Track],
+    shapes: Mapping[str, Shape],
+    among: Collection[str] | None = None,
 ) -> frozenset[str]:
-    """Find agents that come closer to another than is usual, and closer than unrefined."""
+    """Find agents that come closer to another than is usual, and closer than unrefined.
+
+    Args:
+        among: pairs without any of these are left out; none is if None.
+    """
     found: set[str] = set()
     for one, two in _list_near_pairs(refined, shapes):
         sizes = (shapes[one], shapes[two])
+        if among is not None and one not in among and two not in among:
+            continue
         if all(each.type == "pedestrian" for each in sizes):
             continue
         now = _measure_room(refined[one], refined[two], sizes)
@@ -75,9 +85,9 @@ def _measure_room(one: Track, two: Track, shapes: tuple[Shape, Shape]) -> FloatA
     first, second = (_cut(each, begin, count) for each in (one, two))
     apart = np.hypot(*(second - first)[:, :2].T)
     if all(each.type != "pedestrian" for each in shapes):
-        turned = (shapes[1], shapes[0])
+        sizes = (shapes[0].length + shapes[1].length) / 2, (shapes[0].width + shapes[1].width) / 2
         room[0] = min(
-            _measure_headway(first, second, shapes), _measure_headway(second, first, turned)
+            _measure_headway(first, second, *sizes), _measure_headway(second, first, *sizes)
         )
     near = apart < sum(np.hypot(each.length, each.width) / 2 for each in shapes) + _CLEARANCE
     if near.any():
@@ -94,15 +104,24 @@ def _cut(track: Track, begin: float, count: int) -> FloatArray:
     return poses
 
 
-def _measure_headway(behind: FloatArray, ahead: FloatArray, shapes: tuple[Shape, Shape]) -> float:
-    """Least time gap [s] of one to another ahead of it in its lane; inf if never there."""
-    cos, sin = np.cos(behind[:, 2]), np.sin(behind[:, 2])
-    dx, dy = (ahead - behind)[:, :2].T
-    along, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
-    beside = (shapes[0].width + shapes[1].width) / 2 + _ASIDE
-    in_lane = (along > 0.0) & (aside < beside) & (np.cos(ahead[:, 2] - behind[:, 2]) > _ALONG)
-    if not in_lane.any():
-        return np.inf
-    speed = np.hypot(*np.gradient(behind[:, :2], STEP, axis=0).T)
-    gap = (along - (shapes[0].length + shapes[1].length) / 2) / np.maximum(speed, _SLOWEST)
-    return float(gap[in_lane].min())
+@compiled
+def _measure_headway(behind: FloatArray, ahead: FloatArray, lengths: float, widths: float) -> float:
+    """Least time gap [s] of one to another ahead of it in its lane; inf if never there.
+
+    Args:
+        behind, ahead: [N, 3] poses of both; lengths, widths: half of what both measure [m].
+    """
+    least, last = np.inf, len(behind) - 1
+    for k in range(len(behind)):
+        dx, dy = ahead[k, 0] - behind[k, 0], ahead[k, 1] - behind[k, 1]
+        first, second = behind[max(k - 1, 0)], behind[min(k + 1, last)]
+        moved = np.hypot(second[0] - first[0], second[1] - first[1])
+        speed = max(moved / (STEP * (min(k + 1, last) - max(k - 1, 0))), _SLOWEST)
+        if np.hypot(dx, dy) - lengths - widths - _ASIDE > (_HEADWAY + _LESS) * speed:
+            continue  # a gap too long to count
+        cos, sin = np.cos(behind[k, 2]), np.sin(behind[k, 2])
+        along, aside = dx * cos + dy * sin, abs(dy * cos - dx * sin)
+        same = np.cos(ahead[k, 2] - behind[k, 2]) > _ALONG
+        if same and along > 0.0 and aside < widths + _ASIDE:
+            least = min(least, (along - lengths) / speed)
+    return least

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.geometry.spline import interpolate_clamped
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
@@ -219,19 +220,25 @@ def _compute_progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArra
 
     Beyond its end the path goes straight on: an agent ahead of its prior leaves sooner, not slower.
     """
-    seen = np.isfinite(xy).all(axis=1) & np.isfinite(near)
-    progress = np.full(len(xy), np.nan)
-    if not seen.any():
-        return progress
-    away = xy[seen, None] - path.xy[None]
-    square = (away**2).sum(-1)
-    square[np.abs(path.s[None] - near[seen, None]) > _ASIDE] = np.inf
-    k = square.argmin(axis=1)
-    off = away[np.arange(len(k)), k]
-    along = off[:, 0] * np.cos(path.heading[k]) + off[:, 1] * np.sin(path.heading[k])
-    spacing = path.s[1] - path.s[0]
-    ahead = np.where(k == len(path.s) - 1, np.inf, spacing)
-    progress[seen] = np.maximum(path.s[k] + np.clip(along, -spacing, ahead), 0.0)
+    return _find_progress(np.ascontiguousarray(xy), near, path.s, path.xy, path.heading)
+
+
+@compiled
+def _find_progress(
+    xy: FloatArray, near: FloatArray, s: FloatArray, nodes: FloatArray, heading: FloatArray
+) -> FloatArray:
+    progress, spacing = np.full(len(xy), np.nan), s[1] - s[0]
+    for t in range(len(xy)):
+        if np.isnan(xy[t, 0]) or np.isnan(near[t]):
+            continue
+        k, least = 0, np.inf
+        for n in range(len(s)):
+            dx, dy = xy[t, 0] - nodes[n, 0], xy[t, 1] - nodes[n, 1]
+            if abs(s[n] - near[t]) <= _ASIDE and dx * dx + dy * dy < least:
+                k, least = n, dx * dx + dy * dy
+        dx, dy = xy[t, 0] - nodes[k, 0], xy[t, 1] - nodes[k, 1]
+        along = max(dx * np.cos(heading[k]) + dy * np.sin(heading[k]), -spacing)
+        progress[t] = max(s[k] + (along if k == len(s) - 1 else min(along, spacing)), 0.0)
     return progress
 
 

@@ -8,11 +8,12 @@ over time, so that a small enough share of any deviation from a feasible prior i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP
@@ -55,7 +56,7 @@ _BEGUN = 12
 _FAINT = 0.02
 """How little it counts next to the prior, beside 1 further off."""
 _FIRM = 1e7
-_SHARES = np.array([1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2, 0.1, 0.05])
+_SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2, 0.1, 0.05)
 _AT_END = 0.1
 """Slack with which a prior leaves at the end of its path [m]."""
 _CREEP, _LONGEST = 0.5, 300
@@ -106,19 +107,10 @@ def _add_share(
     most: float,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Arc lengths with the largest share of a change that the limits allow, and that share [T]."""
-    share = np.zeros(len(s))
-    # Who gets less gets less than it had, so that counts first which share it would have had.
-    broken = np.logical_or.reduce(
-        [
-            _find_broken(s + each * _SHARES[:, None] * change, s, path, limits)
-            for each in {1.0, most}
-        ]
+    parts = np.array([(part.start, part.stop) for part in find_free_parts(kept)], dtype=np.int64)
+    share = _find_shares(
+        s, change, parts.reshape(-1, 2), most, astuple(limits), path.s, path.curvature
     )
-    for part in find_free_parts(kept):
-        wide = slice(max(part.start - _NEAR, 0), part.stop + _NEAR)
-        good = np.flatnonzero(~broken[:, wide].any(axis=1))
-        if len(good):
-            share[part] = most * _SHARES[good[0]]
     return s + share * change, share
 
 
@@ -146,9 +138,7 @@ def smooth_proposal(
     Args:
         over: such periods [s], far from where the prior is kept and near it.
     """
-    from scipy import linalg
-
-    n, solve = len(prior), linalg.solveh_banded
+    n = len(prior)
     if n < 8:
         return prior
     far, near = ((2.0 * np.sin(np.pi * STEP / each)) ** -6 for each in over)
@@ -161,8 +151,7 @@ def smooth_proposal(
         for k in range(j, 4):
             bands[k - j, j : n - 3 + j] += penalty * third[j] * third[k]
     target = np.where(kept, prior, proposal)
-    found = np.asarray(solve(bands, weight * target, lower=True, check_finite=False))
-    return np.where(kept, prior, found)
+    return np.where(kept, prior, _solve_banded(bands, weight * target))
 
 
 def _find_joints(kept: BoolArray, count: int) -> BoolArray:
@@ -190,34 +179,81 @@ def find_free_parts(kept: BoolArray) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def _find_broken(
-    tried: FloatArray, prior: FloatArray, path: Path, limits: KinematicLimits
-) -> BoolArray:
-    """[S, T] samples at which arc lengths [S, T] break a limit that the prior keeps there."""
-    speed, acceleration = _compute_rates(tried)
-    own_speed, own_acceleration = (each[0] for each in _compute_rates(prior[None]))
-    curvature = np.abs(np.interp(tried, path.s, path.curvature))
-    own_lateral = own_speed**2 * np.abs(np.interp(prior, path.s, path.curvature))
-    return np.asarray(
-        (np.diff(tried, axis=1, prepend=tried[:, :1]) < 0.0)
-        | (tried < 0.0)
-        | (speed > _compute_allowed(limits.speed, own_speed))
-        | (acceleration > _compute_allowed(limits.acceleration, own_acceleration))
-        | (-acceleration > _compute_allowed(limits.braking, -own_acceleration))
-        | (speed**2 * curvature > _compute_allowed(limits.lateral, own_lateral))
-    )
+# ---- as machine code ----------------------------------------------------------------------------
 
 
-def _compute_allowed(limit: float, own: FloatArray) -> FloatArray:
-    """[T] the limit, or the most that the prior itself does within half a second."""
-    wide = np.pad(own, _NEAR, mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * _NEAR + 1)
-    return np.asarray(np.maximum(limit, windows.max(axis=1)))
+@compiled
+def _solve_banded(bands: FloatArray, x: FloatArray) -> FloatArray:
+    """Solve a symmetric system in place: its diagonal and those below it [4, N], right side [N]."""
+    n = len(x)
+    for j in range(n):
+        for k in range(1, min(4, n - j)):
+            ratio = bands[k, j] / bands[0, j]
+            x[j + k] -= ratio * x[j]
+            for m in range(k, 4):
+                bands[m - k, j + k] -= ratio * bands[m, j]
+    for j in range(n - 1, -1, -1):
+        for k in range(1, min(4, n - j)):
+            x[j] -= bands[k, j] * x[j + k]
+        x[j] /= bands[0, j]
+    return x
 
 
-def _compute_rates(s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """[S, T] speed and acceleration along the path, as section 5 has them, ends held."""
-    speed = np.gradient(s, STEP, axis=1)
-    wide = np.pad(speed, ((0, 0), (2, 2)), mode="edge")
-    rate = (wide[:, 4:] + wide[:, 3:-1] - wide[:, 1:-3] - wide[:, :-4]) / (6 * STEP)
-    return speed, rate
+@compiled
+def _find_shares(
+    s: FloatArray,
+    change: FloatArray,
+    parts: NDArray[np.int64],
+    most: float,
+    limits: tuple[float, float, float, float],
+    nodes: FloatArray,
+    curvature: FloatArray,
+) -> FloatArray:
+    """[T] the largest share of a change that breaks no limit which the prior s [T] keeps there.
+
+    Args:
+        parts: [P, 2] first sample of each part with a share of its own, and that behind its last.
+        limits: those of `KinematicLimits`; nodes, curvature: of the path [m], [1/m].
+    """
+    own, allowed = _compute_rates(s, nodes, curvature), np.empty((4, len(s)))
+    for t in range(len(s)):
+        for k in range(4):
+            allowed[k, t] = max(limits[k], own[k, max(t - _NEAR, 0) : t + _NEAR + 1].max())
+    share = np.zeros(len(s))
+    for each in _SHARES:
+        if share[parts[:, 0]].all():
+            break
+        broken = np.zeros(len(s), np.bool_)
+        # Who gets less gets less than it had, so that counts first which share it would have had.
+        for size in (each, each * most):
+            tried = s + size * change
+            rates = _compute_rates(tried, nodes, curvature)
+            for t in range(len(s)):
+                broken[t] |= tried[t] < max(tried[max(t - 1, 0)], 0.0)
+                for k in range(4):
+                    broken[t] |= rates[k, t] > allowed[k, t]
+        for begin, end in parts:
+            if share[begin] == 0.0 and not broken[max(begin - _NEAR, 0) : end + _NEAR].any():
+                share[begin:end] = most * each
+    return share
+
+
+@compiled
+def _compute_rates(s: FloatArray, nodes: FloatArray, curvature: FloatArray) -> FloatArray:
+    """[4, T] speed, acceleration, braking and lateral acceleration, as section 5 has them."""
+    rates, last, k = np.empty((4, len(s))), len(s) - 1, 0
+    for t in range(len(s)):
+        before, after = max(t - 1, 0), min(t + 1, last)
+        rates[0, t] = (s[after] - s[before]) / (STEP * (after - before))
+    speed = rates[0]
+    for t in range(len(s)):
+        gained = speed[min(t + 2, last)] + speed[min(t + 1, last)]
+        rate = (gained - speed[max(t - 1, 0)] - speed[max(t - 2, 0)]) / (6 * STEP)
+        while k < len(nodes) - 2 and nodes[k + 1] <= s[t]:
+            k += 1
+        while k > 0 and nodes[k] > s[t]:
+            k -= 1
+        into = min(max((s[t] - nodes[k]) / (nodes[k + 1] - nodes[k]), 0.0), 1.0)
+        bend = curvature[k] + into * (curvature[k + 1] - curvature[k])
+        rates[1, t], rates[2, t], rates[3, t] = rate, -rate, speed[t] * speed[t] * abs(bend)
+    return rates

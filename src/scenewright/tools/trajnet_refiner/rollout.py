@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.network import (
     Observed,
@@ -67,21 +68,24 @@ def run_rollout(
     if until is not None:
         gone = np.arange(columns) >= until[:, None]
     filled[gone] = np.nan
+    early = np.zeros(len(known), dtype=np.int64) + lead
     now = 1
     while now < columns:
         ahead = min([steps, columns - now, *(end - now for end in ends if end > now)])
         wanted = config.predicted if keep is None else steps
         goal, due = None, None
         if waypoints is not None:
-            goal, due = _select_next_waypoints(waypoints, now, wanted, lead)
+            goal, due = _select_next_waypoints(*waypoints, now, wanted, early)
         scene = Observed(filled[:, max(0, now - config.observed) : now], classes, goal, due)
-        predicted = net.predict(scene, steps=wanted)
+        part = filled[:, now : now + ahead]
+        open_ = np.isnan(part) & ~gone[:, now : now + ahead, None]
+        # Who is not predicted stays where it is, so all are if there is a second stride.
+        asked = np.asarray(open_.any(axis=(1, 2))) if wanted <= config.stride else None
+        predicted = net.predict(scene, steps=wanted, wanted=asked)
         drawn = predicted.xy[:, :ahead].astype(np.float64)
         if noise is not None:
             drawn = drawn + _sample_offsets(predicted, noise[:, now])[:, :ahead]
-        part = filled[:, now : now + ahead]
-        filled[:, now : now + ahead] = np.where(np.isnan(part), drawn, part)
-        filled[gone] = np.nan
+        part[open_] = drawn[open_]
         now += ahead
     return filled
 
@@ -103,24 +107,24 @@ def _list_ends(known: FloatArray) -> list[int]:
     return sorted({int(each) for each in ends})
 
 
+@compiled
 def _select_next_waypoints(
-    waypoints: Waypoints, now: int, steps: int, lead: int | Places = 0
+    places: FloatArray, due: FloatArray, now: int, steps: int, lead: Places
 ) -> tuple[FloatArray, FloatArray]:
     """Per predicted step the next waypoint, [N, P, 2], and [N, P] steps from `now` to it.
 
     A step's own waypoint counts: due at column `now` means due at the first predicted step. After
     the last waypoint there is no goal.
+
+    Args:
+        places, due, lead: as `run_rollout` has them.
     """
-    due = np.nan_to_num(waypoints.due, nan=-1.0)[:, None]
-    column = (now + np.arange(steps))[:, None]
-    early = np.asarray(lead)[..., None, None]
-    last = (due == due.max(axis=-1, keepdims=True)) & (due >= column)
-    later = np.where((due >= column + early) | last, due, np.inf)
-    which = later.argmin(axis=-1)
-    when = np.take_along_axis(later, which[..., None], axis=-1)[..., 0]
-    places = np.take_along_axis(waypoints.xy, which[..., None], axis=1)
-    none = np.isinf(when)
-    return (
-        np.where(none[..., None], np.nan, places),
-        np.where(none, np.nan, when - now + 1),
-    )
+    goal, when = np.full((len(due), steps, 2), np.nan), np.full((len(due), steps), np.nan)
+    for n in range(len(due)):
+        last = np.nanmax(due[n])
+        for step in range(steps):
+            for k in range(due.shape[1]):
+                counts = due[n, k] >= now + step + (0 if due[n, k] == last else lead[n])
+                if counts and not due[n, k] - now + 1 >= when[n, step]:
+                    goal[n, step], when[n, step] = places[n, k], due[n, k] - now + 1
+    return goal, when
