@@ -84,7 +84,6 @@ class AgentDraft:
         relatives: (word, other agent or None): opposite, mutual, of_left, of_right, same,
             lateral, other, exit_crosswalk, entry_crosswalk.
         head: the noun it was introduced with.
-        announced: named by a heading only, so far.
         generic: introduced by a bare plural.
         words: plain words it was described with, such as colours.
         motion: how a pedestrian crosses, where the text says so; members: of a group on foot.
@@ -105,7 +104,6 @@ class AgentDraft:
     relatives: list[tuple[str, AgentDraft | None]] = field(default_factory=list)
     turned: bool = False
     generic: bool = False
-    announced: bool = False
     words: frozenset[str] = frozenset()
     reaction: AskedReaction | None = None
     motion: PedestrianMotion | VehicleMotion | None = None

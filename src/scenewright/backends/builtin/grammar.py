@@ -65,7 +65,7 @@ def build_modifiers(chunks: Sequence[Chunk]) -> list[Node]:
         means, end, values = best
         result.append(Modifier(means, values, tuple(chunks[at:end])))
         at = end
-    return _add_implied_heads(result)
+    return result
 
 
 def _find_best_rule(chunks: Sequence[Chunk], at: int) -> tuple[str, int, tuple[str, ...]] | None:
@@ -95,101 +95,6 @@ def _mark_places(chunks: Sequence[Chunk]) -> list[Chunk]:
                 continue
         result.append(chunk)
     return result
-
-
-def _add_implied_heads(nodes: list[Node]) -> list[Node]:
-    """ "NB left turn vs SB through" and "a left-turner" name vehicles without the noun."""
-    result: list[Node] = []
-    for at, node in enumerate(nodes):
-        result.append(node)
-        after = nodes[at + 1] if at + 1 < len(nodes) else None
-        if isinstance(after, Chunk) and after.has("AGENT"):
-            continue
-        if _is_noun_shared(nodes, at):
-            result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
-            continue
-        if _is_against(nodes, at):
-            result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
-            continue
-        if _is_turner(node) or (
-            _is_movement_noun(node) and _is_bare_bound(nodes, at) and _is_phrase_end(after)
-        ):
-            result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
-    return result
-
-
-def _is_noun_shared(nodes: Sequence[Node], at: int) -> bool:
-    """ "southbound and westbound cars" and "one southbound and one westbound car" are two."""
-    following = list(nodes[at : at + 5])
-    if len(following) > 3 and _is_count_of_one(following[2]):
-        del following[2]
-    if len(following) < 4:
-        return False
-    first, link, second, noun = following[:4]
-    before = nodes[at - 1] if at else None
-    if isinstance(before, Chunk) and before.has("AGENT"):
-        return False  # "a car turning left and a westbound bus"
-    directions = all(
-        isinstance(n, Modifier) and n.means in {"bound", "turn"} for n in (first, second)
-    )
-    joined = isinstance(link, Chunk) and link.text == "and"
-    return directions and joined and isinstance(noun, Chunk) and noun.has("AGENT")
-
-
-def _is_against(nodes: Sequence[Node], at: int) -> bool:
-    """ "eastbound vs northbound" are two vehicles."""
-    node = nodes[at]
-    if not (isinstance(node, Modifier) and node.means == "bound" and len(node.chunks) == 1):
-        return False
-    sides = [nodes[i] if 0 <= i < len(nodes) else None for i in (at - 1, at + 1)]
-    versus = [isinstance(n, Chunk) and n.text in {"vs", "versus", "x"} for n in sides]
-    moves = sides[1] is not None and _is_movement_noun(sides[1])
-    return any(versus) and not moves and not (at and _is_agent(nodes[at - 1]))
-
-
-def _is_count_of_one(node: Node) -> bool:
-    return isinstance(node, Chunk) and (
-        node.tags.get("NUMBER") == "1" or node.tags.get("DET") in {"indefinite", "definite"}
-    )
-
-
-def _is_turner(node: Node) -> bool:
-    last = node.chunks[-1] if isinstance(node, Modifier) else node
-    return last.words[-1] in {"turner", "turners"} or (
-        last.has("REDRUN") and last.words[-1] == "runner"
-    )
-
-
-def _is_movement_noun(node: Node) -> bool:
-    if isinstance(node, Modifier):
-        return node.means in {"turn", "straight", "uturn"} and not node.first.endswith("ing")
-    return node.has("THROUGH", "LEFT", "RIGHT") and len(node.words) == 1
-
-
-def _is_bare_bound(nodes: Sequence[Node], at: int) -> bool:
-    before = nodes[at - 1] if at else None
-    if not (isinstance(before, Modifier) and before.means == "bound" and len(before.chunks) == 1):
-        return False
-    opener = nodes[at - 2] if at >= 2 else None
-    if isinstance(opener, Chunk) and len(opener.text) == 1 and at >= 3 and _is_agent(nodes[at - 3]):
-        return False
-    return not (
-        isinstance(opener, Chunk)
-        and (
-            opener.has("AGENT", "NUMBER", "BE", "BOTH")
-            or (opener.mark in {",", "("} and at >= 3 and _is_agent(nodes[at - 3]))
-        )
-    )
-
-
-def _is_agent(node: Node) -> bool:
-    return isinstance(node, Chunk) and node.has("AGENT", "NUMBER")
-
-
-def _is_phrase_end(after: Node | None) -> bool:
-    if after is None:
-        return True
-    return isinstance(after, Chunk) and not after.has("DET", "AGENT", "XWALK", "ROAD", "LANE")
 
 
 def _can_start(pattern: tuple[_Item, ...], chunk: Chunk) -> bool:
@@ -237,39 +142,11 @@ def _fits(item: _Item, chunk: Chunk) -> bool:
     return False
 
 
-_MEANINGFUL = frozenset(
-    [
-        "AGENT",
-        "COLLIDE",
-        "YIELD",
-        "NEAR",
-        "FOLLOW",
-        "WAIT",
-        "LET",
-        "COMMA",
-        "COLON",
-        "NEGATION",
-        "DET",
-        "PRONOUN",
-        "WHO",
-        "BE",
-        "AND",
-        "BAD_AGENT",
-        "LETTER",
-        "COMPASS",
-        "BOUND",
-        "LEFT",
-        "RIGHT",
-        "STRAIGHT",
-        "XWALK",
-        "CROSS",
-        "FROM",
-        "TO",
-        "EXIT",
-        "NUMBER",
-        "BY",
-    ]
-)
+_MEANINGFUL = {
+    "AGENT", "COLLIDE", "YIELD", "NEAR", "FOLLOW", "WAIT", "LET", "COMMA", "COLON", "NEGATION",
+    "DET", "PRONOUN", "WHO", "BE", "AND", "BAD_AGENT", "LETTER", "COMPASS", "BOUND", "LEFT",
+    "RIGHT", "STRAIGHT", "XWALK", "CROSS", "FROM", "TO", "EXIT", "NUMBER", "BY",
+}  # fmt: skip
 
 
 def _is_plain(chunk: Chunk) -> bool:

@@ -14,33 +14,11 @@ from rapidfuzz.distance import OSA
 
 from scenewright.backends.builtin.normalise import Token, split_tokens, stem
 
-_MENDED_TAGS = [
-    "AGENT",
-    "COLLIDE",
-    "YIELD",
-    "NEAR",
-    "FOLLOW",
-    "WAIT",
-    "COMPASS",
-    "BOUND",
-    "XWALK",
-    "CROSS",
-    "TURN",
-    "JAYWALK",
-    "TIMEWORD",
-    "DENSITY",
-    "OPPOSITE",
-    "LEG",
-    "STRAIGHT",
-    "HEAD",
-    "FROM",
-    "NEGATION",
-    "ALMOST",
-    "BAD_AGENT",
-    "SIGNAL",
-    "LEVEL",
-    "TRAFFIC_NOUN",
-]
+_MENDED_TAGS = {
+    "AGENT", "COLLIDE", "YIELD", "NEAR", "FOLLOW", "WAIT", "COMPASS", "BOUND", "XWALK", "CROSS",
+    "TURN", "JAYWALK", "TIMEWORD", "DENSITY", "OPPOSITE", "LEG", "STRAIGHT", "HEAD", "FROM",
+    "NEGATION", "ALMOST", "BAD_AGENT", "SIGNAL", "LEVEL", "TRAFFIC_NOUN",
+}  # fmt: skip
 
 _EXACT_TAGS = frozenset({"IGNORE", "CORRECTION", "NOBODY"})
 

@@ -14,28 +14,10 @@ _PREMODIFIER_RULES = frozenset(
     {"bound", "from_to", "uturn", "straight", "from", "leg", "crosswalk"}
 )
 _ADJECTIVE_TAGS = [
-    "YIELD",
-    "OPPOSITE",
-    "JAYWALK",
-    "TURN",
-    "WAIT",
-    "CROSS",
-    "FOLLOW",
-    "BACKGROUND",
-    "ACROSS",
-    "THROUGH",
-    "STRAIGHT",
-    "REDRUN",
-    "HEAD",
-    "UTURN",
-    "LEVEL",
-    "DENSITY",
-    "XWALK",
-    "SAME",
-    "EXIT",
-    "NEAR",
-    "FROM",
-]
+    "YIELD", "OPPOSITE", "JAYWALK", "TURN", "WAIT", "CROSS", "FOLLOW", "BACKGROUND", "ACROSS",
+    "THROUGH", "STRAIGHT", "REDRUN", "HEAD", "UTURN", "LEVEL", "DENSITY", "XWALK", "SAME", "EXIT",
+    "NEAR", "FROM",
+]  # fmt: skip
 _PARTICIPLES = frozenset(
     {"lead", "following", "leading", "trailing", "stopped", "waiting", "turning", "yielding"}
 )
@@ -74,11 +56,8 @@ class Mention:
     label: str | None = None
     counted: bool = False
     plural: bool = False
-    jaywalking: bool = False
     background: bool = False
     mass: bool = False
-    of_group: int = 0
-    first_word: str = ""
     possessive: bool = False
     words: tuple[str, ...] = ()
     role: str | None = None
@@ -116,7 +95,7 @@ class _NounPhrases:
         while at < len(self.nodes):
             node = self.nodes[at]
             if isinstance(node, Chunk) and node.has("AGENT") and not self._is_verbal(node, at):
-                return self._read_head(mention, node, start, at)
+                return self._read_head(mention, node, at)
             if not self._read_premodifier(mention, node, start, at):
                 break
             at += 1
@@ -213,14 +192,8 @@ class _NounPhrases:
     def _is_adjectival(self, node: Chunk, at: int, opened: bool) -> bool:
         after = self.nodes[at + 1] if at + 1 < len(self.nodes) else None
         last = node.words[-1]
-        if node.has("OPPOSITE", "BACKGROUND", "ACROSS", "THROUGH") and node.words[0] not in {
-            "in",
-            "from",
-            "around",
-            "nearby",
-            "besides",
-            "elsewhere",
-        }:
+        place = node.words[0] in {"in", "from", "around", "nearby", "besides", "elsewhere"}
+        if node.has("OPPOSITE", "BACKGROUND", "ACROSS", "THROUGH") and not place:
             return True
         if node.text in _PARTICIPLES and isinstance(after, Chunk) and after.has("AGENT"):
             return opened or not self._is_after_be(at)
@@ -262,9 +235,7 @@ class _NounPhrases:
             return 99
         return run
 
-    def _read_head(
-        self, mention: Mention, node: Chunk, start: int, at: int
-    ) -> tuple[Mention, int] | None:
+    def _read_head(self, mention: Mention, node: Chunk, at: int) -> tuple[Mention, int] | None:
         value = node.tags["AGENT"]
         if value == "traffic":
             return self._read_traffic(mention, at)
@@ -273,8 +244,6 @@ class _NounPhrases:
         label = self._label(at)
         if label is not None and (mention.det in {"bare", "definite"} and not mention.counted):
             mention.label, at = label, at + 1
-        first = self.nodes[start]
-        mention.first_word = first.words[0] if isinstance(first, Chunk) else first.first
         self._set_number(mention, node)
         return mention, at
 
@@ -285,7 +254,6 @@ class _NounPhrases:
             mention.subtype = None
         elif mention.type == "vehicle":
             mention.subtype = extra or None
-        mention.jaywalking = extra == "jaywalking"
         said = {node.text, *(premod.text for premod in mention.premods)}
         mention.role = next((role for word, role in _ROLES.items() if word in said), None)
         if mention.possessive and mention.type == "pedestrian":
@@ -309,20 +277,9 @@ class _NounPhrases:
     def _set_number(self, mention: Mention, node: Chunk) -> None:
         word = node.words[-1]
         irregular = {
-            "people",
-            "children",
-            "men",
-            "women",
-            "ladies",
-            "lorries",
-            "gentlemen",
-            "folks",
-            "passersby",
-            "schoolchildren",
-            "buses",
-            "busses",
-            "persons",
-        }
+            "people", "children", "men", "women", "ladies", "lorries", "gentlemen", "folks",
+            "passersby", "schoolchildren", "buses", "busses", "persons",
+        }  # fmt: skip
         mention.plural = word in irregular or (
             word.endswith("s")
             and word not in {"bus", "minibus", "mercedes", "prius"}
@@ -380,17 +337,17 @@ class _NounPhrases:
             and one
         ):
             det = "one" if node.text == "one" else det
-            return Mention(None, None, det, 1, "one", first_word=node.text), start + (
+            return Mention(None, None, det, 1, "one"), start + (
                 2 if one and node.text != "one" else 1
             )
         gapped = det in {"other", "first", "second", "third"} and node.words[0] == "the"
         if gapped and _is_phrase_start(after):
-            return Mention(None, None, det, 1, "one", first_word=node.text), start + 1
+            return Mention(None, None, det, 1, "one"), start + 1
         ordinal = det in {"first", "second", "third"} and self._is_predicated(after)
         if ordinal or (
             det in {"other", "another"} and node.text != "other" and self._is_predicated(after)
         ):
-            return Mention(None, None, det, 1, "one", first_word=node.text), start + 1
+            return Mention(None, None, det, 1, "one"), start + 1
         return None
 
     def _is_predicated(self, after: Node | None) -> bool:
