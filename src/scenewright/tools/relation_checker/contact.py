@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
     Box,
     IntArray,
     Pose,
@@ -188,6 +190,22 @@ class PairGrid:
     def reach(self) -> FloatArray:
         """[N] radius of the circle round each footprint [m]."""
         return np.array([m.reach for m in self.tracks])
+
+    def find_rows(self, pairs: Collection[tuple[int, int]]) -> BoolArray:
+        """[M] whether the pair of a row is one of these pairs of positions, in either order."""
+        rows = np.sort(np.array([*pairs], dtype=np.intp).reshape(-1, 2))
+        return np.isin(self._number(self.pairs), self._number(rows))
+
+    def list_near(self, place: FloatArray, time: float, *, within: float) -> list[Trajectory]:
+        """Movers that are present about a time [s] no further than this from a place [m]."""
+        k, last = round((time - self.times[0]) / STEP) - self.first, np.diff(self.origin) - 1
+        there = np.flatnonzero((k >= -1) & (k <= last + 1))
+        sample = self.origin[there] + np.minimum(np.maximum(k[there], 0), last[there])
+        away = self.xy[sample] - place
+        return [self.tracks[n] for n in there[np.hypot(*away.T) <= within].tolist()]
+
+    def _number(self, pairs: IntArray) -> IntArray:
+        return np.asarray(pairs[:, 0] * len(self.tracks) + pairs[:, 1])
 
 
 def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) -> PairGrid:

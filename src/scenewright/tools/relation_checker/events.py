@@ -244,12 +244,15 @@ class _EventSearch:
 
     def _list_rows(self, braked: Collection[int]) -> list[int]:
         """Rows of the pairs that may have an event; many others never have to do with another."""
-        i, j = self.grid.pairs.T
-        meet = [pair in self.by_pair for pair in zip(i.tolist(), j.tolist(), strict=True)]
-        waits = np.array(self._cut_off, dtype=np.bool_)
-        rides = np.array([m.is_rider for m in self.tracks], dtype=np.bool_)
-        wanted = np.array(meet, dtype=np.bool_) | waits[i] | waits[j]
-        wanted |= (rides[i] != rides[j]) & np.isfinite(self.near.least)
+        asked = [(self._index[a], self._index[b]) for a, b in self.asked]
+        waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
+        wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
+        wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
+        rides, drives = (
+            np.array(each, dtype=np.bool_)[self.grid.pairs].T
+            for each in ([m.is_rider for m in self.tracks], [m.is_vehicle for m in self.tracks])
+        )
+        wanted |= (rides[0] != rides[1]) & drives.all(axis=0) & np.isfinite(self.near.least)
         wanted[[*self.near.contacts, *braked]] = True
         return np.flatnonzero(wanted).tolist()
 
@@ -355,11 +358,12 @@ class _EventSearch:
         self, zone: PathConflictZone, giver: Trajectory, other: Trajectory, stay: ZoneOccupancy
     ) -> YieldContext:
         brink = float(np.interp(stay.enter, giver.times, giver.s)) + giver.nose
-        k = self._index[giver.id]
-        real = self.tracks[k]
-        others = [self.tracks[m] for m in self._neighbours[k] if self.tracks[m].id != other.id]
+        real = self.tracks[self._index[giver.id]]
 
         def has_leader(time: float) -> bool:
+            reach = 3.0 * float(real.speed.max()) + 20.0 + real.nose + float(self.grid.reach.max())
+            near = self.grid.list_near(real.at(np.array([time]))[0], time, within=reach)
+            others = (m for m in near if m is not real and m.id != other.id)
             return any(is_leading(real, m, time=time, before=brink) for m in others)
 
         def is_on_crosswalk(time: float) -> bool:
@@ -386,15 +390,6 @@ class _EventSearch:
     def _index(self) -> dict[int, int]:
         """Position of every mover, by id."""
         return {m.id: k for k, m in enumerate(self.tracks)}
-
-    @cached_property
-    def _neighbours(self) -> dict[int, list[int]]:
-        """Movers that each may have to do with, by position."""
-        table: dict[int, list[int]] = {}
-        for i, j in self.grid.pairs.tolist():
-            table.setdefault(i, []).append(j)
-            table.setdefault(j, []).append(i)
-        return table
 
     def _waits_for_another(self, giver: Trajectory, other: Trajectory, time: float) -> bool:
         """Whether the giver waits for yet another agent that a relation binds it to."""
@@ -550,7 +545,7 @@ def _find_crossers_ahead(grid: PairGrid, cut_off: Sequence[bool]) -> BoolArray:
         (*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type], m.end - since, cut,
          m.is_vehicle, m.half_width + m.radius, m.half_length)
         for m, since, cut in zip(grid.tracks, still, cut_off, strict=True)
-    ])  # fmt: skip
+    ]).reshape(-1, 9)  # fmt: skip
     sides = [
         _search_crossers_ahead(
             np.ascontiguousarray(pairs), table, grid.xy, grid.heading, grid.origin, grid.times,

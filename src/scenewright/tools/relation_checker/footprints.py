@@ -206,3 +206,18 @@ def _is_disc_beyond(seen: Pose, box: Box, near: float) -> bool:
     """Whether the middle of a disc, as seen from a rectangle, is further from it than `near`."""
     dx, dy = max(abs(seen[0]) - box[0], 0.0), max(abs(seen[1]) - box[1], 0.0)
     return dx * dx + dy * dy > near * near
+
+
+@compiled
+def meets_box(start: FloatArray, end: FloatArray, place: Pose, length: float, width: float) -> bool:
+    """Whether a segment touches a rectangle: none of three directions separates the two."""
+    east, north = (end[0] - start[0]) / 2, (end[1] - start[1]) / 2
+    x, y = (start[0] + end[0]) / 2 - place[0], (start[1] + end[1]) / 2 - place[1]
+    cos, sin = place[2], place[3]
+    run, rise = cos * east + sin * north, cos * x + sin * y
+    side, drift = cos * north - sin * east, cos * y - sin * x
+    return bool(
+        abs(rise) <= length / 2 + abs(run)
+        and abs(drift) <= width / 2 + abs(side)
+        and abs(run * drift - side * rise) <= length / 2 * abs(side) + width / 2 * abs(run) + 1e-12
+    )

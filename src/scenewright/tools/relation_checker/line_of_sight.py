@@ -4,14 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.footprints import BoolArray
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
+    IntArray,
+    make_pose,
+    meets_box,
+)
+from scenewright.tools.relation_checker.trajectory import (
+    Trajectory,
+    concatenate_samples,
+    interpolate_samples,
+)
 
 EYE_BEHIND_FRONT = 0.4
 """How far behind its front a vehicle's driver sits, as a share of its length."""
@@ -49,7 +60,7 @@ def find_first_visible(
 
     Args:
         objects: standing ones; those that are low are seen over.
-        vehicles: others that block the view where they are.
+        vehicles: what blocks the view where it is, but for the two themselves.
         until: the event [s].
     """
     begin = max(observer.start, subject.start)
@@ -81,19 +92,63 @@ def find_blocked_views(
     left_hand: bool = False,
 ) -> BoolArray:
     """[T] whether nothing of the subject can be seen: every line to it meets a high footprint."""
-    eyes = locate_eyes(observer, times, left_hand=left_hand)[:, None, :]
-    marks = locate_marks(subject, times)
-    met = np.zeros(marks.shape[:2], dtype=np.bool_)
-    for each in objects:
-        if each.height == "high":
-            place = np.array([[each.x, each.y]]), np.array([each.heading])
-            met |= meets_box(eyes, marks, *place, length=each.length, width=each.width)
-    for other in vehicles:
-        there = (times >= other.start - 1e-6) & (times <= other.end + 1e-6)
-        met |= there[:, None] & meets_box(
-            eyes, marks, *other.at(times), length=other.length, width=other.width
-        )
-    return np.asarray(met.all(axis=1))
+    eyes, marks = locate_eyes(observer, times, left_hand=left_hand), locate_marks(subject, times)
+    vehicles = tuple(vehicles)
+    table = _tabulate_vehicles(vehicles)
+    # Vehicles that never come between the two are left out at once.
+    views = np.concatenate((eyes, marks.reshape(-1, 2)))
+    room = (table[:, 2] + table[:, 3])[:, None]
+    met = (table[:, 4:6] - room <= views.max(axis=0, initial=-np.inf)).all(axis=1)
+    met &= (table[:, 6:] + room >= views.min(axis=0, initial=np.inf)).all(axis=1)
+    among = [n for n in np.flatnonzero(met).tolist() if vehicles[n] not in (observer, subject)]
+    standing = [(o.x, o.y, o.heading, o.length, o.width) for o in objects if o.height == "high"]
+    return _find_blocked_views(
+        eyes, marks, times, np.array(standing).reshape(-1, 5), np.array(among, dtype=np.intp),
+        table, *concatenate_samples(vehicles),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _tabulate_vehicles(vehicles: tuple[Trajectory, ...]) -> FloatArray:
+    """[N, 8] start and end [s], length, width and bounds [m]; movers are known by identity."""
+    rows = [(m.start, m.end, m.length, m.width, *m.bounds) for m in vehicles]
+    return np.array(rows).reshape(-1, 8)
+
+
+@compiled
+def _find_blocked_views(
+    eyes: FloatArray,
+    marks: FloatArray,
+    times: FloatArray,
+    standing: FloatArray,
+    among: IntArray,
+    vehicles: FloatArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    origin: IntArray,
+) -> BoolArray:
+    """[T] whether standing rectangles [K, 5], and `among` the vehicles [N, 8], meet every line."""
+    blocked = np.zeros(len(times), np.bool_)
+    for k in range(len(times)):
+        met = np.zeros(marks.shape[1], np.bool_)
+        for n in range(len(standing) + len(among)):
+            if n < len(standing):
+                x, y, facing, length, width = standing[n]
+            else:
+                m = among[n - len(standing)]
+                start, end, length, width = vehicles[m, :4]
+                if not start - 1e-6 <= times[k] <= end + 1e-6:
+                    continue
+                own = slice(origin[m], origin[m + 1])
+                there, turned = interpolate_samples(times[k : k + 1], start, xy[own], heading[own])
+                x, y, facing = there[0, 0], there[0, 1], turned[0]
+            place = make_pose(x, y, facing)
+            for i in range(len(met)):
+                met[i] |= meets_box(eyes[k], marks[k, i], place, length, width)
+            if met.all():
+                blocked[k] = True
+                break
+    return blocked
 
 
 def locate_eyes(observer: Trajectory, times: FloatArray, *, left_hand: bool = False) -> FloatArray:
@@ -123,30 +178,3 @@ def locate_marks(subject: Trajectory, times: FloatArray) -> FloatArray:
         ways = (along + across, along - across, -along - across, across - along)
         corners = np.stack([xy + way for way in ways], axis=1)
     return np.concatenate((xy[:, None, :], corners), axis=1)
-
-
-def meets_box(
-    start: FloatArray,
-    end: FloatArray,
-    middle: FloatArray,
-    heading: FloatArray,
-    *,
-    length: float,
-    width: float,
-) -> BoolArray:
-    """[T, M] whether segments touch a rectangle: none of three directions separates the two.
-
-    Args:
-        start, end: [T, 1 or M, 2] of the segments [m].
-        middle, heading: [T or 1, 2] and [T or 1] of the rectangle [m, rad].
-    """
-    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    half, centre = (end - start) / 2, (start + end) / 2 - middle[:, None, :]
-    run, rise = (cos * v[..., 0] + sin * v[..., 1] for v in (half, centre))
-    side, drift = (cos * v[..., 1] - sin * v[..., 0] for v in (half, centre))
-    return np.asarray(
-        (np.abs(rise) <= length / 2 + np.abs(run))
-        & (np.abs(drift) <= width / 2 + np.abs(side))
-        & (np.abs(run * drift - side * rise)
-           <= length / 2 * np.abs(side) + width / 2 * np.abs(run) + 1e-12)
-    )  # fmt: skip
