@@ -181,6 +181,11 @@ class PairGrid:
         return np.asarray(self.origin[:-1] - self.first)
 
     @cached_property
+    def samples(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Positions and headings of all samples, reach and sizes of all movers."""
+        return self.xy, self.heading, self.reach, self.sizes
+
+    @cached_property
     def sizes(self) -> FloatArray:
         """[3, N] half length, half width and radius of each footprint [m]."""
         rows = [(m.half_length, m.half_width, m.radius) for m in self.tracks]
@@ -238,65 +243,44 @@ def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class PairGaps:
-    """Gaps of all pairs at all times at which both are present.
+    """How near all pairs come.
 
     Attributes:
-        gaps: [G] signed distances [m], pair after pair, exact below `EXACT_BELOW`, else a lower
-            bound; begin: [M+1] where those of each pair begin.
-        least: [M] least gap of each pair [m]; inf where they are never both present.
+        grid: the pairs.
+        least: [M] least gap of each pair [m], exact below `EXACT_BELOW`, else a lower bound; inf
+            where they are never both present.
         contacts: first contact of each pair that has one, by row of `PairGrid.pairs`.
     """
 
-    gaps: FloatArray
-    begin: IntArray
+    grid: PairGrid
     least: FloatArray
     contacts: dict[int, FirstContact]
 
     def get_gaps(self, row: int) -> FloatArray:
         """Gaps [m] of a pair from the first to the last time at which both are present."""
-        return self.gaps[self.begin[row] : self.begin[row + 1]]
+        begin, count = self.grid.common[row]
+        a, b = (self.grid.shift[n] + begin for n in self.grid.pairs[row])
+        return np.array([
+            compute_gap_at((a + k, b + k), self.grid.pairs[row], *self.grid.samples)
+            for k in range(count)
+        ])  # fmt: skip
 
 
 def measure_pair_gaps(grid: PairGrid) -> PairGaps:
-    """Clearances and first contacts of all pairs; exact footprints only where centres are near."""
-    begin = np.cumsum([0, *grid.common[:, 1].tolist()])
-    gaps, least = _compute_all_gaps(
-        grid.pairs, grid.common, begin, grid.shift, grid.xy, grid.heading, grid.reach, grid.sizes
+    """Least gaps and first contacts of all pairs; exact footprints only where centres are near."""
+    starts = np.array([m.start for m in grid.tracks])
+    least, contact = _measure_pairs(
+        grid.pairs, grid.common, grid.times, grid.shift, grid.origin, starts, *grid.samples
     )
-    return PairGaps(gaps, begin, least, _find_first_contacts(grid, gaps, begin, least))
-
-
-def _find_first_contacts(
-    grid: PairGrid, gaps: FloatArray, begin: IntArray, least: FloatArray
-) -> dict[int, FirstContact]:
-    """By row of `PairGrid.pairs`; steps in which a gap may close get the continuous search."""
-    found: dict[int, FirstContact] = {}
-    for row in np.flatnonzero(least <= TOUCH).tolist():
-        first, second = (grid.tracks[k] for k in grid.pairs[row])
-        if gaps[begin[row]] <= TOUCH:
-            found[row] = FirstContact(max(first.start, second.start), True)
-    closing = _find_closing_steps(
-        grid.pairs, grid.common, begin, gaps, grid.shift, grid.xy, grid.heading, grid.reach,
-        grid.sizes,
-    )  # fmt: skip
-    for row, col in zip(*(each.tolist() for each in closing), strict=True):
-        if row not in found:
-            first, second = (grid.tracks[k] for k in grid.pairs[row])
-            time = _find_contact_in_step(
-                _get_states(first), _get_states(second), float(grid.times[col])
-            )
-            if np.isfinite(time):
-                found[row] = FirstContact(time, False)
-    return dict(sorted(found.items()))
+    contacts = {}
+    for row in np.flatnonzero(~np.isnan(contact)).tolist():
+        initial, both = contact[row] == -np.inf, starts[grid.pairs[row]]
+        contacts[row] = FirstContact(float(both.max() if initial else contact[row]), bool(initial))
+    return PairGaps(grid, least, contacts)
 
 
 State = tuple[float, FloatArray, FloatArray, float, Box]
 """Start [s], positions [T, 2] [m] and headings [T] of a track, its reach [m] and its size."""
-
-
-def _get_states(track: Trajectory) -> State:
-    size = track.half_length, track.half_width, track.radius
-    return track.start, track.xy, track.heading, track.reach, size
 
 
 # ---- as machine code ----------------------------------------------------------------------------
@@ -355,66 +339,104 @@ def _find_near_pairs(spans: FloatArray, bounds: FloatArray) -> tuple[IntArray, I
 
 
 @compiled
-def _compute_all_gaps(
+def _measure_pairs(
     pairs: IntArray,
     common: IntArray,
-    begin: IntArray,
+    times: FloatArray,
     shift: IntArray,
+    origin: IntArray,
+    starts: FloatArray,
     xy: FloatArray,
     heading: FloatArray,
     reach: FloatArray,
     sizes: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """[G] `PairGaps.gaps` and [M] the least of each pair."""
-    gaps, least = np.empty(begin[-1]), np.full(len(pairs), np.inf)
+    """[M] `PairGaps.least`, and [M] times of first contact: -inf from the start, NaN where none.
+
+    Steps in which a gap may close, after a look at their middle, get the continuous search; those
+    in which two are too far apart for it are passed over.
+    """
+    least, contact = np.full(len(pairs), np.inf), np.full(len(pairs), np.nan)
+    fastest = np.full(len(origin) - 1, 4 * TOUCH)
+    for n in range(len(fastest)):
+        for k in range(origin[n], origin[n + 1] - 1):
+            fastest[n] = max(fastest[n], _bound_motion(k, xy, heading, reach[n]))
     for row in range(len(pairs)):
         a, b = pairs[row, 0], pairs[row, 1]
-        for k in range(common[row, 1]):
-            i, j = shift[a] + common[row, 0] + k, shift[b] + common[row, 0] + k
-            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-            gap = np.sqrt(dx * dx + dy * dy) - (reach[a] + reach[b])
-            if gap < EXACT_BELOW:
-                one = make_pose(xy[i, 0], xy[i, 1], heading[i])
-                two = make_pose(xy[j, 0], xy[j, 1], heading[j])
-                gap = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
-            gaps[begin[row] + k] = gap
+        most, k, before = fastest[a] + fastest[b], 0, np.inf
+        while k < common[row, 1]:
+            column = common[row, 0] + k
+            i, j = shift[a] + column, shift[b] + column
+            gap = compute_gap_at((i, j), pairs[row], xy, heading, reach, sizes)
             least[row] = min(least[row], gap)
-    return gaps, least
+            if k == 0 and gap <= TOUCH:
+                contact[row] = -np.inf
+            may_close = np.isnan(contact[row]) and before < np.inf
+            if may_close and _closes((i - 1, j - 1), before, gap, pairs[row], xy, heading, reach,
+                                     sizes):  # fmt: skip
+                one = _get_state(a, starts, origin, xy, heading, reach, sizes)
+                two = _get_state(b, starts, origin, xy, heading, reach, sizes)
+                time = _find_contact_in_step(one, two, times[column - 1])
+                contact[row] = time if np.isfinite(time) else np.nan
+            ahead = int(min((gap - EXACT_BELOW) / most, gap / most - 0.5) - 1e-6)
+            before = gap if ahead <= 1 else np.inf
+            k += max(ahead, 1)
+    return least, contact
 
 
 @compiled
-def _find_closing_steps(
-    pairs: IntArray,
-    common: IntArray,
-    begin: IntArray,
-    gaps: FloatArray,
-    shift: IntArray,
+def _get_state(
+    n: int,
+    starts: FloatArray,
+    origin: IntArray,
     xy: FloatArray,
     heading: FloatArray,
     reach: FloatArray,
     sizes: FloatArray,
-) -> tuple[IntArray, IntArray]:
-    """Pairs and steps, in order, in which the gap may close, after a look at their middle."""
-    row: IntArray = np.empty(64, np.intp)
-    col: IntArray = np.empty(64, np.intp)
-    count = 0
-    for pair in range(len(pairs)):
-        a, b = pairs[pair, 0], pairs[pair, 1]
-        for k in range(common[pair, 1] - 1):
-            before, after = gaps[begin[pair] + k], gaps[begin[pair] + k + 1]
-            column = common[pair, 0] + k
-            i, j = shift[a] + column, shift[b] + column
-            most = _bound_motion(i, xy, heading, reach[a]) + _bound_motion(j, xy, heading, reach[b])
-            if before + after > most:
-                continue
-            one, two = _compute_pose_halfway(i, xy, heading), _compute_pose_halfway(j, xy, heading)
-            middle = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
-            if min(middle, middle + min(before, after) - most / 2) <= 0:
-                if count == len(row):
-                    row, col = double_room(row), double_room(col)
-                row[count], col[count] = pair, column
-                count += 1
-    return row[:count], col[:count]
+) -> State:
+    a, b = origin[n], origin[n + 1]
+    return starts[n], xy[a:b], heading[a:b], reach[n], get_box(sizes, n)
+
+
+@compiled
+def compute_gap_at(
+    samples: tuple[int, int],
+    pair: IntArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    reach: FloatArray,
+    sizes: FloatArray,
+) -> float:
+    """Gap of a pair [2] at a sample of each [m], exact below `EXACT_BELOW`, else a lower bound."""
+    (i, j), (a, b) = samples, (pair[0], pair[1])
+    dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+    gap = np.sqrt(dx * dx + dy * dy) - (reach[a] + reach[b])
+    if gap < EXACT_BELOW:
+        one = make_pose(xy[i, 0], xy[i, 1], heading[i])
+        two = make_pose(xy[j, 0], xy[j, 1], heading[j])
+        gap = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
+    return float(gap)
+
+
+@compiled
+def _closes(
+    samples: tuple[int, int],
+    before: float,
+    after: float,
+    pair: IntArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    reach: FloatArray,
+    sizes: FloatArray,
+) -> bool:
+    """Whether the gap of a pair may close between samples and the next, by a look at the middle."""
+    (i, j), (a, b) = samples, (pair[0], pair[1])
+    most = _bound_motion(i, xy, heading, reach[a]) + _bound_motion(j, xy, heading, reach[b])
+    if before + after > most:
+        return False
+    one, two = _compute_pose_halfway(i, xy, heading), _compute_pose_halfway(j, xy, heading)
+    middle = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
+    return bool(min(middle, middle + min(before, after) - most / 2) <= 0)
 
 
 @compiled

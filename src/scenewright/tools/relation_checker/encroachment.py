@@ -37,7 +37,7 @@ from scenewright.tools.relation_checker.trajectory import (
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
 STILL = 0.02
-BLOCK = 8
+BLOCK, LARGE = 8, 64
 SUBSTEPS = 5
 FINER = 3
 BATCH = 8
@@ -174,74 +174,25 @@ def _drop_shared_lanes(
 ) -> None:
     """Makes contacts of two of one class that are behind one another in one lane count no more."""
     rows = np.flatnonzero(pairs.parallel)
-    begin, end = pairs.begin[rows].tolist(), pairs.begin[rows + 1].tolist()
-    lanes = _find_shared_lanes(tracks, first[rows], second[rows])
-    for i, j, one, two in zip(begin, end, *lanes, strict=True):
-        if one is not None and two is not None:
-            in_lane = one.contains(occupancies.s[pairs.p[i:j]])
-            in_lane |= two.contains(occupancies.s[pairs.q[i:j]])
-            pairs.lag[i:j][in_lane] = np.inf
-
-
-@dataclass(frozen=True, eq=False)
-class _SharedLane:
-    """Stretches of one path that are shared with another, as arc lengths [m] of its centre."""
-
-    begin: FloatArray
-    end: FloatArray
-
-    def contains(self, s: FloatArray) -> BoolArray:
-        """Which positions lie in a shared stretch after its conflict zone."""
-        inside = (s[:, None] >= self.begin) & (s[:, None] <= self.end)
-        return np.asarray(inside.any(axis=1))
-
-
-def _find_shared_lanes(
-    tracks: tuple[Trajectory, ...], first: IntArray, second: IntArray
-) -> tuple[list[_SharedLane | None], list[_SharedLane | None]]:
-    """For pairs of movers, where the first is in the lane of the second, and the second in its."""
-    if len(first) == 0:
-        return [], []
-    lanes = get_lane_table(tracks)
-    pairs = [*zip(first, second, strict=True), *zip(second, first, strict=True)]
-    paths = [tracks[i].path.coarsen() for i, _ in pairs]
+    if not len(rows):
+        return
+    mine = np.concatenate((first[rows], second[rows]))
+    theirs = np.concatenate((second[rows], first[rows]))
+    paths = [tracks[n].path.coarsen() for n in mine.tolist()]
     size = [len(path.s) for path in paths]
-    beside = np.array([(tracks[i].width + tracks[j].width) / 2 for i, j in pairs])
+    width, nose = np.array([(m.width, m.nose) for m in tracks]).T
+    beside = np.repeat((width[mine] + width[theirs]) / 2, size)
     foot = project_each(
-        np.concatenate([path.xy for path in paths]), lanes,
-        np.repeat([j for _, j in pairs], size), within=np.repeat(beside, size),
+        np.concatenate([path.xy for path in paths]), get_lane_table(tracks),
+        np.repeat(theirs, size), within=beside,
     )  # fmt: skip
-    near = foot.lateral < np.repeat(beside, size)
+    near = foot.lateral < beside
     direction = np.concatenate([path.direction for path in paths])
     along = near & (compute_angle_between(direction, foot.direction) <= SHARED)
-    end = np.cumsum(size)
-    parts = [
-        _find_shared_lane(tracks[i], path.s, foot.s[k - n : k], near[k - n : k], along[k - n : k])
-        for (i, _), path, n, k in zip(pairs, paths, size, end, strict=True)
-    ]
-    return parts[: len(first)], parts[len(first) :]
-
-
-def _find_shared_lane(
-    track: Trajectory, s: FloatArray, foot: FloatArray, near: BoolArray, along: BoolArray
-) -> _SharedLane | None:
-    """Where the mover is in one lane with another, past the first 5 m of a merge."""
-    if not along.any():
-        return None
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], near, [False])).astype(np.int8)))
-    runs = [(i, j - 1) for i, j in edges.reshape(-1, 2) if along[i:j].any()]
-    stretches = [_skip_merge(track, s, foot, along, run) for run in runs]
-    begin, end = np.array(stretches).T
-    return _SharedLane(begin, end)
-
-
-def _skip_merge(
-    track: Trajectory, s: FloatArray, foot: FloatArray, along: BoolArray, run: tuple[int, int]
-) -> tuple[float, float]:
-    i, j = run
-    from_the_start = along[i] and (s[i] < 1.0 or foot[i] < 1.0)
-    begin = -np.inf if from_the_start else s[i] + MERGE_LENGTH + track.nose
-    return float(begin), float(s[j] + track.nose + 1.0)
+    _drop_stretches(
+        rows, pairs.begin, pairs.p, pairs.q, pairs.lag, occupancies.s, np.cumsum([0, *size]),
+        np.concatenate([path.s for path in paths]), foot.s, near, along, nose[mine],
+    )  # fmt: skip
 
 
 def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> list[Encounter]:
@@ -335,7 +286,8 @@ def _find_touching_pairs(
     horizon: float,
 ) -> tuple[IntArray, IntArray, FloatArray, IntArray, BoolArray]:
     """What `_OccupancyPairs` holds, of pairs of movers; blocks of places are looked at first."""
-    blocks = _bound_blocks(origin, reach, table)
+    large = _bound_blocks(origin, reach, table, LARGE)
+    blocks = _bound_blocks(origin, reach, table, BLOCK)
     p: IntArray = np.empty(256, np.intp)
     q: IntArray = np.empty(256, np.intp)
     lags: FloatArray = np.empty(256)
@@ -344,35 +296,111 @@ def _find_touching_pairs(
     aligned = np.cos(SHARED)
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
-        for i in range(origin[a], origin[a + 1], BLOCK):
-            for j in range(origin[b], origin[b + 1], BLOCK):
-                if not _may_touch(blocks[:, i], blocks[:, j], horizon):
-                    continue
-                for m in range(i, min(i + BLOCK, origin[a + 1])):
-                    for n in range(j, min(j + BLOCK, origin[b + 1])):
-                        lag = _bound_lag(m, n, reach, table, horizon)
-                        if lag == np.inf:
-                            continue
-                        if count == len(p):
-                            p, q, lags = double_room(p), double_room(q), double_room(lags)
-                        p[count], q[count], lags[count] = m, n, lag
-                        count += 1
-                        facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
-                        parallel[pair] |= alike[a] == alike[b] and facing >= aligned
+        for i, j in _list_blocks(a, b, origin, large, blocks, horizon):
+            for m in range(i, min(i + BLOCK, origin[a + 1])):
+                for n in range(j, min(j + BLOCK, origin[b + 1])):
+                    lag = _bound_lag(m, n, reach, table, horizon)
+                    if lag == np.inf:
+                        continue
+                    if count == len(p):
+                        p, q, lags = double_room(p), double_room(q), double_room(lags)
+                    p[count], q[count], lags[count] = m, n, lag
+                    count += 1
+                    facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
+                    parallel[pair] |= alike[a] == alike[b] and facing >= aligned
         begin[pair + 1] = count
     return p[:count], q[:count], lags[:count], begin, parallel
 
 
 @compiled
-def _bound_blocks(origin: IntArray, reach: FloatArray, table: FloatArray) -> FloatArray:
+def _list_blocks(
+    a: int, b: int, origin: IntArray, large: FloatArray, blocks: FloatArray, horizon: float
+) -> list[tuple[int, int]]:
+    """Where blocks of two movers begin that may touch; no place of large blocks that do not may."""
+    found = []
+    for wide in range(origin[a], origin[a + 1], LARGE):
+        for other in range(origin[b], origin[b + 1], LARGE):
+            if _may_touch(large[:, wide], large[:, other], horizon):
+                for i in range(wide, min(wide + LARGE, origin[a + 1]), BLOCK):
+                    for j in range(other, min(other + LARGE, origin[b + 1]), BLOCK):
+                        if _may_touch(blocks[:, i], blocks[:, j], horizon):
+                            found.append((i, j))
+    return found
+
+
+@compiled
+def _drop_stretches(
+    rows: IntArray,
+    begin: IntArray,
+    p: IntArray,
+    q: IntArray,
+    lag: FloatArray,
+    place: FloatArray,
+    origin: IntArray,
+    s: FloatArray,
+    foot: FloatArray,
+    near: BoolArray,
+    along: BoolArray,
+    nose: FloatArray,
+) -> None:
+    """Writes infinite lags where either of a pair is in a stretch shared with the other's lane."""
+    for k in range(len(rows)):
+        ends = origin[k], origin[k + 1]
+        ones = _find_stretches(ends, s, foot, near, along, nose[k])
+        ends = origin[k + len(rows)], origin[k + len(rows) + 1]
+        twos = _find_stretches(ends, s, foot, near, along, nose[k + len(rows)])
+        if len(ones) and len(twos):
+            for row in range(begin[rows[k]], begin[rows[k] + 1]):
+                if _is_within(place[p[row]], ones) or _is_within(place[q[row]], twos):
+                    lag[row] = np.inf
+
+
+@compiled
+def _find_stretches(
+    ends: tuple[int, int],
+    s: FloatArray,
+    foot: FloatArray,
+    near: BoolArray,
+    along: BoolArray,
+    nose: float,
+) -> FloatArray:
+    """[R, 2] where a mover is in one lane with another, past the first 5 m of a merge [m].
+
+    Of runs of points that are near it, of which any is along it.
+    """
+    found, count = np.zeros((ends[1] - ends[0], 2)), 0
+    start, shares = -1, False
+    for k in range(ends[0], ends[1]):
+        if not near[k]:
+            start, shares = -1, False
+            continue
+        start, shares = k if start < 0 else start, shares or along[k]
+        if shares and (k + 1 == ends[1] or not near[k + 1]):
+            initial = along[start] and (s[start] < 1.0 or foot[start] < 1.0)
+            found[count, 0] = -np.inf if initial else s[start] + MERGE_LENGTH + nose
+            found[count, 1] = s[k] + nose + 1.0
+            count += 1
+    return found[:count]
+
+
+@compiled
+def _is_within(s: float, stretches: FloatArray) -> bool:
+    for k in range(len(stretches)):
+        if stretches[k, 0] <= s <= stretches[k, 1]:
+            return True
+    return False
+
+
+@compiled
+def _bound_blocks(origin: IntArray, reach: FloatArray, table: FloatArray, size: int) -> FloatArray:
     """[5, K] circle round the block that begins at a place, and from when until when it is there.
 
     Of the circle twice the middle's x and y and twice the radius [m].
     """
     blocks = np.empty((5, len(reach)))
     for owner in range(len(origin) - 1):
-        for i in range(origin[owner], origin[owner + 1], BLOCK):
-            end = min(i + BLOCK, origin[owner + 1])
+        for i in range(origin[owner], origin[owner + 1], size):
+            end = min(i + size, origin[owner + 1])
             west = east = table[_SWEPT_X, i]
             south = north = table[_SWEPT_Y, i]
             widest = reach[i]

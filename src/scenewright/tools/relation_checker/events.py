@@ -34,6 +34,7 @@ from scenewright.tools.relation_checker.contact import (
     PairGaps,
     PairGrid,
     build_pair_grid,
+    compute_gap_at,
     find_common_times,
     find_contact_point,
     find_least_clearance,
@@ -45,7 +46,7 @@ from scenewright.tools.relation_checker.following import (
     find_followings,
     measure_lane_gaps,
 )
-from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, double_room
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.overtaking import find_close_overtaking
 from scenewright.tools.relation_checker.planar import geos
@@ -496,34 +497,61 @@ class _EventSearch:
     def _find_braked_pairs(self) -> dict[int, list[float]]:
         """By row of pairs: times of path TTC <= 1.5 s while one of the two brakes hard."""
         found: dict[int, list[float]] = {}
+        speed, acceleration = (
+            np.concatenate([np.zeros(0), *(getattr(m, name) for m in self.tracks)])
+            for name in ("speed", "acceleration")
+        )
         hard = [m.is_vehicle and (m.acceleration < -NEAR_MISS_BRAKING).any() for m in self.tracks]
-        brakes = np.array(hard, dtype=np.bool_)[self.grid.pairs].any(axis=1)
-        for row in np.flatnonzero(brakes & np.isfinite(self.near.least)).tolist():
+        steps = _find_hard_braking(
+            self.grid.pairs, self.grid.common, self.grid.shift, np.array(hard, dtype=np.bool_),
+            speed, acceleration, *self.grid.samples,
+        )  # fmt: skip
+        for row in np.unique(steps[0]).tolist():
             if row in self.near.contacts:
                 continue
-            i, j = self.grid.pairs[row].tolist()
-            times = self._find_hard_braking_times(row, self.tracks[i], self.tracks[j])
-            if len(times):
-                ttc = compute_path_ttc(
-                    self.tracks[i], self.tracks[j], times=times, horizon=NEAR_MISS_TTC
-                )
-                close = times[ttc <= NEAR_MISS_TTC]
-                if len(close):
-                    found[row] = close.tolist()
+            first, second = (self.tracks[n] for n in self.grid.pairs[row])
+            times = find_common_times(first, second)[steps[1][steps[0] == row]]
+            ttc = compute_path_ttc(first, second, times=times, horizon=NEAR_MISS_TTC)
+            close = times[ttc <= NEAR_MISS_TTC]
+            if len(close):
+                found[row] = close.tolist()
         return found
 
     @property
     def tracks(self) -> tuple[Trajectory, ...]:
         return self.grid.tracks
 
-    def _find_hard_braking_times(
-        self, row: int, first: Trajectory, second: Trajectory
-    ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        times = find_common_times(first, second)
-        i, j = first.find_indices(times), second.find_indices(times)
-        hard = np.minimum(first.acceleration[i], second.acceleration[j]) < -NEAR_MISS_BRAKING
-        reach = (first.speed[i] + second.speed[j]) * NEAR_MISS_TTC + 1.0
-        return np.asarray(times[hard & (self.near.get_gaps(row) <= reach)])
+
+@compiled
+def _find_hard_braking(
+    pairs: IntArray,
+    common: IntArray,
+    shift: IntArray,
+    hard: BoolArray,
+    speed: FloatArray,
+    acceleration: FloatArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    reach: FloatArray,
+    sizes: FloatArray,
+) -> tuple[IntArray, IntArray]:
+    """Rows and common samples at which one of two that come near brakes hard."""
+    row: IntArray = np.empty(64, np.intp)
+    step: IntArray = np.empty(64, np.intp)
+    count = 0
+    for n in range(len(pairs)):
+        a, b = pairs[n, 0], pairs[n, 1]
+        for k in range(common[n, 1] if hard[a] or hard[b] else 0):
+            i, j = shift[a] + common[n, 0] + k, shift[b] + common[n, 0] + k
+            if min(acceleration[i], acceleration[j]) >= -NEAR_MISS_BRAKING:
+                continue
+            ahead = (speed[i] + speed[j]) * NEAR_MISS_TTC + 1.0
+            if compute_gap_at((i, j), pairs[n], xy, heading, reach, sizes) <= ahead:
+                if count == len(row):
+                    row, step = double_room(row), double_room(step)
+                row[count], step[count] = n, k
+                count += 1
+    return row[:count], step[:count]
 
 
 def _slows(giver: Trajectory, *, until: float) -> bool:
@@ -543,9 +571,9 @@ def _find_crossers_ahead(grid: PairGrid, cut_off: Sequence[bool]) -> BoolArray:
              for m in grid.tracks]  # fmt: skip
     table = np.array([
         (*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type], m.end - since, cut,
-         m.is_vehicle, m.half_width + m.radius, m.half_length)
+         m.is_vehicle, m.half_width + m.radius, m.half_length, *m.bounds)
         for m, since, cut in zip(grid.tracks, still, cut_off, strict=True)
-    ]).reshape(-1, 9)  # fmt: skip
+    ]).reshape(-1, 13)  # fmt: skip
     sides = [
         _search_crossers_ahead(
             np.ascontiguousarray(pairs), table, grid.xy, grid.heading, grid.origin, grid.times,
@@ -571,7 +599,10 @@ def _search_crossers_ahead(
         giver, other = pairs[row, 0], pairs[row, 1]
         x, y, facing, onwards, since, cut = table[giver, :6]
         alike = table[giver, 6] == table[other, 6]
-        if not cut:
+        west, south, east, north = table[other, 9:]
+        beside = onwards + table[giver, 7] + table[other, 7] + table[other, 8]
+        away = max(west - x, x - east, south - y, y - north)
+        if not cut or away > beside:
             continue
         for k in range(origin[other], origin[other + 1]):
             east, north, turn = xy[k, 0] - x, xy[k, 1] - y, heading[k] - facing
