@@ -30,11 +30,6 @@ MERGE_LENGTH = 5.0
 """So much of a merge or a shared lane is a conflict zone [m]."""
 
 
-def get_path(track: Trajectory) -> TrackPath:
-    """The mover's path; a single point where it never moves 0.05 m."""
-    return track.path
-
-
 def get_swept_path(track: Trajectory) -> Area:
     """The path widened by half the agent's width [m], ending where the centre does."""
     known = _swept.get(track)
@@ -47,7 +42,7 @@ _swept: WeakKeyDictionary[Trajectory, Area] = WeakKeyDictionary()
 
 
 def _sweep(track: Trajectory) -> Area:
-    path = get_path(track)
+    path = track.path
     if len(path.s) < 2:
         return build_footprint_polygons(track, np.array([track.start]))[0]
     return (
@@ -86,9 +81,18 @@ def _find_conflict_zones(a: Trajectory, b: Trajectory) -> tuple[PathConflictZone
     parts = [p for p in geos.get_parts(overlap) if p.area > 1e-6]
     if a.is_vehicle != b.is_vehicle:
         return tuple(PathConflictZone(p, False) for p in parts)
-    paths = get_path(a), get_path(b)
+    paths = a.path, b.path
     zones = (_drop_shared_lane(p, a, paths) for p in parts)
     return tuple(z for z in zones if z is not None)
+
+
+def find_nearest_zone(
+    first: Trajectory, second: Trajectory, place: tuple[float, float]
+) -> PathConflictZone | None:
+    """The conflict zone of two movers that lies nearest to a place [m]; None without one."""
+    here = geos.Point(place)
+    zones = find_conflict_zones(first, second)
+    return min(zones, key=lambda each: float(each.polygon.distance(here)), default=None)
 
 
 def _drop_shared_lane(
@@ -139,12 +143,7 @@ def find_zone_occupancy(track: Trajectory, polygon: Area) -> ZoneOccupancy | Non
     """When the mover's footprint first and last touches a polygon, to 0.01 s; None if never."""
     rings = geos.get_rings(geos.get_parts(polygon))
     zone = *geos.get_coordinates(rings, return_index=True), polygon.bounds
-    mover = (
-        track.xy,
-        track.heading,
-        track.reach,
-        (track.half_length, track.half_width, track.radius),
-    )
+    mover = track.xy, track.heading, track.reach, track.box
     first, last, enter, leave = _find_stay(track.times, mover, zone)
     if first < 0:
         return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
-    Box,
     IntArray,
     Pose,
     compute_corners,
@@ -21,7 +21,6 @@ from scenewright.tools.relation_checker.footprints import (
     compute_gaps,
     double_room,
     get_box,
-    get_extent,
     make_pose,
 )
 from scenewright.tools.relation_checker.planar import Area, geos
@@ -60,20 +59,9 @@ def find_common_times(first: Trajectory, second: Trajectory) -> FloatArray:
     return np.asarray(start + STEP * np.arange(count), dtype=np.float64)
 
 
-def compute_gaps_at(
-    first: Trajectory,
-    second: Trajectory,
-    *,
-    times: FloatArray,
-    second_times: FloatArray | None = None,
-) -> FloatArray:
-    """Signed distance [m] of footprint first(t) and second(t), or second(t') for other times t'."""
-    xy, heading = first.at(times)
-    other_xy, other_heading = second.at(times if second_times is None else second_times)
-    return compute_gaps(
-        xy, heading, get_extent(first),
-        other_xy=other_xy, other_heading=other_heading, other_size=get_extent(second),
-    )  # fmt: skip
+def compute_gaps_at(first: Trajectory, second: Trajectory, *, times: FloatArray) -> FloatArray:
+    """Signed distance of the two footprints [m]."""
+    return compute_gaps(*first.at(times), first.box, *second.at(times), second.box)
 
 
 def compute_clearance(first: Trajectory, second: Trajectory, *, times: FloatArray) -> FloatArray:
@@ -146,6 +134,21 @@ def estimate_velocity_before(track: Trajectory, *, time: float) -> FloatArray:
     return np.asarray(last + change * ((time - track.start) / STEP - k + 0.5))
 
 
+class GridTable(NamedTuple):
+    """`PairGrid` for machine code, with the start of each track [N] [s]."""
+
+    pairs: IntArray
+    common: IntArray
+    shift: IntArray
+    origin: IntArray
+    times: FloatArray
+    starts: FloatArray
+    xy: FloatArray
+    heading: FloatArray
+    reach: FloatArray
+    sizes: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class PairGrid:
     """All movers on one time grid.
@@ -181,15 +184,18 @@ class PairGrid:
         return np.asarray(self.origin[:-1] - self.first)
 
     @cached_property
-    def samples(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Positions and headings of all samples, reach and sizes of all movers."""
-        return self.xy, self.heading, self.reach, self.sizes
+    def table(self) -> GridTable:
+        """All that machine code asks for."""
+        return GridTable(
+            self.pairs, self.common, self.shift, self.origin, self.times,
+            np.array([m.start for m in self.tracks]), self.xy, self.heading, self.reach, self.sizes,
+        )  # fmt: skip
 
     @cached_property
     def sizes(self) -> FloatArray:
         """[3, N] half length, half width and radius of each footprint [m]."""
-        rows = [(m.half_length, m.half_width, m.radius) for m in self.tracks]
-        return np.ascontiguousarray(np.array(rows).reshape(-1, 3).T)
+        boxes = np.array([m.box for m in self.tracks]).reshape(-1, 3)
+        return np.ascontiguousarray(boxes.T)
 
     @cached_property
     def reach(self) -> FloatArray:
@@ -225,20 +231,11 @@ def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) 
     xy, heading, origin = concatenate_samples(tracks)
     first = np.array([round((m.start - start) / STEP) for m in tracks], dtype=np.intp)
     if near_only:
-        spans = np.array([(m.start, m.end) for m in tracks])
-        pairs = find_near_pairs(spans, np.array([m.bounds for m in tracks]))
+        spans = np.array([(m.start, m.end) for m in tracks]).reshape(-1, 2)
+        pairs = find_near_pairs(spans, np.array([m.bounds for m in tracks]).reshape(-1, 4))
     else:
         pairs = np.stack(np.triu_indices(len(tracks), 1), axis=1)
     return PairGrid(tracks, times, xy, heading, origin, first, pairs)
-
-
-def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
-    """[M, 2] pairs whose tracks come near enough in time and place for any event between them.
-
-    Args:
-        spans: [N, 2] start and end [s]; bounds: [N, 4] west, south, east and north [m].
-    """
-    return np.stack(_find_near_pairs(spans.reshape(-1, 2), bounds.reshape(-1, 4)), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,55 +255,54 @@ class PairGaps:
 
     def get_gaps(self, row: int) -> FloatArray:
         """Gaps [m] of a pair from the first to the last time at which both are present."""
-        begin, count = self.grid.common[row]
-        a, b = (self.grid.shift[n] + begin for n in self.grid.pairs[row])
-        return np.array([
-            compute_gap_at((a + k, b + k), self.grid.pairs[row], *self.grid.samples)
-            for k in range(count)
-        ])  # fmt: skip
+        count = self.grid.common[row, 1]
+        return np.array([compute_gap_at(self.grid.table, row, k) for k in range(count)])
 
 
 def measure_pair_gaps(grid: PairGrid) -> PairGaps:
     """Least gaps and first contacts of all pairs; exact footprints only where centres are near."""
-    starts = np.array([m.start for m in grid.tracks])
-    least, contact = _measure_pairs(
-        grid.pairs, grid.common, grid.times, grid.shift, grid.origin, starts, *grid.samples
-    )
+    least, contact = _measure_pairs(grid.table)
     contacts = {}
     for row in np.flatnonzero(~np.isnan(contact)).tolist():
-        initial, both = contact[row] == -np.inf, starts[grid.pairs[row]]
+        initial, both = contact[row] == -np.inf, grid.table.starts[grid.pairs[row]]
         contacts[row] = FirstContact(float(both.max() if initial else contact[row]), bool(initial))
     return PairGaps(grid, least, contacts)
-
-
-State = tuple[float, FloatArray, FloatArray, float, Box]
-"""Start [s], positions [T, 2] [m] and headings [T] of a track, its reach [m] and its size."""
 
 
 # ---- as machine code ----------------------------------------------------------------------------
 
 
 @compiled
-def _find_contact_in_step(a: State, b: State, start: float) -> float:
-    """The first contact within the step that begins at a sample time [s], inf if there is none."""
-    ends = start + np.array((0.0, STEP))
-    xy, heading = interpolate_samples(ends, a[0], a[1], a[2])
-    other_xy, other_heading = interpolate_samples(ends, b[0], b[1], b[2])
+def _find_contact_in_step(grid: GridTable, row: int, k: int) -> float:
+    """The first contact within the step from a pair's k-th common sample [s], NaN if none."""
+    a, b = grid.pairs[row]
+    start = grid.times[grid.common[row, 0] + k]
+    xy, heading = _get_ends(grid, a, start)
+    other_xy, other_heading = _get_ends(grid, b, start)
+    size, other_size = get_box(grid.sizes, a), get_box(grid.sizes, b)
     dx = (other_xy[1, 0] - xy[1, 0]) - (other_xy[0, 0] - xy[0, 0])
     dy = (other_xy[1, 1] - xy[1, 1]) - (other_xy[0, 1] - xy[0, 1])
-    bound = np.hypot(dx, dy) + a[3] * abs(heading[1] - heading[0])
-    bound += b[3] * abs(other_heading[1] - other_heading[0])
+    bound = np.hypot(dx, dy) + grid.reach[a] * abs(heading[1] - heading[0])
+    bound += grid.reach[b] * abs(other_heading[1] - other_heading[0])
     part = 0.0
     for _ in range(200):
         one, two = _compute_pose(xy, heading, part), _compute_pose(other_xy, other_heading, part)
-        gap = compute_gap(one, a[4], two, b[4])
+        gap = compute_gap(one, size, two, other_size)
         if gap <= TOUCH:
-            return start + part * STEP
+            return float(start + part * STEP)
         part += max(gap / max(bound, 1e-9), 1e-3)
         if part > 1.0:
             break
     one, two = _compute_pose(xy, heading, 1.0), _compute_pose(other_xy, other_heading, 1.0)
-    return start + STEP if compute_gap(one, a[4], two, b[4]) <= TOUCH else np.inf
+    return float(start + STEP if compute_gap(one, size, two, other_size) <= TOUCH else np.nan)
+
+
+@compiled
+def _get_ends(grid: GridTable, n: int, start: float) -> tuple[FloatArray, FloatArray]:
+    """Positions [2, 2] and headings [2] of a mover at both ends of a step from a time [s] on."""
+    own = slice(grid.origin[n], grid.origin[n + 1])
+    ends = start + np.array((0.0, STEP))
+    return interpolate_samples(ends, grid.starts[n], grid.xy[own], grid.heading[own])
 
 
 @compiled
@@ -320,7 +316,12 @@ def _compute_pose(xy: FloatArray, heading: FloatArray, part: float) -> Pose:
 
 
 @compiled
-def _find_near_pairs(spans: FloatArray, bounds: FloatArray) -> tuple[IntArray, IntArray]:
+def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
+    """[M, 2] pairs whose tracks come near enough in time and place for any event between them.
+
+    Args:
+        spans: [N, 2] start and end [s]; bounds: [N, 4] west, south, east and north [m].
+    """
     first: IntArray = np.empty(64, np.intp)
     second: IntArray = np.empty(64, np.intp)
     count = 0
@@ -335,49 +336,32 @@ def _find_near_pairs(spans: FloatArray, bounds: FloatArray) -> tuple[IntArray, I
                 first, second = double_room(first), double_room(second)
             first[count], second[count] = a, b
             count += 1
-    return first[:count], second[:count]
+    return np.stack((first[:count], second[:count]), axis=1)
 
 
 @compiled
-def _measure_pairs(
-    pairs: IntArray,
-    common: IntArray,
-    times: FloatArray,
-    shift: IntArray,
-    origin: IntArray,
-    starts: FloatArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    reach: FloatArray,
-    sizes: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+def _measure_pairs(grid: GridTable) -> tuple[FloatArray, FloatArray]:
     """[M] `PairGaps.least`, and [M] times of first contact: -inf from the start, NaN where none.
 
     Steps in which a gap may close, after a look at their middle, get the continuous search; those
     in which two are too far apart for it are passed over.
     """
-    least, contact = np.full(len(pairs), np.inf), np.full(len(pairs), np.nan)
-    fastest = np.full(len(origin) - 1, 4 * TOUCH)
+    least, contact = np.full(len(grid.pairs), np.inf), np.full(len(grid.pairs), np.nan)
+    fastest = np.full(len(grid.reach), 4 * TOUCH)
     for n in range(len(fastest)):
-        for k in range(origin[n], origin[n + 1] - 1):
-            fastest[n] = max(fastest[n], _bound_motion(k, xy, heading, reach[n]))
-    for row in range(len(pairs)):
-        a, b = pairs[row, 0], pairs[row, 1]
-        most, k, before = fastest[a] + fastest[b], 0, np.inf
-        while k < common[row, 1]:
-            column = common[row, 0] + k
-            i, j = shift[a] + column, shift[b] + column
-            gap = compute_gap_at((i, j), pairs[row], xy, heading, reach, sizes)
+        for k in range(grid.origin[n], grid.origin[n + 1] - 1):
+            fastest[n] = max(fastest[n], _bound_motion(grid, k, n))
+    for row in range(len(grid.pairs)):
+        most = fastest[grid.pairs[row, 0]] + fastest[grid.pairs[row, 1]]
+        k, before = 0, np.inf
+        while k < grid.common[row, 1]:
+            gap = compute_gap_at(grid, row, k)
             least[row] = min(least[row], gap)
             if k == 0 and gap <= TOUCH:
                 contact[row] = -np.inf
-            may_close = np.isnan(contact[row]) and before < np.inf
-            if may_close and _closes((i - 1, j - 1), before, gap, pairs[row], xy, heading, reach,
-                                     sizes):  # fmt: skip
-                one = _get_state(a, starts, origin, xy, heading, reach, sizes)
-                two = _get_state(b, starts, origin, xy, heading, reach, sizes)
-                time = _find_contact_in_step(one, two, times[column - 1])
-                contact[row] = time if np.isfinite(time) else np.nan
+            open_yet = np.isnan(contact[row]) and before < np.inf
+            if open_yet and _closes(grid, row, k - 1, before, gap):
+                contact[row] = _find_contact_in_step(grid, row, k - 1)
             ahead = int(min((gap - EXACT_BELOW) / most, gap / most - 0.5) - 1e-6)
             before = gap if ahead <= 1 else np.inf
             k += max(ahead, 1)
@@ -385,65 +369,44 @@ def _measure_pairs(
 
 
 @compiled
-def _get_state(
-    n: int,
-    starts: FloatArray,
-    origin: IntArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    reach: FloatArray,
-    sizes: FloatArray,
-) -> State:
-    a, b = origin[n], origin[n + 1]
-    return starts[n], xy[a:b], heading[a:b], reach[n], get_box(sizes, n)
+def _find_samples(grid: GridTable, row: int, k: int) -> tuple[int, int, int, int]:
+    """The movers of a pair, and the samples of both at their k-th common time."""
+    a, b = grid.pairs[row, 0], grid.pairs[row, 1]
+    column = grid.common[row, 0] + k
+    return a, b, grid.shift[a] + column, grid.shift[b] + column
 
 
 @compiled
-def compute_gap_at(
-    samples: tuple[int, int],
-    pair: IntArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    reach: FloatArray,
-    sizes: FloatArray,
-) -> float:
-    """Gap of a pair [2] at a sample of each [m], exact below `EXACT_BELOW`, else a lower bound."""
-    (i, j), (a, b) = samples, (pair[0], pair[1])
-    dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-    gap = np.sqrt(dx * dx + dy * dy) - (reach[a] + reach[b])
+def compute_gap_at(grid: GridTable, row: int, k: int) -> float:
+    """Gap of a pair at its k-th common time [m], exact below `EXACT_BELOW`, else a lower bound."""
+    a, b, i, j = _find_samples(grid, row, k)
+    dx, dy = grid.xy[j, 0] - grid.xy[i, 0], grid.xy[j, 1] - grid.xy[i, 1]
+    gap = np.sqrt(dx * dx + dy * dy) - (grid.reach[a] + grid.reach[b])
     if gap < EXACT_BELOW:
-        one = make_pose(xy[i, 0], xy[i, 1], heading[i])
-        two = make_pose(xy[j, 0], xy[j, 1], heading[j])
-        gap = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
+        one = make_pose(grid.xy[i, 0], grid.xy[i, 1], grid.heading[i])
+        two = make_pose(grid.xy[j, 0], grid.xy[j, 1], grid.heading[j])
+        gap = compute_gap(one, get_box(grid.sizes, a), two, get_box(grid.sizes, b))
     return float(gap)
 
 
 @compiled
-def _closes(
-    samples: tuple[int, int],
-    before: float,
-    after: float,
-    pair: IntArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    reach: FloatArray,
-    sizes: FloatArray,
-) -> bool:
-    """Whether the gap of a pair may close between samples and the next, by a look at the middle."""
-    (i, j), (a, b) = samples, (pair[0], pair[1])
-    most = _bound_motion(i, xy, heading, reach[a]) + _bound_motion(j, xy, heading, reach[b])
+def _closes(grid: GridTable, row: int, k: int, before: float, after: float) -> bool:
+    """Whether a pair's gap may close between two common times, by a look at the middle."""
+    a, b, i, j = _find_samples(grid, row, k)
+    most = _bound_motion(grid, i, a) + _bound_motion(grid, j, b)
     if before + after > most:
         return False
-    one, two = _compute_pose_halfway(i, xy, heading), _compute_pose_halfway(j, xy, heading)
-    middle = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
+    one = _compute_pose_halfway(i, grid.xy, grid.heading)
+    two = _compute_pose_halfway(j, grid.xy, grid.heading)
+    middle = compute_gap(one, get_box(grid.sizes, a), two, get_box(grid.sizes, b))
     return bool(min(middle, middle + min(before, after) - most / 2) <= 0)
 
 
 @compiled
-def _bound_motion(k: int, xy: FloatArray, heading: FloatArray, reach: float) -> float:
-    """Most that any point of a footprint moves up to the next sample [m], with some room."""
-    dx, dy = xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1]
-    turn = reach * abs(heading[k + 1] - heading[k])
+def _bound_motion(grid: GridTable, k: int, n: int) -> float:
+    """Most that any point of a mover's footprint moves from a sample to the next [m], and some."""
+    dx, dy = grid.xy[k + 1, 0] - grid.xy[k, 0], grid.xy[k + 1, 1] - grid.xy[k, 1]
+    turn = grid.reach[n] * abs(grid.heading[k + 1] - grid.heading[k])
     return float(np.sqrt(dx * dx + dy * dy) + turn + 2 * TOUCH)
 
 

@@ -9,8 +9,9 @@ resolved to 0.01 s.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from scenewright.tools.relation_checker.contact import TOUCH
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
     Box,
+    IntArray,
     Pose,
     compute_angle_between,
     double_room,
@@ -33,8 +35,6 @@ from scenewright.tools.relation_checker.trajectory import (
     concatenate_samples,
     get_lane_table,
 )
-
-IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
 STILL = 0.02
 BLOCK, LARGE = 8, 64
@@ -63,8 +63,7 @@ class Encounter:
     second_time: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Occupancies:
+class _Occupancies(NamedTuple):
     """All movers' places, one after another.
 
     Attributes:
@@ -83,8 +82,7 @@ class _Occupancies:
     origin: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class _OccupancyPairs:
+class _OccupancyPairs(NamedTuple):
     """Pairs of places that may touch, one pair of movers after another.
 
     Attributes:
@@ -131,8 +129,7 @@ def find_encounters(
     first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
     alike = np.array([m.is_vehicle for m in tracks])
     pairs = _OccupancyPairs(*_find_touching_pairs(
-        first, second, alike, occupancies.origin, occupancies.reach, occupancies.table,
-        np.inf if horizon is None else horizon,
+        first, second, alike, occupancies, np.inf if horizon is None else horizon
     ))  # fmt: skip
     _drop_shared_lanes(occupancies, tracks, pairs, first, second)
     found = _resolve_encounters(occupancies, pairs)
@@ -143,7 +140,7 @@ def _tabulate_occupancies(tracks: tuple[Trajectory, ...]) -> _Occupancies:
     xy, heading, origin = concatenate_samples(tracks)
     times = np.concatenate([m.times for m in tracks])
     s = np.concatenate([m.s for m in tracks])
-    sizes = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in tracks])
+    sizes = np.array([(*m.box, m.reach) for m in tracks])
     return _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
 
 
@@ -189,10 +186,11 @@ def _drop_shared_lanes(
     near = foot.lateral < beside
     direction = np.concatenate([path.direction for path in paths])
     along = near & (compute_angle_between(direction, foot.direction) <= SHARED)
-    _drop_stretches(
-        rows, pairs.begin, pairs.p, pairs.q, pairs.lag, occupancies.s, np.cumsum([0, *size]),
-        np.concatenate([path.s for path in paths]), foot.s, near, along, nose[mine],
+    ways = _Ways(
+        np.cumsum([0, *size]), np.concatenate([path.s for path in paths]), foot.s, near, along,
+        nose[mine],
     )  # fmt: skip
+    _drop_stretches(rows, pairs, occupancies.s, ways)
 
 
 def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> list[Encounter]:
@@ -201,9 +199,7 @@ def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> li
     A pair's contacts are split into encounters at gaps along the first one's path.
     """
     table = occupancies.table
-    best = _find_best_places(
-        pairs.p, pairs.q, pairs.lag, pairs.begin, occupancies.s, table, *_WHOLE
-    )
+    best = _find_best_places(pairs, occupancies, *_WHOLE)
     p, q = pairs.p[best], pairs.q[best]
     lag, place = _find_least_lags(p, q, table, *_WHOLE)
     apart = lag[:, 0] > 0
@@ -277,15 +273,10 @@ def _find_occupancies(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArr
 
 @compiled
 def _find_touching_pairs(
-    first: IntArray,
-    second: IntArray,
-    alike: BoolArray,
-    origin: IntArray,
-    reach: FloatArray,
-    table: FloatArray,
-    horizon: float,
+    first: IntArray, second: IntArray, alike: BoolArray, places: _Occupancies, horizon: float
 ) -> tuple[IntArray, IntArray, FloatArray, IntArray, BoolArray]:
     """What `_OccupancyPairs` holds, of pairs of movers; blocks of places are looked at first."""
+    origin, reach, table = places.origin, places.reach, places.table
     large = _bound_blocks(origin, reach, table, LARGE)
     blocks = _bound_blocks(origin, reach, table, BLOCK)
     p: IntArray = np.empty(256, np.intp)
@@ -315,80 +306,64 @@ def _find_touching_pairs(
 @compiled
 def _list_blocks(
     a: int, b: int, origin: IntArray, large: FloatArray, blocks: FloatArray, horizon: float
-) -> list[tuple[int, int]]:
+) -> Iterator[tuple[int, int]]:
     """Where blocks of two movers begin that may touch; no place of large blocks that do not may."""
-    found = []
     for wide in range(origin[a], origin[a + 1], LARGE):
         for other in range(origin[b], origin[b + 1], LARGE):
             if _may_touch(large[:, wide], large[:, other], horizon):
                 for i in range(wide, min(wide + LARGE, origin[a + 1]), BLOCK):
                     for j in range(other, min(other + LARGE, origin[b + 1]), BLOCK):
                         if _may_touch(blocks[:, i], blocks[:, j], horizon):
-                            found.append((i, j))
-    return found
+                            yield i, j
+
+
+class _Ways(NamedTuple):
+    """Paths of W movers beside the lanes of others: where each begins [W+1], of each of its points
+    the arc length on both [m], whether it is in the lane and leads the same way; noses [W] [m].
+    """
+
+    origin: IntArray
+    s: FloatArray
+    foot: FloatArray
+    near: BoolArray
+    along: BoolArray
+    nose: FloatArray
 
 
 @compiled
-def _drop_stretches(
-    rows: IntArray,
-    begin: IntArray,
-    p: IntArray,
-    q: IntArray,
-    lag: FloatArray,
-    place: FloatArray,
-    origin: IntArray,
-    s: FloatArray,
-    foot: FloatArray,
-    near: BoolArray,
-    along: BoolArray,
-    nose: FloatArray,
-) -> None:
+def _drop_stretches(rows: IntArray, pairs: _OccupancyPairs, s: FloatArray, ways: _Ways) -> None:
     """Writes infinite lags where either of a pair is in a stretch shared with the other's lane."""
     for k in range(len(rows)):
-        ends = origin[k], origin[k + 1]
-        ones = _find_stretches(ends, s, foot, near, along, nose[k])
-        ends = origin[k + len(rows)], origin[k + len(rows) + 1]
-        twos = _find_stretches(ends, s, foot, near, along, nose[k + len(rows)])
-        if len(ones) and len(twos):
-            for row in range(begin[rows[k]], begin[rows[k] + 1]):
-                if _is_within(place[p[row]], ones) or _is_within(place[q[row]], twos):
-                    lag[row] = np.inf
+        ones, twos = _find_stretches(k, ways), _find_stretches(k + len(rows), ways)
+        if len(ones) == 0 or len(twos) == 0:
+            continue
+        for row in range(pairs.begin[rows[k]], pairs.begin[rows[k] + 1]):
+            here, there = s[pairs.p[row]], s[pairs.q[row]]
+            shared = ((ones[:, 0] <= here) & (here <= ones[:, 1])).any()
+            if shared or ((twos[:, 0] <= there) & (there <= twos[:, 1])).any():
+                pairs.lag[row] = np.inf
 
 
 @compiled
-def _find_stretches(
-    ends: tuple[int, int],
-    s: FloatArray,
-    foot: FloatArray,
-    near: BoolArray,
-    along: BoolArray,
-    nose: float,
-) -> FloatArray:
+def _find_stretches(n: int, ways: _Ways) -> FloatArray:
     """[R, 2] where a mover is in one lane with another, past the first 5 m of a merge [m].
 
     Of runs of points that are near it, of which any is along it.
     """
-    found, count = np.zeros((ends[1] - ends[0], 2)), 0
+    end, nose = ways.origin[n + 1], ways.nose[n]
+    found, count = np.zeros((end - ways.origin[n], 2)), 0
     start, shares = -1, False
-    for k in range(ends[0], ends[1]):
-        if not near[k]:
+    for k in range(ways.origin[n], end):
+        if not ways.near[k]:
             start, shares = -1, False
             continue
-        start, shares = k if start < 0 else start, shares or along[k]
-        if shares and (k + 1 == ends[1] or not near[k + 1]):
-            initial = along[start] and (s[start] < 1.0 or foot[start] < 1.0)
-            found[count, 0] = -np.inf if initial else s[start] + MERGE_LENGTH + nose
-            found[count, 1] = s[k] + nose + 1.0
+        start, shares = k if start < 0 else start, shares or ways.along[k]
+        if shares and (k + 1 == end or not ways.near[k + 1]):
+            initial = ways.along[start] and min(ways.s[start], ways.foot[start]) < 1.0
+            found[count, 0] = -np.inf if initial else ways.s[start] + MERGE_LENGTH + nose
+            found[count, 1] = ways.s[k] + nose + 1.0
             count += 1
     return found[:count]
-
-
-@compiled
-def _is_within(s: float, stretches: FloatArray) -> bool:
-    for k in range(len(stretches)):
-        if stretches[k, 0] <= s <= stretches[k, 1]:
-            return True
-    return False
 
 
 @compiled
@@ -449,20 +424,15 @@ def _get_swept_footprint(table: FloatArray, i: int) -> tuple[Pose, Box]:
 
 @compiled
 def _find_best_places(
-    p: IntArray,
-    q: IntArray,
-    lag: FloatArray,
-    begin: IntArray,
-    s: FloatArray,
-    table: FloatArray,
-    part: FloatArray,
-    other_part: FloatArray,
+    pairs: _OccupancyPairs, places: _Occupancies, part: FloatArray, other_part: FloatArray
 ) -> IntArray:
     """[E] of every encounter the pair of places with the least lag.
 
     The most promising are tried first, a few at a time, until no other can be better.
     """
     found: IntArray = np.empty(64, np.intp)
+    p, q, lag, begin, _ = pairs
+    s, table = places.s, places.table
     count = longest = 0
     for pair in range(len(begin) - 1):
         longest = max(longest, begin[pair + 1] - begin[pair])
@@ -470,7 +440,7 @@ def _find_best_places(
     for pair in range(len(begin) - 1):
         rows = begin[pair], begin[pair + 1]
         for k in range(_label_encounters(p, lag, s, rows, group)):
-            size = _fill_heap(heap, p, q, lag, rows, group, k)
+            size = _fill_heap(heap, pairs, rows, group, k)
             least, best, tried = np.inf, -1, 0
             while size > 0 and (tried % BATCH > 0 or lag[heap[0]] < least):
                 row, tried = heap[0], tried + 1
@@ -479,7 +449,7 @@ def _find_best_places(
                     least, best = near, row
                 size -= 1
                 heap[0] = heap[size]
-                _sift_down(heap, 0, size, p, q, lag)
+                _sift_down(heap, 0, size, pairs)
             if best >= 0:
                 if count == len(found):
                     found = double_room(found)
@@ -511,42 +481,35 @@ def _label_encounters(
 
 @compiled
 def _fill_heap(
-    heap: IntArray,
-    p: IntArray,
-    q: IntArray,
-    lag: FloatArray,
-    rows: tuple[int, int],
-    group: IntArray,
-    wanted: int,
+    heap: IntArray, pairs: _OccupancyPairs, rows: tuple[int, int], group: IntArray, wanted: int
 ) -> int:
     """Writes a heap of the rows of one encounter, least lag on top; returns how many there are."""
-    size = 0
+    p, lag, size = pairs.p, pairs.lag, 0
     for row in range(rows[0], rows[1]):
         if lag[row] < np.inf and group[p[row]] == wanted:
             heap[size] = row
             size += 1
     for k in range(size // 2 - 1, -1, -1):
-        _sift_down(heap, k, size, p, q, lag)
+        _sift_down(heap, k, size, pairs)
     return size
 
 
 @compiled
-def _sift_down(
-    heap: IntArray, k: int, size: int, p: IntArray, q: IntArray, lag: FloatArray
-) -> None:
+def _sift_down(heap: IntArray, k: int, size: int, pairs: _OccupancyPairs) -> None:
     while 2 * k + 1 < size:
         child = 2 * k + 1
-        if child + 1 < size and _comes_before(heap[child + 1], heap[child], p, q, lag):
+        if child + 1 < size and _comes_before(heap[child + 1], heap[child], pairs):
             child += 1
-        if not _comes_before(heap[child], heap[k], p, q, lag):
+        if not _comes_before(heap[child], heap[k], pairs):
             break
         heap[k], heap[child] = heap[child], heap[k]
         k = child
 
 
 @compiled
-def _comes_before(row: int, other: int, p: IntArray, q: IntArray, lag: FloatArray) -> bool:
+def _comes_before(row: int, other: int, pairs: _OccupancyPairs) -> bool:
     """Whether a pair of places is to be tried before another: by lag, then in order of places."""
+    p, q, lag = pairs.p, pairs.q, pairs.lag
     if lag[row] != lag[other]:
         return bool(lag[row] < lag[other])
     return bool(p[row] < p[other] or (p[row] == p[other] and q[row] < q[other]))

@@ -28,9 +28,11 @@ from scenewright.tools.relation_checker.conflict_zones import (
     PathConflictZone,
     ZoneOccupancy,
     find_conflict_zones,
+    find_nearest_zone,
     find_zone_occupancy,
 )
 from scenewright.tools.relation_checker.contact import (
+    GridTable,
     PairGaps,
     PairGrid,
     build_pair_grid,
@@ -249,11 +251,9 @@ class _EventSearch:
         waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
         wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
         wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
-        rides, drives = (
-            np.array(each, dtype=np.bool_)[self.grid.pairs].T
-            for each in ([m.is_rider for m in self.tracks], [m.is_vehicle for m in self.tracks])
-        )
-        wanted |= (rides[0] != rides[1]) & drives.all(axis=0) & np.isfinite(self.near.least)
+        # One rides, the other drives.
+        wheels = np.array([m.is_rider - 0.5 if m.is_vehicle else 0.0 for m in self.tracks])
+        wanted |= (wheels[self.grid.pairs].prod(axis=1) < 0.0) & np.isfinite(self.near.least)
         wanted[[*self.near.contacts, *braked]] = True
         return np.flatnonzero(wanted).tolist()
 
@@ -321,7 +321,10 @@ class _EventSearch:
             encounter.pet < YIELD_PET or yielded.braking > YIELD_BRAKING
         )
         if yielded is not None and not harsh:
-            return self._build_yield_event(encounter, yielded, full)
+            first, second = (self.tracks[k] for k in pair)
+            late = encounter.first_time > encounter.second_time
+            order = (first, second) if late else (second, first)
+            return self._build_yield_event(order, yielded, full, encounter.pet)
         if harsh or encounter.pet <= NEAR_MISS_PET:
             moments = [encounter.first_time, encounter.second_time]
             return next(iter(self._find_near_miss(pair, encounter.pet, full, around=moments)), None)
@@ -335,7 +338,8 @@ class _EventSearch:
         giver, other = self.grid.tracks[i], self.grid.tracks[j]
         if not _slows(giver, until=max(encounter.first_time, encounter.second_time)):
             return None
-        zone = _find_nearest_zone(giver, other, encounter, later)
+        time = encounter.second_time if later else encounter.first_time
+        zone = find_nearest_zone(giver, other, giver.at(np.array([time]))[0][0])
         return None if zone is None else self._find_yield_at(zone, giver, other)
 
     def _find_yield_at(
@@ -377,15 +381,11 @@ class _EventSearch:
             )
 
         return YieldContext(
-            red=partial(self._holds_red, real),
+            red=partial(self.lights.is_held, real),
             leader=has_leader,
             excused=lambda t: self._waits_for_another(real, other, t),
             on_crosswalk=is_on_crosswalk,
         )
-
-    def _holds_red(self, giver: Trajectory, since: float, until: float) -> bool:
-        """Whether a light that is not green holds the giver at some time of a span [s]."""
-        return self.lights.is_held(giver, since=since, until=until)
 
     @cached_property
     def _index(self) -> dict[int, int]:
@@ -434,31 +434,24 @@ class _EventSearch:
             further = extend_straight(
                 giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0
             )
-            if is_held_throughout(further, giver.end, partial(self._holds_red, giver)):
+            if is_held_throughout(further, giver.end, partial(self.lights.is_held, giver)):
                 continue
             for zone in find_conflict_zones(further, other):
                 yielded = self._find_yield_at(zone, further, other, real_end=giver.end)
                 if yielded is not None and yielded.braking <= YIELD_BRAKING:
-                    found.append(
-                        self._build_yield_event(None, yielded, full, tracks=(giver, other))
-                    )
+                    found.append(self._build_yield_event((giver, other), yielded, full))
                     break
         return found[:1]
 
     def _build_yield_event(
         self,
-        encounter: Encounter | None,
+        tracks: tuple[Trajectory, Trajectory],
         yielded: YieldEvent,
         full: bool,
-        tracks: tuple[Trajectory, Trajectory] | None = None,
+        pet: float | None = None,
     ) -> Event:
-        if tracks is None and encounter is not None:
-            both = self.grid.tracks[encounter.first], self.grid.tracks[encounter.second]
-            tracks = both if encounter.first_time > encounter.second_time else (both[1], both[0])
-        if tracks is None:
-            raise ValueError("a yield needs an encounter or its movers")
         evidence = {
-            "pet": encounter.pet if encounter else None, "approach_speed": yielded.approach,
+            "pet": pet, "approach_speed": yielded.approach,
             "lowest_speed": yielded.lowest, "begins_to_slow": yielded.begin,
             "braking": yielded.braking, "other_cleared": yielded.cleared, "entered": yielded.enter,
             "would_have_entered": yielded.arrival,
@@ -503,9 +496,8 @@ class _EventSearch:
         )
         hard = [m.is_vehicle and (m.acceleration < -NEAR_MISS_BRAKING).any() for m in self.tracks]
         steps = _find_hard_braking(
-            self.grid.pairs, self.grid.common, self.grid.shift, np.array(hard, dtype=np.bool_),
-            speed, acceleration, *self.grid.samples,
-        )  # fmt: skip
+            self.grid.table, np.array(hard, dtype=np.bool_), speed, acceleration
+        )
         for row in np.unique(steps[0]).tolist():
             if row in self.near.contacts:
                 continue
@@ -524,29 +516,20 @@ class _EventSearch:
 
 @compiled
 def _find_hard_braking(
-    pairs: IntArray,
-    common: IntArray,
-    shift: IntArray,
-    hard: BoolArray,
-    speed: FloatArray,
-    acceleration: FloatArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    reach: FloatArray,
-    sizes: FloatArray,
+    grid: GridTable, hard: BoolArray, speed: FloatArray, acceleration: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """Rows and common samples at which one of two that come near brakes hard."""
     row: IntArray = np.empty(64, np.intp)
     step: IntArray = np.empty(64, np.intp)
     count = 0
-    for n in range(len(pairs)):
-        a, b = pairs[n, 0], pairs[n, 1]
-        for k in range(common[n, 1] if hard[a] or hard[b] else 0):
-            i, j = shift[a] + common[n, 0] + k, shift[b] + common[n, 0] + k
+    for n in range(len(grid.pairs)):
+        a, b = grid.pairs[n]
+        for k in range(grid.common[n, 1] if hard[a] or hard[b] else 0):
+            column = grid.common[n, 0] + k
+            i, j = grid.shift[a] + column, grid.shift[b] + column
             if min(acceleration[i], acceleration[j]) >= -NEAR_MISS_BRAKING:
                 continue
-            ahead = (speed[i] + speed[j]) * NEAR_MISS_TTC + 1.0
-            if compute_gap_at((i, j), pairs[n], xy, heading, reach, sizes) <= ahead:
+            if compute_gap_at(grid, n, k) <= (speed[i] + speed[j]) * NEAR_MISS_TTC + 1.0:
                 if count == len(row):
                     row, step = double_room(row), double_room(step)
                 row[count], step[count] = n, k
@@ -574,29 +557,15 @@ def _find_crossers_ahead(grid: PairGrid, cut_off: Sequence[bool]) -> BoolArray:
          m.is_vehicle, m.half_width + m.radius, m.half_length, *m.bounds)
         for m, since, cut in zip(grid.tracks, still, cut_off, strict=True)
     ]).reshape(-1, 13)  # fmt: skip
-    sides = [
-        _search_crossers_ahead(
-            np.ascontiguousarray(pairs), table, grid.xy, grid.heading, grid.origin, grid.times,
-            grid.shift,
-        )
-        for pairs in (grid.pairs, grid.pairs[:, ::-1])
-    ]  # fmt: skip
-    return np.stack(sides, axis=1)
+    return _search_crossers_ahead(grid.table, table)
 
 
 @compiled
-def _search_crossers_ahead(
-    pairs: IntArray,
-    table: FloatArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    origin: IntArray,
-    times: FloatArray,
-    shift: IntArray,
-) -> BoolArray:
-    found = np.zeros(len(pairs), np.bool_)
-    for row in range(len(pairs)):
-        giver, other = pairs[row, 0], pairs[row, 1]
+def _search_crossers_ahead(grid: GridTable, table: FloatArray) -> BoolArray:
+    found = np.zeros((len(grid.pairs), 2), np.bool_)
+    for n in range(2 * len(grid.pairs)):
+        row, side = n // 2, n % 2
+        giver, other = grid.pairs[row, side], grid.pairs[row, 1 - side]
         x, y, facing, onwards, since, cut = table[giver, :6]
         alike = table[giver, 6] == table[other, 6]
         west, south, east, north = table[other, 9:]
@@ -604,30 +573,19 @@ def _search_crossers_ahead(
         away = max(west - x, x - east, south - y, y - north)
         if not cut or away > beside:
             continue
-        for k in range(origin[other], origin[other + 1]):
-            east, north, turn = xy[k, 0] - x, xy[k, 1] - y, heading[k] - facing
+        for k in range(grid.origin[other], grid.origin[other + 1]):
+            if grid.times[k - grid.shift[other]] < since:
+                continue
+            east, north = grid.xy[k, 0] - x, grid.xy[k, 1] - y
+            turn = grid.heading[k] - facing
             along = np.cos(facing) * east + np.sin(facing) * north
             aside = abs(np.cos(facing) * north - np.sin(facing) * east)
             room = table[giver, 7] + table[other, 7] + table[other, 8] * abs(np.sin(turn))
-            if (
-                times[k - shift[other]] >= since
-                and 0 <= along <= onwards
-                and aside <= room
-                and (np.cos(turn) < np.cos(SHARED) or not alike)
-            ):
-                found[row] = True
+            inside = 0 <= along <= onwards and aside <= room
+            if inside and (np.cos(turn) < np.cos(SHARED) or not alike):
+                found[row, side] = True
                 break
     return found
-
-
-def _find_nearest_zone(
-    giver: Trajectory, other: Trajectory, encounter: Encounter, later: bool
-) -> PathConflictZone | None:
-    time = encounter.second_time if later else encounter.first_time
-    xy, _ = giver.at(np.array([time]))
-    point = geos.Point(xy[0])
-    zones = find_conflict_zones(giver, other)
-    return min(zones, key=lambda z: float(z.polygon.distance(point)), default=None)
 
 
 def _find_closest_approach(

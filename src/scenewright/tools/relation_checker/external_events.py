@@ -136,11 +136,8 @@ class _RecordingSearch:
     @cached_property
     def _observe(self) -> Callable[[tuple[RoadUser, ...]], SceneObservation]:
         """What is measured among users; of a short recording, every window holds the same ones."""
-        return lru_cache(maxsize=1)(
-            partial(
-                observe, intersection_map=self.intersection_map, until=self.until, near_only=True
-            )
-        )
+        look = partial(observe, intersection_map=self.intersection_map, until=self.until)
+        return lru_cache(maxsize=1)(partial(look, near_only=True))
 
     def search_windows(self, users: Sequence[RoadUser], begin: float, end: float) -> RecordedEvents:
         """What happens from begin to end [s], by halves until they fit."""

@@ -14,15 +14,10 @@ from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
-    IntArray,
     make_pose,
     meets_box,
 )
-from scenewright.tools.relation_checker.trajectory import (
-    Trajectory,
-    concatenate_samples,
-    interpolate_samples,
-)
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 EYE_BEHIND_FRONT = 0.4
 """How far behind its front a vehicle's driver sits, as a share of its length."""
@@ -93,62 +88,47 @@ def find_blocked_views(
 ) -> BoolArray:
     """[T] whether nothing of the subject can be seen: every line to it meets a high footprint."""
     eyes, marks = locate_eyes(observer, times, left_hand=left_hand), locate_marks(subject, times)
-    vehicles = tuple(vehicles)
-    table = _tabulate_vehicles(vehicles)
+    met = np.zeros(marks.shape[:2], dtype=np.bool_)
+    for each in objects:
+        if each.height == "high":
+            place = np.array([(each.x, each.y)]), np.array([each.heading])
+            _mark_met(met, eyes, marks, *place, each.length, each.width)
+    table = _tabulate_bounds(tuple(vehicles))
     # Vehicles that never come between the two are left out at once.
     views = np.concatenate((eyes, marks.reshape(-1, 2)))
-    room = (table[:, 2] + table[:, 3])[:, None]
-    met = (table[:, 4:6] - room <= views.max(axis=0, initial=-np.inf)).all(axis=1)
-    met &= (table[:, 6:] + room >= views.min(axis=0, initial=np.inf)).all(axis=1)
-    among = [n for n in np.flatnonzero(met).tolist() if vehicles[n] not in (observer, subject)]
-    standing = [(o.x, o.y, o.heading, o.length, o.width) for o in objects if o.height == "high"]
-    return _find_blocked_views(
-        eyes, marks, times, np.array(standing).reshape(-1, 5), np.array(among, dtype=np.intp),
-        table, *concatenate_samples(vehicles),
-    )  # fmt: skip
+    between = (table[:, :2] <= views.max(axis=0, initial=-np.inf)).all(axis=1)
+    between &= (table[:, 2:] >= views.min(axis=0, initial=np.inf)).all(axis=1)
+    for other in (vehicles[n] for n in np.flatnonzero(between).tolist()):
+        if other not in (observer, subject):
+            k = slice(*np.searchsorted(times, (other.start - 1e-6, other.end + 1e-6)))
+            place = other.at(times[k])
+            _mark_met(met[k], eyes[k], marks[k], *place, other.length, other.width)
+    return np.asarray(met.all(axis=1))
 
 
 @lru_cache(maxsize=4)
-def _tabulate_vehicles(vehicles: tuple[Trajectory, ...]) -> FloatArray:
-    """[N, 8] start and end [s], length, width and bounds [m]; movers are known by identity."""
-    rows = [(m.start, m.end, m.length, m.width, *m.bounds) for m in vehicles]
-    return np.array(rows).reshape(-1, 8)
+def _tabulate_bounds(vehicles: tuple[Trajectory, ...]) -> FloatArray:
+    """[N, 4] west, south, east and north end of all footprints [m]; movers by identity."""
+    reach = np.array([(-m.reach, -m.reach, m.reach, m.reach) for m in vehicles]).reshape(-1, 4)
+    return np.asarray(np.array([m.bounds for m in vehicles]).reshape(-1, 4) + reach)
 
 
 @compiled
-def _find_blocked_views(
+def _mark_met(
+    met: BoolArray,
     eyes: FloatArray,
     marks: FloatArray,
-    times: FloatArray,
-    standing: FloatArray,
-    among: IntArray,
-    vehicles: FloatArray,
     xy: FloatArray,
     heading: FloatArray,
-    origin: IntArray,
-) -> BoolArray:
-    """[T] whether standing rectangles [K, 5], and `among` the vehicles [N, 8], meet every line."""
-    blocked = np.zeros(len(times), np.bool_)
-    for k in range(len(times)):
-        met = np.zeros(marks.shape[1], np.bool_)
-        for n in range(len(standing) + len(among)):
-            if n < len(standing):
-                x, y, facing, length, width = standing[n]
-            else:
-                m = among[n - len(standing)]
-                start, end, length, width = vehicles[m, :4]
-                if not start - 1e-6 <= times[k] <= end + 1e-6:
-                    continue
-                own = slice(origin[m], origin[m + 1])
-                there, turned = interpolate_samples(times[k : k + 1], start, xy[own], heading[own])
-                x, y, facing = there[0, 0], there[0, 1], turned[0]
-            place = make_pose(x, y, facing)
-            for i in range(len(met)):
-                met[i] |= meets_box(eyes[k], marks[k, i], place, length, width)
-            if met.all():
-                blocked[k] = True
-                break
-    return blocked
+    length: float,
+    width: float,
+) -> None:
+    """Writes which lines from an eye [T, 2] to marks [T, M, 2] meet a box, which moves or not."""
+    for k in range(len(met)):
+        n = min(k, len(heading) - 1)
+        place = make_pose(xy[n, 0], xy[n, 1], heading[n])
+        for i in range(met.shape[1]):
+            met[k, i] |= meets_box(eyes[k], marks[k, i], place, length, width)
 
 
 def locate_eyes(observer: Trajectory, times: FloatArray, *, left_hand: bool = False) -> FloatArray:
