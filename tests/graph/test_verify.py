@@ -12,8 +12,8 @@ import pytest
 from scenewright import synthesize, verify
 from scenewright.cli.main import main
 from scenewright.errors import InputError
-from scenewright.graph.run import load_scene
-from scenewright.scene.digest import digest_json
+from scenewright.graph.run import encode_scene, load_scene
+from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.record import SceneRecord
 
 Json = dict[str, Any]
@@ -68,6 +68,17 @@ def test_a_digest_is_that_of_the_values_and_of_nothing_else() -> None:
         b'{"c": ["1]"]}',
     ]
     assert len({one, *map(digest_json, (*others, *texts))}) == 1 + len(others) + len(texts)
+
+
+@pytest.mark.parametrize("value", [0.5, -0.0, 2.0, 0.00001234, -1e-7, 1e16, 123456.0])
+def test_the_digest_of_a_scene_is_that_of_its_file(made: Path, value: float) -> None:
+    scene = load_scene(made)
+    agent = scene.agents[0]
+    changes = {"heading": (value, *agent.heading[1:]), "name": 'a "." \\ é'}
+    scene = scene.model_copy(
+        update={"agents": (agent.model_copy(update=changes), *scene.agents[1:])}
+    )
+    assert digest_scene(scene) == digest_json(encode_scene(scene))
 
 
 def test_the_way_in_which_a_file_is_written_does_not_matter(copied: Path) -> None:

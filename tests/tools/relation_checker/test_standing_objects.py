@@ -15,11 +15,11 @@ from scenewright.scene.objects import ObjectRecord, SightRecord
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, build_trajectory, check
+from scenewright.tools.relation_checker.footprints import make_pose, meets_box
 from scenewright.tools.relation_checker.line_of_sight import (
     find_first_visible,
     locate_eyes,
     locate_marks,
-    meets_box,
 )
 
 MAP = plus_map()
@@ -80,14 +80,14 @@ def test_a_driver_sits_behind_the_front_on_the_inner_side() -> None:
 
 def test_segments_meet_boxes_as_in_shapely() -> None:
     rng = np.random.default_rng(3)
-    ends = rng.uniform(-4, 4, (2, 400, 1, 2))
+    ends = rng.uniform(-4, 4, (400, 2, 2))
     middle, heading = rng.uniform(-2, 2, (400, 2)), rng.uniform(-4, 4, 400)
-    met = meets_box(*ends, middle, heading, length=3.0, width=1.0)[:, 0]
     for k in range(400):
         outline = shapely.box(-1.5, -0.5, 1.5, 0.5)
         outline = shapely.affinity.rotate(outline, heading[k], (0, 0), use_radians=True)
         outline = shapely.affinity.translate(outline, *middle[k])
-        assert met[k] == outline.intersects(shapely.LineString(ends[:, k, 0]))
+        met = meets_box(*ends[k], make_pose(*middle[k], heading[k]), 3.0, 1.0)
+        assert met == outline.intersects(shapely.LineString(ends[k]))
 
 
 def first_visible_slowly(pair: list[RoadUser], truck: ObjectRecord, until: float) -> float | None:

@@ -10,7 +10,6 @@ from scenewright.tools.relation_checker.conflict_zones import (
     ZoneOccupancy,
     find_conflict_zones,
     find_zone_occupancy,
-    get_path,
     get_swept_path,
 )
 from scenewright.tools.relation_checker.contact import (
@@ -75,7 +74,6 @@ __all__ = [
     "find_followings",
     "find_least_clearance",
     "find_zone_occupancy",
-    "get_path",
     "get_swept_path",
     "measure_impact",
     "measure_lane_gaps",

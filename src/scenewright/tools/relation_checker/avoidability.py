@@ -110,15 +110,11 @@ def _compute_needed_braking(
     course = _continue_other(other, until, times)
     ahead = np.arange(0.0, speed * (event.time + AFTER + lag - begin) + 1.0, SPACING)
     room = _find_room(
-        *_follow_path(agent, until, float(agent.s[k]) + ahead), _get_box(agent),
-        *course, _get_box(other),
+        *_follow_path(agent, until, float(agent.s[k]) + ahead), agent.box,
+        *course, other.box,
     )  # fmt: skip
     due = times + lag - begin
     return tuple(_find_least_braking(speed, room, due, delay) for delay in (0.0, REACTION))  # type: ignore[return-value]
-
-
-def _get_box(track: Trajectory) -> Box:
-    return track.half_length, track.half_width, track.radius
 
 
 def _cut(track: Trajectory, until: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -5,6 +5,7 @@ What a scene leaves empty it does not claim.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
@@ -18,7 +19,7 @@ from scenewright.scene.record import AgentRecord, SceneRecord, SegmentRecord
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.obstacles import HITTING
 from scenewright.tools.relation_checker.planar import geos
-from scenewright.tools.relation_checker.trajectory import IntArray, Trajectory
+from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
 
 ASIDE = 2.0
@@ -63,55 +64,55 @@ def _check_waypoints(
     if len(agent.waypoints) < 2:
         return
     points = np.array(agent.waypoints, dtype=np.float64)
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    usual = float(np.median(steps))
     least = UNEVEN_ROUND if agent.movement == "uturn" else UNEVEN
-    if not (_is_even(steps, least) or _is_even(_measure_along(track.xy, points, steps), least)):
-        yield f"its waypoints are {steps.min():.1f} to {steps.max():.1f} m apart, not evenly spaced"
-    off = _find_farthest(track.xy, points)
+    even, shortest, longest, usual, off = _measure_waypoints(points, track.xy, track.s, least)
+    if not even:
+        yield f"its waypoints are {shortest:.1f} to {longest:.1f} m apart, not evenly spaced"
     if off > usual / 2 + ASIDE:
         yield f"its track is {off:.1f} m from the nearest of its waypoints"
-    if float(np.hypot(*(points[-1] - agent.goal))) > GOAL:
+    if math.dist(points[-1], agent.goal) > GOAL:
         yield "its last waypoint is not its goal"
     if intersection_map is not None and agent.movement == "crossing":
         yield from _check_crosswalk(agent, track, points, intersection_map)
 
 
+@compiled
+def _measure_waypoints(
+    points: FloatArray, xy: FloatArray, s: FloatArray, least: float
+) -> tuple[bool, float, float, float, float]:
+    """Whether points [K, 2] are evenly spaced, the least, largest and median distance between two.
+
+    And how far any position [N, 2] is from the nearest of them [m]. Even are also those that are so
+    along a track that bends, as in a roundabout; beyond its ends the straight distances stay.
+    """
+    steps, along = np.empty(len(points) - 1), np.empty(len(points) - 1)
+    for k in range(len(steps)):
+        steps[k] = np.hypot(points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1])
+        way = s[_find_nearest(points[k + 1], xy)[0]] - s[_find_nearest(points[k], xy)[0]]
+        along[k] = max(way, steps[k])
+    off = 0.0
+    for n in range(len(xy)):
+        off = max(off, _find_nearest(xy[n], points)[1])
+    even = _is_even(steps, least) or _is_even(along, least)
+    return even, steps.min(), steps.max(), float(np.median(steps)), np.sqrt(off)
+
+
+@compiled
 def _is_even(steps: FloatArray, least: float) -> bool:
-    usual = float(np.median(steps))
+    usual = np.median(steps)
     longest, shortest = (1 + UNEVEN) * usual + 0.1, (1 - least) * usual - 0.1
     return bool(steps.max() <= longest and steps.min() >= shortest)
 
 
-def _measure_along(xy: FloatArray, points: FloatArray, steps: FloatArray) -> FloatArray:
-    """[K - 1] how far apart points lie along a track that bends, as in a roundabout [m].
-
-    Beyond the ends of the track the straight distances stay.
-    """
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
-    along = s[_find_nearest(points, xy)[0]]
-    return np.asarray(np.maximum(np.diff(along), steps), dtype=np.float64)
-
-
-def _find_farthest(xy: FloatArray, points: FloatArray) -> float:
-    """How far any position [n, 2] is from the nearest point [m]."""
-    return float(_find_nearest(xy, points)[1].max())
-
-
 @compiled
-def _find_nearest(from_: FloatArray, to: FloatArray) -> tuple[IntArray, FloatArray]:
-    """[N] which of `to` [M, 2] is nearest to each of `from_` [N, 2], the first of them, and how far
-    away it is [m].
-    """
-    nearest, away = np.zeros(len(from_), np.intp), np.empty(len(from_))
-    for n in range(len(from_)):
-        least = np.inf
-        for m in range(len(to)):
-            apart = (from_[n, 0] - to[m, 0]) ** 2 + (from_[n, 1] - to[m, 1]) ** 2
-            if apart < least:
-                least, nearest[n] = apart, m
-        away[n] = np.sqrt(least)
-    return nearest, away
+def _find_nearest(place: FloatArray, among: FloatArray) -> tuple[int, float]:
+    """Which of points [M, 2] is nearest to a place [2], the first of them, and how far, squared."""
+    least, nearest = np.inf, 0
+    for m in range(len(among)):
+        apart = (place[0] - among[m, 0]) ** 2 + (place[1] - among[m, 1]) ** 2
+        if apart < least:
+            least, nearest = apart, m
+    return nearest, least
 
 
 def _check_crosswalk(
@@ -123,10 +124,13 @@ def _check_crosswalk(
         yield f"its waypoints do not lead over the {agent.crosswalk} crosswalk"
     if len(track.xy) < 2:
         return
-    walked = geos.LineString(track.xy)
+    west, south, east, north = track.bounds
     for each in walks:
-        other = each.crosswalk.leg != agent.crosswalk
-        if other and float(geos.intersection(each.area, walked).length) > 1.0:
+        low_x, low_y, high_x, high_y = each.bounds
+        away = west > high_x or east < low_x or south > high_y or north < low_y
+        if away or each.crosswalk.leg == agent.crosswalk:
+            continue
+        if float(geos.intersection(each.area, geos.LineString(track.xy)).length) > 1.0:
             yield f"it walks on the {each.crosswalk.leg} crosswalk, not the {agent.crosswalk} one"
 
 
@@ -147,10 +151,10 @@ def _check_segments(agent: AgentRecord, track: Trajectory, collided: bool) -> It
 def _check_segment(segment: SegmentRecord, track: Trajectory) -> Iterator[str]:
     if segment.end < segment.start:
         yield f"a segment ends at {segment.end:.1f} s before it begins at {segment.start:.1f} s"
-    inside = (track.times >= segment.start - 1e-6) & (track.times <= segment.end + 1e-6)
-    speed = track.speed[inside]
+    first = int(track.times.searchsorted(segment.start - 1e-6))
+    speed = track.speed[first : track.times.searchsorted(segment.end + 1e-6, side="right")]
     if segment.status in ("keep", "proceed"):
-        stood = 0.1 * _count_longest_run(speed <= STANDING)
+        stood = 0.1 * _count_longest_stand(speed)
         if stood > LONGEST_STAND:
             yield f"it stands for {stood:.1f} s of the segment {segment.status}"
     slow = STROLLING if track.type == "pedestrian" else ROLLING
@@ -158,7 +162,11 @@ def _check_segment(segment: SegmentRecord, track: Trajectory) -> Iterator[str]:
         yield f"it never goes below {speed.min():.1f} m/s in a segment 'stop'"
 
 
-def _count_longest_run(flags: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> int:
-    """Samples of the longest stretch in which all is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+@compiled
+def _count_longest_stand(speed: FloatArray) -> int:
+    """Samples of the longest stretch in which it stands."""
+    longest = run = 0
+    for each in speed:
+        run = run + 1 if each <= STANDING else 0
+        longest = max(longest, run)
+    return longest

@@ -8,22 +8,26 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.footprints import compute_angle_between, compute_corners
+from scenewright.tools.relation_checker.footprints import (
+    Box,
+    IntArray,
+    Pose,
+    compute_angle_between,
+    compute_corners,
+    make_pose,
+    meets_box,
+)
 from scenewright.tools.relation_checker.planar import Area, geos
 from scenewright.tools.relation_checker.track_path import TrackPath, project
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.trajectory import Trajectory, interpolate_samples
 
 SHARED = np.deg2rad(30.0)
 """Paths within this angle of one another run in one direction [rad]."""
 MERGE_LENGTH = 5.0
 """So much of a merge or a shared lane is a conflict zone [m]."""
-
-
-def get_path(track: Trajectory) -> TrackPath:
-    """The mover's path; a single point where it never moves 0.05 m."""
-    return track.path
 
 
 def get_swept_path(track: Trajectory) -> Area:
@@ -38,7 +42,7 @@ _swept: WeakKeyDictionary[Trajectory, Area] = WeakKeyDictionary()
 
 
 def _sweep(track: Trajectory) -> Area:
-    path = get_path(track)
+    path = track.path
     if len(path.s) < 2:
         return build_footprint_polygons(track, np.array([track.start]))[0]
     return (
@@ -77,9 +81,18 @@ def _find_conflict_zones(a: Trajectory, b: Trajectory) -> tuple[PathConflictZone
     parts = [p for p in geos.get_parts(overlap) if p.area > 1e-6]
     if a.is_vehicle != b.is_vehicle:
         return tuple(PathConflictZone(p, False) for p in parts)
-    paths = get_path(a), get_path(b)
+    paths = a.path, b.path
     zones = (_drop_shared_lane(p, a, paths) for p in parts)
     return tuple(z for z in zones if z is not None)
+
+
+def find_nearest_zone(
+    first: Trajectory, second: Trajectory, place: tuple[float, float]
+) -> PathConflictZone | None:
+    """The conflict zone of two movers that lies nearest to a place [m]; None without one."""
+    here = geos.Point(place)
+    zones = find_conflict_zones(first, second)
+    return min(zones, key=lambda each: float(each.polygon.distance(here)), default=None)
 
 
 def _drop_shared_lane(
@@ -128,43 +141,77 @@ class ZoneOccupancy:
 
 def find_zone_occupancy(track: Trajectory, polygon: Area) -> ZoneOccupancy | None:
     """When the mover's footprint first and last touches a polygon, to 0.01 s; None if never."""
-    times = track.times
-    geos.prepare(polygon)
-    hits = np.flatnonzero(_touches(track, polygon, times))
-    if len(hits) == 0:
+    rings = geos.get_rings(geos.get_parts(polygon))
+    zone = *geos.get_coordinates(rings, return_index=True), polygon.bounds
+    mover = track.xy, track.heading, track.reach, track.box
+    first, last, enter, leave = _find_stay(track.times, mover, zone)
+    if first < 0:
         return None
-    first, last = int(hits[0]), int(hits[-1])
-    enter, leave = float(times[first]), float(times[last])
-    fine = np.concatenate((enter - STEP + _FORTH, leave + _BACK))
-    coming, going = _touches(track, polygon, fine).reshape(2, -1)
-    if first > 0:
-        enter = float(fine[int(np.argmax(coming))])
-    if last < len(times) - 1:
-        leave = float(fine[len(_FORTH) + int(np.argmax(going))])
-    return ZoneOccupancy(enter, leave, first == 0, last == len(times) - 1)
+    return ZoneOccupancy(enter, leave, first == 0, last == len(track) - 1)
 
 
+Mover = tuple[FloatArray, FloatArray, float, Box]
+"""Positions [T, 2] [m], headings [T], reach [m] and size of a footprint."""
+Zone = tuple[FloatArray, IntArray, tuple[float, float, float, float]]
+"""Corners [C, 2] [m] of rings, which ring each is of, and west, south, east and north end [m]."""
 _FORTH, _BACK = np.linspace(0.0, STEP, 11), np.linspace(STEP, 0.0, 11)
 """Moments of the steps in which it comes and goes, from outside the zone inwards [s]."""
 
 
-def _touches(
-    track: Trajectory, polygon: Area, times: FloatArray
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    xy, heading = track.at(times)
-    (west, south, east, north), reach = polygon.bounds, track.reach
-    x, y = xy[:, 0], xy[:, 1]
-    near = (x > west - reach) & (x < east + reach) & (y > south - reach) & (y < north + reach)
-    result = np.zeros(len(times), dtype=np.bool_)
-    poses = np.column_stack((xy[near], heading[near]))
-    # A standing agent is checked once.
-    new = np.ones(len(poses), dtype=np.bool_)
-    new[1:] = (poses[1:] != poses[:-1]).any(axis=1)
-    xy, heading = poses[new, :2], poses[new, 2]
-    if track.is_vehicle:
-        box = compute_corners(xy, heading, length=track.length, width=track.width)
-        touches = geos.intersects(polygon, geos.polygons(box))
-    else:
-        touches = geos.dwithin(polygon, geos.points(xy), track.radius)
-    result[near] = touches[np.cumsum(new) - 1]
-    return result
+@compiled
+def _find_stay(times: FloatArray, mover: Mover, zone: Zone) -> tuple[int, int, float, float]:
+    """First and last sample that touches a zone, -1 if none does, and the times to 0.01 s."""
+    last = len(times) - 1
+    first = _find_touch(times, times[0], mover, zone)
+    if first < 0:
+        return first, first, 0.0, 0.0
+    last -= _find_touch(times[::-1], times[0], mover, zone)
+    enter, leave = times[first], times[last]
+    if first > 0:
+        fine = enter - STEP + _FORTH
+        enter = fine[max(_find_touch(fine, times[0], mover, zone), 0)]
+    if last < len(times) - 1:
+        fine = leave + _BACK
+        leave = fine[max(_find_touch(fine, times[0], mover, zone), 0)]
+    return first, last, enter, leave
+
+
+@compiled
+def _find_touch(times: FloatArray, start: float, mover: Mover, zone: Zone) -> int:
+    """At which of some times it first touches a zone; -1 if at none."""
+    xy, heading = interpolate_samples(times, start, mover[0], mover[1])
+    west, south, east, north = zone[2]
+    reach = mover[2]
+    for k in range(len(times)):
+        x, y = xy[k]
+        near = west - reach < x < east + reach and south - reach < y < north + reach
+        if near and _touches(make_pose(x, y, heading[k]), mover[3], zone[0], zone[1]):
+            return k
+    return -1
+
+
+@compiled
+def _touches(place: Pose, size: Box, corners: FloatArray, ring: IntArray) -> bool:
+    """Whether a footprint meets an edge of rings, or lies within them."""
+    x, y, inside = place[0], place[1], False
+    for k in range(len(corners) - 1):
+        if ring[k] != ring[k + 1]:
+            continue
+        one, two = corners[k], corners[k + 1]
+        if size[2] > 0.0:
+            if _measure_distance(x, y, one, two) <= size[2]:
+                return True
+        elif meets_box(one, two, place, 2 * size[0], 2 * size[1]):
+            return True
+        if (one[1] > y) != (two[1] > y):
+            inside ^= x < one[0] + (two[0] - one[0]) * (y - one[1]) / (two[1] - one[1])
+    return inside
+
+
+@compiled
+def _measure_distance(x: float, y: float, one: FloatArray, two: FloatArray) -> float:
+    """How far a place is from a line between two others [2] [m]."""
+    dx, dy = two[0] - one[0], two[1] - one[1]
+    x, y = x - one[0], y - one[1]
+    part = min(max((x * dx + y * dy) / max(dx * dx + dy * dy, 1e-18), 0.0), 1.0)
+    return float(np.hypot(x - part * dx, y - part * dy))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
-    Box,
+    BoolArray,
     IntArray,
     Pose,
     compute_corners,
@@ -19,7 +21,6 @@ from scenewright.tools.relation_checker.footprints import (
     compute_gaps,
     double_room,
     get_box,
-    get_extent,
     make_pose,
 )
 from scenewright.tools.relation_checker.planar import Area, geos
@@ -58,20 +59,9 @@ def find_common_times(first: Trajectory, second: Trajectory) -> FloatArray:
     return np.asarray(start + STEP * np.arange(count), dtype=np.float64)
 
 
-def compute_gaps_at(
-    first: Trajectory,
-    second: Trajectory,
-    *,
-    times: FloatArray,
-    second_times: FloatArray | None = None,
-) -> FloatArray:
-    """Signed distance [m] of footprint first(t) and second(t), or second(t') for other times t'."""
-    xy, heading = first.at(times)
-    other_xy, other_heading = second.at(times if second_times is None else second_times)
-    return compute_gaps(
-        xy, heading, get_extent(first),
-        other_xy=other_xy, other_heading=other_heading, other_size=get_extent(second),
-    )  # fmt: skip
+def compute_gaps_at(first: Trajectory, second: Trajectory, *, times: FloatArray) -> FloatArray:
+    """Signed distance of the two footprints [m]."""
+    return compute_gaps(*first.at(times), first.box, *second.at(times), second.box)
 
 
 def compute_clearance(first: Trajectory, second: Trajectory, *, times: FloatArray) -> FloatArray:
@@ -144,6 +134,21 @@ def estimate_velocity_before(track: Trajectory, *, time: float) -> FloatArray:
     return np.asarray(last + change * ((time - track.start) / STEP - k + 0.5))
 
 
+class GridTable(NamedTuple):
+    """`PairGrid` for machine code, with the start of each track [N] [s]."""
+
+    pairs: IntArray
+    common: IntArray
+    shift: IntArray
+    origin: IntArray
+    times: FloatArray
+    starts: FloatArray
+    xy: FloatArray
+    heading: FloatArray
+    reach: FloatArray
+    sizes: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class PairGrid:
     """All movers on one time grid.
@@ -179,15 +184,39 @@ class PairGrid:
         return np.asarray(self.origin[:-1] - self.first)
 
     @cached_property
+    def table(self) -> GridTable:
+        """All that machine code asks for."""
+        return GridTable(
+            self.pairs, self.common, self.shift, self.origin, self.times,
+            np.array([m.start for m in self.tracks]), self.xy, self.heading, self.reach, self.sizes,
+        )  # fmt: skip
+
+    @cached_property
     def sizes(self) -> FloatArray:
         """[3, N] half length, half width and radius of each footprint [m]."""
-        rows = [(m.half_length, m.half_width, m.radius) for m in self.tracks]
-        return np.ascontiguousarray(np.array(rows).reshape(-1, 3).T)
+        boxes = np.array([m.box for m in self.tracks]).reshape(-1, 3)
+        return np.ascontiguousarray(boxes.T)
 
     @cached_property
     def reach(self) -> FloatArray:
         """[N] radius of the circle round each footprint [m]."""
         return np.array([m.reach for m in self.tracks])
+
+    def find_rows(self, pairs: Collection[tuple[int, int]]) -> BoolArray:
+        """[M] whether the pair of a row is one of these pairs of positions, in either order."""
+        rows = np.sort(np.array([*pairs], dtype=np.intp).reshape(-1, 2))
+        return np.isin(self._number(self.pairs), self._number(rows))
+
+    def list_near(self, place: FloatArray, time: float, *, within: float) -> list[Trajectory]:
+        """Movers that are present about a time [s] no further than this from a place [m]."""
+        k, last = round((time - self.times[0]) / STEP) - self.first, np.diff(self.origin) - 1
+        there = np.flatnonzero((k >= -1) & (k <= last + 1))
+        sample = self.origin[there] + np.minimum(np.maximum(k[there], 0), last[there])
+        away = self.xy[sample] - place
+        return [self.tracks[n] for n in there[np.hypot(*away.T) <= within].tolist()]
+
+    def _number(self, pairs: IntArray) -> IntArray:
+        return np.asarray(pairs[:, 0] * len(self.tracks) + pairs[:, 1])
 
 
 def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) -> PairGrid:
@@ -202,109 +231,78 @@ def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) 
     xy, heading, origin = concatenate_samples(tracks)
     first = np.array([round((m.start - start) / STEP) for m in tracks], dtype=np.intp)
     if near_only:
-        spans = np.array([(m.start, m.end) for m in tracks])
-        pairs = find_near_pairs(spans, np.array([m.bounds for m in tracks]))
+        spans = np.array([(m.start, m.end) for m in tracks]).reshape(-1, 2)
+        pairs = find_near_pairs(spans, np.array([m.bounds for m in tracks]).reshape(-1, 4))
     else:
         pairs = np.stack(np.triu_indices(len(tracks), 1), axis=1)
     return PairGrid(tracks, times, xy, heading, origin, first, pairs)
 
 
-def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
-    """[M, 2] pairs whose tracks come near enough in time and place for any event between them.
-
-    Args:
-        spans: [N, 2] start and end [s]; bounds: [N, 4] west, south, east and north [m].
-    """
-    return np.stack(_find_near_pairs(spans.reshape(-1, 2), bounds.reshape(-1, 4)), axis=1)
-
-
 @dataclass(frozen=True, eq=False)
 class PairGaps:
-    """Gaps of all pairs at all times at which both are present.
+    """How near all pairs come.
 
     Attributes:
-        gaps: [G] signed distances [m], pair after pair, exact below `EXACT_BELOW`, else a lower
-            bound; begin: [M+1] where those of each pair begin.
-        least: [M] least gap of each pair [m]; inf where they are never both present.
+        grid: the pairs.
+        least: [M] least gap of each pair [m], exact below `EXACT_BELOW`, else a lower bound; inf
+            where they are never both present.
         contacts: first contact of each pair that has one, by row of `PairGrid.pairs`.
     """
 
-    gaps: FloatArray
-    begin: IntArray
+    grid: PairGrid
     least: FloatArray
     contacts: dict[int, FirstContact]
 
     def get_gaps(self, row: int) -> FloatArray:
         """Gaps [m] of a pair from the first to the last time at which both are present."""
-        return self.gaps[self.begin[row] : self.begin[row + 1]]
+        count = self.grid.common[row, 1]
+        return np.array([compute_gap_at(self.grid.table, row, k) for k in range(count)])
 
 
 def measure_pair_gaps(grid: PairGrid) -> PairGaps:
-    """Clearances and first contacts of all pairs; exact footprints only where centres are near."""
-    begin = np.cumsum([0, *grid.common[:, 1].tolist()])
-    gaps, least = _compute_all_gaps(
-        grid.pairs, grid.common, begin, grid.shift, grid.xy, grid.heading, grid.reach, grid.sizes
-    )
-    return PairGaps(gaps, begin, least, _find_first_contacts(grid, gaps, begin, least))
-
-
-def _find_first_contacts(
-    grid: PairGrid, gaps: FloatArray, begin: IntArray, least: FloatArray
-) -> dict[int, FirstContact]:
-    """By row of `PairGrid.pairs`; steps in which a gap may close get the continuous search."""
-    found: dict[int, FirstContact] = {}
-    for row in np.flatnonzero(least <= TOUCH).tolist():
-        first, second = (grid.tracks[k] for k in grid.pairs[row])
-        if gaps[begin[row]] <= TOUCH:
-            found[row] = FirstContact(max(first.start, second.start), True)
-    closing = _find_closing_steps(
-        grid.pairs, grid.common, begin, gaps, grid.shift, grid.xy, grid.heading, grid.reach,
-        grid.sizes,
-    )  # fmt: skip
-    for row, col in zip(*(each.tolist() for each in closing), strict=True):
-        if row not in found:
-            first, second = (grid.tracks[k] for k in grid.pairs[row])
-            time = _find_contact_in_step(
-                _get_states(first), _get_states(second), float(grid.times[col])
-            )
-            if np.isfinite(time):
-                found[row] = FirstContact(time, False)
-    return dict(sorted(found.items()))
-
-
-State = tuple[float, FloatArray, FloatArray, float, Box]
-"""Start [s], positions [T, 2] [m] and headings [T] of a track, its reach [m] and its size."""
-
-
-def _get_states(track: Trajectory) -> State:
-    size = track.half_length, track.half_width, track.radius
-    return track.start, track.xy, track.heading, track.reach, size
+    """Least gaps and first contacts of all pairs; exact footprints only where centres are near."""
+    least, contact = _measure_pairs(grid.table)
+    contacts = {}
+    for row in np.flatnonzero(~np.isnan(contact)).tolist():
+        initial, both = contact[row] == -np.inf, grid.table.starts[grid.pairs[row]]
+        contacts[row] = FirstContact(float(both.max() if initial else contact[row]), bool(initial))
+    return PairGaps(grid, least, contacts)
 
 
 # ---- as machine code ----------------------------------------------------------------------------
 
 
 @compiled
-def _find_contact_in_step(a: State, b: State, start: float) -> float:
-    """The first contact within the step that begins at a sample time [s], inf if there is none."""
-    ends = start + np.array((0.0, STEP))
-    xy, heading = interpolate_samples(ends, a[0], a[1], a[2])
-    other_xy, other_heading = interpolate_samples(ends, b[0], b[1], b[2])
+def _find_contact_in_step(grid: GridTable, row: int, k: int) -> float:
+    """The first contact within the step from a pair's k-th common sample [s], NaN if none."""
+    a, b = grid.pairs[row]
+    start = grid.times[grid.common[row, 0] + k]
+    xy, heading = _get_ends(grid, a, start)
+    other_xy, other_heading = _get_ends(grid, b, start)
+    size, other_size = get_box(grid.sizes, a), get_box(grid.sizes, b)
     dx = (other_xy[1, 0] - xy[1, 0]) - (other_xy[0, 0] - xy[0, 0])
     dy = (other_xy[1, 1] - xy[1, 1]) - (other_xy[0, 1] - xy[0, 1])
-    bound = np.hypot(dx, dy) + a[3] * abs(heading[1] - heading[0])
-    bound += b[3] * abs(other_heading[1] - other_heading[0])
+    bound = np.hypot(dx, dy) + grid.reach[a] * abs(heading[1] - heading[0])
+    bound += grid.reach[b] * abs(other_heading[1] - other_heading[0])
     part = 0.0
     for _ in range(200):
         one, two = _compute_pose(xy, heading, part), _compute_pose(other_xy, other_heading, part)
-        gap = compute_gap(one, a[4], two, b[4])
+        gap = compute_gap(one, size, two, other_size)
         if gap <= TOUCH:
-            return start + part * STEP
+            return float(start + part * STEP)
         part += max(gap / max(bound, 1e-9), 1e-3)
         if part > 1.0:
             break
     one, two = _compute_pose(xy, heading, 1.0), _compute_pose(other_xy, other_heading, 1.0)
-    return start + STEP if compute_gap(one, a[4], two, b[4]) <= TOUCH else np.inf
+    return float(start + STEP if compute_gap(one, size, two, other_size) <= TOUCH else np.nan)
+
+
+@compiled
+def _get_ends(grid: GridTable, n: int, start: float) -> tuple[FloatArray, FloatArray]:
+    """Positions [2, 2] and headings [2] of a mover at both ends of a step from a time [s] on."""
+    own = slice(grid.origin[n], grid.origin[n + 1])
+    ends = start + np.array((0.0, STEP))
+    return interpolate_samples(ends, grid.starts[n], grid.xy[own], grid.heading[own])
 
 
 @compiled
@@ -318,7 +316,12 @@ def _compute_pose(xy: FloatArray, heading: FloatArray, part: float) -> Pose:
 
 
 @compiled
-def _find_near_pairs(spans: FloatArray, bounds: FloatArray) -> tuple[IntArray, IntArray]:
+def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
+    """[M, 2] pairs whose tracks come near enough in time and place for any event between them.
+
+    Args:
+        spans: [N, 2] start and end [s]; bounds: [N, 4] west, south, east and north [m].
+    """
     first: IntArray = np.empty(64, np.intp)
     second: IntArray = np.empty(64, np.intp)
     count = 0
@@ -333,77 +336,77 @@ def _find_near_pairs(spans: FloatArray, bounds: FloatArray) -> tuple[IntArray, I
                 first, second = double_room(first), double_room(second)
             first[count], second[count] = a, b
             count += 1
-    return first[:count], second[:count]
+    return np.stack((first[:count], second[:count]), axis=1)
 
 
 @compiled
-def _compute_all_gaps(
-    pairs: IntArray,
-    common: IntArray,
-    begin: IntArray,
-    shift: IntArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    reach: FloatArray,
-    sizes: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """[G] `PairGaps.gaps` and [M] the least of each pair."""
-    gaps, least = np.empty(begin[-1]), np.full(len(pairs), np.inf)
-    for row in range(len(pairs)):
-        a, b = pairs[row, 0], pairs[row, 1]
-        for k in range(common[row, 1]):
-            i, j = shift[a] + common[row, 0] + k, shift[b] + common[row, 0] + k
-            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-            gap = np.sqrt(dx * dx + dy * dy) - (reach[a] + reach[b])
-            if gap < EXACT_BELOW:
-                one = make_pose(xy[i, 0], xy[i, 1], heading[i])
-                two = make_pose(xy[j, 0], xy[j, 1], heading[j])
-                gap = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
-            gaps[begin[row] + k] = gap
+def _measure_pairs(grid: GridTable) -> tuple[FloatArray, FloatArray]:
+    """[M] `PairGaps.least`, and [M] times of first contact: -inf from the start, NaN where none.
+
+    Steps in which a gap may close, after a look at their middle, get the continuous search; those
+    in which two are too far apart for it are passed over.
+    """
+    least, contact = np.full(len(grid.pairs), np.inf), np.full(len(grid.pairs), np.nan)
+    fastest = np.full(len(grid.reach), 4 * TOUCH)
+    for n in range(len(fastest)):
+        for k in range(grid.origin[n], grid.origin[n + 1] - 1):
+            fastest[n] = max(fastest[n], _bound_motion(grid, k, n))
+    for row in range(len(grid.pairs)):
+        most = fastest[grid.pairs[row, 0]] + fastest[grid.pairs[row, 1]]
+        k, before = 0, np.inf
+        while k < grid.common[row, 1]:
+            gap = compute_gap_at(grid, row, k)
             least[row] = min(least[row], gap)
-    return gaps, least
+            if k == 0 and gap <= TOUCH:
+                contact[row] = -np.inf
+            open_yet = np.isnan(contact[row]) and before < np.inf
+            if open_yet and _closes(grid, row, k - 1, before, gap):
+                contact[row] = _find_contact_in_step(grid, row, k - 1)
+            ahead = int(min((gap - EXACT_BELOW) / most, gap / most - 0.5) - 1e-6)
+            before = gap if ahead <= 1 else np.inf
+            k += max(ahead, 1)
+    return least, contact
 
 
 @compiled
-def _find_closing_steps(
-    pairs: IntArray,
-    common: IntArray,
-    begin: IntArray,
-    gaps: FloatArray,
-    shift: IntArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    reach: FloatArray,
-    sizes: FloatArray,
-) -> tuple[IntArray, IntArray]:
-    """Pairs and steps, in order, in which the gap may close, after a look at their middle."""
-    row: IntArray = np.empty(64, np.intp)
-    col: IntArray = np.empty(64, np.intp)
-    count = 0
-    for pair in range(len(pairs)):
-        a, b = pairs[pair, 0], pairs[pair, 1]
-        for k in range(common[pair, 1] - 1):
-            before, after = gaps[begin[pair] + k], gaps[begin[pair] + k + 1]
-            column = common[pair, 0] + k
-            i, j = shift[a] + column, shift[b] + column
-            most = _bound_motion(i, xy, heading, reach[a]) + _bound_motion(j, xy, heading, reach[b])
-            if before + after > most:
-                continue
-            one, two = _compute_pose_halfway(i, xy, heading), _compute_pose_halfway(j, xy, heading)
-            middle = compute_gap(one, get_box(sizes, a), two, get_box(sizes, b))
-            if min(middle, middle + min(before, after) - most / 2) <= 0:
-                if count == len(row):
-                    row, col = double_room(row), double_room(col)
-                row[count], col[count] = pair, column
-                count += 1
-    return row[:count], col[:count]
+def _find_samples(grid: GridTable, row: int, k: int) -> tuple[int, int, int, int]:
+    """The movers of a pair, and the samples of both at their k-th common time."""
+    a, b = grid.pairs[row, 0], grid.pairs[row, 1]
+    column = grid.common[row, 0] + k
+    return a, b, grid.shift[a] + column, grid.shift[b] + column
 
 
 @compiled
-def _bound_motion(k: int, xy: FloatArray, heading: FloatArray, reach: float) -> float:
-    """Most that any point of a footprint moves up to the next sample [m], with some room."""
-    dx, dy = xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1]
-    turn = reach * abs(heading[k + 1] - heading[k])
+def compute_gap_at(grid: GridTable, row: int, k: int) -> float:
+    """Gap of a pair at its k-th common time [m], exact below `EXACT_BELOW`, else a lower bound."""
+    a, b, i, j = _find_samples(grid, row, k)
+    dx, dy = grid.xy[j, 0] - grid.xy[i, 0], grid.xy[j, 1] - grid.xy[i, 1]
+    gap = np.sqrt(dx * dx + dy * dy) - (grid.reach[a] + grid.reach[b])
+    if gap < EXACT_BELOW:
+        one = make_pose(grid.xy[i, 0], grid.xy[i, 1], grid.heading[i])
+        two = make_pose(grid.xy[j, 0], grid.xy[j, 1], grid.heading[j])
+        gap = compute_gap(one, get_box(grid.sizes, a), two, get_box(grid.sizes, b))
+    return float(gap)
+
+
+@compiled
+def _closes(grid: GridTable, row: int, k: int, before: float, after: float) -> bool:
+    """Whether a pair's gap may close between two common times, by a look at the middle."""
+    a, b, i, j = _find_samples(grid, row, k)
+    most = _bound_motion(grid, i, a) + _bound_motion(grid, j, b)
+    if before + after > most:
+        return False
+    one = _compute_pose_halfway(i, grid.xy, grid.heading)
+    two = _compute_pose_halfway(j, grid.xy, grid.heading)
+    middle = compute_gap(one, get_box(grid.sizes, a), two, get_box(grid.sizes, b))
+    return bool(min(middle, middle + min(before, after) - most / 2) <= 0)
+
+
+@compiled
+def _bound_motion(grid: GridTable, k: int, n: int) -> float:
+    """Most that any point of a mover's footprint moves from a sample to the next [m], and some."""
+    dx, dy = grid.xy[k + 1, 0] - grid.xy[k, 0], grid.xy[k + 1, 1] - grid.xy[k, 1]
+    turn = grid.reach[n] * abs(grid.heading[k + 1] - grid.heading[k])
     return float(np.sqrt(dx * dx + dy * dy) + turn + 2 * TOUCH)
 
 

@@ -9,8 +9,9 @@ resolved to 0.01 s.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from scenewright.tools.relation_checker.contact import TOUCH
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
     Box,
+    IntArray,
     Pose,
     compute_angle_between,
     double_room,
@@ -34,10 +36,8 @@ from scenewright.tools.relation_checker.trajectory import (
     get_lane_table,
 )
 
-IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
-
 STILL = 0.02
-BLOCK = 8
+BLOCK, LARGE = 8, 64
 SUBSTEPS = 5
 FINER = 3
 BATCH = 8
@@ -63,8 +63,7 @@ class Encounter:
     second_time: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Occupancies:
+class _Occupancies(NamedTuple):
     """All movers' places, one after another.
 
     Attributes:
@@ -83,8 +82,7 @@ class _Occupancies:
     origin: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class _OccupancyPairs:
+class _OccupancyPairs(NamedTuple):
     """Pairs of places that may touch, one pair of movers after another.
 
     Attributes:
@@ -131,8 +129,7 @@ def find_encounters(
     first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
     alike = np.array([m.is_vehicle for m in tracks])
     pairs = _OccupancyPairs(*_find_touching_pairs(
-        first, second, alike, occupancies.origin, occupancies.reach, occupancies.table,
-        np.inf if horizon is None else horizon,
+        first, second, alike, occupancies, np.inf if horizon is None else horizon
     ))  # fmt: skip
     _drop_shared_lanes(occupancies, tracks, pairs, first, second)
     found = _resolve_encounters(occupancies, pairs)
@@ -143,7 +140,7 @@ def _tabulate_occupancies(tracks: tuple[Trajectory, ...]) -> _Occupancies:
     xy, heading, origin = concatenate_samples(tracks)
     times = np.concatenate([m.times for m in tracks])
     s = np.concatenate([m.s for m in tracks])
-    sizes = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in tracks])
+    sizes = np.array([(*m.box, m.reach) for m in tracks])
     return _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
 
 
@@ -174,74 +171,26 @@ def _drop_shared_lanes(
 ) -> None:
     """Makes contacts of two of one class that are behind one another in one lane count no more."""
     rows = np.flatnonzero(pairs.parallel)
-    begin, end = pairs.begin[rows].tolist(), pairs.begin[rows + 1].tolist()
-    lanes = _find_shared_lanes(tracks, first[rows], second[rows])
-    for i, j, one, two in zip(begin, end, *lanes, strict=True):
-        if one is not None and two is not None:
-            in_lane = one.contains(occupancies.s[pairs.p[i:j]])
-            in_lane |= two.contains(occupancies.s[pairs.q[i:j]])
-            pairs.lag[i:j][in_lane] = np.inf
-
-
-@dataclass(frozen=True, eq=False)
-class _SharedLane:
-    """Stretches of one path that are shared with another, as arc lengths [m] of its centre."""
-
-    begin: FloatArray
-    end: FloatArray
-
-    def contains(self, s: FloatArray) -> BoolArray:
-        """Which positions lie in a shared stretch after its conflict zone."""
-        inside = (s[:, None] >= self.begin) & (s[:, None] <= self.end)
-        return np.asarray(inside.any(axis=1))
-
-
-def _find_shared_lanes(
-    tracks: tuple[Trajectory, ...], first: IntArray, second: IntArray
-) -> tuple[list[_SharedLane | None], list[_SharedLane | None]]:
-    """For pairs of movers, where the first is in the lane of the second, and the second in its."""
-    if len(first) == 0:
-        return [], []
-    lanes = get_lane_table(tracks)
-    pairs = [*zip(first, second, strict=True), *zip(second, first, strict=True)]
-    paths = [tracks[i].path.coarsen() for i, _ in pairs]
+    if not len(rows):
+        return
+    mine = np.concatenate((first[rows], second[rows]))
+    theirs = np.concatenate((second[rows], first[rows]))
+    paths = [tracks[n].path.coarsen() for n in mine.tolist()]
     size = [len(path.s) for path in paths]
-    beside = np.array([(tracks[i].width + tracks[j].width) / 2 for i, j in pairs])
+    width, nose = np.array([(m.width, m.nose) for m in tracks]).T
+    beside = np.repeat((width[mine] + width[theirs]) / 2, size)
     foot = project_each(
-        np.concatenate([path.xy for path in paths]), lanes,
-        np.repeat([j for _, j in pairs], size), within=np.repeat(beside, size),
+        np.concatenate([path.xy for path in paths]), get_lane_table(tracks),
+        np.repeat(theirs, size), within=beside,
     )  # fmt: skip
-    near = foot.lateral < np.repeat(beside, size)
+    near = foot.lateral < beside
     direction = np.concatenate([path.direction for path in paths])
     along = near & (compute_angle_between(direction, foot.direction) <= SHARED)
-    end = np.cumsum(size)
-    parts = [
-        _find_shared_lane(tracks[i], path.s, foot.s[k - n : k], near[k - n : k], along[k - n : k])
-        for (i, _), path, n, k in zip(pairs, paths, size, end, strict=True)
-    ]
-    return parts[: len(first)], parts[len(first) :]
-
-
-def _find_shared_lane(
-    track: Trajectory, s: FloatArray, foot: FloatArray, near: BoolArray, along: BoolArray
-) -> _SharedLane | None:
-    """Where the mover is in one lane with another, past the first 5 m of a merge."""
-    if not along.any():
-        return None
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], near, [False])).astype(np.int8)))
-    runs = [(i, j - 1) for i, j in edges.reshape(-1, 2) if along[i:j].any()]
-    stretches = [_skip_merge(track, s, foot, along, run) for run in runs]
-    begin, end = np.array(stretches).T
-    return _SharedLane(begin, end)
-
-
-def _skip_merge(
-    track: Trajectory, s: FloatArray, foot: FloatArray, along: BoolArray, run: tuple[int, int]
-) -> tuple[float, float]:
-    i, j = run
-    from_the_start = along[i] and (s[i] < 1.0 or foot[i] < 1.0)
-    begin = -np.inf if from_the_start else s[i] + MERGE_LENGTH + track.nose
-    return float(begin), float(s[j] + track.nose + 1.0)
+    ways = _Ways(
+        np.cumsum([0, *size]), np.concatenate([path.s for path in paths]), foot.s, near, along,
+        nose[mine],
+    )  # fmt: skip
+    _drop_stretches(rows, pairs, occupancies.s, ways)
 
 
 def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> list[Encounter]:
@@ -250,9 +199,7 @@ def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> li
     A pair's contacts are split into encounters at gaps along the first one's path.
     """
     table = occupancies.table
-    best = _find_best_places(
-        pairs.p, pairs.q, pairs.lag, pairs.begin, occupancies.s, table, *_WHOLE
-    )
+    best = _find_best_places(pairs, occupancies, *_WHOLE)
     p, q = pairs.p[best], pairs.q[best]
     lag, place = _find_least_lags(p, q, table, *_WHOLE)
     apart = lag[:, 0] > 0
@@ -326,16 +273,12 @@ def _find_occupancies(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArr
 
 @compiled
 def _find_touching_pairs(
-    first: IntArray,
-    second: IntArray,
-    alike: BoolArray,
-    origin: IntArray,
-    reach: FloatArray,
-    table: FloatArray,
-    horizon: float,
+    first: IntArray, second: IntArray, alike: BoolArray, places: _Occupancies, horizon: float
 ) -> tuple[IntArray, IntArray, FloatArray, IntArray, BoolArray]:
     """What `_OccupancyPairs` holds, of pairs of movers; blocks of places are looked at first."""
-    blocks = _bound_blocks(origin, reach, table)
+    origin, reach, table = places.origin, places.reach, places.table
+    large = _bound_blocks(origin, reach, table, LARGE)
+    blocks = _bound_blocks(origin, reach, table, BLOCK)
     p: IntArray = np.empty(256, np.intp)
     q: IntArray = np.empty(256, np.intp)
     lags: FloatArray = np.empty(256)
@@ -344,35 +287,95 @@ def _find_touching_pairs(
     aligned = np.cos(SHARED)
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
-        for i in range(origin[a], origin[a + 1], BLOCK):
-            for j in range(origin[b], origin[b + 1], BLOCK):
-                if not _may_touch(blocks[:, i], blocks[:, j], horizon):
-                    continue
-                for m in range(i, min(i + BLOCK, origin[a + 1])):
-                    for n in range(j, min(j + BLOCK, origin[b + 1])):
-                        lag = _bound_lag(m, n, reach, table, horizon)
-                        if lag == np.inf:
-                            continue
-                        if count == len(p):
-                            p, q, lags = double_room(p), double_room(q), double_room(lags)
-                        p[count], q[count], lags[count] = m, n, lag
-                        count += 1
-                        facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
-                        parallel[pair] |= alike[a] == alike[b] and facing >= aligned
+        for i, j in _list_blocks(a, b, origin, large, blocks, horizon):
+            for m in range(i, min(i + BLOCK, origin[a + 1])):
+                for n in range(j, min(j + BLOCK, origin[b + 1])):
+                    lag = _bound_lag(m, n, reach, table, horizon)
+                    if lag == np.inf:
+                        continue
+                    if count == len(p):
+                        p, q, lags = double_room(p), double_room(q), double_room(lags)
+                    p[count], q[count], lags[count] = m, n, lag
+                    count += 1
+                    facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
+                    parallel[pair] |= alike[a] == alike[b] and facing >= aligned
         begin[pair + 1] = count
     return p[:count], q[:count], lags[:count], begin, parallel
 
 
 @compiled
-def _bound_blocks(origin: IntArray, reach: FloatArray, table: FloatArray) -> FloatArray:
+def _list_blocks(
+    a: int, b: int, origin: IntArray, large: FloatArray, blocks: FloatArray, horizon: float
+) -> Iterator[tuple[int, int]]:
+    """Where blocks of two movers begin that may touch; no place of large blocks that do not may."""
+    for wide in range(origin[a], origin[a + 1], LARGE):
+        for other in range(origin[b], origin[b + 1], LARGE):
+            if _may_touch(large[:, wide], large[:, other], horizon):
+                for i in range(wide, min(wide + LARGE, origin[a + 1]), BLOCK):
+                    for j in range(other, min(other + LARGE, origin[b + 1]), BLOCK):
+                        if _may_touch(blocks[:, i], blocks[:, j], horizon):
+                            yield i, j
+
+
+class _Ways(NamedTuple):
+    """Paths of W movers beside the lanes of others: where each begins [W+1], of each of its points
+    the arc length on both [m], whether it is in the lane and leads the same way; noses [W] [m].
+    """
+
+    origin: IntArray
+    s: FloatArray
+    foot: FloatArray
+    near: BoolArray
+    along: BoolArray
+    nose: FloatArray
+
+
+@compiled
+def _drop_stretches(rows: IntArray, pairs: _OccupancyPairs, s: FloatArray, ways: _Ways) -> None:
+    """Writes infinite lags where either of a pair is in a stretch shared with the other's lane."""
+    for k in range(len(rows)):
+        ones, twos = _find_stretches(k, ways), _find_stretches(k + len(rows), ways)
+        if len(ones) == 0 or len(twos) == 0:
+            continue
+        for row in range(pairs.begin[rows[k]], pairs.begin[rows[k] + 1]):
+            here, there = s[pairs.p[row]], s[pairs.q[row]]
+            shared = ((ones[:, 0] <= here) & (here <= ones[:, 1])).any()
+            if shared or ((twos[:, 0] <= there) & (there <= twos[:, 1])).any():
+                pairs.lag[row] = np.inf
+
+
+@compiled
+def _find_stretches(n: int, ways: _Ways) -> FloatArray:
+    """[R, 2] where a mover is in one lane with another, past the first 5 m of a merge [m].
+
+    Of runs of points that are near it, of which any is along it.
+    """
+    end, nose = ways.origin[n + 1], ways.nose[n]
+    found, count = np.zeros((end - ways.origin[n], 2)), 0
+    start, shares = -1, False
+    for k in range(ways.origin[n], end):
+        if not ways.near[k]:
+            start, shares = -1, False
+            continue
+        start, shares = k if start < 0 else start, shares or ways.along[k]
+        if shares and (k + 1 == end or not ways.near[k + 1]):
+            initial = ways.along[start] and min(ways.s[start], ways.foot[start]) < 1.0
+            found[count, 0] = -np.inf if initial else ways.s[start] + MERGE_LENGTH + nose
+            found[count, 1] = ways.s[k] + nose + 1.0
+            count += 1
+    return found[:count]
+
+
+@compiled
+def _bound_blocks(origin: IntArray, reach: FloatArray, table: FloatArray, size: int) -> FloatArray:
     """[5, K] circle round the block that begins at a place, and from when until when it is there.
 
     Of the circle twice the middle's x and y and twice the radius [m].
     """
     blocks = np.empty((5, len(reach)))
     for owner in range(len(origin) - 1):
-        for i in range(origin[owner], origin[owner + 1], BLOCK):
-            end = min(i + BLOCK, origin[owner + 1])
+        for i in range(origin[owner], origin[owner + 1], size):
+            end = min(i + size, origin[owner + 1])
             west = east = table[_SWEPT_X, i]
             south = north = table[_SWEPT_Y, i]
             widest = reach[i]
@@ -421,20 +424,15 @@ def _get_swept_footprint(table: FloatArray, i: int) -> tuple[Pose, Box]:
 
 @compiled
 def _find_best_places(
-    p: IntArray,
-    q: IntArray,
-    lag: FloatArray,
-    begin: IntArray,
-    s: FloatArray,
-    table: FloatArray,
-    part: FloatArray,
-    other_part: FloatArray,
+    pairs: _OccupancyPairs, places: _Occupancies, part: FloatArray, other_part: FloatArray
 ) -> IntArray:
     """[E] of every encounter the pair of places with the least lag.
 
     The most promising are tried first, a few at a time, until no other can be better.
     """
     found: IntArray = np.empty(64, np.intp)
+    p, q, lag, begin, _ = pairs
+    s, table = places.s, places.table
     count = longest = 0
     for pair in range(len(begin) - 1):
         longest = max(longest, begin[pair + 1] - begin[pair])
@@ -442,7 +440,7 @@ def _find_best_places(
     for pair in range(len(begin) - 1):
         rows = begin[pair], begin[pair + 1]
         for k in range(_label_encounters(p, lag, s, rows, group)):
-            size = _fill_heap(heap, p, q, lag, rows, group, k)
+            size = _fill_heap(heap, pairs, rows, group, k)
             least, best, tried = np.inf, -1, 0
             while size > 0 and (tried % BATCH > 0 or lag[heap[0]] < least):
                 row, tried = heap[0], tried + 1
@@ -451,7 +449,7 @@ def _find_best_places(
                     least, best = near, row
                 size -= 1
                 heap[0] = heap[size]
-                _sift_down(heap, 0, size, p, q, lag)
+                _sift_down(heap, 0, size, pairs)
             if best >= 0:
                 if count == len(found):
                     found = double_room(found)
@@ -483,42 +481,35 @@ def _label_encounters(
 
 @compiled
 def _fill_heap(
-    heap: IntArray,
-    p: IntArray,
-    q: IntArray,
-    lag: FloatArray,
-    rows: tuple[int, int],
-    group: IntArray,
-    wanted: int,
+    heap: IntArray, pairs: _OccupancyPairs, rows: tuple[int, int], group: IntArray, wanted: int
 ) -> int:
     """Writes a heap of the rows of one encounter, least lag on top; returns how many there are."""
-    size = 0
+    p, lag, size = pairs.p, pairs.lag, 0
     for row in range(rows[0], rows[1]):
         if lag[row] < np.inf and group[p[row]] == wanted:
             heap[size] = row
             size += 1
     for k in range(size // 2 - 1, -1, -1):
-        _sift_down(heap, k, size, p, q, lag)
+        _sift_down(heap, k, size, pairs)
     return size
 
 
 @compiled
-def _sift_down(
-    heap: IntArray, k: int, size: int, p: IntArray, q: IntArray, lag: FloatArray
-) -> None:
+def _sift_down(heap: IntArray, k: int, size: int, pairs: _OccupancyPairs) -> None:
     while 2 * k + 1 < size:
         child = 2 * k + 1
-        if child + 1 < size and _comes_before(heap[child + 1], heap[child], p, q, lag):
+        if child + 1 < size and _comes_before(heap[child + 1], heap[child], pairs):
             child += 1
-        if not _comes_before(heap[child], heap[k], p, q, lag):
+        if not _comes_before(heap[child], heap[k], pairs):
             break
         heap[k], heap[child] = heap[child], heap[k]
         k = child
 
 
 @compiled
-def _comes_before(row: int, other: int, p: IntArray, q: IntArray, lag: FloatArray) -> bool:
+def _comes_before(row: int, other: int, pairs: _OccupancyPairs) -> bool:
     """Whether a pair of places is to be tried before another: by lag, then in order of places."""
+    p, q, lag = pairs.p, pairs.q, pairs.lag
     if lag[row] != lag[other]:
         return bool(lag[row] < lag[other])
     return bool(p[row] < p[other] or (p[row] == p[other] and q[row] < q[other]))

@@ -28,12 +28,15 @@ from scenewright.tools.relation_checker.conflict_zones import (
     PathConflictZone,
     ZoneOccupancy,
     find_conflict_zones,
+    find_nearest_zone,
     find_zone_occupancy,
 )
 from scenewright.tools.relation_checker.contact import (
+    GridTable,
     PairGaps,
     PairGrid,
     build_pair_grid,
+    compute_gap_at,
     find_common_times,
     find_contact_point,
     find_least_clearance,
@@ -45,7 +48,7 @@ from scenewright.tools.relation_checker.following import (
     find_followings,
     measure_lane_gaps,
 )
-from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, double_room
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.overtaking import find_close_overtaking
 from scenewright.tools.relation_checker.planar import geos
@@ -244,12 +247,13 @@ class _EventSearch:
 
     def _list_rows(self, braked: Collection[int]) -> list[int]:
         """Rows of the pairs that may have an event; many others never have to do with another."""
-        i, j = self.grid.pairs.T
-        meet = [pair in self.by_pair for pair in zip(i.tolist(), j.tolist(), strict=True)]
-        waits = np.array(self._cut_off, dtype=np.bool_)
-        rides = np.array([m.is_rider for m in self.tracks], dtype=np.bool_)
-        wanted = np.array(meet, dtype=np.bool_) | waits[i] | waits[j]
-        wanted |= (rides[i] != rides[j]) & np.isfinite(self.near.least)
+        asked = [(self._index[a], self._index[b]) for a, b in self.asked]
+        waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
+        wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
+        wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
+        # One rides, the other drives.
+        wheels = np.array([m.is_rider - 0.5 if m.is_vehicle else 0.0 for m in self.tracks])
+        wanted |= (wheels[self.grid.pairs].prod(axis=1) < 0.0) & np.isfinite(self.near.least)
         wanted[[*self.near.contacts, *braked]] = True
         return np.flatnonzero(wanted).tolist()
 
@@ -317,7 +321,10 @@ class _EventSearch:
             encounter.pet < YIELD_PET or yielded.braking > YIELD_BRAKING
         )
         if yielded is not None and not harsh:
-            return self._build_yield_event(encounter, yielded, full)
+            first, second = (self.tracks[k] for k in pair)
+            late = encounter.first_time > encounter.second_time
+            order = (first, second) if late else (second, first)
+            return self._build_yield_event(order, yielded, full, encounter.pet)
         if harsh or encounter.pet <= NEAR_MISS_PET:
             moments = [encounter.first_time, encounter.second_time]
             return next(iter(self._find_near_miss(pair, encounter.pet, full, around=moments)), None)
@@ -331,7 +338,8 @@ class _EventSearch:
         giver, other = self.grid.tracks[i], self.grid.tracks[j]
         if not _slows(giver, until=max(encounter.first_time, encounter.second_time)):
             return None
-        zone = _find_nearest_zone(giver, other, encounter, later)
+        time = encounter.second_time if later else encounter.first_time
+        zone = find_nearest_zone(giver, other, giver.at(np.array([time]))[0][0])
         return None if zone is None else self._find_yield_at(zone, giver, other)
 
     def _find_yield_at(
@@ -355,11 +363,12 @@ class _EventSearch:
         self, zone: PathConflictZone, giver: Trajectory, other: Trajectory, stay: ZoneOccupancy
     ) -> YieldContext:
         brink = float(np.interp(stay.enter, giver.times, giver.s)) + giver.nose
-        k = self._index[giver.id]
-        real = self.tracks[k]
-        others = [self.tracks[m] for m in self._neighbours[k] if self.tracks[m].id != other.id]
+        real = self.tracks[self._index[giver.id]]
 
         def has_leader(time: float) -> bool:
+            reach = 3.0 * float(real.speed.max()) + 20.0 + real.nose + float(self.grid.reach.max())
+            near = self.grid.list_near(real.at(np.array([time]))[0], time, within=reach)
+            others = (m for m in near if m is not real and m.id != other.id)
             return any(is_leading(real, m, time=time, before=brink) for m in others)
 
         def is_on_crosswalk(time: float) -> bool:
@@ -372,29 +381,16 @@ class _EventSearch:
             )
 
         return YieldContext(
-            red=partial(self._holds_red, real),
+            red=partial(self.lights.is_held, real),
             leader=has_leader,
             excused=lambda t: self._waits_for_another(real, other, t),
             on_crosswalk=is_on_crosswalk,
         )
 
-    def _holds_red(self, giver: Trajectory, since: float, until: float) -> bool:
-        """Whether a light that is not green holds the giver at some time of a span [s]."""
-        return self.lights.is_held(giver, since=since, until=until)
-
     @cached_property
     def _index(self) -> dict[int, int]:
         """Position of every mover, by id."""
         return {m.id: k for k, m in enumerate(self.tracks)}
-
-    @cached_property
-    def _neighbours(self) -> dict[int, list[int]]:
-        """Movers that each may have to do with, by position."""
-        table: dict[int, list[int]] = {}
-        for i, j in self.grid.pairs.tolist():
-            table.setdefault(i, []).append(j)
-            table.setdefault(j, []).append(i)
-        return table
 
     def _waits_for_another(self, giver: Trajectory, other: Trajectory, time: float) -> bool:
         """Whether the giver waits for yet another agent that a relation binds it to."""
@@ -438,31 +434,24 @@ class _EventSearch:
             further = extend_straight(
                 giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0
             )
-            if is_held_throughout(further, giver.end, partial(self._holds_red, giver)):
+            if is_held_throughout(further, giver.end, partial(self.lights.is_held, giver)):
                 continue
             for zone in find_conflict_zones(further, other):
                 yielded = self._find_yield_at(zone, further, other, real_end=giver.end)
                 if yielded is not None and yielded.braking <= YIELD_BRAKING:
-                    found.append(
-                        self._build_yield_event(None, yielded, full, tracks=(giver, other))
-                    )
+                    found.append(self._build_yield_event((giver, other), yielded, full))
                     break
         return found[:1]
 
     def _build_yield_event(
         self,
-        encounter: Encounter | None,
+        tracks: tuple[Trajectory, Trajectory],
         yielded: YieldEvent,
         full: bool,
-        tracks: tuple[Trajectory, Trajectory] | None = None,
+        pet: float | None = None,
     ) -> Event:
-        if tracks is None and encounter is not None:
-            both = self.grid.tracks[encounter.first], self.grid.tracks[encounter.second]
-            tracks = both if encounter.first_time > encounter.second_time else (both[1], both[0])
-        if tracks is None:
-            raise ValueError("a yield needs an encounter or its movers")
         evidence = {
-            "pet": encounter.pet if encounter else None, "approach_speed": yielded.approach,
+            "pet": pet, "approach_speed": yielded.approach,
             "lowest_speed": yielded.lowest, "begins_to_slow": yielded.begin,
             "braking": yielded.braking, "other_cleared": yielded.cleared, "entered": yielded.enter,
             "would_have_entered": yielded.arrival,
@@ -501,34 +490,51 @@ class _EventSearch:
     def _find_braked_pairs(self) -> dict[int, list[float]]:
         """By row of pairs: times of path TTC <= 1.5 s while one of the two brakes hard."""
         found: dict[int, list[float]] = {}
+        speed, acceleration = (
+            np.concatenate([np.zeros(0), *(getattr(m, name) for m in self.tracks)])
+            for name in ("speed", "acceleration")
+        )
         hard = [m.is_vehicle and (m.acceleration < -NEAR_MISS_BRAKING).any() for m in self.tracks]
-        brakes = np.array(hard, dtype=np.bool_)[self.grid.pairs].any(axis=1)
-        for row in np.flatnonzero(brakes & np.isfinite(self.near.least)).tolist():
+        steps = _find_hard_braking(
+            self.grid.table, np.array(hard, dtype=np.bool_), speed, acceleration
+        )
+        for row in np.unique(steps[0]).tolist():
             if row in self.near.contacts:
                 continue
-            i, j = self.grid.pairs[row].tolist()
-            times = self._find_hard_braking_times(row, self.tracks[i], self.tracks[j])
-            if len(times):
-                ttc = compute_path_ttc(
-                    self.tracks[i], self.tracks[j], times=times, horizon=NEAR_MISS_TTC
-                )
-                close = times[ttc <= NEAR_MISS_TTC]
-                if len(close):
-                    found[row] = close.tolist()
+            first, second = (self.tracks[n] for n in self.grid.pairs[row])
+            times = find_common_times(first, second)[steps[1][steps[0] == row]]
+            ttc = compute_path_ttc(first, second, times=times, horizon=NEAR_MISS_TTC)
+            close = times[ttc <= NEAR_MISS_TTC]
+            if len(close):
+                found[row] = close.tolist()
         return found
 
     @property
     def tracks(self) -> tuple[Trajectory, ...]:
         return self.grid.tracks
 
-    def _find_hard_braking_times(
-        self, row: int, first: Trajectory, second: Trajectory
-    ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        times = find_common_times(first, second)
-        i, j = first.find_indices(times), second.find_indices(times)
-        hard = np.minimum(first.acceleration[i], second.acceleration[j]) < -NEAR_MISS_BRAKING
-        reach = (first.speed[i] + second.speed[j]) * NEAR_MISS_TTC + 1.0
-        return np.asarray(times[hard & (self.near.get_gaps(row) <= reach)])
+
+@compiled
+def _find_hard_braking(
+    grid: GridTable, hard: BoolArray, speed: FloatArray, acceleration: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Rows and common samples at which one of two that come near brakes hard."""
+    row: IntArray = np.empty(64, np.intp)
+    step: IntArray = np.empty(64, np.intp)
+    count = 0
+    for n in range(len(grid.pairs)):
+        a, b = grid.pairs[n]
+        for k in range(grid.common[n, 1] if hard[a] or hard[b] else 0):
+            column = grid.common[n, 0] + k
+            i, j = grid.shift[a] + column, grid.shift[b] + column
+            if min(acceleration[i], acceleration[j]) >= -NEAR_MISS_BRAKING:
+                continue
+            if compute_gap_at(grid, n, k) <= (speed[i] + speed[j]) * NEAR_MISS_TTC + 1.0:
+                if count == len(row):
+                    row, step = double_room(row), double_room(step)
+                row[count], step[count] = n, k
+                count += 1
+    return row[:count], step[:count]
 
 
 def _slows(giver: Trajectory, *, until: float) -> bool:
@@ -548,60 +554,38 @@ def _find_crossers_ahead(grid: PairGrid, cut_off: Sequence[bool]) -> BoolArray:
              for m in grid.tracks]  # fmt: skip
     table = np.array([
         (*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type], m.end - since, cut,
-         m.is_vehicle, m.half_width + m.radius, m.half_length)
+         m.is_vehicle, m.half_width + m.radius, m.half_length, *m.bounds)
         for m, since, cut in zip(grid.tracks, still, cut_off, strict=True)
-    ])  # fmt: skip
-    sides = [
-        _search_crossers_ahead(
-            np.ascontiguousarray(pairs), table, grid.xy, grid.heading, grid.origin, grid.times,
-            grid.shift,
-        )
-        for pairs in (grid.pairs, grid.pairs[:, ::-1])
-    ]  # fmt: skip
-    return np.stack(sides, axis=1)
+    ]).reshape(-1, 13)  # fmt: skip
+    return _search_crossers_ahead(grid.table, table)
 
 
 @compiled
-def _search_crossers_ahead(
-    pairs: IntArray,
-    table: FloatArray,
-    xy: FloatArray,
-    heading: FloatArray,
-    origin: IntArray,
-    times: FloatArray,
-    shift: IntArray,
-) -> BoolArray:
-    found = np.zeros(len(pairs), np.bool_)
-    for row in range(len(pairs)):
-        giver, other = pairs[row, 0], pairs[row, 1]
+def _search_crossers_ahead(grid: GridTable, table: FloatArray) -> BoolArray:
+    found = np.zeros((len(grid.pairs), 2), np.bool_)
+    for n in range(2 * len(grid.pairs)):
+        row, side = n // 2, n % 2
+        giver, other = grid.pairs[row, side], grid.pairs[row, 1 - side]
         x, y, facing, onwards, since, cut = table[giver, :6]
         alike = table[giver, 6] == table[other, 6]
-        if not cut:
+        west, south, east, north = table[other, 9:]
+        beside = onwards + table[giver, 7] + table[other, 7] + table[other, 8]
+        away = max(west - x, x - east, south - y, y - north)
+        if not cut or away > beside:
             continue
-        for k in range(origin[other], origin[other + 1]):
-            east, north, turn = xy[k, 0] - x, xy[k, 1] - y, heading[k] - facing
+        for k in range(grid.origin[other], grid.origin[other + 1]):
+            if grid.times[k - grid.shift[other]] < since:
+                continue
+            east, north = grid.xy[k, 0] - x, grid.xy[k, 1] - y
+            turn = grid.heading[k] - facing
             along = np.cos(facing) * east + np.sin(facing) * north
             aside = abs(np.cos(facing) * north - np.sin(facing) * east)
             room = table[giver, 7] + table[other, 7] + table[other, 8] * abs(np.sin(turn))
-            if (
-                times[k - shift[other]] >= since
-                and 0 <= along <= onwards
-                and aside <= room
-                and (np.cos(turn) < np.cos(SHARED) or not alike)
-            ):
-                found[row] = True
+            inside = 0 <= along <= onwards and aside <= room
+            if inside and (np.cos(turn) < np.cos(SHARED) or not alike):
+                found[row, side] = True
                 break
     return found
-
-
-def _find_nearest_zone(
-    giver: Trajectory, other: Trajectory, encounter: Encounter, later: bool
-) -> PathConflictZone | None:
-    time = encounter.second_time if later else encounter.first_time
-    xy, _ = giver.at(np.array([time]))
-    point = geos.Point(xy[0])
-    zones = find_conflict_zones(giver, other)
-    return min(zones, key=lambda z: float(z.polygon.distance(point)), default=None)
 
 
 def _find_closest_approach(

@@ -9,8 +9,9 @@ the events whose time lies in the span.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from scenewright.scene.track import STEP, Track
 from scenewright.tools.relation_checker.avoidability import find_avoidability
 from scenewright.tools.relation_checker.certificate import find_contacts
 from scenewright.tools.relation_checker.contact import find_near_pairs
-from scenewright.tools.relation_checker.events import observe
+from scenewright.tools.relation_checker.events import SceneObservation, observe
 from scenewright.tools.relation_checker.plausibility import check_ground
 from scenewright.tools.relation_checker.reactions import Sights
 from scenewright.tools.relation_checker.trajectory import RoadUser, build_trajectories
@@ -113,7 +114,8 @@ def count_pair_samples(users: Sequence[RoadUser]) -> float:
     return len(users) * (len(users) - 1) / 2 * (span / STEP + 1)
 
 
-def _count_near_pair_samples(users: Sequence[RoadUser]) -> float:
+@lru_cache(maxsize=1)
+def _count_near_pair_samples(users: tuple[RoadUser, ...]) -> float:
     """Those of the pairs that may have to do with one another, while both are there."""
     spans = np.array([(u.track.start, u.track.end) for u in users])
     bounds = np.array([(*u.track.xy.min(axis=0), *u.track.xy.max(axis=0)) for u in users])
@@ -130,6 +132,12 @@ class _RecordingSearch:
     names: Mapping[int, str]
     intersection_map: IntersectionMap | None
     until: float | None = None
+
+    @cached_property
+    def _observe(self) -> Callable[[tuple[RoadUser, ...]], SceneObservation]:
+        """What is measured among users; of a short recording, every window holds the same ones."""
+        look = partial(observe, intersection_map=self.intersection_map, until=self.until)
+        return lru_cache(maxsize=1)(partial(look, near_only=True))
 
     def search_windows(self, users: Sequence[RoadUser], begin: float, end: float) -> RecordedEvents:
         """What happens from begin to end [s], by halves until they fit."""
@@ -154,9 +162,7 @@ class _RecordingSearch:
 
     def look(self, users: Sequence[RoadUser], begin: float, end: float) -> RecordedEvents:
         """What happens from begin to end [s] among these users, all at once."""
-        observed = observe(
-            users, intersection_map=self.intersection_map, until=self.until, near_only=True
-        )
+        observed = self._observe(tuple(users))
         events = tuple(
             e
             for e in observed.events
@@ -175,10 +181,10 @@ class _RecordingSearch:
         return RecordedEvents(events, contacts, tuple(avoided))
 
 
-def _clip_tracks(users: Sequence[RoadUser], begin: float, end: float) -> list[RoadUser]:
+def _clip_tracks(users: Sequence[RoadUser], begin: float, end: float) -> tuple[RoadUser, ...]:
     """What of each track lies between two times [s]."""
     parts = (_clip_track(user, begin, end) for user in users)
-    return [part for part in parts if part is not None]
+    return tuple(part for part in parts if part is not None)
 
 
 def _clip_track(user: RoadUser, begin: float, end: float) -> RoadUser | None:
@@ -190,6 +196,8 @@ def _clip_track(user: RoadUser, begin: float, end: float) -> RoadUser | None:
     last = min(math.floor((end - track.start) / track.step), len(track.xy) - 1)
     if last < first:
         return None
+    if (first, last) == (0, len(track.xy) - 1):
+        return user
     part = Track(
         track.xy[first : last + 1], track.heading[first : last + 1],
         track.start + first * track.step, track.step,

@@ -9,7 +9,7 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.contact import PairGrid
+from scenewright.tools.relation_checker.contact import GridTable, PairGrid
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
     IntArray,
@@ -95,9 +95,7 @@ def _list_possible_leaders(grid: PairGrid) -> tuple[IntArray, IntArray]:
     alike = vehicle[grid.pairs[:, 0]] == vehicle[grid.pairs[:, 1]]
     pairs = grid.pairs[alike]
     cos, sin = np.cos(grid.heading), np.sin(grid.heading)
-    ahead, behind = _find_possible_leaders(
-        pairs, grid.common[alike], grid.shift, grid.xy, cos, sin
-    ).T
+    ahead, behind = _find_possible_leaders(grid.table, alike, cos, sin)[alike].T
     both = np.concatenate((pairs[ahead], pairs[behind][:, ::-1]))
     order = np.lexsort((both[:, 1], both[:, 0]))
     return both[order, 0], both[order, 1]
@@ -110,7 +108,7 @@ def _measure_gaps(
 
     Looked at every 0.2 s from each follower's start.
     """
-    row, mine, theirs = _list_near_samples(followers, others, grid.origin, grid.shift, grid.xy)
+    row, mine, theirs = _list_near_samples(followers, others, grid.table)
     n, k = followers[row], others[row]
     nose, width = np.array([(m.nose, m.width) for m in grid.tracks]).T
     driven = np.concatenate([m.s for m in grid.tracks])[mine]
@@ -135,20 +133,18 @@ def _build_lane_gaps(
 
 @compiled
 def _find_possible_leaders(
-    pairs: IntArray,
-    common: IntArray,
-    shift: IntArray,
-    xy: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
+    grid: GridTable, alike: BoolArray, cos: FloatArray, sin: FloatArray
 ) -> BoolArray:
-    """[M, 2] whether the second is ahead of the first every 0.4 s, and the first of the second."""
-    found = np.zeros((len(pairs), 2), np.bool_)
-    for row in range(len(pairs)):
-        a, b = pairs[row, 0], pairs[row, 1]
-        begin, end = common[row, 0], common[row, 0] + common[row, 1]
+    """[M, 2] whether the second is ahead of the first every 0.4 s, and the first of the second.
+
+    Of pairs of one kind.
+    """
+    found, xy = np.zeros((len(grid.pairs), 2), np.bool_), grid.xy
+    for row in np.flatnonzero(alike):
+        a, b = grid.pairs[row]
+        begin, end = grid.common[row, 0], grid.common[row, 0] + grid.common[row, 1]
         for column in range(begin + -begin % SPARSE, end, SPARSE):
-            i, j = shift[a] + column, shift[b] + column
+            i, j = grid.shift[a] + column, grid.shift[b] + column
             dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
             apart = dx * dx + dy * dy > LOOK_AHEAD**2
             if apart or not cos[i] * cos[j] + sin[i] * sin[j] >= 0.5:
@@ -160,16 +156,13 @@ def _find_possible_leaders(
 
 @compiled
 def _list_near_samples(
-    followers: IntArray,
-    others: IntArray,
-    origin: IntArray,
-    shift: IntArray,
-    xy: FloatArray,
+    followers: IntArray, others: IntArray, grid: GridTable
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Rows, samples of the follower and of the other, while they are within 60 m of one another."""
     row: IntArray = np.empty(64, np.intp)
     mine: IntArray = np.empty(64, np.intp)
     theirs: IntArray = np.empty(64, np.intp)
+    origin, shift, xy = grid.origin, grid.shift, grid.xy
     count = 0
     for k in range(len(followers)):
         a, b = followers[k], others[k]

@@ -6,67 +6,16 @@ no extent. One formula then covers all pairs of classes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.tools.relation_checker.trajectory import Trajectory
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 ArrayT = TypeVar("ArrayT", bound=np.ndarray[tuple[int, ...], np.dtype[Any]])
 BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
-
-
-@dataclass(frozen=True, eq=False)
-class Extent:
-    """Sizes of one footprint per row, or one for all rows: half length, half width, radius [m]."""
-
-    length: FloatArray | float
-    width: FloatArray | float
-    radius: FloatArray | float
-
-
-def get_extent(track: Trajectory) -> Extent:
-    """The extent of a mover's footprint."""
-    return Extent(track.half_length, track.half_width, track.radius)
-
-
-def compute_gaps(
-    xy: FloatArray,
-    heading: FloatArray,
-    size: Extent,
-    *,
-    other_xy: FloatArray,
-    other_heading: FloatArray,
-    other_size: Extent,
-) -> FloatArray:
-    """Signed distance between two footprints, row by row.
-
-    Two convex polygons apart from one another are nearest at a corner of one of them, so the least
-    distance of the eight corners to the other rectangle is exact. Two rectangles overlap if none of
-    their four side directions separates them; then the value is minus the least penetration.
-
-    Args:
-        xy, other_xy: [n, 2] centres [m]; heading, other_heading: [n] [rad].
-
-    Returns:
-        [n] metres; <= 0 means contact.
-    """
-    one, two = (
-        (xy.reshape(-1, 2), np.ravel(heading)),
-        (other_xy.reshape(-1, 2), np.ravel(other_heading)),
-    )
-    return _compute_gaps(*one, _tabulate_size(size), *two, _tabulate_size(other_size)).reshape(
-        np.shape(heading)
-    )
-
-
-def _tabulate_size(size: Extent) -> FloatArray:
-    """[3, n] or [3, 1] half length, half width and radius [m]."""
-    return np.array((size.length, size.width, size.radius), dtype=np.float64).reshape(3, -1)
 
 
 def compute_corners(
@@ -94,21 +43,29 @@ Pose = tuple[float, float, float, float]
 
 
 @compiled
-def _compute_gaps(
+def compute_gaps(
     xy: FloatArray,
     heading: FloatArray,
-    size: FloatArray,
+    size: Box,
     other_xy: FloatArray,
     other_heading: FloatArray,
-    other_size: FloatArray,
+    other_size: Box,
 ) -> FloatArray:
-    """[n] `compute_gaps` of positions [n, 2], headings [n] and sizes [3, n] or [3, 1]."""
+    """[n] signed distance between two footprints, row by row [m]; <= 0 means contact.
+
+    Two convex polygons apart from one another are nearest at a corner of one of them, so the least
+    distance of the eight corners to the other rectangle is exact. Two rectangles overlap if none of
+    their four side directions separates them; then the value is minus the least penetration.
+
+    Args:
+        xy, heading: [n, 2] and [n] of one; of the other [n, 2] and [n], or [1, 2] and [1].
+    """
     gaps = np.empty(len(heading))
     for k in range(len(gaps)):
-        i, j = min(k, size.shape[1] - 1), min(k, other_size.shape[1] - 1)
+        j = min(k, len(other_heading) - 1)
         one = make_pose(xy[k, 0], xy[k, 1], heading[k])
-        two = make_pose(other_xy[k, 0], other_xy[k, 1], other_heading[k])
-        gaps[k] = compute_gap(one, get_box(size, i), two, get_box(other_size, j))
+        two = make_pose(other_xy[j, 0], other_xy[j, 1], other_heading[j])
+        gaps[k] = compute_gap(one, size, two, other_size)
     return gaps
 
 
@@ -206,3 +163,18 @@ def _is_disc_beyond(seen: Pose, box: Box, near: float) -> bool:
     """Whether the middle of a disc, as seen from a rectangle, is further from it than `near`."""
     dx, dy = max(abs(seen[0]) - box[0], 0.0), max(abs(seen[1]) - box[1], 0.0)
     return dx * dx + dy * dy > near * near
+
+
+@compiled
+def meets_box(start: FloatArray, end: FloatArray, place: Pose, length: float, width: float) -> bool:
+    """Whether a segment touches a rectangle: none of three directions separates the two."""
+    east, north = (end[0] - start[0]) / 2, (end[1] - start[1]) / 2
+    x, y = (start[0] + end[0]) / 2 - place[0], (start[1] + end[1]) / 2 - place[1]
+    cos, sin = place[2], place[3]
+    run, rise = cos * east + sin * north, cos * x + sin * y
+    side, drift = cos * north - sin * east, cos * y - sin * x
+    return bool(
+        abs(rise) <= length / 2 + abs(run)
+        and abs(drift) <= width / 2 + abs(side)
+        and abs(run * drift - side * rise) <= length / 2 * abs(side) + width / 2 * abs(run) + 1e-12
+    )

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.footprints import BoolArray
+from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
+    make_pose,
+    meets_box,
+)
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 EYE_BEHIND_FRONT = 0.4
@@ -49,7 +55,7 @@ def find_first_visible(
 
     Args:
         objects: standing ones; those that are low are seen over.
-        vehicles: others that block the view where they are.
+        vehicles: what blocks the view where it is, but for the two themselves.
         until: the event [s].
     """
     begin = max(observer.start, subject.start)
@@ -81,19 +87,48 @@ def find_blocked_views(
     left_hand: bool = False,
 ) -> BoolArray:
     """[T] whether nothing of the subject can be seen: every line to it meets a high footprint."""
-    eyes = locate_eyes(observer, times, left_hand=left_hand)[:, None, :]
-    marks = locate_marks(subject, times)
+    eyes, marks = locate_eyes(observer, times, left_hand=left_hand), locate_marks(subject, times)
     met = np.zeros(marks.shape[:2], dtype=np.bool_)
     for each in objects:
         if each.height == "high":
-            place = np.array([[each.x, each.y]]), np.array([each.heading])
-            met |= meets_box(eyes, marks, *place, length=each.length, width=each.width)
-    for other in vehicles:
-        there = (times >= other.start - 1e-6) & (times <= other.end + 1e-6)
-        met |= there[:, None] & meets_box(
-            eyes, marks, *other.at(times), length=other.length, width=other.width
-        )
+            place = np.array([(each.x, each.y)]), np.array([each.heading])
+            _mark_met(met, eyes, marks, *place, each.length, each.width)
+    table = _tabulate_bounds(tuple(vehicles))
+    # Vehicles that never come between the two are left out at once.
+    views = np.concatenate((eyes, marks.reshape(-1, 2)))
+    between = (table[:, :2] <= views.max(axis=0, initial=-np.inf)).all(axis=1)
+    between &= (table[:, 2:] >= views.min(axis=0, initial=np.inf)).all(axis=1)
+    for other in (vehicles[n] for n in np.flatnonzero(between).tolist()):
+        if other not in (observer, subject):
+            k = slice(*np.searchsorted(times, (other.start - 1e-6, other.end + 1e-6)))
+            place = other.at(times[k])
+            _mark_met(met[k], eyes[k], marks[k], *place, other.length, other.width)
     return np.asarray(met.all(axis=1))
+
+
+@lru_cache(maxsize=4)
+def _tabulate_bounds(vehicles: tuple[Trajectory, ...]) -> FloatArray:
+    """[N, 4] west, south, east and north end of all footprints [m]; movers by identity."""
+    reach = np.array([(-m.reach, -m.reach, m.reach, m.reach) for m in vehicles]).reshape(-1, 4)
+    return np.asarray(np.array([m.bounds for m in vehicles]).reshape(-1, 4) + reach)
+
+
+@compiled
+def _mark_met(
+    met: BoolArray,
+    eyes: FloatArray,
+    marks: FloatArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    length: float,
+    width: float,
+) -> None:
+    """Writes which lines from an eye [T, 2] to marks [T, M, 2] meet a box, which moves or not."""
+    for k in range(len(met)):
+        n = min(k, len(heading) - 1)
+        place = make_pose(xy[n, 0], xy[n, 1], heading[n])
+        for i in range(met.shape[1]):
+            met[k, i] |= meets_box(eyes[k], marks[k, i], place, length, width)
 
 
 def locate_eyes(observer: Trajectory, times: FloatArray, *, left_hand: bool = False) -> FloatArray:
@@ -123,30 +158,3 @@ def locate_marks(subject: Trajectory, times: FloatArray) -> FloatArray:
         ways = (along + across, along - across, -along - across, across - along)
         corners = np.stack([xy + way for way in ways], axis=1)
     return np.concatenate((xy[:, None, :], corners), axis=1)
-
-
-def meets_box(
-    start: FloatArray,
-    end: FloatArray,
-    middle: FloatArray,
-    heading: FloatArray,
-    *,
-    length: float,
-    width: float,
-) -> BoolArray:
-    """[T, M] whether segments touch a rectangle: none of three directions separates the two.
-
-    Args:
-        start, end: [T, 1 or M, 2] of the segments [m].
-        middle, heading: [T or 1, 2] and [T or 1] of the rectangle [m, rad].
-    """
-    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    half, centre = (end - start) / 2, (start + end) / 2 - middle[:, None, :]
-    run, rise = (cos * v[..., 0] + sin * v[..., 1] for v in (half, centre))
-    side, drift = (cos * v[..., 1] - sin * v[..., 0] for v in (half, centre))
-    return np.asarray(
-        (np.abs(rise) <= length / 2 + np.abs(run))
-        & (np.abs(drift) <= width / 2 + np.abs(side))
-        & (np.abs(run * drift - side * rise)
-           <= length / 2 * np.abs(side) + width / 2 * np.abs(run) + 1e-12)
-    )  # fmt: skip

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord, SightRecord, name_door
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.footprints import Extent, compute_gaps, get_extent
+from scenewright.tools.relation_checker.footprints import Box, compute_gaps
 from scenewright.tools.relation_checker.line_of_sight import Sighting, find_first_visible
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import FARTHEST, Trajectory
@@ -102,15 +103,14 @@ def find_contact(each: ObjectRecord, track: Trajectory) -> float | None:
     times = times if each.since is None else times[times >= each.since]
     if not len(times):
         return None
-    xy, heading = track.at(times)
-    gaps = compute_gaps(
-        xy, heading, get_extent(track),
-        other_xy=np.tile((each.x, each.y), (len(times), 1)),
-        other_heading=np.full(len(times), each.heading),
-        other_size=Extent(each.length / 2, each.width / 2, 0.0),
-    )  # fmt: skip
-    touching = np.flatnonzero(gaps <= CONTACT)
+    touching = np.flatnonzero(measure_gaps(*track.at(times), track.box, each) <= CONTACT)
     return float(times[touching[0]]) if len(touching) else None
+
+
+def measure_gaps(xy: FloatArray, heading: FloatArray, box: Box, each: ObjectRecord) -> FloatArray:
+    """[N] distance of a footprint at N places from an object [m]."""
+    place = np.array([(each.x, each.y)]), np.array([each.heading])
+    return compute_gaps(xy, heading, box, *place, (each.length / 2, each.width / 2, 0.0))
 
 
 def check_places(

@@ -15,8 +15,7 @@ from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import FIGURES, Encounter
 from scenewright.tools.relation_checker.certificate import WRECK_ENDS_WITHIN, check_wreck_clearance
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.footprints import Extent, compute_gaps, get_extent
-from scenewright.tools.relation_checker.objects import find_contact
+from scenewright.tools.relation_checker.objects import find_contact, measure_gaps
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
 
@@ -150,7 +149,7 @@ def _measure_passing(
     heads = _find_last_run(_heads_for(track, thing, moving=least > 0.0)[: beside[0]])
     if heads is None:
         return "it never drives straight at it, so it is not in its way"
-    gaps = _measure_gaps(track, thing)
+    gaps = measure_gaps(track.xy, track.heading, track.box, thing)
     k = int(gaps.argmin())
     moved = float(np.abs(aside[beside] - aside[heads]).max())
     if gaps[k] <= 0.0:
@@ -168,7 +167,10 @@ def _measure_late_passing(track: Trajectory, thing: ObjectRecord, _: float) -> M
     passing = _measure_passing(track, thing, 0.0, least=0.0)
     if isinstance(passing, str):
         return passing
-    gaps, ahead = _measure_gaps(track, thing), _heads_for(track, thing, moving=False)
+    gaps, ahead = (
+        measure_gaps(track.xy, track.heading, track.box, thing),
+        _heads_for(track, thing, moving=False),
+    )
     low, high = PULLS_OUT_GAP
     stands = (track.speed <= STANDING) & ahead & (gaps >= low) & (gaps <= high)
     stands &= track.times < passing["time"]
@@ -188,7 +190,7 @@ def _measure_short_stop(track: Trajectory, thing: ObjectRecord, until: float) ->
     if not SHORT[0] < waiting["gap"] <= SHORT[1]:
         return f"it stands {waiting['gap']:.1f} m from it; less than {SHORT[1]:g} m is just short"
     hard = (track.acceleration <= -BRAKES_HARD) & _heads_for(track, thing)
-    close = _measure_gaps(track, thing)[hard] / track.speed[hard]
+    close = measure_gaps(track.xy, track.heading, track.box, thing)[hard] / track.speed[hard]
     if not len(close) or close.min() > NEAR_TTC:
         return "it does not brake hard for it at the last moment"
     return {**waiting, "path_ttc": round(float(close.min()), 3),
@@ -210,7 +212,7 @@ def _measure_waiting(track: Trajectory, thing: ObjectRecord, until: float) -> Me
         return "it does not come to stand behind it and stay there"
     first = int(moving[-1]) + 1
     lasts = float(track.times[-1] - track.times[first])
-    gap = float(_measure_gaps(track, thing)[first])
+    gap = float(measure_gaps(track.xy, track.heading, track.box, thing)[first])
     if lasts < WAITS or track.end < until - 0.2:
         return f"it stands for {lasts:.1f} s at the end; at least {WAITS:g} s"
     if not _heads_for(track, thing, moving=False)[first]:
@@ -263,17 +265,6 @@ def _locate(track: Trajectory, thing: ObjectRecord) -> tuple[FloatArray, FloatAr
     cos, sin = math.cos(thing.heading), math.sin(thing.heading)
     x, y = (track.xy - (thing.x, thing.y)).T
     return np.asarray(cos * x + sin * y), np.asarray(cos * y - sin * x)
-
-
-def _measure_gaps(track: Trajectory, thing: ObjectRecord) -> FloatArray:
-    """[N] distance of the footprints [m]."""
-    count = len(track.times)
-    return compute_gaps(
-        track.xy, track.heading, get_extent(track),
-        other_xy=np.tile((thing.x, thing.y), (count, 1)),
-        other_heading=np.full(count, thing.heading),
-        other_size=Extent(thing.length / 2, thing.width / 2, 0.0),
-    )  # fmt: skip
 
 
 def _heads_for(

@@ -8,12 +8,10 @@ from typing import Any
 
 from scenewright.scene.events import Event
 from scenewright.tools.relation_checker.conflict_zones import (
-    PathConflictZone,
-    find_conflict_zones,
+    find_nearest_zone,
     find_zone_occupancy,
 )
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
 
 _ONWARDS, _ON_FOOT = 15.0, 5.0
@@ -84,7 +82,7 @@ def _find_entering_order(observed: SceneObservation, event: Event) -> PassingOrd
     """The colliding agent that is in the conflict zone first; None where both come at once."""
     tracks = {track.id: track for track in observed.tracks}
     pair = [_carry_on(tracks[each], event.time) for each in (event.from_, event.to)]
-    zone = _find_zone_at(event, pair)
+    zone = find_nearest_zone(pair[0], pair[1], event.location)
     stays = [] if zone is None else [find_zone_occupancy(each, zone.polygon) for each in pair]
     entered = [(stay.enter, track.id) for stay, track in zip(stays, pair, strict=False) if stay]
     if len(entered) < 2 or entered[0][0] == entered[1][0]:
@@ -104,10 +102,3 @@ def _carry_on(track: Trajectory, time: float) -> Trajectory:
     return extend_straight(
         until, distance=_ON_FOOT if track.type == "pedestrian" else _ONWARDS, speed=speed
     )
-
-
-def _find_zone_at(event: Event, pair: list[Trajectory]) -> PathConflictZone | None:
-    """The conflict zone of the two that lies nearest to the contact."""
-    here = geos.Point(event.location)
-    zones = find_conflict_zones(pair[0], pair[1])
-    return min(zones, key=lambda each: float(each.polygon.distance(here)), default=None)

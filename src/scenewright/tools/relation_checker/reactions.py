@@ -6,8 +6,9 @@ TTC of the two is below 3 s. What it does from then on is compared with what it 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,6 @@ from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import find_common_times
-from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.line_of_sight import find_blocked_views
 from scenewright.tools.relation_checker.pushes import list_pushed
@@ -67,11 +67,7 @@ TURNS = np.deg2rad(2.0)
 
 
 def find_reactions(
-    scene: SceneRecord,
-    events: Sequence[Event],
-    observed: SceneObservation,
-    *,
-    left_hand: bool = False,
+    scene: SceneRecord, events: Sequence[Event], sights: Sights
 ) -> list[dict[str, Any]]:
     """One row for every party of a collision, a near miss, or a yield that came late.
 
@@ -79,8 +75,7 @@ def find_reactions(
         Rows with `agent`, `of` (the other), `event`, `time` [s] and either `perceptible_from`,
         `reacted_at` [s], `how` and `strength` [m/s^2], or `why_not`.
     """
-    tracks = {track.id: track for track in observed.tracks}
-    sights = Sights(scene.objects, observed.tracks, left_hand)
+    tracks = {track.id: track for track in sights.tracks}
     pushed = list_pushed(scene.relations)
     excluded = {each.id for each in scene.agents if each.reaction == "none"}
     rows = []
@@ -132,19 +127,22 @@ class Sights:
     tracks: Sequence[Trajectory]
     left_hand: bool = False
 
-    def perceive(self, agent: Trajectory, other: Trajectory, until: float) -> Perception:
-        """What the agent can perceive of the other up to a time [s]."""
+    @cached_property
+    def _vehicles(self) -> tuple[Trajectory, ...]:
+        return tuple(each for each in self.tracks if each.type == "vehicle")
+
+    @cached_property
+    def perceive(self) -> Callable[[Trajectory, Trajectory, float], Perception]:
+        """What an agent can perceive of another up to a time [s]; movers are known by identity."""
+        return cache(self._perceive)
+
+    def _perceive(self, agent: Trajectory, other: Trajectory, until: float) -> Perception:
         common = find_common_times(agent, other)
         times = common[(common >= until - LOOK_BACK) & (common <= until + 1e-6)]
-        vehicles = [
-            each
-            for each in self.tracks
-            if each.type == "vehicle" and each is not agent and each is not other
-            and len(times) and each.start <= times[-1] and each.end >= times[0]
-        ]  # fmt: skip
         blocked = find_blocked_views(
-            agent, other, times, objects=self.objects, vehicles=vehicles, left_hand=self.left_hand
-        )
+            agent, other, times, objects=self.objects, vehicles=self._vehicles,
+            left_hand=self.left_hand,
+        )  # fmt: skip
         near = np.asarray(compute_path_ttc(agent, other, times=times, horizon=NEAR) < NEAR)
         return Perception(agent, times, near, ~blocked, ~_is_behind(agent, other, times))
 

@@ -125,7 +125,7 @@ class SignalPlan:
         named = {each.stop_line for spans in self._spans.values() for each in spans} - {None}
         return any(self.get_colour(str(name), time=time) == "green" for name in named)
 
-    def is_held(self, track: Trajectory, *, since: float, until: float) -> bool:
+    def is_held(self, track: Trajectory, since: float, until: float) -> bool:
         """Whether, at some time in a span [s], the light ahead of the mover is not green.
 
         The light ahead is the first that it meets after the span; tracks that end before one are

@@ -85,8 +85,8 @@ def _extrapolate_along_path(track: Trajectory, times: FloatArray, ahead: FloatAr
 
 def _find_first_touch(first: Trajectory, second: Trajectory, one: State, two: State) -> FloatArray:
     """[n] first time ahead at which footprints touch [s]; inf if never for 5 ms."""
-    boxes = [(m.half_length, m.half_width, m.radius) for m in (first, second)]
-    return _search_first_touch(*one, *two, (first.reach, second.reach), *boxes)
+    reach = first.reach, second.reach
+    return _search_first_touch(*one, *two, reach, first.box, second.box)
 
 
 @compiled

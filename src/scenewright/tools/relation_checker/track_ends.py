@@ -93,10 +93,10 @@ def _find_fault(
         k: 0 for its beginning, -1 for its end.
     """
     place, time = track.xy[k], float(track.times[k])
-    on_road = bool(get_ground_raster(intersection_map).road.contains(place[None])[0])
     walks = track.type == "pedestrian"
     if not walks and _is_at_edge(place, intersection_map):
         return None
+    on_road = bool(get_ground_raster(intersection_map).road.contains(place[None])[0])
     on_foot = (walks or track.is_rider) and not on_road
     if on_foot and _is_at_goal("pedestrian", place, intersection_map):
         return None

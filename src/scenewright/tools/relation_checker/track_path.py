@@ -190,15 +190,35 @@ class Projection:
 
 def project(points: FloatArray, path: TrackPath) -> Projection:
     """Projects points [..., 2] on the nearest place of a path."""
-    x, y = points[..., 0], points[..., 1]
-    square, more = np.subtract.outer(x, path.xy[:, 0]), np.subtract.outer(y, path.xy[:, 1])
-    square *= square
-    more *= more
-    square += more
-    k = square.argmin(axis=-1)
-    direction, foot = path.direction[k], path.xy[k]
-    along, lateral = _find_foot(x - foot[..., 0], y - foot[..., 1], direction)
-    return Projection(path.s[k] + along, lateral, direction)
+    foot = _project_all(points.reshape(-1, 2), path.xy, path.s, path.direction)
+    return Projection(*foot.reshape(3, *points.shape[:-1]))
+
+
+@compiled
+def _project_all(
+    points: FloatArray, xy: FloatArray, s: FloatArray, direction: FloatArray
+) -> FloatArray:
+    """[3, n] arc length, lateral and direction of points [n, 2] on one path."""
+    found = np.empty((3, len(points)))
+    for n in range(len(points)):
+        foot = _project_point(points[n, 0], points[n, 1], xy[:, 0], xy[:, 1], s, direction)
+        found[0, n], found[1, n], found[2, n] = foot
+    return found
+
+
+@compiled
+def _project_point(
+    px: float, py: float, x: FloatArray, y: FloatArray, s: FloatArray, direction: FloatArray
+) -> tuple[float, float, float]:
+    """Arc length, lateral and direction of a place at the nearest point of a path."""
+    nearest, k = np.inf, 0
+    for m in range(len(x)):
+        away = (px - x[m]) * (px - x[m]) + (py - y[m]) * (py - y[m])
+        if away < nearest:
+            nearest, k = away, m
+    px, py, facing = px - x[k], py - y[k], direction[k]
+    along = min(max(np.cos(facing) * px + np.sin(facing) * py, -FOOT), FOOT)
+    return s[k] + along, np.sqrt(max(px * px + py * py - along * along, 0.0)), facing
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,26 +292,10 @@ def _project_each(
             for row in range(3):
                 found[row, n] = found[row, k]
             continue
-        nearest, k = np.inf, 0
-        for m in range(x.shape[1]):
-            away = (px - x[lane, m]) * (px - x[lane, m]) + (py - y[lane, m]) * (py - y[lane, m])
-            if away < nearest:
-                nearest, k = away, m
-        px, py, facing = px - x[lane, k], py - y[lane, k], direction[lane, k]
-        along = min(max(np.cos(facing) * px + np.sin(facing) * py, -FOOT), FOOT)
-        found[0, n] = s[lane, k] + along
-        found[1, n] = np.sqrt(max(px * px + py * py - along * along, 0.0))
-        found[2, n] = facing
+        found[0, n], found[1, n], found[2, n] = _project_point(
+            px, py, x[lane], y[lane], s[lane], direction[lane]
+        )
     return found
-
-
-def _find_foot(
-    px: FloatArray, py: FloatArray, direction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """How far along a direction a place is, at most 1 m, and how far beside it [m]."""
-    along = np.cos(direction) * px + np.sin(direction) * py
-    along = np.minimum(np.maximum(along, -FOOT), FOOT)
-    return along, np.sqrt(np.maximum(px * px + py * py - along**2, 0.0))
 
 
 def sample_path(path: TrackPath, s: FloatArray) -> tuple[FloatArray, FloatArray]:

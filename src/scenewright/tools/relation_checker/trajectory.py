@@ -22,6 +22,7 @@ from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.relation_checker.track_path import (
+    IntArray,
     LaneTable,
     TrackPath,
     build_lane_table,
@@ -29,8 +30,6 @@ from scenewright.tools.relation_checker.track_path import (
     build_paths,
     unwrap_angles,
 )
-
-IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
 ON_GRID = 1e-4
 """Samples this near to a time of the grid [s] are on it."""
@@ -115,6 +114,11 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.xy)
+
+    @property
+    def box(self) -> tuple[float, float, float]:
+        """Half length, half width and radius of the footprint [m]."""
+        return self.half_length, self.half_width, self.radius
 
     @cached_property
     def times(self) -> FloatArray:

@@ -151,13 +151,10 @@ def _build_proof(
     sights, unhidden = check_sights(scene, matching, observed, left_hand=left_hand)
     encounters, unmet = check_encounters(scene, observed)
     rules = scene.meta.rules is not None
-    reactions = (
-        find_reactions(scene, matching, observed, left_hand=left_hand)
-        if rules or any(agent.reaction for agent in scene.agents)
-        else []
-    )
     pushed = list_pushed(scene.relations)
     views = Sights(scene.objects, observed.tracks, left_hand)
+    reacts = rules or any(agent.reaction for agent in scene.agents)
+    reactions = find_reactions(scene, matching, views) if reacts else []
     avoidability = find_avoidability(matching, views, pushed=pushed) if rules else []
     lit = bool(intersection_map and scene.signals)
     missing = (

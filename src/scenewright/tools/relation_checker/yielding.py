@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.conflict_zones import ZoneOccupancy
-from scenewright.tools.relation_checker.footprints import compute_angle_between
+from scenewright.tools.relation_checker.footprints import IntArray, compute_angle_between
 from scenewright.tools.relation_checker.track_path import compute_curvature, project
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
@@ -226,27 +227,32 @@ def _find_lowest_points(giver: Trajectory, until: float) -> list[int]:
     peak = np.maximum.accumulate(speed)
     deep = [
         k
-        for k in find_valleys(speed, ripple=limits.ripple)
+        for k in find_valleys(speed, limits.ripple).tolist()
         if giver.s[k] >= upstream and speed[k] <= 0.6 * peak[k]
     ]
     return sorted(deep, key=lambda k: float(speed[k]))
 
 
-def find_valleys(speed: FloatArray, *, ripple: float) -> list[int]:
+@compiled
+def find_valleys(speed: FloatArray, ripple: float) -> IntArray:
     """Samples of least speed between rises of at least `ripple` m/s; the first of equal ones."""
-    found: list[int] = []
-    low, high, falling = 0, float(speed[0]), True
-    for k, v in enumerate(speed.tolist()):
+    found, count = np.empty(len(speed), np.intp), 0
+    low, high, falling = 0, speed[0], True
+    for k in range(len(speed)):
         if falling:
-            low = k if v < speed[low] else low
-            if v > speed[low] + ripple:
-                found.append(low)
-                falling, high = False, v
+            low = k if speed[k] < speed[low] else low
+            if speed[k] > speed[low] + ripple:
+                found[count] = low
+                count += 1
+                falling, high = False, speed[k]
         else:
-            high = max(high, v)
-            if v < high - ripple:
+            high = max(high, speed[k])
+            if speed[k] < high - ripple:
                 falling, low = True, k
-    return [*found, low] if falling else found
+    if falling:
+        found[count] = low
+        count += 1
+    return found[:count]
 
 
 def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
