@@ -54,21 +54,11 @@ from scenewright.time_limit import (
 from scenewright.tools.account import prove
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.relation_checker.external_events import (
-    ExternalTracks,
-    RecordedEvents,
-    examine_recording,
-    find_off_map,
-)
 from scenewright.tools.solver.select import Mode
-from scenewright.tools.track_io.external_tracks import (
-    MOST_BYTES,
-    describe_too_large,
-    read_external_recordings,
-)
 from scenewright.work_limit import MOST_WORK, WorkLimitReachedError, limit_work
 
 if TYPE_CHECKING:
+    from scenewright.tools.relation_checker.external_events import ExternalTracks, RecordedEvents
     from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
 
 DEFAULT_INTERSECTION = "amsterdam_120"
@@ -275,7 +265,7 @@ def verify_tracks(
     Raises:
         InputError: unreadable (the line is named), or no such intersection.
     """
-    tracks = path if isinstance(path, ExternalTracks) else load_tracks(path)
+    tracks = load_tracks(path) if isinstance(path, str | Path) else path
     return examine_tracks(tracks, intersection=intersection).events
 
 
@@ -286,6 +276,8 @@ def examine_tracks(tracks: ExternalTracks, *, intersection: str | None = None) -
         InputError: no such intersection, or too many agents at once.
     """
     ground = None if intersection is None else load_map(intersection)
+    from scenewright.tools.relation_checker.external_events import examine_recording
+
     return examine_recording(tracks, intersection_map=ground)
 
 
@@ -295,6 +287,8 @@ def find_off_ground(tracks: ExternalTracks, *, intersection: str) -> tuple[Findi
     Raises:
         InputError: no such intersection.
     """
+    from scenewright.tools.relation_checker.external_events import find_off_map
+
     return find_off_map(tracks, load_map(intersection))
 
 
@@ -316,6 +310,8 @@ def load_recordings(path: str | Path) -> dict[str, ExternalTracks]:
     Raises:
         InputError: missing or unreadable; names the place and what to mend.
     """
+    from scenewright.tools.track_io.external_tracks import read_external_recordings
+
     return read_external_recordings(_read_content(Path(path)), name=str(path))
 
 
@@ -325,6 +321,8 @@ def _read_content(file: Path) -> bytes:
     Raises:
         InputError: missing, unreadable, too large or no file.
     """
+    from scenewright.tools.track_io.external_tracks import MOST_BYTES, describe_too_large
+
     try:
         mode, size = file.stat().st_mode, file.stat().st_size
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):

@@ -35,7 +35,7 @@ def is_left_out(value: object) -> bool:
 class Model(BaseModel):
     """A frozen value that a language model, a file or a checkpoint may have written."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, defer_build=True)
 
 
 def frozen(array: FloatArray) -> FloatArray:

@@ -21,7 +21,6 @@ from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.remaining import Unserved
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
-from scenewright.tools.account import blank_standing_facts, list_unknown_words
 from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
 from scenewright.tools.map_grounding.grounding import can_ground, ground_graph
 
@@ -71,6 +70,9 @@ def plan_scene(state: PlannerReads, *, runtime: Runtime) -> PlannerWrites:
 
 
 def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
+    # Loads the checker, which the command `plan` does not need.
+    from scenewright.tools.account import blank_standing_facts, list_unknown_words
+
     instruction, rejections = (
         state["instruction"],
         list_stage_faults(state.get("rejections", []), "scene_planner"),
