@@ -53,7 +53,6 @@ Node = Chunk | Modifier
 
 def build_modifiers(chunks: Sequence[Chunk]) -> list[Node]:
     """Replace every stretch of chunks that a rule matches by one Modifier."""
-    chunks = _mark_places(chunks)
     result: list[Node] = []
     at = 0
     while at < len(chunks):
@@ -77,24 +76,6 @@ def _find_best_rule(chunks: Sequence[Chunk], at: int) -> tuple[str, int, tuple[s
         if match is not None and (best is None or match[0] > best[1]):
             best = (means, *match)
     return best
-
-
-def _mark_places(chunks: Sequence[Chunk]) -> list[Chunk]:
-    """ "at the pedestrian crossing" is a place, "a pedestrian crossing the road" is not."""
-    result: list[Chunk] = []
-    for chunk in chunks:
-        before = result[-1] if result else None
-        if (
-            chunk.words[0] in {"crossing", "crossings"}
-            and before is not None
-            and before.text in {"pedestrian", "ped", "pedestrians"}
-        ):
-            lead = {word for earlier in result[-3:-1] for word in earlier.words}
-            if lead & {"at", "on", "in", "over", "onto", "near"} and "a" not in lead:
-                result[-1] = Chunk((*before.words, *chunk.words), {"XWALK": "crosswalk"})
-                continue
-        result.append(chunk)
-    return result
 
 
 def _can_start(pattern: tuple[_Item, ...], chunk: Chunk) -> bool:

@@ -138,34 +138,11 @@ def _build_chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
 def _split_parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
     """Phrases that mean something else before a road user: "by the taxi", "no background cars"."""
     chunk = chunks[at]
-    made = any(c.words[0].startswith(("mak", "made", "forc")) for c in chunks[max(0, at - 3) : at])
-    if chunk.text == "bus stop" and made:
-        return [
-            Chunk(("bus",), {"AGENT": "vehicle.bus"}),
-            Chunk(("stop",), {"WAIT": "any"}),
-        ]
-    if chunk.text in {"car following", "vehicle following"} and _is_followed(chunks, at):
-        noun, verb = chunk.words
-        kind = "vehicle.car" if noun == "car" else "vehicle"
-        return [Chunk((noun,), {"AGENT": kind}), Chunk((verb,), {"FOLLOW": "any"})]
     if chunk.text == "by the" and _has_agent(chunks[at + 1 : at + 5]):
         return [Chunk(("by",), {"BY": "by"}), Chunk(("the",), {"DET": "definite"})]
     if chunk.text in {"no background", "zero background"} and _has_agent(chunks[at + 1 : at + 2]):
         return [Chunk(("no",), {"DET": "no"}), Chunk(("background",), {"BACKGROUND": "background"})]
-    if chunk.text in {"cross traffic", "crossing traffic"}:
-        return [
-            Chunk(("cross", "street"), {"ACROSS": "cross_street"}),
-            Chunk(("traffic",), {"AGENT": "traffic"}),
-        ]
     return []
-
-
-def _is_followed(chunks: Sequence[Chunk], at: int) -> bool:
-    """ "a car following it", not "a car following event"."""
-    before = chunks[at - 1] if at else None
-    after = chunks[at + 1] if at + 1 < len(chunks) else None
-    names = before is not None and before.has("DET", "NUMBER", "BOUND")
-    return names and after is not None and after.has("PRONOUN", "DET", "AGENT", "NUMBER", "BOUND")
 
 
 def _has_agent(chunks: Sequence[Chunk]) -> bool:

@@ -21,13 +21,8 @@ _ADJECTIVE_TAGS = [
 _PARTICIPLES = frozenset(
     {"lead", "following", "leading", "trailing", "stopped", "waiting", "turning", "yielding"}
 )
-_ROLES = {
-    "leader": "leader", "lead": "leader", "leading": "leader",
-    "follower": "follower", "following": "follower", "trailing": "follower",
-}  # fmt: skip
 _DRIVERS = frozenset({"driver", "drivers", "motorist", "rider", "operator"})
 _RIDERS = frozenset({"biker", "motorcyclist"})
-_SIDES = frozenset({"north", "east", "south", "west"})
 _LABELLED = re.compile(r"\b(?:car|vehicle|truck|bus|cab|taxi|driver|unit|agent|pedestrian)\s+b\b")
 
 
@@ -40,11 +35,7 @@ class Mention:
         count: as said; 1 for a singular.
         det: indefinite, definite, another, other, first, second, third, no, both, bare.
         premods: modifiers and adjectives before the noun.
-        background: the phrase counts background agents.
         words: plain words before the noun, such as colours.
-        role: leader or follower, where the noun or a participle says so.
-        post: directions and turns that follow the noun.
-        owner: "my" or "our", where said.
     """
 
     type: AgentClass | None
@@ -56,13 +47,8 @@ class Mention:
     label: str | None = None
     counted: bool = False
     plural: bool = False
-    background: bool = False
-    mass: bool = False
     possessive: bool = False
     words: tuple[str, ...] = ()
-    role: str | None = None
-    post: list[Modifier] = field(default_factory=list)
-    owner: str = ""
 
 
 Item = Chunk | Modifier | Mention
@@ -170,7 +156,6 @@ class _NounPhrases:
         value = node.tags.get("DET") or "both"
         if not first and mention.det not in {"bare", "indefinite"} and value == "indefinite":
             return False
-        mention.owner = node.text if node.text in {"my", "our"} else ""
         mention.possessive = node.text in {"his", "her", "their"}
         if (
             not first
@@ -213,11 +198,8 @@ class _NounPhrases:
             return False
         node = self.nodes[at]
         if isinstance(node, Modifier):
-            return node.means in {"bound", "turn", "straight"} and node.first in {
-                "left",
-                "right",
-                "straight",
-            } | {node.chunks[-1].words[0]}
+            first = {"left", "right", "straight", node.chunks[-1].words[0]}
+            return node.means in {"bound", "turn", "straight"} and node.first in first
         return not node.tags and self._count_plain_run(at) <= 2
 
     def _count_plain_run(self, at: int) -> int:
@@ -236,9 +218,8 @@ class _NounPhrases:
         return run
 
     def _read_head(self, mention: Mention, node: Chunk, at: int) -> tuple[Mention, int] | None:
-        value = node.tags["AGENT"]
-        if value == "traffic":
-            return self._read_traffic(mention, at)
+        if node.tags["AGENT"] == "traffic":
+            return None
         self._name(mention, node)
         at = self._count_compound(mention, at + 1)
         label = self._label(at)
@@ -254,8 +235,6 @@ class _NounPhrases:
             mention.subtype = None
         elif mention.type == "vehicle":
             mention.subtype = extra or None
-        said = {node.text, *(premod.text for premod in mention.premods)}
-        mention.role = next((role for word, role in _ROLES.items() if word in said), None)
         if mention.possessive and mention.type == "pedestrian":
             mention.det = "another"
         mention.head = node.text
@@ -287,23 +266,6 @@ class _NounPhrases:
         )
         if mention.det == "both" and not mention.counted:
             mention.count, mention.counted = 2, True
-
-    def _read_traffic(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
-        """ "Oncoming traffic" and "eastbound through traffic" mean a vehicle."""
-        if not self._is_introduced(at, mention) or not any(
-            _has_direction(premod) for premod in mention.premods
-        ):
-            return None
-        mention.type, mention.head, mention.mass = "vehicle", "traffic", True
-        return mention, at + 1
-
-    def _is_introduced(self, at: int, mention: Mention) -> bool:
-        """Mass traffic counts as an agent where something is done to it or by it."""
-        start = at - len(mention.premods) - (mention.det != "bare")
-        before = self.nodes[start - 1] if start > 0 else None
-        after = self.nodes[at + 1] if at + 1 < len(self.nodes) else None
-        heading = isinstance(after, Chunk) and (after.mark == ":" or after.has("NORMAL"))
-        return mention.det != "no" and before is not None and not heading
 
     def _label(self, at: int) -> str | None:
         if at >= len(self.nodes):
@@ -371,12 +333,6 @@ def _is_plain_adjective(node: Chunk) -> bool:
     return not node.tags or node.has("IGNORE", "EDIT", "DRIVING", "LEG", "ROAD")
 
 
-def _has_direction(premod: Node) -> bool:
-    if isinstance(premod, Modifier):
-        return premod.means in {"bound", "straight", "turn", "from", "leg"}
-    return premod.has("OPPOSITE", "ACROSS", "THROUGH", "STRAIGHT")
-
-
 def _merge_drivers(items: list[Item]) -> list[Item]:
     """ "a woman driving an SUV" and "the driver of a truck" are one vehicle."""
     result: list[Item] = []
@@ -388,19 +344,8 @@ def _merge_drivers(items: list[Item]) -> list[Item]:
                 del result[-length:]
                 item.det, item.premods = owner.det, owner.premods + item.premods
                 item.count, item.counted, item.plural = owner.count, owner.counted, owner.plural
-        result.append(_read_heading(item, result))
+        result.append(item)
     return result
-
-
-def _read_heading(item: Item, before: list[Item]) -> Item:
-    """ "driving an SUV north", "walking her dog west": a compass word with nothing to name."""
-    if not (isinstance(item, Chunk) and item.has("COMPASS") and item.text in _SIDES and before):
-        return item
-    last = before[-1]
-    free = isinstance(last, Mention) or (
-        isinstance(last, Chunk) and not last.mark and (not last.tags or last.has("IGNORE"))
-    )
-    return Modifier("bound", (item.tags["COMPASS"],), (item,)) if free else item
 
 
 def _find_person_before(items: list[Item]) -> tuple[Mention, int] | None:

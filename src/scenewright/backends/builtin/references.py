@@ -89,7 +89,7 @@ class People:
             Unclear: it may be any of several.
             Refused: no agent of the scene is like that.
         """
-        if mention.type is None or mention.det in _NEW or mention.mass:
+        if mention.type is None or mention.det in _NEW:
             return None
         if mention.plural and mention.label is None:
             return None

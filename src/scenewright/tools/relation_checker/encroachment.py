@@ -9,7 +9,7 @@ resolved to 0.01 s.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -306,15 +306,20 @@ def _find_touching_pairs(
 @compiled
 def _list_blocks(
     a: int, b: int, origin: IntArray, large: FloatArray, blocks: FloatArray, horizon: float
-) -> Iterator[tuple[int, int]]:
-    """Where blocks of two movers begin that may touch; no place of large blocks that do not may."""
+) -> list[tuple[int, int]]:
+    """Where blocks of two movers begin that may touch; no place of large blocks that do not may.
+
+    A list, as code of a generator that is kept on disk cannot be built into another function.
+    """
+    found = []
     for wide in range(origin[a], origin[a + 1], LARGE):
         for other in range(origin[b], origin[b + 1], LARGE):
             if _may_touch(large[:, wide], large[:, other], horizon):
                 for i in range(wide, min(wide + LARGE, origin[a + 1]), BLOCK):
                     for j in range(other, min(other + LARGE, origin[b + 1]), BLOCK):
                         if _may_touch(blocks[:, i], blocks[:, j], horizon):
-                            yield i, j
+                            found.append((i, j))  # noqa: PERF401
+    return found
 
 
 class _Ways(NamedTuple):
