@@ -155,7 +155,8 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
             assert len((await call("list_versions"))["versions"]) == 2
             assert (await call("open_thread", thread="other"))["current"] is None
             assert set((await call("list_threads"))["threads"]) == {"mcp"}
-            assert (await call("open_thread", thread="mcp"))["current"] == 1
+            opened = await call("open_thread", thread="mcp")
+            assert opened == {"ok": True, "thread": "mcp", "current": 1}
             assert Path((await call("save_scene"))["folder"]).is_dir()
             assert "start_scene first" in (await call("solve"))["detail"]
             assert (await call("start_scene", instruction="There is a vehicle", seed=2))["ok"]

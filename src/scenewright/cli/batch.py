@@ -181,15 +181,9 @@ def build_options(
     intersection: str,
     backend: Sequence[str] | None,
     refiner: str | None,
-    seed: int,
-    base_url: str | None,
-    selection: Literal["draw", "map"] = "draw",
-    lenient: bool = False,
-    max_agents: int | None = None,
-    lawful: bool = False,
-    time_limit: float = DEFAULT_LIMIT,
+    **others: Any,
 ) -> Options:
-    """What all rows share, as the command line says it."""
+    """What all rows share, as the command line says it; `others` are fields of `Options`."""
     from scenewright.dataset.batch.answering import BUILTIN
     from scenewright.dataset.batch.worker import Options
     from scenewright.graph.run import choose_refiner, find_refiner_gap
@@ -199,16 +193,7 @@ def build_options(
     if gap is not None:
         log_line(f"warning: {gap}")
     return Options(
-        intersection=intersection,
-        backend=tuple(backend or BUILTIN),
-        refiner=refiner,
-        selection=selection,
-        seed=seed,
-        base_url=base_url,
-        lenient=lenient,
-        max_agents=max_agents,
-        lawful=lawful,
-        time_limit=time_limit,
+        intersection=intersection, backend=tuple(backend or BUILTIN), refiner=refiner, **others
     )
 
 

@@ -128,7 +128,8 @@ class Threads:
         """
         if self.path == ":memory:":
             return
-        self._held = FileLock(self._name_lock(thread))
+        # Another thread of this process may close it: requests come on any.
+        self._held = FileLock(self._name_lock(thread), thread_local=False)
         try:
             self._held.acquire(blocking=False)
         except Timeout as error:

@@ -196,16 +196,14 @@ class IntersectionMap(Model):
 
     def find_signal_group(self, route: Route) -> str | None:
         """The signal group that controls a route; None for jaywalkers and unsignalised ways."""
-        return None if route.movement == "jaywalking" else self._groups.get(route.zone_key)
-
-    @cached_property
-    def _groups(self) -> dict[str, str | None]:
-        """The signal group of each movement and crosswalk that has one."""
-        if self.signals is None:
-            return {}
-        turns = {each.id: each.signal_group for each in self.uturns}
-        groups = reversed(self.signals.groups)  # the first group that lists a way has it
-        return {key: g.id for g in groups for key in (*g.movements, *g.crosswalks)} | turns
+        if self.signals is None or route.movement == "jaywalking":
+            return None
+        if (turn := next((e for e in self.uturns if e.id == route.movement_id), None)) is not None:
+            return turn.signal_group
+        for group in self.signals.groups:
+            if route.zone_key in group.movements or route.zone_key in group.crosswalks:
+                return group.id
+        return None
 
     def find_movement(self, route: Route) -> VehicleMovement | None:
         """The vehicle movement of a route; None for pedestrians."""
