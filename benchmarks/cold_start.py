@@ -37,7 +37,9 @@ def list_commands(folder: Path) -> dict[str, list[str]]:
 def measure(words: list[str], environment: dict[str, str]) -> tuple[float, float]:
     """Processor time [s] and peak memory [MB] of one command."""
     command = [sys.executable, "-m", "scenewright", *words]
-    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as process:
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as process:
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
