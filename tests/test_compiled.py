@@ -109,3 +109,11 @@ def test_a_change_of_what_is_imported_changes_the_place_and_no_other(
     other.write_text("A = 1\n")
     assert name(1) == before
     assert name(2) != before
+
+
+def test_a_generator_is_refused_when_it_is_defined() -> None:
+    def count():  # type: ignore[no-untyped-def]
+        yield 1
+
+    with pytest.raises(TypeError, match="count is a generator"):
+        module.compiled(count)

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, cached_property, update_wrapper
+from inspect import isgeneratorfunction
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -39,7 +40,12 @@ def compiled(function: FunctionT) -> FunctionT:
     Rounding is that of the plain function: no operation is reordered or fused. Division by zero
     gives what IEEE 754 says instead of raising. Where nothing can be kept, every process compiles
     for itself.
+
+    Raises:
+        TypeError: it is a generator, whose code on disk cannot be built into another function.
     """
+    if isgeneratorfunction(function):
+        raise TypeError(f"{function.__name__} is a generator: let it return a list")
     return cast(FunctionT, _CompiledFunction(function))
 
 

@@ -21,9 +21,14 @@ def require_extra(extra: str, work: str, *modules: str, otherwise: str = "") -> 
     Raises:
         MissingPackageError: one is missing; the line holds the command that installs it.
     """
-    missing = [each for each in modules if find_spec(each) is None]
-    if missing:
-        instead = f", or {otherwise}" if otherwise else ""
-        names = " and ".join(each.replace("_", "-") for each in missing)
-        command = f"pip install 'scenewright[{extra}]'"
-        raise MissingPackageError(f"{work} needs {names}: {command}{instead}")
+    words = describe_missing(extra, work, *modules)
+    if words is not None:
+        raise MissingPackageError(f"{words}, or {otherwise}" if otherwise else words)
+
+
+def describe_missing(extra: str, work: str, *modules: str) -> str | None:
+    """Say which modules of an extra are missing and what installs them; None if none is."""
+    missing = [each.replace("_", "-") for each in modules if find_spec(each) is None]
+    if not missing:
+        return None
+    return f"{work} needs {' and '.join(missing)}: pip install 'scenewright[{extra}]'"

@@ -408,9 +408,11 @@ def test_the_command_line_says_what_it_understood(capsys: pytest.CaptureFixture[
 def test_texts_worded_on_workers_are_those_of_one_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever is ready first: the book has the texts in the order of the slots."""
+    """The book has the texts in the order of the slots, whichever worker is ready first."""
     wish = read_order("4 yields")
-    slots, books, told = tuple(build_slots(wish, seed=0)), [], list[str]()
+    slots = tuple(build_slots(wish, seed=0))
+    books: list[bytes] = []
+    progress_lines: list[str] = []
 
     def answer_backwards(tasks: Any, task: Any, *, workers: int) -> Iterator[tuple[Any, Any]]:
         yield from [(each, task(each)) for each in tasks][::-1]
@@ -422,10 +424,10 @@ def test_texts_worded_on_workers_are_those_of_one_process(
         folder.mkdir()
         context: Any = SimpleNamespace(
             wish=wish, options=OPTIONS, book=Book(folder), writer=BuiltinWriter(ON), workers=2,
-            budget=9, log=lambda progress: told.append(format_progress(progress)),
+            budget=9, log=lambda progress: progress_lines.append(format_progress(progress)),
         )  # fmt: skip
         agent.write({"slots": slots, "spent": 0}, runtime=Runtime(context=context))
         books.append((folder / BOOK).read_bytes())
 
     assert books[0] == books[1] != b""
-    assert told[3].startswith("4 of 4 texts")
+    assert progress_lines[3].startswith("4 of 4 texts")

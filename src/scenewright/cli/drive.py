@@ -19,7 +19,7 @@ from scenewright.cli.console import (
 )
 from scenewright.cli.output_folder import fill_folder, target_folder
 from scenewright.errors import InputError, Unsatisfiable
-from scenewright.extras import MissingPackageError, require_extra
+from scenewright.extras import describe_missing
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
@@ -103,16 +103,13 @@ def _save(reports: list[Report], target: Path) -> None:
     """One drive as the folder itself, several as folders in it."""
     from scenewright.driving.save import save_drive
 
-    recording = True
-    try:
-        require_extra("recording", "a recording", "rerun")
-    except MissingPackageError as missing:
-        recording = False
+    missing = describe_missing("recording", "a recording", "rerun")
+    if missing is not None:
         log_line(f"warning: no scene.rrd: {missing}")
     with fill_folder(target) as part:
         for report in reports:
             folder = part if len(reports) == 1 else part / f"drive-{report.drive.seed}"
-            save_drive(report, folder, recording=recording)
+            save_drive(report, folder, recording=missing is None)
 
 
 def _print_reports(

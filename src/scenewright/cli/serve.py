@@ -55,7 +55,7 @@ def serve(
     port = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
     address = f"http://{HOST}:{port}/?token={token}"
-    # Whoever opens it now waits for what is loaded below.
+    # It listens already: a browser that connects now waits until the page is loaded.
     log_line(f"open {address}\nCtrl-C ends it; conversations are kept")
     import uvicorn
 

@@ -338,25 +338,21 @@ def _merge_drivers(items: list[Item]) -> list[Item]:
     result: list[Item] = []
     for item in items:
         if isinstance(item, Mention) and item.type == "vehicle" and item.det != "no":
-            person = _find_person_before(result)
-            if person is not None:
-                owner, length = person
-                del result[-length:]
+            owner = _find_person_before(result)
+            if owner is not None:
+                del result[-2:]
                 item.det, item.premods = owner.det, owner.premods + item.premods
                 item.count, item.counted, item.plural = owner.count, owner.counted, owner.plural
         result.append(item)
     return result
 
 
-def _find_person_before(items: list[Item]) -> tuple[Mention, int] | None:
+def _find_person_before(items: list[Item]) -> Mention | None:
     if len(items) < 2:
         return None
-    link, owner = items[-1], items[-2]
-    length = 2
-    if isinstance(link, Chunk) and not link.has("DRIVING") and not link.tags and len(items) >= 3:
-        return None
+    owner, link = items[-2:]
     if not (isinstance(link, Chunk) and link.has("DRIVING") and isinstance(owner, Mention)):
         return None
     driver = owner.head in _DRIVERS | _RIDERS or owner.type == "pedestrian"
-    loose = link.text in {"in", "of", "on"} and owner.type == "pedestrian" and link.text == "of"
-    return (owner, length) if driver and not loose and owner.det != "no" else None
+    loose = owner.type == "pedestrian" and link.text == "of"
+    return owner if driver and not loose and owner.det != "no" else None

@@ -109,17 +109,6 @@ class OwnMaps:
         return {"name": facts["name"], "lines": import_text(facts)}
 
 
-def describe_missing() -> str | None:
-    """Say what must be installed before most maps can be imported; None where all is there."""
-    from scenewright.tools.map_import.check_file import require_sumo
-
-    try:
-        require_sumo()
-    except InputError as error:
-        return str(error)
-    return None
-
-
 def _suggest_name(file: str) -> str:
     plain = re.sub(r"[^a-z0-9]+", "-", _ENDING.sub("", file.lower())).strip("-")
     return plain[:40].strip("-") or "mine"

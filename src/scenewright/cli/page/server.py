@@ -29,9 +29,10 @@ from scenewright.cli.page.answers import (
 from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversation, Conversations
 from scenewright.cli.page.model_choice import ModelChoice
-from scenewright.cli.page.own_maps import OwnMaps, describe_missing
+from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.schema import describe_routes
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
+from scenewright.extras import describe_missing
 from scenewright.intersections import list_intersections, load_map
 
 _POLICY = (
@@ -119,14 +120,16 @@ class Page:
         return HTMLResponse(_read_asset("index.html"))
 
     async def describe_start(self, _request: Request) -> Response:
-        """Intersections, conversations and the backend."""
+        """Intersections, conversations, the backend and what is missing to import maps."""
+        from scenewright.tools.map_import.check_file import SUMO
+
         return JSONResponse(
             {
                 "intersections": await run_in_threadpool(_list_places),
                 "threads": await run_in_threadpool(self._conversations.list_names),
                 "backend": self._choice.name,
                 "intersection": self._intersection,
-                "missing": describe_missing(),
+                "missing": describe_missing(*SUMO),
             }
         )
 

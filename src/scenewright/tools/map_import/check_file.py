@@ -20,6 +20,9 @@ from scenewright.tools.map_import.osm_elements import is_pbf
 
 MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo", "commonroad", "argoverse2", "womd"]
 
+SUMO = ("maps", "importing a map of OpenStreetMap, OpenDRIVE or SUMO", "sumo", "sumolib")
+"""The extra by which these formats are read, for what, and its modules."""
+
 MAX_BYTES = 200_000_000
 MAX_UNPACKED = 600_000_000
 """Of a file packed with gzip, once unpacked [bytes]."""
@@ -63,18 +66,14 @@ def detect_map_format(file: Path) -> MapFormat:
     return "lanelet2" if scan.has_lanelets else scan.format
 
 
-def require_sumo(map_format: MapFormat | None = None) -> None:
+def require_sumo(map_format: MapFormat) -> None:
     """Raise unless SUMO is there, by whose converter and library some formats are read.
-
-    Args:
-        map_format: None asks for all that need it.
 
     Raises:
         InputError: it is not; the line holds the command that installs it.
     """
-    if map_format in ("osm", "opendrive", "sumo", None):
-        work = "importing a map of OpenStreetMap, OpenDRIVE or SUMO"
-        require_extra("maps", work, "sumo", "sumolib")
+    if map_format in ("osm", "opendrive", "sumo"):
+        require_extra(*SUMO)
 
 
 def unpack_map(file: Path, scratch: Path) -> Path:

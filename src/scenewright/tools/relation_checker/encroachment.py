@@ -307,10 +307,7 @@ def _find_touching_pairs(
 def _list_blocks(
     a: int, b: int, origin: IntArray, large: FloatArray, blocks: FloatArray, horizon: float
 ) -> list[tuple[int, int]]:
-    """Where blocks of two movers begin that may touch; no place of large blocks that do not may.
-
-    A list, as code of a generator that is kept on disk cannot be built into another function.
-    """
+    """Where blocks of two movers begin that may touch; no place of large blocks that do not may."""
     found = []
     for wide in range(origin[a], origin[a + 1], LARGE):
         for other in range(origin[b], origin[b + 1], LARGE):
