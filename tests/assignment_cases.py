@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
-
-import numpy as np
 from hypothesis import strategies as st
 
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.background_assignment import BackgroundAgent, Option
+from scenewright.tools.solver.background_assignment import BackgroundAgent, PlacedAgent
 from scenewright.tools.solver.reservation import find_blocked_offsets
 from solver_agents import EAST, NORTH, SOUTH, WESTBOUND, actor, candidate, law, straight, walker
 
@@ -20,44 +17,40 @@ AWAY = actor(candidate(straight((-40.0, 30.0), EAST, 80.0)))
 ROADS = (EASTWARDS, SLOWLY, NORTHWARDS, ON_FOOT)
 
 
-def option(of, index, starts, drawn_time=0) -> Option:
-    return Option(lambda: of, index, np.array(sorted(starts), dtype=np.int64), drawn_time)
+def agent(name, options, *, foreground=False) -> BackgroundAgent:
+    """An agent that takes the first (road, index, entry times [steps]) with room."""
+
+    def place(street):
+        for of, index, starts in options:
+            for start in starts:
+                placed = of.shift(STEP * start - of.enters)
+                if street.present.is_free(placed, foreground=foreground):
+                    return PlacedAgent(placed, index)
+        return None
+
+    return BackgroundAgent(name, options[0][0].candidate.route.type, foreground, place)
 
 
-def agent(name, options, *, foreground=False, reserve=False) -> BackgroundAgent:
-    kind = options[0].actor.candidate.route.type
-    return BackgroundAgent(
-        name, kind, foreground, lambda _standing: tuple(options), reserve=reserve
-    )
-
-
-def keeps_apart(one, other, strict) -> bool:
-    (a, start_a), (b, start_b) = one, other
-    return not any(low < start_b - start_a < high for low, high in _forbidden(a, b, strict))
-
-
-@cache
-def _forbidden(a, b, strict):
-    return find_blocked_offsets(a, b, strict=strict)
+def keeps_apart(a, b, strict) -> bool:
+    delta = (b.enters - a.enters) / STEP
+    return not any(low < delta < high for low, high in find_blocked_offsets(a, b, strict=strict))
 
 
 OPTION = st.tuples(
     st.integers(0, len(ROADS) - 1),
     st.sets(st.integers(-60, 60), min_size=2, max_size=4),
 )
-GUEST = st.tuples(st.lists(OPTION, min_size=1, max_size=3), st.booleans(), st.booleans())
+GUEST = st.tuples(st.lists(OPTION, min_size=1, max_size=3), st.booleans())
 
 
 @st.composite
 def parties(draw):
     agents = []
-    for n, (options, foreground, reserve) in enumerate(
-        draw(st.lists(GUEST, min_size=2, max_size=4))
-    ):
+    for n, (options, foreground) in enumerate(draw(st.lists(GUEST, min_size=2, max_size=4))):
         road = options[0][0]
         of_one_kind = [o for o in options if (o[0] == 3) == (road == 3)]
-        built = [option(ROADS[r], k, s) for k, (r, s) in enumerate(of_one_kind)]
-        agents.append(agent(f"guest-{n}", built, foreground=foreground and n == 0, reserve=reserve))
+        built = [(ROADS[r], k, sorted(s)) for k, (r, s) in enumerate(of_one_kind)]
+        agents.append(agent(f"guest-{n}", built, foreground=foreground and n == 0))
     free = [each for each in agents if not each.foreground]
     wanted = {}
     for kind in ("vehicle", "pedestrian"):
@@ -72,23 +65,16 @@ def assert_is_seating(assignment, agents, fixed, wanted) -> None:
     for kind, count in wanted.items():
         crowd = [n for n in assignment if not by_name[n].foreground and by_name[n].type == kind]
         assert len(crowd) == count
-    assert all(start in o.starts for o, start in assignment.values())
-    placed = list(assignment.items())
-    for n, (name, (o, start)) in enumerate(placed):
+    placed = [(name, each.actor) for name, each in assignment.items()]
+    for n, (name, each) in enumerate(placed):
         for f in fixed.values():
-            assert keeps_apart((f, round(f.enters / STEP)), (o.actor, start), strict=True)
-        for other, (p, begins) in placed[:n]:
+            assert keeps_apart(f, each, strict=True)
+        for other, before in placed[:n]:
             strict = by_name[name].foreground or by_name[other].foreground
-            assert keeps_apart((p.actor, begins), (o.actor, start), strict)
+            assert keeps_apart(before, each, strict)
 
 
 def crowded():
     """Five cars that come along one road, whenever they like; the last two are spares."""
-    return [
-        agent(
-            f"vehicle-{n}",
-            [option(EASTWARDS, 0, range(0, 120, 2)), option(SLOWLY, 1, range(0, 120, 2))],
-            reserve=n >= 3,
-        )
-        for n in range(5)
-    ]
+    times = range(0, 120, 2)
+    return [agent(f"vehicle-{n}", [(EASTWARDS, 0, times), (SLOWLY, 1, times)]) for n in range(5)]

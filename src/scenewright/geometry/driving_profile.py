@@ -100,7 +100,7 @@ class Motion:
 
     def find_time_at(self, s: float) -> float:
         """First time [s, local] at which the centre is at arc length `s`; inf if it never is."""
-        return _find_time_at(self.s, s)
+        return find_time_at_place(self.s, s)
 
     def compute_positions(self, times: FloatArray) -> FloatArray:
         """Arc length [m] at local times [s]; held at both ends."""
@@ -135,7 +135,7 @@ def _compute_motion(
     nodes, held = candidate.path.s, _build_hold_table(holds, law)
     return Motion(
         candidate,
-        _compute_arc_lengths(
+        compute_arc_lengths(
             nodes,
             compute_squared_speed_limit(candidate),
             held,
@@ -151,7 +151,7 @@ def compute_arrival(
     """Local time [s] at which the candidate comes to a standstill at `hold`."""
     law = candidate.time_law
     held = _build_hold_table((*earlier, hold), law)
-    return _find_arrival(
+    return find_hold_arrival(
         candidate.path.s, compute_squared_speed_limit(candidate), held, law.acceleration, hold.s
     )
 
@@ -163,7 +163,7 @@ def compute_squared_speed_limit(candidate: Candidate) -> FloatArray:
     speeds = law.speed * get_pace(law, path.s)
     # A pedestrian turns within one step, so no bend needs slowing down in advance.
     foresight = 0.0 if candidate.route.type == "pedestrian" else law.foresight
-    limit = _limit(
+    limit = limit_speed(
         path.s, path.curvature, speeds, law.lateral, law.acceleration, law.braking, foresight
     )
     return frozen(limit)  # cached, so it must be read-only
@@ -211,7 +211,7 @@ def _build_slowing_table(slowings: tuple[Slowing, ...]) -> FloatArray:
 
 
 @compiled
-def _find_time_at(moved: FloatArray, s: float) -> float:
+def find_time_at_place(moved: FloatArray, s: float) -> float:
     """Find the first time [s] at which an arc length [m] is reached; inf if it never is."""
     index = np.searchsorted(moved, s - 1e-9)
     if index >= len(moved):
@@ -223,7 +223,7 @@ def _find_time_at(moved: FloatArray, s: float) -> float:
 
 
 @compiled
-def _limit(
+def limit_speed(
     s: FloatArray,
     curvature: FloatArray,
     speeds: FloatArray,
@@ -260,7 +260,7 @@ def _reach_forward(s: FloatArray, w: FloatArray, acceleration: float) -> None:
 
 
 @compiled
-def _compute_arc_lengths(
+def compute_arc_lengths(
     nodes: FloatArray,
     limit: FloatArray,
     holds: FloatArray,
@@ -277,7 +277,7 @@ def _compute_arc_lengths(
 
 
 @compiled
-def _find_arrival(
+def find_hold_arrival(
     nodes: FloatArray, limit: FloatArray, holds: FloatArray, acceleration: float, at: float
 ) -> float:
     """Find when the agent stands at the hold at `at`, after those before it."""

@@ -23,6 +23,10 @@ PACE_STEP = 1.0
 """Distance between the places at which `DrivingProfile.pace` says how fast an agent goes [m]."""
 
 
+FORESIGHT = 6.0
+"""How far ahead a bend is slowed down for, usually [m]."""
+
+
 @dataclass(frozen=True)
 class DrivingProfile:
     """How an agent drives or walks its path when nothing holds it.
@@ -41,7 +45,7 @@ class DrivingProfile:
     braking: float
     lateral: float
     pace: tuple[float, ...] = ()
-    foresight: float = 6.0
+    foresight: float = FORESIGHT
 
 
 @dataclass(frozen=True, eq=False)

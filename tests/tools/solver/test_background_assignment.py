@@ -16,7 +16,6 @@ from assignment_cases import (
     agent,
     assert_is_seating,
     crowded,
-    option,
     parties,
 )
 from scenewright.scene.selection import Stop
@@ -37,8 +36,8 @@ def test_seating_in_turn_keeps_everybody_apart_too(party):
 
 def test_the_same_party_is_seated_the_same_way_again():
     one, other = (assign_in_turn(crowded(), [], {"vehicle": 3, "pedestrian": 0}) for _ in range(2))
-    assert {n: (o.index, s) for n, (o, s) in one.items()} == {
-        n: (o.index, s) for n, (o, s) in other.items()
+    assert {n: (each.index, each.actor.enters) for n, each in one.items()} == {
+        n: (each.index, each.actor.enters) for n, each in other.items()
     }
 
 
@@ -46,7 +45,7 @@ def test_spares_stay_out_unless_somebody_finds_no_room():
     wanted = {"vehicle": 3, "pedestrian": 0}
     seated = assign_in_turn(crowded(), [], wanted)
     assert set(seated) == {"vehicle-0", "vehicle-1", "vehicle-2"}
-    blocked = [agent("vehicle-0", [option(NORTHWARDS, 0, [0])]), *crowded()[1:]]
+    blocked = [agent("vehicle-0", [(NORTHWARDS, 0, [0])]), *crowded()[1:]]
     seated = assign_in_turn(blocked, [NORTHWARDS], wanted)
     assert len(seated) == 3
     assert "vehicle-0" not in seated
@@ -54,7 +53,7 @@ def test_spares_stay_out_unless_somebody_finds_no_room():
 
 
 def test_a_foreground_guest_without_room_is_told():
-    stuck = agent("vehicle-1", [option(EASTWARDS, 0, [0])], foreground=True)
+    stuck = agent("vehicle-1", [(EASTWARDS, 0, [0])], foreground=True)
     assert isinstance(assign_in_turn([stuck], [NORTHWARDS], {}), str)
 
 
@@ -62,20 +61,21 @@ def test_nobody_wanted_nobody_seated():
     assert assign_in_turn([], [], {"vehicle": 0, "pedestrian": 0}) == {}
 
 
-def test_in_turn_each_comes_as_near_to_its_wish_as_there_is_room():
-    early = agent("vehicle-1", [option(EASTWARDS, 0, range(0, 200), drawn_time=50)])
-    later = agent("vehicle-2", [option(EASTWARDS, 0, range(0, 200), drawn_time=52)])
+def test_in_turn_the_first_time_with_room_is_taken():
+    early = agent("vehicle-1", [(EASTWARDS, 0, [50])])
+    later = agent("vehicle-2", [(EASTWARDS, 0, range(52, 200))])
     seated = assign_in_turn([early, later], [], {"vehicle": 2})
     [(low, high)] = find_blocked_offsets(EASTWARDS, EASTWARDS, strict=False)
-    assert seated["vehicle-1"][1] == 50
-    assert seated["vehicle-2"][1] == 50 + high
+    assert seated["vehicle-1"].actor.enters == pytest.approx(5.0)
+    # an end of an interval that falls between two steps is rounded outwards
+    assert seated["vehicle-2"].actor.enters == pytest.approx((50 + high) * STEP, abs=STEP + 1e-9)
     assert low == -high
 
 
 def test_in_turn_the_first_way_with_room_is_taken():
-    options = [option(SLOWLY, 1, range(100)), option(EASTWARDS, 0, range(100))]
+    options = [(SLOWLY, 1, range(100)), (EASTWARDS, 0, range(100))]
     seated = assign_in_turn([agent("vehicle-1", options)], [], {"vehicle": 1})
-    assert seated["vehicle-1"][0].index == 1
+    assert seated["vehicle-1"].index == 1
 
 
 @pytest.mark.parametrize("strict", [True, False])
@@ -135,12 +135,20 @@ def test_one_time_is_looked_at_as_all_of_them_are(there, newcomer, strict):
     present = ReservationTable(
         [each.shift(STEP * steps) for each, steps in there], foreground=strict
     )
-    starts = np.arange(-150, 150)
-    free = present.find_free_times(newcomer, starts, foreground=strict)
-    alone = [
-        present.find_free_times(newcomer, starts[k : k + 1], foreground=strict) for k in range(300)
-    ]
-    assert np.concatenate(alone).tolist() == free.tolist()
+    local = newcomer.shift(-newcomer.enters)
+    low, high = present.find_blocked_intervals(local, foreground=strict)
+    for start in range(-150, 150):
+        blocked = np.any((np.floor(low / STEP) <= start) & (start <= np.ceil(high / STEP)))
+        assert present.is_free(local.shift(STEP * start), foreground=strict) == (not blocked)
+
+
+def test_a_table_grows_with_its_agents():
+    present = ReservationTable()
+    for n in range(200):
+        present.add(EASTWARDS.shift(20.0 * n), foreground=False)
+    assert len(present.get_reservations().keeping) == 200
+    assert not present.is_free(NORTHWARDS.shift(20.0 * 150), foreground=False)
+    assert present.is_free(NORTHWARDS.shift(20.0 * 150 + 10.0), foreground=False)
 
 
 def test_two_walkers_need_little_room():

@@ -10,7 +10,6 @@ import pytest
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import load_map
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
-from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock
 from scenewright.tools.solver.entry_times import (
@@ -18,12 +17,11 @@ from scenewright.tools.solver.entry_times import (
     compute_arrival_entry,
     compute_queue_growth,
     count_visible_agents,
-    find_queue_tail,
-    limit_to_leader,
+    pass_or_wait,
     passes_on_green,
-    select_unseen_times,
 )
-from solver_agents import BARE, EAST, actor, candidate, law, straight
+from scenewright.tools.solver.reservation import ReservationTable
+from solver_agents import BARE, EAST, actor, candidate, law, straight, walker
 
 ON = load_map("amsterdam_120")
 GREEN_10_RED_20 = SignalProgram(
@@ -33,7 +31,7 @@ GREEN_10_RED_20 = SignalProgram(
         SignalPhase(duration=20, colours={"g": "red"}),
     ),
 )
-MOMENT = SceneTiming(SignalClock(GREEN_10_RED_20, 0.0), duration=30.0, blocked=False)
+MOMENT = SceneTiming(SignalClock(GREEN_10_RED_20, 0.0), duration=30.0)
 AT_20_M = Landmarks(line=20.0, crosswalks=(), group="g")
 TEN_M_PER_S = candidate(straight((0.0, 0.0), EAST, 80.0), time_law=law(10.0))
 
@@ -47,6 +45,12 @@ def test_a_line_is_passed_on_green_alone(enters, allowed):
     assert passes_on_green(arriving, MOMENT, enters) is allowed
 
 
+def enter(of, times, *, moment=MOMENT, others=(), foreground=False):
+    present = ReservationTable(others)
+    rng = np.random.default_rng(0)
+    return pass_or_wait(of, np.array(times), present, moment, rng, foreground=foreground)
+
+
 @pytest.mark.parametrize(
     ("place", "allowed"),
     [
@@ -57,11 +61,40 @@ def test_a_line_is_passed_on_green_alone(enters, allowed):
 )
 def test_nobody_comes_or_goes_in_view_of_a_conflict(place, allowed):
     """A conflict at 10 s; the last to come, at 26 s, are still there when the scene ends."""
-    steps = np.array([-20, 0, 10, 20, 60, 70, 90, 100, 180, 260])
+    steps = [-20, 0, 10, 20, 60, 70, 90, 100, 180, 260]
     moment = replace(MOMENT, conflicts=((10.0, place),))
-    walker = actor(TEN_M_PER_S, landmarks=BARE)
-    assert STEP * (len(walker.motion.s) - 1) == pytest.approx(8.0, abs=0.2)
-    assert select_unseen_times(walker, steps, moment).tolist() == allowed
+    on_foot = actor(walker(TEN_M_PER_S.path, speed=10.0))
+    assert STEP * (len(on_foot.motion.s) - 1) == pytest.approx(8.0, abs=0.2)
+    found = [step for step in steps if enter(on_foot, [step * STEP], moment=moment) is not None]
+    assert found == allowed
+
+
+def test_at_red_it_waits_and_sets_off_on_green():
+    """Green 0 to 10 s, red to 30 s: who would pass the line at 22 s waits until 30 s."""
+    long = SceneTiming(SignalClock(GREEN_10_RED_20, 0.0), duration=60.0)
+    waiting = enter(actor(TEN_M_PER_S, landmarks=AT_20_M), [20.0], moment=long)
+    [stop] = waiting.stops
+    assert 20.0 - 1.5 <= stop.s <= 20.0 - 0.3
+    assert 30.8 <= stop.until <= 31.5
+    crosses = waiting.enters + waiting.motion.find_time_at(20.0)
+    assert 30.8 < crosses < 34.0
+    assert enter(actor(TEN_M_PER_S, landmarks=AT_20_M), [3.0], moment=long).stops == ()
+
+
+def test_the_first_of_the_times_with_room_is_taken():
+    own = actor(TEN_M_PER_S, landmarks=BARE)
+    placed = enter(own, [5.0, 5.5, 12.0], others=[own.shift(5.0)])
+    assert placed.enters == pytest.approx(12.0)
+    assert enter(own, [5.0, 5.5], others=[own.shift(5.0)]) is None
+
+
+def test_those_who_wait_at_the_kerb_stand_in_rows():
+    long = SceneTiming(SignalClock(GREEN_10_RED_20, 0.0), duration=60.0)
+    own = walker(straight((0.0, 0.0), EAST, 40.0))
+    first = enter(actor(own, landmarks=AT_20_M), [8.0], moment=long)
+    second = enter(actor(own, landmarks=AT_20_M), [10.0], moment=long, others=[first])
+    assert first.stops[0].s == pytest.approx(20.0 - 0.45)
+    assert 0.7 <= first.stops[0].s - second.stops[0].s <= 2.0
 
 
 def test_who_never_gets_to_the_line_and_who_has_none_may_come_at_any_time():
@@ -73,7 +106,7 @@ def test_who_never_gets_to_the_line_and_who_has_none_may_come_at_any_time():
 def test_chance_arrivals_wait_as_long_as_the_light_is_red():
     """Green 0 to 10 s, red to 30 s: those who came on red before the scene still stand in it."""
     arriving = actor(TEN_M_PER_S, landmarks=AT_20_M)
-    late = SceneTiming(SignalClock(GREEN_10_RED_20, 15.0), duration=30.0, blocked=False)
+    late = SceneTiming(SignalClock(GREEN_10_RED_20, 15.0), duration=30.0)
     enters = np.array([compute_arrival_entry(arriving, late, (n + 0.5) / 400) for n in range(400)])
     # Time 15 of the programme at 0: red since -5 s, until 15 s. Who came at -7 s stands there now.
     assert enters.min() == pytest.approx(-7.0, abs=0.6)
@@ -146,20 +179,3 @@ def test_over_all_moments_as_many_set_off_as_come_to_stand():
     assert left.mean() == pytest.approx(0.0, abs=1e-6)
     assert left.min() < -5.0
     assert left.max() > 5.0
-
-
-def test_nobody_goes_faster_than_who_is_ahead_in_the_queue():
-    slow, fast = law(6.0, acceleration=1.0), law(12.0, acceleration=2.0)
-    paced = limit_to_leader(candidate(TEN_M_PER_S.path, time_law=fast), slow).time_law
-    assert (paced.speed, paced.acceleration) == (6.0, 1.0)
-    assert limit_to_leader(candidate(TEN_M_PER_S.path, time_law=slow), fast).time_law == slow
-
-
-def test_who_stands_at_another_time_is_no_queue():
-    stop = Stop("stop_line", 18.0, 2.0, 8.0, "red_light")
-    stands = actor(TEN_M_PER_S, landmarks=AT_20_M).edit(stops=(stop,))
-    behind = candidate(straight((0.0, 0.5), EAST, 80.0))
-    assert find_queue_tail(behind, [stands], (5.0, 20.0)) is not None
-    assert find_queue_tail(behind, [stands], (9.0, 20.0)) is None
-    aside = candidate(straight((0.0, 3.5), EAST, 80.0))
-    assert find_queue_tail(aside, [stands], (5.0, 20.0)) is None

@@ -11,7 +11,6 @@ and stops.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,19 +18,37 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.geometry.driving_profile import (
-    StopCommand,
-    compute_arrival,
+    compute_arc_lengths,
     compute_squared_speed_limit,
+    find_hold_arrival,
+    find_time_at_place,
+    limit_speed,
 )
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import PACE_STEP, DrivingProfile
+from scenewright.scene.candidates import FORESIGHT, PACE_STEP, DrivingProfile
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.map_grounding.signal_plan import get_phases, is_showing_at
-from scenewright.tools.segment_editor import make_stop_command
-from scenewright.tools.solver.entry_times import START_LAG, SceneTiming
+from scenewright.tools.solver.entry_times import (
+    SEEN,
+    START_LAG,
+    Greens,
+    SceneTiming,
+    find_green,
+    is_green,
+    is_seen_moving,
+    list_greens,
+)
 from scenewright.tools.solver.path_conflict import IntArray
-from scenewright.tools.solver.reservation import IN_LANE, Bars, ReservationTable, get_corridor
+from scenewright.tools.solver.reservation import (
+    IN_LANE,
+    Bars,
+    Corridor,
+    Reservations,
+    ReservationTable,
+    get_corridor,
+    list_bars,
+    meets_any,
+)
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
@@ -65,83 +82,58 @@ _CREEPS = 1.0
 """A vehicle that moves less [m] between two standstills has one standstill."""
 _LEAST = 0.7
 """Least speed of a pace [m/s]: standstills are edits of their own."""
+_QUEUES = 10.0
+"""How long a vehicle waits for room to enter [s]; it stays away if its lane is full for longer."""
+_LONGEST_HEADWAY = 2.6
 
-_Greens = tuple[FloatArray, NDArray[np.bool_], float, float]
-"""What `_list_greens` gives."""
 
-
-def follow_traffic(
+def enter_traffic(
     actor: ScheduledAgent,
-    enters: float,
+    wished: FloatArray,
     present: ReservationTable,
     moment: SceneTiming,
     rng: np.random.Generator,
 ) -> ScheduledAgent | None:
-    """Compute the vehicle's motion among those present if it enters at scene time `enters` [s].
-
-    Returns:
-        Its motion, entering at local time 0; None where it cannot be driven.
-    """
-    candidate, law = actor.candidate, actor.candidate.time_law
-    corridor = get_corridor(candidate)
-    line = np.inf if actor.landmarks.line is None else actor.landmarks.line
-    moved = _drive_among(
-        corridor.s, present.list_bars(corridor, in_lane=IN_LANE), enters,
-        moment.duration + _AFTER - enters,
-        candidate.path.s, np.sqrt(compute_squared_speed_limit(candidate)),
-        law.acceleration, law.braking,
-        min(_HEADWAY * math.exp(_HEADWAY_SPREAD * rng.standard_normal()), 2.6),
-        rng.uniform(*_GAP), line, line - rng.uniform(*_LINE), rng.uniform(*START_LAG),
-        _list_greens(actor, moment), candidate.route.movement != "straight",
-    )  # fmt: skip
-    if not len(moved):
-        return None
-    driven = _convert_to_pace(actor, moved, moment.duration - enters)
-    if _brakes_hard(driven, actor.candidate.time_law.braking) or not _passes_on_green(
-        driven, enters, moment
-    ):
-        return None
-    return driven
-
-
-def find_entrance(actor: ScheduledAgent, wished: float, present: ReservationTable) -> float:
-    """Find the first scene time [s] from `wished` on at which the agent has room to enter."""
-    corridor = get_corridor(actor.candidate)
-    bars = present.list_bars(corridor, in_lane=IN_LANE)
-    speed = math.sqrt(compute_squared_speed_limit(actor.candidate)[0])
-    return math.ceil(_find_entrance(corridor.s, bars, speed, wished) / STEP - 1e-6) * STEP
-
-
-def _brakes_hard(driven: ScheduledAgent, usual: float) -> bool:
-    """Return whether, by its pace, it brakes harder than allowed for others and for itself.
+    """Let a vehicle drive among those present, from the first entry time at which it can.
 
     Args:
-        usual: its own comfortable braking [m/s^2]; measured over 0.3 s, as the checker does.
+        actor: entering at time 0; wished: [N] entry times [s] in the order to be tried, each moved
+            on to when there is room to enter.
+
+    Returns:
+        The vehicle in scene time; None where it cannot be driven.
     """
-    s = driven.motion.s
-    if len(s) < 6:
-        return False
-    change = (s[5:] - s[3:-2]) - (s[2:-3] - s[:-5])
-    most = max(_HARDEST_DRIVEN, 1.06 * usual)
-    return bool(change.min() < -most * 2 * STEP * 3 * STEP)
+    candidate, law = actor.candidate, actor.candidate.time_law
+    path, line = candidate.path, actor.landmarks.line
+    count = len(wished)
+    headway = _HEADWAY * np.exp(_HEADWAY_SPREAD * rng.standard_normal(count))
+    drawn = (headway, rng.uniform(*_GAP, count), rng.uniform(*_LINE, count),
+             rng.uniform(*START_LAG, count))  # fmt: skip
+    enters, pace, rates, stops = _find_drive(
+        np.minimum(wished, moment.duration - SEEN), np.column_stack(drawn), moment.duration,
+        get_corridor(candidate), present.get_reservations(),
+        path.s, path.curvature, compute_squared_speed_limit(candidate),
+        (law.speed, law.acceleration, law.braking, law.lateral),
+        np.inf if line is None else line, list_greens(actor, moment),
+        candidate.route.movement != "straight",
+    )  # fmt: skip
+    if not len(pace):
+        return None
+    own = DrivingProfile(law.speed, *rates, law.lateral, tuple(pace.tolist()))
+    driven = ScheduledAgent.build_unplaced(replace(candidate, time_law=own), actor.landmarks)
+    placed = driven.shift(enters)
+    held = placed.edit(stops=tuple(_build_stop(row, placed) for row in stops.tolist()))
+    # A vehicle behind must see how it continues after the scene.
+    return held.cut_after(moment.duration + _AFTER)
 
 
-def _list_greens(actor: ScheduledAgent, moment: SceneTiming) -> _Greens:
-    """List when the phases of its light end [s], which are green, offset and cycle."""
-    group, clock = actor.landmarks.group, moment.clock
-    if actor.landmarks.line is None or group is None or clock is None:
-        return np.empty(0), np.empty(0, dtype=np.bool_), 0.0, 1.0
-    edges, green = get_phases(clock.program, group, ("green",))
-    return edges, green, float(clock.offset), float(clock.program.cycle)
-
-
-def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming) -> bool:
-    """Return whether its light is green when it passes; a pace is exact to about 0.1 s."""
-    line, group, clock = driven.landmarks.line, driven.landmarks.group, moment.clock
-    crosses = np.inf if line is None else enters + driven.motion.find_time_at(line)
-    if group is None or clock is None or math.isinf(crosses):
-        return True
-    return all(clock.get_colour(group, crosses + near) == "green" for near in (-0.15, 0.0, 0.15))
+def _build_stop(row: list[float], actor: ScheduledAgent) -> Stop:
+    """Build a stop: arc length [m], begin and end [local s]."""
+    s, start, until = row
+    line = actor.landmarks.line
+    at_line = line is not None and 0.0 <= line - s < _LINE[1] + 0.5
+    anchor = "stop_line" if at_line else "queue"
+    return Stop(anchor, s, start + actor.enters, until + actor.enters, "red_light")
 
 
 BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)
@@ -149,56 +141,134 @@ BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)
 ahead in the lane; a crossing agent; a crossing foreground agent."""
 
 
-def _convert_to_pace(actor: ScheduledAgent, moved: FloatArray, until: float) -> ScheduledAgent:
-    """Convert the motion to a pace and stops of the agent."""
-    candidate, law = actor.candidate, actor.candidate.time_law
-    speed, pace, fastest, slowest = _compute_pace(
-        moved, candidate.path.s, compute_squared_speed_limit(candidate)
-    )
-    stops = _list_stops(actor, moved, speed)
-    own = DrivingProfile(
-        law.speed,
-        max(law.acceleration, fastest) * 1.05,
-        max(law.braking, -slowest) * 1.05,
-        law.lateral,
-        tuple((pace / law.speed).round(4).tolist()),
-    )
-    driven = ScheduledAgent.build_unplaced(replace(candidate, time_law=own), actor.landmarks)
-    # A vehicle behind must see how it continues after the scene.
-    return driven.edit(stops=_time_stops(driven, stops)).cut_after(until + _AFTER)
+# ---- as machine code ----------------------------------------------------------------------------
 
 
-def _time_stops(driven: ScheduledAgent, stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
-    """Time each stop from when a vehicle of that pace stands there."""
-    timed: list[Stop] = []
-    for stop in stops:
-        held = tuple(make_stop_command(each, 0.0) for each in timed)
-        start = compute_arrival(driven.candidate, StopCommand(stop.s, 0.0), held)
-        timed.append(replace(stop, start=start, until=max(stop.until, start)))
-    return tuple(timed)
+@compiled
+def _find_drive(
+    wished: FloatArray,
+    drawn: FloatArray,
+    duration: float,
+    corridor: Corridor,
+    table: Reservations,
+    places: FloatArray,
+    curvature: FloatArray,
+    limit: FloatArray,
+    law: tuple[float, float, float, float],
+    line: float,
+    greens: Greens,
+    turns: bool,
+) -> tuple[float, FloatArray, tuple[float, float], FloatArray]:
+    """Find the first entry time from which it can drive among the others.
+
+    Args:
+        wished: [T] entry times [s]; drawn: [T, 4] headway [s], gap [m], from its front to the line
+            [m], lag [s].
+        places, curvature, limit: [P] arc lengths of its path, squared free speed there.
+        law: speed, acceleration, braking, lateral acceleration.
+
+    Returns:
+        Entry time [s], its pace (empty: none found), acceleration and braking, and its stops [K,
+        3].
+    """
+    bars, free = list_bars(corridor, table), np.sqrt(limit)
+    speed, acceleration, braking, lateral = law
+    tried = np.full(len(wished), np.inf)
+    for n in range(len(wished)):
+        enters = _find_entrance(corridor.s, bars, free[0], wished[n])
+        enters = np.ceil(enters / STEP - 1e-6) * STEP
+        if enters > min(wished[n] + _QUEUES, duration - SEEN):
+            continue
+        if np.abs(tried - enters).min() < STEP / 2:
+            continue
+        tried[n] = enters
+        headway, gap, before_line, lag = drawn[n]
+        until = duration + _AFTER - enters
+        moved = _drive_among(
+            corridor.s, bars, enters, until, places, free, acceleration, braking,
+            min(headway, _LONGEST_HEADWAY), gap, line, line - before_line, lag, greens, turns,
+        )  # fmt: skip
+        if len(moved) == 0:
+            continue
+        speeds, pace, fastest, slowest = _compute_pace(moved, places, limit)
+        rates = (max(acceleration, fastest) * 1.05, max(braking, -slowest) * 1.05)
+        pace = np.round(pace / speed, 4)
+        own = limit_speed(
+            places, curvature, speed * np.interp(places / PACE_STEP, np.arange(len(pace)), pace),
+            lateral, rates[0], rates[1], FORESIGHT,
+        )  # fmt: skip
+        stops = _list_stops(moved, speeds)
+        holds = _time_stops(stops, places, own, rates)
+        driven = compute_arc_lengths(places, own, holds, holds[:0], rates[0])
+        driven = driven[: max(int(until / STEP + 1e-6), 1) + 1]
+        if not is_seen_moving(driven, enters, duration) or _brakes_hard(driven, braking):
+            continue
+        if not _passes_on_green(driven, line, enters, greens):
+            continue
+        if not meets_any(round(enters / STEP), corridor, driven, False, False, True, table):
+            return enters, pace, rates, stops
+    return 0.0, np.empty(0), (acceleration, braking), np.empty((0, 3))
 
 
-def _list_stops(actor: ScheduledAgent, moved: FloatArray, speed: FloatArray) -> tuple[Stop, ...]:
-    """List where and when [local s] this motion stands."""
-    stands = np.concatenate(([False], speed < _STANDS, [False]))
-    edges = np.flatnonzero(np.diff(stands))
-    found: list[Stop] = []
-    for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
-        if STEP * (last - first) < _SHORTEST:
+@compiled
+def _list_stops(moved: FloatArray, speed: FloatArray) -> FloatArray:
+    """List where [m] and from when until when [local s] a motion stands, [K, 3]."""
+    stops, count, first = np.empty((len(moved) // 2 + 1, 3)), 0, -1
+    for k in range(len(moved) + 1):
+        if k < len(moved) and speed[k] < _STANDS:
+            first = k if first < 0 else first
+            continue
+        last, begins, first = k - 1, first, -1
+        if begins < 0 or STEP * (last - begins) < _SHORTEST:
             continue
         # A vehicle that still creeps stands where it first has all but stopped.
-        s, line = float(moved[min(first + 4, last)]), actor.landmarks.line
-        at_line = line is not None and 0.0 <= line - s < _LINE[1] + 0.5
-        anchor = "stop_line" if at_line else "queue"
+        s = moved[min(begins + 4, last)]
         until = STEP * last + (100.0 if last == len(moved) - 1 else 0.0)
-        if found and s < found[-1].s + _CREEPS:
-            found[-1] = replace(found[-1], until=until)
-        else:
-            found.append(Stop(anchor, s, STEP * first, until, "red_light"))
-    return tuple(found)
+        if count == 0 or s >= stops[count - 1, 0] + _CREEPS:
+            stops[count, 0], stops[count, 1] = s, STEP * begins
+            count += 1
+        stops[count - 1, 2] = until
+    return stops[:count]
 
 
-# ---- as machine code ----------------------------------------------------------------------------
+@compiled
+def _time_stops(
+    stops: FloatArray, places: FloatArray, limit: FloatArray, rates: tuple[float, float]
+) -> FloatArray:
+    """Let each stop begin when a vehicle of that pace stands there; return them as holds [K, 5]."""
+    holds = np.zeros((len(stops), 5))
+    for k in range(len(stops)):
+        holds[k, 0], holds[k, 2] = stops[k, 0], rates[1]
+        start = find_hold_arrival(places, limit, holds[: k + 1], rates[0], stops[k, 0])
+        stops[k, 1], stops[k, 2] = start, max(stops[k, 2], start)
+        holds[k, 1] = stops[k, 2]
+    return holds
+
+
+@compiled
+def _brakes_hard(s: FloatArray, usual: float) -> bool:
+    """Return whether it brakes harder than allowed for others and for itself.
+
+    Args:
+        s: [T] arc length every 0.1 s [m]; usual: its own comfortable braking [m/s^2]; measured
+            over 0.3 s, as the checker does.
+    """
+    most = max(_HARDEST_DRIVEN, 1.06 * usual) * 2 * STEP * 3 * STEP
+    change = (s[5:] - s[3:-2]) - (s[2:-3] - s[:-5])
+    return len(change) > 0 and change.min() < -most
+
+
+@compiled
+def _passes_on_green(s: FloatArray, line: float, enters: float, greens: Greens) -> bool:
+    """Return whether its light is green when it passes; a pace is exact to about 0.1 s."""
+    crosses = enters + find_time_at_place(s, line)
+    if len(greens[0]) == 0 or crosses == np.inf:
+        return True
+    return (
+        is_green(crosses - 0.15, greens)
+        and is_green(crosses, greens)
+        and is_green(crosses + 0.15, greens)
+    )
 
 
 @compiled
@@ -216,7 +286,7 @@ def _drive_among(
     line: float,
     stop: float,
     lag: float,
-    greens: _Greens,
+    greens: Greens,
     turns: bool,
 ) -> FloatArray:
     """Compute the arc length [T] every 0.1 s behind all it would run into; empty if impossible.
@@ -302,38 +372,17 @@ def _find_entrance(nodes: FloatArray, bars: Bars, speed: float, wished: float) -
 
 
 @compiled
-def _find_red(moved: FloatArray, line: float, enters: float, lag: float, greens: _Greens) -> float:
+def _find_red(moved: FloatArray, line: float, enters: float, lag: float, greens: Greens) -> float:
     """Find the local time [s] until which its light holds this motion; -inf if not at all."""
     if len(greens[0]) == 0 or moved[-1] < line:
         return -np.inf
     crosses = enters + STEP * float(np.searchsorted(moved, line))
-    before, after = _is_green(crosses - 0.35, greens), _is_green(crosses + 0.35, greens)
-    if before and after and _is_green(crosses, greens):
+    before, after = is_green(crosses - 0.35, greens), is_green(crosses + 0.35, greens)
+    if before and after and is_green(crosses, greens):
         return -np.inf
     if not before and after:
         return crosses - enters + 0.5
-    return _find_green(crosses, greens) + lag - enters
-
-
-@compiled
-def _is_green(time: float, greens: _Greens) -> bool:
-    edges, green, offset, cycle = greens
-    return is_showing_at(time + offset, edges, green, cycle)
-
-
-@compiled
-def _find_green(time: float, greens: _Greens) -> float:
-    """Find the first scene time [s] from `time` on at which the light turns, or is, green."""
-    edges, green, offset, cycle = greens
-    if _is_green(time, greens):
-        return time
-    at = (time + offset) % cycle
-    for lap in range(2):
-        for k in range(len(edges)):
-            begins = lap * cycle + (edges[k - 1] if k else 0.0)
-            if begins >= at and green[k]:
-                return time + begins - at
-    return np.inf
+    return find_green(crosses, greens) + lag - enters
 
 
 @compiled

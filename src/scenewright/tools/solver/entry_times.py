@@ -1,21 +1,23 @@
-"""Entry times of agents that no relation binds: on green, waiting at red, or in a queue."""
+"""Entry times of agents that no relation binds: on green, or waiting at red."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import find_nearest_point
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.geometry.driving_profile import (
+    StopCommand,
+    compute_arc_lengths,
+    compute_arrival,
+    compute_squared_speed_limit,
+    find_time_at_place,
+)
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.candidates import Candidate, DrivingProfile
 from scenewright.scene.map import IntersectionMap, Route, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
@@ -23,40 +25,56 @@ from scenewright.tools.map_grounding.signal_plan import (
     SignalClock,
     get_phases,
     get_red_duration,
-    is_showing,
     is_showing_at,
+)
+from scenewright.tools.solver.reservation import (
+    Corridor,
+    Reservations,
+    ReservationTable,
+    get_corridor,
+    meets_any,
 )
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
-"""Waiting vehicles: to the line and to the next ahead [m]."""
+LINE_GAP = (0.3, 1.5)
+"""From a waiting vehicle to the line [m]."""
 
-KERB_GAP, KERB_ROW = 0.45, (0.7, 1.0)
-"""Waiting pedestrians: from the kerb, and from one row of them to the next [m]."""
+KERB_GAP, KERB_ROW, _ROWS = 0.45, (0.7, 1.0), 3
+"""Waiting pedestrians: from the kerb, and from one row of them to the next [m]; rows."""
 
-START_LAG, FOLLOW_LAG, STOP_LAG = (0.8, 1.5), (1.05, 1.7), (1.2, 4.0)
-"""From green to the first one's start, from the start of the next ahead to its own, and from its
-standstill to its own [s]: a follower with less lag comes too near on the way."""
+START_LAG = (0.8, 1.5)
+"""From green to the start of who waits [s]."""
 
-_LANE_OFFSET, _ONE_WAY = 2.6, 0.85
-"""A standing vehicle within 2.6 m of a path, with a heading this close (cosine), blocks it."""
-
-_SEEN, _GRID = 4.0, 0.5
-"""How long every agent is visible at least; spacing of the entry times tried [s]."""
+SEEN, _GRID = 4.0, 0.5
+"""How long every agent is visible at least; spacing of the entry times of random arrivals [s]."""
 
 _IN_VIEW, _NEAR_CONFLICT = 22.0, 3.5
 """How far from a conflict, and how long before or after it, pedestrians come and go [m, s]."""
 
-STARTED = -6.0
+_STARTED = -6.0
 """An agent that set off longer before the scene than this has hardly anything of its start left
 [s]."""
 
-Span = tuple[float, float]
+_MARGIN = 0.5
+"""How far beside a crosswalk a pedestrian counts as on it [m]."""
+
+_LEAST_WAY = 2.0
+"""An agent that moves less in the whole scene [m] only stands about."""
+
+_ROOM_TO_STOP = 3.0
+"""Least distance from its entry to where an agent waits [m]."""
+
+_FOR_GOOD = 10.0
+"""Who waits so long beyond the scene does not set off in it [s]."""
+
+Greens = tuple[FloatArray, NDArray[np.bool_], float, float]
+"""When the phases of a light end [s], which are green, offset and cycle [s]; no phases: no
+light."""
 
 
 @dataclass(frozen=True)
 class SceneTiming:
-    """When agents may come: lights, scene length [s], whether a wreck will stand in the way.
+    """When agents may come: lights and scene length [s].
 
     Attributes:
         conflicts: time [s] and place of the events, in view of which no pedestrian comes or goes.
@@ -64,63 +82,7 @@ class SceneTiming:
 
     clock: SignalClock | None
     duration: float
-    blocked: bool
     conflicts: tuple[tuple[float, Point], ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class RedLightWait:
-    """An agent that arrives first in its lane at red, and waits.
-
-    Attributes:
-        gap: from its front, or on foot its middle, to the line [m].
-        lag: from green to its start [s].
-        stays: a wreck ahead keeps it there for good.
-    """
-
-    free: ScheduledAgent
-    moment: SceneTiming
-    enters: float
-    gap: float
-    lag: float
-    stays: bool = False
-
-    @property
-    def s(self) -> float:
-        """Arc length at which it stands [m]."""
-        return (self.free.landmarks.line or 0.0) - self.gap
-
-    @cached_property
-    def reaches(self) -> float:
-        """Scene time [s] at which it would stand, were braking free; good to about 2 s."""
-        return self.enters + self.free.motion.find_time_at(max(self.s, 0.0))
-
-    @property
-    def holds(self) -> bool:
-        """Return whether it can wait at red light, its end visible in the scene, with room to
-        stand."""
-        group, clock = self.free.landmarks.group, self.moment.clock
-        if clock is None or self.free.landmarks.line is None or group is None or self.s < 3.0:
-            return False
-        if self.enters > self.moment.duration - 4.0:
-            return False
-        colours = [clock.get_colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
-        return "green" not in colours and self.release > STARTED
-
-    @cached_property
-    def release(self) -> float:
-        """Scene time [s] at which it starts again."""
-        if self.moment.clock is None or self.stays:
-            return self.moment.duration + 10.0
-        green = self.moment.clock.find_next_green(str(self.free.landmarks.group), self.reaches)
-        return green + self.lag
-
-    def actor(self) -> ScheduledAgent:
-        """The agent in motion, entering at time 0."""
-        stop = build_red_light_stop(self.free, self.s)
-        until = max(self.release - self.enters, stop.start)
-        held = self.free.edit(stops=(replace(stop, until=until),))
-        return held.cut_after(self.moment.duration - self.enters)
 
 
 def build_red_light_stop(actor: ScheduledAgent, s: float) -> Stop:
@@ -130,53 +92,77 @@ def build_red_light_stop(actor: ScheduledAgent, s: float) -> Stop:
     return Stop(anchor, s, start, start, "red_light")
 
 
-def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.int64]:
-    """Find entry times [steps] at which the agent is visible for 4 s and obeys its light."""
-    first, last = 4.0 - STEP * len(actor.motion.s), moment.duration - 4.0
-    steps = np.arange(int(np.ceil(first / STEP)), int(last / STEP) + 1, dtype=np.int64)
-    line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
-    if clock is None or line is None or group is None or not len(steps):
-        return steps
-    crosses = STEP * steps + actor.motion.find_time_at(line) + clock.offset
-    green = is_showing(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
-    allowed = green.all(axis=0)
-    if actor.candidate.route.type == "pedestrian" and clock.get_colour(group, 0.0) == "red":
-        allowed &= ~_is_on_crosswalk(actor, np.asarray(-STEP * steps, dtype=np.float64))
-    return steps[allowed]
-
-
-def select_unseen_times(
-    actor: ScheduledAgent, starts: NDArray[np.int64], moment: SceneTiming
-) -> NDArray[np.int64]:
-    """Select the entry times [steps] at which it does not come or go in view of a conflict."""
-    comes = STEP * starts
-    goes = comes + STEP * (len(actor.motion.s) - 1)
-    unseen = np.ones(len(starts), dtype=np.bool_)
-    for times, there, s in (
-        (comes, comes > 0.0, 0.0),
-        (goes, goes < moment.duration, float(actor.motion.s[-1])),
-    ):
-        x, y, _ = actor.get_pose(s) if there.any() else (math.inf, math.inf, 0.0)
-        for time, place in moment.conflicts:
-            if math.dist((x, y), place) < _IN_VIEW:
-                unseen &= ~(there & (np.abs(times - time) < _NEAR_CONFLICT))
-    return starts[unseen]
-
-
-def _is_on_crosswalk(actor: ScheduledAgent, times: FloatArray) -> NDArray[np.bool_]:
-    """Return [N] whether a pedestrian is on its crosswalk at local times [s]."""
-    own = [each for each in actor.landmarks.crosswalks if each[0] == actor.landmarks.own_crosswalk]
-    s = np.where(times > 0.0, actor.motion.compute_positions(times), -np.inf)
-    inside = [(begin - 0.5 < s) & (s < end + 0.5) for _, begin, end in own]
-    return np.logical_or.reduce(inside) if inside else np.zeros(len(times), np.bool_)
-
-
-def starts_on_red(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> bool:
-    """Return whether a pedestrian starts the scene on its crosswalk while its light is red."""
+def list_greens(actor: ScheduledAgent, moment: SceneTiming) -> Greens:
+    """List when its light is green."""
     group, clock = actor.landmarks.group, moment.clock
-    if clock is None or group is None or clock.get_colour(group, 0.0) != "red":
+    if actor.landmarks.line is None or group is None or clock is None:
+        return np.empty(0), np.empty(0, dtype=np.bool_), 0.0, 1.0
+    edges, green = get_phases(clock.program, group, ("green",))
+    return edges, green, float(clock.offset), float(clock.program.cycle)
+
+
+def pass_or_wait(
+    actor: ScheduledAgent,
+    wished: FloatArray,
+    present: ReservationTable,
+    moment: SceneTiming,
+    rng: np.random.Generator,
+    *,
+    foreground: bool = False,
+) -> ScheduledAgent | None:
+    """Let an agent pass on green, or wait first at its line or kerb, at the first time it can.
+
+    Pedestrians neither come nor go in view of a conflict, and wait in rows.
+
+    Args:
+        actor: entering at time 0; wished: [N] entry times [s] in the order to be tried.
+        foreground: keeps the stricter distance.
+
+    Returns:
+        The agent in scene time; None where it meets others at every time.
+    """
+    candidate, law, marks = actor.candidate, actor.candidate.time_law, actor.landmarks
+    walks, line = candidate.route.type == "pedestrian", marks.line
+    gaps = np.full(len(wished), KERB_GAP) if walks else rng.uniform(*LINE_GAP, len(wished))
+    rows = rng.uniform(*KERB_ROW, len(wished)) if walks else np.zeros(len(wished))
+    lags = rng.uniform(*START_LAG, len(wished))
+    own = [
+        each[1:]
+        for each in marks.crosswalks
+        if each[0] == marks.own_crosswalk and _is_red_at_start(actor, moment)
+    ]
+    conflicts = [(time, *place) for time, place in moment.conflicts if walks]
+    n, stop, release = _find_entry(
+        wished.round(1), gaps, rows, lags, candidate.path.s, candidate.path.xy,
+        compute_squared_speed_limit(candidate), law.acceleration, law.braking, actor.motion.s,
+        np.inf if line is None else line, list_greens(actor, moment), moment.duration,
+        np.array(own, dtype=np.float64).reshape(-1, 2),
+        np.array(conflicts, dtype=np.float64).reshape(-1, 3),
+        get_corridor(candidate), foreground, present.get_reservations(),
+    )  # fmt: skip
+    if n < 0:
+        return None
+    placed = actor.shift(float(wished[n]))
+    if np.isnan(stop):
+        return placed
+    stands = build_red_light_stop(placed, stop)
+    held = placed.edit(stops=(replace(stands, until=max(release, stands.start)),))
+    return held.cut_after(moment.duration)
+
+
+def _is_red_at_start(actor: ScheduledAgent, moment: SceneTiming) -> bool:
+    """Return whether its light is red when the scene begins."""
+    group, clock = actor.landmarks.group, moment.clock
+    return clock is not None and group is not None and clock.get_colour(group, 0.0) == "red"
+
+
+def starts_on_red(actor: ScheduledAgent, moment: SceneTiming) -> bool:
+    """Return whether a pedestrian starts the scene on its crosswalk while its light is red."""
+    if actor.enters >= 0.0 or not _is_red_at_start(actor, moment):
         return False
-    return bool(_is_on_crosswalk(actor, np.array([-enters]))[0])
+    s = actor.motion.compute_positions(np.array([-actor.enters]))[0]
+    own = [each for each in actor.landmarks.crosswalks if each[0] == actor.landmarks.own_crosswalk]
+    return any(begin - _MARGIN < s < end + _MARGIN for _, begin, end in own)
 
 
 def compute_arrival_entry(free: ScheduledAgent, moment: SceneTiming, chance: float) -> float:
@@ -187,7 +173,7 @@ def compute_arrival_entry(free: ScheduledAgent, moment: SceneTiming, chance: flo
     gone; one that came to a red light then still stands there when the scene begins. So the entry
     times reach back as far as the light has been red.
     """
-    first, last = _SEEN - STEP * len(free.motion.s), moment.duration - _SEEN
+    first, last = SEEN - STEP * len(free.motion.s), moment.duration - SEEN
     line, group, clock = free.landmarks.line, free.landmarks.group, moment.clock
     if clock is None or line is None or group is None:
         return first + chance * (last - first)
@@ -223,7 +209,7 @@ def _select_visible(
     for n in range(len(enters) - 1, -1, -1):
         crosses = enters[n] + way
         goes = crosses if is_showing_at(crosses + offset, edges, green, cycle) else goes
-        if enters[n] >= first or (goes > crosses and goes > STARTED):
+        if enters[n] >= first or (goes > crosses and goes > _STARTED):
             count += 1
             seen[-count] = enters[n]
     return seen[len(seen) - count :]
@@ -299,55 +285,154 @@ def passes_on_green(actor: ScheduledAgent, moment: SceneTiming, enters: float) -
     return bool(np.isinf(crosses)) or clock.get_colour(group, crosses) == "green"
 
 
-def compute_red_span(free: ScheduledAgent, moment: SceneTiming, enters: float) -> Span:
-    """Compute when [s] the light holds an agent that enters then; an empty span if it is green."""
-    line, group, clock = free.landmarks.line, free.landmarks.group, moment.clock
-    reaches = enters + free.motion.find_time_at(line or 0.0)
-    if clock is None or group is None or line is None:
-        return reaches, reaches
-    return reaches, clock.find_next_green(group, reaches)
+@compiled
+def _find_entry(
+    wished: FloatArray,
+    gaps: FloatArray,
+    rows: FloatArray,
+    lags: FloatArray,
+    nodes: FloatArray,
+    xy: FloatArray,
+    limit: FloatArray,
+    acceleration: float,
+    braking: float,
+    free: FloatArray,
+    line: float,
+    greens: Greens,
+    duration: float,
+    crosswalks: FloatArray,
+    conflicts: FloatArray,
+    corridor: Corridor,
+    foreground: bool,
+    table: Reservations,
+) -> tuple[int, float, float]:
+    """Find the first entry time at which the agent may come and meets no other.
 
+    Args:
+        wished: [T] entry times [s]; gaps, rows, lags: [T] where it would wait, and how late it
+            would start.
+        nodes, xy, limit: [P] of its path; free: [M] its motion where nothing holds it.
+        crosswalks: [C, 2] where it may not be at the start of the scene [m].
+        conflicts: [K, 3] time [s] and place [m] in view of which it may not come or go.
 
-@dataclass(frozen=True)
-class QueueTail:
-    """The last vehicle of a queue.
-
-    Attributes:
-        rear: arc length [m] of its rear on the path of a follower.
-        start, until: [s] of its standstill; law: how it drives.
+    Returns:
+        Index of the time, -1 for none; where it waits [m], NaN for nowhere; until when [s].
     """
-
-    rear: float
-    start: float
-    until: float
-    law: DrivingProfile
-
-
-def find_queue_tail(
-    candidate: Candidate, standing: Sequence[ScheduledAgent], span: Span = (-np.inf, np.inf)
-) -> QueueTail | None:
-    """Find the last vehicle standing on the candidate's path at some time of a span [s]."""
-    found: QueueTail | None = None
-    for actor in standing:
-        for (x, y, heading), start, until in actor.standstills:
-            if until < span[0] or start > span[1]:
+    nothing = np.empty((0, 5))
+    for n in range(len(wished)):
+        enters = wished[n]
+        if enters > duration - SEEN:
+            continue
+        crosses = enters + find_time_at_place(free, line)
+        holds = not _is_passable(crosses, greens)
+        for row in range(_ROWS if holds and rows[n] > 0.0 else 1):
+            stop, release, moved = np.nan, 0.0, free
+            if holds:
+                stop = line - gaps[n] - row * rows[n]
+                release = _find_release(
+                    enters + find_time_at_place(free, max(stop, 0.0)), lags[n], greens
+                )
+                if stop < _ROOM_TO_STOP or release < _STARTED:
+                    continue
+                release = min(release, duration + _FOR_GOOD)
+                hold = np.array([[stop, release - enters, braking, 0.0, 0.0]])
+                moved = compute_arc_lengths(nodes, limit, hold, nothing, acceleration)
+                moved = moved[: max(int((duration - enters) / STEP + 1e-6), 1) + 1]
+            if not is_seen_moving(moved, enters, duration):
                 continue
-            path = candidate.path
-            node, away = find_nearest_point(path.xy, x, y)
-            if away > _LANE_OFFSET or math.cos(path.heading[node] - heading) < _ONE_WAY:
+            at = moved[round(-enters / STEP)] if enters < 0.0 else -np.inf
+            if _is_within(crosswalks, at, stop):
                 continue
-            rear = float(path.s[node]) - actor.candidate.shape.length / 2
-            if found is None or rear < found.rear:
-                found = QueueTail(rear, start, until, actor.candidate.time_law)
-    return found
+            if _is_in_view(conflicts, enters, duration, moved, nodes, xy):
+                continue
+            start = round(enters / STEP)
+            if not meets_any(start, corridor, moved, False, foreground, False, table):
+                return n, stop, release
+    return -1, np.nan, 0.0
 
 
-def limit_to_leader(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
-    """Limit the candidate's pace to its leader's, as it cannot drive through it."""
-    law = candidate.time_law
-    pace = replace(
-        law,
-        speed=min(law.speed, ahead.speed),
-        acceleration=min(law.acceleration, ahead.acceleration),
-    )
-    return replace(candidate, time_law=pace)
+@compiled
+def is_seen_moving(moved: FloatArray, enters: float, duration: float) -> bool:
+    """Return whether an agent is in the scene for 4 s at least, and does not stand all that time.
+
+    Args:
+        moved: its arc length every 0.1 s [m]; enters: scene time of its entry [s].
+    """
+    first, last = max(round(-enters / STEP), 0), round((duration - enters) / STEP)
+    last = min(last, len(moved) - 1)
+    return last - first >= SEEN / STEP and moved[last] - moved[first] > _LEAST_WAY
+
+
+@compiled
+def _is_passable(crosses: float, greens: Greens) -> bool:
+    """Return whether the light is green from 0.3 s before it is passed to 0.3 s after."""
+    if len(greens[0]) == 0 or crosses == np.inf:
+        return True
+    return is_green(crosses - 0.3, greens) and is_green(crosses + 0.3, greens)
+
+
+@compiled
+def _find_release(reaches: float, lag: float, greens: Greens) -> float:
+    """Find when [s] who comes to its place at `reaches` sets off; -inf if it need not wait."""
+    for late in (-1.5, 0.5, 2.5):
+        if is_green(reaches + late, greens):
+            return -np.inf
+    return find_green(reaches, greens) + lag
+
+
+@compiled
+def _is_within(crosswalks: FloatArray, s: float, stop: float) -> bool:
+    """Return whether it is on a crosswalk at arc length `s`, and not only waiting before it."""
+    if s <= stop + 0.1:
+        return False
+    for k in range(len(crosswalks)):
+        if crosswalks[k, 0] - _MARGIN < s < crosswalks[k, 1] + _MARGIN:
+            return True
+    return False
+
+
+@compiled
+def _is_in_view(
+    conflicts: FloatArray,
+    enters: float,
+    duration: float,
+    moved: FloatArray,
+    nodes: FloatArray,
+    xy: FloatArray,
+) -> bool:
+    """Return whether it comes or goes in view of a conflict, during the scene."""
+    if len(conflicts) == 0:
+        return False
+    leaves = enters + STEP * (len(moved) - 1)
+    last = min(np.searchsorted(nodes, moved[-1]), len(nodes) - 1)
+    for k in range(len(conflicts)):
+        time, x, y = conflicts[k, 0], conflicts[k, 1], conflicts[k, 2]
+        comes = enters > 0.0 and abs(enters - time) < _NEAR_CONFLICT
+        if comes and np.hypot(xy[0, 0] - x, xy[0, 1] - y) < _IN_VIEW:
+            return True
+        goes = leaves < duration and abs(leaves - time) < _NEAR_CONFLICT
+        if goes and np.hypot(xy[last, 0] - x, xy[last, 1] - y) < _IN_VIEW:
+            return True
+    return False
+
+
+@compiled
+def is_green(time: float, greens: Greens) -> bool:
+    """Return whether the light is green at a scene time [s]."""
+    edges, green, offset, cycle = greens
+    return is_showing_at(time + offset, edges, green, cycle)
+
+
+@compiled
+def find_green(time: float, greens: Greens) -> float:
+    """Find the first scene time [s] from `time` on at which the light turns, or is, green."""
+    edges, green, offset, cycle = greens
+    if is_green(time, greens):
+        return time
+    at = (time + offset) % cycle
+    for lap in range(2):
+        for k in range(len(edges)):
+            begins = lap * cycle + (edges[k - 1] if k else 0.0)
+            if begins >= at and green[k]:
+                return time + begins - at
+    return np.inf

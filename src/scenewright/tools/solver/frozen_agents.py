@@ -27,7 +27,7 @@ from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalDemand, find_feasible_offsets
 from scenewright.tools.solver.background_assignment import (
     Assignment,
-    Option,
+    PlacedAgent,
     assign_in_turn,
 )
 from scenewright.tools.solver.foreground import list_signal_demands
@@ -215,7 +215,8 @@ class FrozenAgentsSearch(Search):
             wanted[self._pool.agents[name].route.type] -= 1
         if any(count < 0 for count in wanted.values()):
             return "more agents stay than there shall be"
-        agents = self._list_background(timed, placed={*actors, *self._stays})
+        names = [n for n in self._pool.agents if n not in actors and n not in self._stays]
+        agents = self._list_background(timed, names)
         return assign_in_turn(agents, fixed, wanted)
 
     def _list_staying(
@@ -233,9 +234,7 @@ class FrozenAgentsSearch(Search):
             if is_in_way(agent.candidate, timed.objects):
                 continue
             actor = rebuild_agent(agent, self._compute_landmarks(agent.candidate))
-            local = actor.shift(-actor.enters).cut_after(timed.duration - actor.enters)
-            start = np.array([round(actor.enters / STEP)], dtype=np.int64)
-            if len(present.find_free_times(local, start, foreground=False)):
+            if present.is_free(actor.cut_after(timed.duration), foreground=False):
                 stays[name] = agent
                 standing.append(actor)
                 if longer or name not in self._pins.same:
@@ -248,7 +247,8 @@ class FrozenAgentsSearch(Search):
         """Build the selection in which the fixed agents are unchanged."""
         chosen = dict(assignment)
         for name, agent in self._stays.items():
-            chosen[name] = _convert_to_option(agent, self._compute_landmarks(agent.candidate))
+            actor = rebuild_agent(agent, self._compute_landmarks(agent.candidate))
+            chosen[name] = PlacedAgent(actor, 0)
         index = dict.fromkeys(timed.schedule.actors, 0) | choice
         found = super()._build_selection(timed, index, chosen)
         stay = {
@@ -275,10 +275,3 @@ def rebuild_agent(agent: SelectedAgent, landmarks: Landmarks) -> ScheduledAgent:
     if agent.push is not None:
         actor = actor.push_on(agent.push)
     return actor if agent.contact is None else actor.end_at(agent.contact)
-
-
-def _convert_to_option(agent: SelectedAgent, landmarks: Landmarks) -> tuple[Option, int]:
-    actor = rebuild_agent(agent, landmarks)
-    start = round(actor.enters / STEP)
-    local = actor.shift(-actor.enters)
-    return Option(lambda: local, 0, np.array([start], dtype=np.int64)), start

@@ -7,35 +7,21 @@ found is called optimal only where nothing can cost less: where all others have 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import AgentCandidates, Candidate
 from scenewright.scene.selection import Selection
-from scenewright.scene.track import STEP, get_vehicle_shape
-from scenewright.tools.solver.background_assignment import (
-    AssignedAgents,
-    BackgroundAgent,
-    Option,
-    assign_in_turn,
-)
+from scenewright.tools.solver.background_assignment import assign_in_turn
 from scenewright.tools.solver.combinations import enumerate_best_first
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
-from scenewright.tools.solver.entry_times import (
-    QUEUE_GAP,
-    RedLightWait,
-    find_entry_times,
-    find_queue_tail,
-)
 from scenewright.tools.solver.foreground import ForegroundSolver
-from scenewright.tools.solver.objects import is_in_way
 from scenewright.tools.solver.schedule import PartialSchedule
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
-from scenewright.tools.solver.search import WAITING_ALREADY, Search, TimedSchedule, add_tuple_count
+from scenewright.tools.solver.search import Search, add_tuple_count
 
 _MAP_TUPLES, _MAP_ASSIGNMENTS = 200, 48
 """Tuples, and timings with all other agents, after which `map` returns the best found."""
@@ -44,15 +30,14 @@ _MAP_PLAYS, _MAP_STAGINGS, _MAP_FRAMINGS = 4, 8, 8
 """For one tuple: how often it is scheduled afresh, schedules checked each time, and timings in
 which all others are assigned."""
 
-_FOLLOWS_AFTER = 1.2
-"""How much later than the first in its lane the second starts [s]."""
-
 _SAME = 1e-6
 """Costs so near one another are equal [nats]."""
 
 
 class MinCostSearch(Search):
     """Tuples by ascending cost, the other agents cheaply; a bound on what may be cheaper."""
+
+    _patience = None
 
     def _find_survivor(self) -> Selection | None:
         """Find the least-cost combination: tuples by ascending lower bound, until none can be
@@ -104,9 +89,8 @@ class MinCostSearch(Search):
             framings += 1
             self._glances += 1
             fixed = [each.cut_after(timed.duration) for each in timed.schedule.actors.values()]
-            assignment = assign_in_turn(
-                self._list_others(timed), fixed, self._pool.background, self._pool.least
-            )
+            others = self._list_background(timed, [each.name for each in self._others])
+            assignment = assign_in_turn(others, fixed, self._pool.background, self._pool.least)
             if isinstance(assignment, str):
                 self._failures[assignment] += 1
             else:
@@ -120,24 +104,8 @@ class MinCostSearch(Search):
             return None, not self._meet(set_up[0])
         return best, False
 
-    def _list_others(self, timed: TimedSchedule) -> list[BackgroundAgent]:
-        """List all other agents, those first whose cheapest candidate costs least."""
-        return [
-            BackgroundAgent(
-                name=draws.name,
-                type=draws.route.type,
-                foreground=draws.role == "foreground",
-                make=partial(self._list_cheapest_first, draws, timed),
-            )
-            for draws in self._others
-        ]
-
-    def _list_cheapest_first(
-        self, draws: AgentCandidates, timed: TimedSchedule, assigned: AssignedAgents
-    ) -> Iterator[Option]:
-        """List the options of an agent by ascending cost of their candidate."""
-        for m in _rank_candidates(draws):
-            yield from self._list_options_at_any_time(draws, m, timed, assigned.standing)
+    def _list_candidates(self, draws: AgentCandidates) -> Iterable[int]:
+        return _rank_candidates(draws)
 
     def _list_schedules(
         self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
@@ -188,40 +156,6 @@ class MinCostSearch(Search):
             m for m in _rank_candidates(draws) if self._get_candidate(draws.name, m) is not None
         )
         return next((self._get_cost(draws.name, m) for m in fits), float("inf"))
-
-    def _list_options_at_any_time(
-        self, draws: AgentCandidates, m: int, timed: TimedSchedule, fixed: Sequence[ScheduledAgent]
-    ) -> Iterator[Option]:
-        """List passing on green at any free time, else waiting: one candidate, one likelihood.
-
-        Of equally likely options the earlier is preferred.
-        """
-        built, moment = self._get_candidate(draws.name, m), self._get_timing(timed)
-        if built is None or is_in_way(built[0], timed.objects):
-            return
-        actor = ScheduledAgent.build_unplaced(*built)
-        half = STEP * len(actor.motion.s) / 2
-        around = (moment.duration / 2 if draws.arrival is None else draws.arrival) - half
-        starts = find_entry_times(actor, moment)
-        if len(starts):
-            yield Option(lambda: actor, m, starts, round(around / STEP))
-        drives = draws.route.type == "vehicle"
-        last = find_queue_tail(built[0], fixed) if drives else None
-        if last is not None:
-            yield from self._list_queueing(actor, m, around, moment, last)
-        waiting = list(self._list_red_waits(actor, moment, around, -half - WAITING_ALREADY))
-        waiting += [self._move_to_second_place(red) for red in waiting if drives]
-        if moment.blocked:
-            goes = [red for red in waiting if red.release < moment.duration]
-            waiting += [replace(red, stays=True) for red in goes]
-        for red in (red for red in waiting if red.holds):
-            step = np.array([round(red.enters / STEP)], dtype=np.int64)
-            yield Option(red.actor, m, step)
-
-    def _move_to_second_place(self, red: RedLightWait) -> RedLightWait:
-        """Move it one place back, with room for a car ahead."""
-        room = get_vehicle_shape().length + float(self._rng.uniform(*QUEUE_GAP))
-        return replace(red, gap=red.gap + room, lag=red.lag + _FOLLOWS_AFTER)
 
 
 def _rank_candidates(draws: AgentCandidates) -> list[int]:

@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +41,7 @@ ConflictRuns = tuple[IntArray, IntArray]
 """Runs of consecutive nodes of one scheduled agent that a node of a new agent meets, within the
 clearance and in touch: [N, 4] node of the new agent, first and last of the run, its agent."""
 Bars = tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]
-"""What `ReservationTable.list_bars` gives."""
-_Table = tuple[FloatArray, FloatArray, IntArray]
-"""Nodes [6, N] and keeping [M, _KEEPING] of all scheduled agents, and where their nodes end [M +
-1]."""
+"""What `list_bars` gives."""
 
 _NODE = {"vehicle": 0.8, "pedestrian": 0.4}
 """Distance of path nodes [m]: no more than the clearance that they must not miss."""
@@ -78,26 +75,40 @@ WALKER_AHEAD = 8.4
 """No other agent crosses so shortly [s] before a vehicle that waits for one pedestrian."""
 
 
-@dataclass(frozen=True, eq=False)
-class Corridor:
+class Corridor(NamedTuple):
     """The swept path of a candidate as nodes.
 
     Attributes:
         s: [N] arc length of the nodes [m], evenly spaced.
         pose: [4, N] x, y and the cosine and sine of the heading; centre of the footprint.
-        half: half length and half width of the footprint [m].
+        half: half length and half width of the footprint [m]; reach: half its diagonal.
         walks: a pedestrian's.
     """
 
     s: FloatArray
     pose: FloatArray
-    half: tuple[float, float]
+    half: Half
+    reach: float
     walks: bool
 
-    @property
-    def reach(self) -> float:
-        """Half the diagonal of the footprint [m]."""
-        return math.hypot(*self.half)
+
+class Reservations(NamedTuple):
+    """All scheduled agents: their nodes, when they are there, and how to keep clear of them.
+
+    Attributes:
+        nodes: [N, 6] pose (x, y, cosine, sine), and from when until when the footprint is about
+            the node [s].
+        keeping: [M, `_KEEPING`] what is the same at all nodes of one: half length and half width,
+            half diagonal, distance between nodes [m]; whether it walks; clearance [m] and gap [s]
+            to others in the background, gap to those in the foreground; how long before its own
+            coming no other agent crosses [s], where that is more than the gap; and whether it is
+            of the background.
+        ends: [M + 1] where the nodes of one begin, and those of the last end.
+    """
+
+    nodes: FloatArray
+    keeping: FloatArray
+    ends: IntArray
 
 
 def get_corridor(candidate: Candidate) -> Corridor:
@@ -109,30 +120,9 @@ def get_corridor(candidate: Candidate) -> Corridor:
 def _build_corridor(path: Path, shape: Shape, kind: AgentClass) -> Corridor:
     """Build the nodes of a path, known by identity: drivers of many paces try the same one."""
     s = sample_nodes(path, _NODE[kind])
-    return Corridor(
-        s,
-        to_cosines(sample_poses(path, s)),
-        (shape.length / 2, shape.width / 2 + (_BESIDE_RIDERS if shape.type in RIDERS else 0.0)),
-        shape.type == "pedestrian",
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Reservation:
-    """One scheduled agent: its nodes, when it is there, and how to keep clear of it.
-
-    Attributes:
-        nodes: [6, N] pose (x, y, cosine, sine), and from when until when its footprint is about
-            the node [s].
-        keeping: [`_KEEPING`] what is the same at all nodes: half length and half width, half
-            diagonal, distance between nodes [m]; whether it walks; clearance [m] and gap [s] to
-            others in the background, gap to those in the foreground; how long before its own
-            coming no other agent crosses [s], where that is more than the gap; and whether it is of
-            the background.
-    """
-
-    nodes: FloatArray
-    keeping: FloatArray
+    half = shape.length / 2, shape.width / 2 + (_BESIDE_RIDERS if shape.type in RIDERS else 0.0)
+    pose = to_cosines(sample_poses(path, s))
+    return Corridor(s, pose, half, math.hypot(*half), shape.type == "pedestrian")
 
 
 _KEEPING = 10
@@ -143,103 +133,73 @@ class ReservationTable:
     """All agents whose times are settled."""
 
     def __init__(self, actors: Iterable[ScheduledAgent] = (), *, foreground: bool = True) -> None:
-        self._stays: list[_Reservation] = []
-        self._table: _Table | None = None
-        self._met: dict[int, tuple[Corridor, ConflictRuns]] = {}
-        self._bars: dict[tuple[int, float], Bars] = {}
+        self._nodes, self._keeping = np.empty((4096, 6)), np.empty((64, _KEEPING))
+        self._ends = np.zeros(65, dtype=np.intp)
+        self._count = 0
         for actor in actors:
             self.add(actor, foreground=foreground)
 
     def add(self, actor: ScheduledAgent, *, foreground: bool) -> None:
         """Add an agent, at its own scene times."""
-        self._table, self._met, self._bars = None, {}, {}
         inner = FOREGROUND if foreground else BACKGROUND
-        self._stays.append(_build_reservation(actor, actor.motion, inner, FOREGROUND))
+        self._reserve(actor, actor.motion, inner, FOREGROUND)
         waits = any(stop.reason == "gives_way" for stop in actor.stops)
         # An agent that brakes for one would, without braking, come near others too, like one that
         # waits.
         if not waits and not (actor.slowings and actor.contact is None):
             return
-        self._stays.append(_build_reservation(actor, actor.free, AFTER_YIELD, AFTER_YIELD))
+        self._reserve(actor, actor.free, AFTER_YIELD, AFTER_YIELD)
         if actor.candidate.route.type == "vehicle":
             touch = SafetyMargin(clearance=0.0, gap=0.0)
-            self._stays.append(
-                _build_reservation(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD)
-            )
+            self._reserve(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD)
 
-    def find_free_times(
-        self, actor: ScheduledAgent, starts: Steps, *, foreground: bool, follows: bool = False
-    ) -> Steps:
-        """Return those of the entry times [steps] at which the agent would meet no other.
+    def _reserve(
+        self,
+        actor: ScheduledAgent,
+        motion: Motion,
+        inner: SafetyMargin,
+        outer: SafetyMargin,
+        ahead: float = 0.0,
+    ) -> None:
+        corridor, begin = get_corridor(actor.candidate), int(self._ends[self._count])
+        nodes = _compute_node_times(corridor.s, corridor.pose, motion.s, motion.ended, actor.enters)
+        if begin + len(nodes) > len(self._nodes):
+            self._nodes = np.concatenate((self._nodes, np.empty_like(self._nodes), nodes))
+        if self._count == len(self._keeping):
+            self._keeping = np.concatenate((self._keeping, np.empty_like(self._keeping)))
+            self._ends = np.concatenate((self._ends, np.zeros_like(self._ends)))
+        self._nodes[begin : begin + len(nodes)] = nodes
+        self._keeping[self._count] = (
+            *corridor.half, corridor.reach, corridor.s[1], corridor.walks, inner.clearance,
+            inner.gap, outer.gap, ahead, inner is BACKGROUND,
+        )  # fmt: skip
+        self._count += 1
+        self._ends[self._count] = begin + len(nodes)
 
-        Args:
-            follows: it drives behind the vehicle ahead in its lane, so that `IN_LANE` suffices
-                there.
-        """
-        if not self._stays or not len(starts):
-            return starts
-        if len(starts) == 1:
-            return starts[:0] if self._meets(actor, int(starts[0]), foreground, follows) else starts
-        return _select_unblocked(starts, *self.find_blocked_intervals(actor, foreground=foreground))
+    def get_reservations(self) -> Reservations:
+        """Return the reservations of all agents; good until the next is added."""
+        count = self._count
+        return Reservations(
+            self._nodes[: self._ends[count]], self._keeping[:count], self._ends[: count + 1]
+        )
+
+    def is_free(self, actor: ScheduledAgent, *, foreground: bool) -> bool:
+        """Return whether an agent would meet no other at its own scene times."""
+        corridor, motion, start = get_corridor(actor.candidate), actor.motion, actor.enters / STEP
+        return not meets_any(
+            round(start), corridor, motion.s, motion.ended, foreground, False,
+            self.get_reservations(),
+        )  # fmt: skip
 
     def find_blocked_intervals(
         self, actor: ScheduledAgent, *, foreground: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Find the ends [N] of the intervals of entry times [s] at which the agents would meet."""
         count_work()
-        corridor, motion = get_corridor(actor.candidate), actor.motion
-        nodes, keeping, _ = self._build_table()
         return _list_blocked(
-            self._find_meetings(corridor), corridor.s, motion.s, motion.ended, corridor.walks,
-            foreground, nodes, keeping,
+            get_corridor(actor.candidate), actor.motion.s, actor.motion.ended, foreground,
+            self.get_reservations(),
         )  # fmt: skip
-
-    def list_bars(self, corridor: Corridor, *, in_lane: float) -> Bars:
-        """List nodes [N] where a background vehicle is blocked: when [s, s], by which agent, how.
-
-        Args:
-            in_lane: least time after the vehicle ahead in its lane [s].
-
-        Returns:
-            How: 0 the clearance alone; 1 it drives ahead in the lane; 2 it crosses; 3 it crosses
-            and is of the foreground.
-        """
-        if not self._stays:
-            none = np.empty(0, dtype=np.intp)
-            return none, np.empty(0), np.empty(0), none, none
-        key = (id(corridor), in_lane)  # the meetings keep the corridor alive
-        if key not in self._bars:
-            nodes, keeping, _ = self._build_table()
-            met = self._find_meetings(corridor)
-            self._bars[key] = _list_bars(corridor.pose, met, nodes, keeping, in_lane)
-        return self._bars[key]
-
-    def _meets(self, actor: ScheduledAgent, start: int, foreground: bool, follows: bool) -> bool:
-        """Return whether it would meet an agent on entering at one time [steps]: faster than
-        listing all."""
-        corridor, motion = get_corridor(actor.candidate), actor.motion
-        return _meets(
-            start, corridor.s, corridor.pose, corridor.half, corridor.reach, corridor.walks,
-            motion.s, motion.ended, foreground, follows, *self._build_table(),
-        )  # fmt: skip
-
-    def _build_table(self) -> _Table:
-        if self._table is None:
-            counts = (stay.nodes.shape[1] for stay in self._stays)
-            self._table = (
-                np.concatenate([stay.nodes for stay in self._stays], axis=1),
-                np.array([stay.keeping for stay in self._stays]),
-                np.array([*accumulate(counts, initial=0)], dtype=np.intp),
-            )
-        return self._table
-
-    def _find_meetings(self, corridor: Corridor) -> ConflictRuns:
-        """Find where the corridor meets the scheduled agents, whatever the times."""
-        key = id(corridor)
-        if key not in self._met:
-            met = _find_runs(corridor, self._build_table())
-            self._met[key] = (corridor, met)
-        return self._met[key][1]
 
 
 def find_blocked_offsets(
@@ -259,34 +219,6 @@ def _build_single_table(actor: ScheduledAgent, strict: bool) -> ReservationTable
     return ReservationTable([actor.shift(-actor.enters)], foreground=strict)
 
 
-def _build_reservation(
-    actor: ScheduledAgent,
-    motion: Motion,
-    inner: SafetyMargin,
-    outer: SafetyMargin,
-    ahead: float = 0.0,
-) -> _Reservation:
-    corridor = get_corridor(actor.candidate)
-    nodes = _compute_node_times(corridor.s, corridor.pose, motion.s, motion.ended, actor.enters)
-    keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
-               inner.clearance, inner.gap, outer.gap, ahead, inner is BACKGROUND)  # fmt: skip
-    return _Reservation(nodes, np.array(keeping, dtype=np.float64))
-
-
-def _find_runs(corridor: Corridor, table: _Table) -> ConflictRuns:
-    """Find runs within the clearance, and runs in touch, of a new agent with all scheduled ones."""
-    room = 64 * len(corridor.s)  # hardly ever too little: what is not written costs nothing
-    while True:
-        near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
-        found, touched = _write_runs(
-            corridor.pose, float(corridor.s[1]), corridor.half, corridor.reach, corridor.walks,
-            *table, near, touching,
-        )  # fmt: skip
-        if max(found, touched) < room:
-            return near[:found].copy(), touching[:touched].copy()
-        room *= 2
-
-
 # ---- as machine code ----------------------------------------------------------------------------
 
 
@@ -294,18 +226,18 @@ def _find_runs(corridor: Corridor, table: _Table) -> ConflictRuns:
 def _compute_node_times(
     s: FloatArray, pose: FloatArray, moved: FloatArray, ended: bool, enters: float
 ) -> FloatArray:
-    """Compute poses [6, N], and from when until when it is there [s], of the nodes it reaches."""
+    """Compute poses [N, 6], and from when until when it is there [s], of the nodes it reaches."""
     come, leave = compute_passing_times(s, moved, 0.5 * (s[1] - s[0]), ended)
     count = 1  # a node that it never reaches blocks nothing
     for n in range(len(come)):
         count = n + 1 if come[n] < np.inf else count
-    nodes, left = np.empty((6, count)), leave[0]
+    nodes, left = np.empty((count, 6)), leave[0]
     for n in range(count):
         for row in range(4):
-            nodes[row, n] = pose[row, n]
+            nodes[n, row] = pose[row, n]
         # A run of nodes ends when the last that is reached is left.
         left = leave[n] if come[n] < np.inf else left
-        nodes[4, n], nodes[5, n] = come[n] + enters, left + enters
+        nodes[n, 4], nodes[n, 5] = come[n] + enters, left + enters
     return nodes
 
 
@@ -325,15 +257,19 @@ def _is_in_lane(
     """Return whether two vehicles of the background drive in one lane where they touch."""
     if foreground or keeping[_CROWD] == 0.0 or keeping[_WALKS] > 0.0:
         return False
-    return bool(pose[2, i] * nodes[2, j] + pose[3, i] * nodes[3, j] > _ALONG)
+    return bool(pose[2, i] * nodes[j, 2] + pose[3, i] * nodes[j, 3] > _ALONG)
 
 
 @compiled
-def _list_bars(
-    pose: FloatArray, met: ConflictRuns, nodes: FloatArray, keeping: FloatArray, in_lane: float
-) -> tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]:
-    """List blocks of nodes of a vehicle's path, see `list_bars`."""
-    near, touching = met
+def list_bars(corridor: Corridor, table: Reservations) -> Bars:
+    """List nodes [N] where a background vehicle is blocked: when [s, s], by which agent, how.
+
+    Returns:
+        How: 0 the clearance alone; 1 it drives ahead in the lane; 2 it crosses; 3 it crosses and
+        is of the foreground.
+    """
+    near, touching = _find_runs(corridor, table)
+    pose, nodes, keeping = corridor.pose, table.nodes, table.keeping
     room = len(near) + len(touching)
     rows, who, kind = np.empty(room, np.intp), np.empty(room, np.intp), np.empty(room, np.intp)
     low, high = np.empty(room), np.empty(room)
@@ -344,16 +280,16 @@ def _list_bars(
             own = keeping[other]
             along = (
                 own[_WALKS] == 0.0
-                and pose[2, row] * nodes[2, first] + pose[3, row] * nodes[3, first] > _ALONG
+                and pose[2, row] * nodes[first, 2] + pose[3, row] * nodes[first, 3] > _ALONG
             )
-            begin, end = nodes[4, first], nodes[5, last]
+            begin, end = nodes[first, 4], nodes[last, 5]
             if not np.isfinite(begin):
                 continue
             if touch:
                 crowd = own[_CROWD] > 0.0
                 before, after = own[_INNER], own[_INNER] + 0.1
                 if along:
-                    before, after = (IN_LANE, in_lane) if crowd else (before, after)
+                    before, after = (IN_LANE, IN_LANE) if crowd else (before, after)
                 begin, end = begin - before, end + after
             rows[count], low[count], high[count], who[count] = row, begin, end, other
             kind[count] = 1 if along else (2 if own[_CROWD] > 0.0 else 3)
@@ -369,20 +305,25 @@ def _compute_time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tu
 
 
 @compiled
+def _find_runs(corridor: Corridor, table: Reservations) -> ConflictRuns:
+    """Find runs within the clearance, and runs in touch, of a new agent with all scheduled ones."""
+    room = 64 * len(corridor.s)  # hardly ever too little: what is not written costs nothing
+    while True:
+        near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
+        found, touched = _write_runs(corridor, table, near, touching)
+        if max(found, touched) < room:
+            return near[:found], touching[:touched]
+        room *= 2
+
+
+@compiled
 def _write_runs(
-    pose: FloatArray,
-    spacing: float,
-    half: Half,
-    reach: float,
-    walks: bool,
-    nodes: FloatArray,
-    keeping: FloatArray,
-    ends: IntArray,
-    near: IntArray,
-    touching: IntArray,
+    corridor: Corridor, table: Reservations, near: IntArray, touching: IntArray
 ) -> tuple[int, int]:
     """Write runs into `near` and `touching`; return how many. If all are filled, some are
     missing."""
+    pose, half, spacing = corridor.pose, corridor.half, corridor.s[1]
+    nodes, keeping, ends = table.nodes, table.keeping, table.ends
     found, touched, room = 0, 0, len(near)
     far_until, was_near = np.zeros(len(keeping), np.intp), np.zeros(len(keeping), np.bool_)
     for i in range(pose.shape[1]):
@@ -390,14 +331,14 @@ def _write_runs(
             if i < far_until[who]:
                 continue
             own = (keeping[who, _LONG], keeping[who, _WIDE])
-            both, least = _compute_clearance(keeping[who], walks)
-            radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
+            both, least = _compute_clearance(keeping[who], corridor.walks)
+            radius = corridor.reach + keeping[who, _REACH] + _WIDEST + SLACK
             most = max(least, 0.0)
             beside = against = False
             nearest, j, guessed = np.inf, ends[who], was_near[who]
             per_metre = 1.0 / keeping[who, _SPACING]
             while j < ends[who + 1]:
-                dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
+                dx, dy = pose[0, i] - nodes[j, 0], pose[1, i] - nodes[j, 1]
                 beyond = np.sqrt(dx * dx + dy * dy) - radius
                 if beyond > 0.0:
                     # A path comes nearer no faster than it goes on: half of the distance may be
@@ -412,15 +353,15 @@ def _write_runs(
                     continue
                 nearest = 0.0
                 # Most are separated along the new agent's own axis already.
-                cos = abs(pose[2, i] * nodes[2, j] + pose[3, i] * nodes[3, j])
-                sin = abs(pose[2, i] * nodes[3, j] - pose[3, i] * nodes[2, j])
+                cos = abs(pose[2, i] * nodes[j, 2] + pose[3, i] * nodes[j, 3])
+                sin = abs(pose[2, i] * nodes[j, 3] - pose[3, i] * nodes[j, 2])
                 ahead = abs(dx * pose[2, i] + dy * pose[3, i])
                 if ahead - half[0] - own[0] * cos - own[1] * sin > most:
                     beside = against = False
                     j += 1
                     continue
                 gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
-                               nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
+                               nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], own)  # fmt: skip
                 if gap <= least:
                     found += _extend_run(near, found, beside, i, j, who)
                 if gap <= 0.0 and not both:
@@ -446,27 +387,21 @@ def _extend_run(runs: IntArray, count: int, under_way: bool, i: int, j: int, who
 
 @compiled
 def _list_blocked(
-    met: ConflictRuns,
-    s: FloatArray,
-    moved: FloatArray,
-    ended: bool,
-    walks: bool,
-    foreground: bool,
-    nodes: FloatArray,
-    keeping: FloatArray,
+    corridor: Corridor, moved: FloatArray, ended: bool, foreground: bool, table: Reservations
 ) -> tuple[FloatArray, FloatArray]:
     """List the ends of intervals of entry times [s]; a node that is never reached blocks
     nothing."""
-    near, touching = met
+    near, touching = _find_runs(corridor, table)
+    s, nodes, keeping = corridor.s, table.nodes, table.keeping
     come, leave = compute_passing_times(s, moved, 0.5 * (s[1] - s[0]), ended)
     low, high = np.empty(len(near) + len(touching)), np.empty(len(near) + len(touching))
     count = 0
     for runs, touch in ((near, False), (touching, True)):
         for k in range(len(runs)):
             row, first, last, who = runs[k, 0], runs[k, 1], runs[k, 2], runs[k, 3]
-            begin, end = nodes[4, first] - leave[row], nodes[5, last] - come[row]
+            begin, end = nodes[first, 4] - leave[row], nodes[last, 5] - come[row]
             if touch:
-                before, after = _compute_time_gaps(keeping[who], walks, foreground)
+                before, after = _compute_time_gaps(keeping[who], corridor.walks, foreground)
                 begin, end = begin - before, end + after
             if np.isfinite(begin) and np.isfinite(end):
                 low[count], high[count] = begin, end
@@ -475,22 +410,24 @@ def _list_blocked(
 
 
 @compiled
-def _meets(
+def meets_any(
     start: int,
-    s: FloatArray,
-    pose: FloatArray,
-    half: Half,
-    reach: float,
-    walks: bool,
+    corridor: Corridor,
     moved: FloatArray,
     ended: bool,
     foreground: bool,
     follows: bool,
-    nodes: FloatArray,
-    keeping: FloatArray,
-    ends: IntArray,
+    table: Reservations,
 ) -> bool:
-    """Return whether entering at `start` [steps] is blocked (`_write_runs`, `_list_blocked`)."""
+    """Return whether an agent that enters at `start` [steps] meets another (`_list_blocked`).
+
+    Args:
+        moved: its arc length every 0.1 s [m]; ended: whether it stays where that ends.
+        foreground: it keeps the stricter distance.
+        follows: it drives behind the vehicle ahead in its lane, so that `IN_LANE` suffices there.
+    """
+    s, pose, half, reach, walks = corridor
+    nodes, keeping, ends = table
     come, leave = compute_passing_times(s, moved, 0.5 * (s[1] - s[0]), ended)
     for who in range(len(keeping)):
         own = (keeping[who, _LONG], keeping[who, _WIDE])
@@ -503,21 +440,21 @@ def _meets(
                 break
             # A scheduled agent comes to its nodes and leaves them in order.
             while first < ends[who + 1] and not _blocks_start(
-                -np.inf, nodes[5, first] - come[i] + after, start
+                -np.inf, nodes[first, 5] - come[i] + after, start
             ):
                 first += 1
             j = first
             while j < ends[who + 1] and _blocks_start(
-                nodes[4, j] - leave[i] - before, np.inf, start
+                nodes[j, 4] - leave[i] - before, np.inf, start
             ):
-                dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
+                dx, dy = pose[0, i] - nodes[j, 0], pose[1, i] - nodes[j, 1]
                 beyond = np.sqrt(dx * dx + dy * dy) - radius
                 if beyond > 0.0:
                     j += 1 + int(beyond / keeping[who, _SPACING])
                     continue
                 gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
-                               nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
-                begin, end = nodes[4, j] - leave[i], nodes[5, j] - come[i]
+                               nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], own)  # fmt: skip
+                begin, end = nodes[j, 4] - leave[i], nodes[j, 5] - come[i]
                 if gap <= least and _blocks_start(begin, end, start):
                     return True
                 if gap <= 0.0 and not both and _blocks_start(begin - before, end + after, start):
@@ -532,28 +469,6 @@ def _meets(
 def _blocks_start(begin: float, end: float, start: int) -> bool:
     """Return whether an interval of entry times [s], rounded outwards, holds one [steps]."""
     return bool(np.floor(begin / STEP) <= start <= np.ceil(end / STEP))
-
-
-@compiled
-def _select_unblocked(starts: Steps, low: FloatArray, high: FloatArray) -> Steps:
-    """Select the ascending entry times [steps] that lie in no interval [s]."""
-    base, size = starts[0], starts[-1] - starts[0] + 1
-    change = np.zeros(size + 1, np.int64)
-    for k in range(len(low)):
-        begin = max(int(np.floor(low[k] / STEP)) - base, 0)
-        end = min(int(np.ceil(high[k] / STEP)) + 1 - base, size)
-        if begin < end:
-            change[begin] += 1
-            change[end] -= 1
-    unmet, count, step, barring = np.empty(len(starts), np.int64), 0, 0, change[0]
-    for start in starts:
-        while step < start - base:
-            step += 1
-            barring += change[step]
-        if barring == 0:
-            unmet[count] = start
-            count += 1
-    return unmet[:count]
 
 
 def _merge_intervals(low: Steps, high: Steps) -> list[tuple[int, int]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -60,21 +59,6 @@ class ScheduledAgent:
     def leaves(self) -> float:
         """Scene time of its last sample [s]."""
         return self.enters + STEP * (len(self.motion.s) - 1)
-
-    @cached_property
-    def standstills(self) -> tuple[tuple[tuple[float, float, float], float, float], ...]:
-        """Pose, start and end [s] of every standstill of a vehicle, its wreck included."""
-        if self.candidate.route.type == "pedestrian":
-            return ()
-        last = float(self.motion.s[-1])
-        found = [
-            (stop.s, stop.start, stop.until)
-            for stop in self.stops
-            if not stop.rolls and stop.s <= last + 0.5
-        ]
-        if self.contact is not None:
-            found.append((last, self.contact, self.contact + _FOR_GOOD))
-        return tuple((self.get_pose(s), start, until) for s, start, until in found)
 
     def edit(
         self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import Rejected
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import Landmarks, find_landmarks
 from scenewright.geometry.map_areas import MapAreas
+from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet
 from scenewright.scene.constraints import (
     AgentFigure,
@@ -53,7 +53,7 @@ from scenewright.scene.constraints import (
 )
 from scenewright.scene.objects import ObjectRecord, name_door
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
+from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection
 from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.check import check
@@ -64,13 +64,13 @@ from scenewright.tools.map_grounding.signal_plan import (
     find_feasible_offsets,
 )
 from scenewright.tools.solver.background_assignment import (
-    AssignedAgents,
     Assignment,
     BackgroundAgent,
-    Option,
+    PlacedAgent,
+    Street,
     assign_in_turn,
 )
-from scenewright.tools.solver.car_following import find_entrance, follow_traffic
+from scenewright.tools.solver.car_following import enter_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.encounters import (
     Earlier,
@@ -81,26 +81,13 @@ from scenewright.tools.solver.encounters import (
     place_encounter,
 )
 from scenewright.tools.solver.entry_times import (
-    FOLLOW_LAG,
-    KERB_GAP,
-    KERB_ROW,
-    LINE_GAP,
-    QUEUE_GAP,
-    START_LAG,
-    STARTED,
-    STOP_LAG,
-    QueueTail,
-    RedLightWait,
+    SEEN,
     SceneTiming,
     compute_arrival_entry,
     compute_queue_growth,
-    compute_red_span,
     count_visible_agents,
-    find_entry_times,
-    find_queue_tail,
-    limit_to_leader,
+    pass_or_wait,
     passes_on_green,
-    select_unseen_times,
     starts_on_red,
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
@@ -120,11 +107,7 @@ from scenewright.tools.solver.pauses import draw_pauses
 from scenewright.tools.solver.reactions import ReactionRequests
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
-from scenewright.tools.solver.reservation import (
-    ReservationTable,
-    Steps,
-    find_blocked_offsets,
-)
+from scenewright.tools.solver.reservation import find_blocked_offsets
 from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.turning_back import has_turned, turn_back
@@ -159,24 +142,12 @@ _SEATINGS = 3
 WAITING_ALREADY = 4.0
 """How long before the scene begins [s] an agent that is already waiting arrived."""
 
-_WINDOW = 6.0
-"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]."""
-
-_LATER, _LEAST_SEEN = (0.0, 1.2, 2.6, 4.5, 7.0), 4.0
-"""How much later than drawn a vehicle enters among others [s], and how long it is visible at least.
-Vehicles are assigned in order of arrival, so that one without room delays the next."""
-
-_QUEUES = 10.0
-"""How long a vehicle waits for room to enter [s]; it stays away if its lane is full for longer."""
+_LATER, _APART = np.array([0.0, 1.2, 2.6, 4.5, 7.0]), 1.5
+"""How much later than drawn an agent enters among others [s], and how far apart all other times
+are. Vehicles are assigned in order of arrival, so that one without room delays the next."""
 
 _OFF_KERB = 0.4
 """Least distance from the kerb of an agent that waits with another [m]."""
-
-_PATIENCE = 3
-"""Number of candidates on which an agent that arrives at red looks for room to wait."""
-
-_ROOM_TO_COME = 3.0
-"""Least distance [m] before a place in a queue."""
 
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
@@ -201,6 +172,9 @@ class TimedSchedule:
 
 class Search:
     """Tuples in the order drawn, the others sequentially; the first survivor is taken."""
+
+    _patience: int | None = 2
+    """Number of candidates on which a background agent looks for room."""
 
     def __init__(
         self,
@@ -766,215 +740,108 @@ class Search:
         clock = None
         if timed.offset is not None and self._ground.intersection_map.signals is not None:
             clock = SignalClock(self._ground.intersection_map.signals, timed.offset)
-        blocked = any(actor.contact is not None for actor in timed.schedule.actors.values())
         conflicts = tuple(
             (each.time, each.location)
             for each in timed.schedule.events
             if not isinstance(each.clause, Headway)
         )
-        return SceneTiming(clock, timed.duration, blocked, conflicts)
+        return SceneTiming(clock, timed.duration, conflicts)
 
     def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
         """Assign all other agents around the foreground; reserves replace those without room."""
         actors = timed.schedule.actors
         fixed = [actor.cut_after(timed.duration) for actor in actors.values()]
-        agents = self._list_background(timed, placed=actors)
+        names = [name for name in self._pool.agents if name not in actors]
+        agents = self._list_background(timed, names)
         return assign_in_turn(agents, fixed, self._pool.background, self._pool.least)
 
-    def _list_background(
-        self, timed: TimedSchedule, *, placed: Container[str]
-    ) -> list[BackgroundAgent]:
-        """List all agents but those placed already."""
+    def _list_background(self, timed: TimedSchedule, names: Iterable[str]) -> list[BackgroundAgent]:
+        """List these agents, to be placed around a schedule."""
         moment = self._get_timing(timed)
         return [
             BackgroundAgent(
                 name=name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
-                make=partial(self._list_options, draws, moment, timed.objects),
-                reserve=draws.reserve,
+                place=partial(self._place_agent, draws, moment, timed.objects),
             )
-            for name, draws in self._pool.agents.items()
-            if name not in placed
+            for name, draws in ((name, self._pool.agents[name]) for name in names)
         ]
 
-    def _list_options(
+    def _list_candidates(self, draws: AgentCandidates) -> Iterable[int]:
+        """List the candidates of a background agent in the order to be tried."""
+        return range(len(draws.nll))
+
+    def _place_agent(
         self,
         draws: AgentCandidates,
         moment: SceneTiming,
         objects: Sequence[ObjectRecord],
-        assigned: AssignedAgents,
-    ) -> Iterator[Option]:
-        """List the options of an agent, of its first candidate that has any.
-
-        An agent that arrives at red looks for room to wait on a few candidates before it takes
-        other times.
-        """
-        yield from _select_unseen(draws, self._list_beside(draws, moment, assigned), moment)
-        later: list[Option] = []
+        street: Street,
+    ) -> PlacedAgent | None:
+        """Place an agent beside its companion, or with the first candidate that finds room."""
+        beside = self._walk_beside(draws, moment, street)
+        if beside is not None:
+            return beside
         tried = 0
-        for m in range(len(draws.nll)):
+        for m in self._list_candidates(draws):
             count_work()
             built = self._get_candidate(draws.name, m)
             if built is None or is_in_way(built[0], objects):
                 continue
-            every = self._list_candidate_options(draws, m, built, moment, assigned, later)
-            ways = _select_unseen(draws, every, moment)
-            first = next(ways, None)
-            if first is not None:
-                yield first
-                yield from ways
-            tried += first is not None or bool(later)
-            if tried == _PATIENCE or (tried and not later):
+            actor = ScheduledAgent.build_unplaced(*built)
+            foreground, wished = draws.role == "foreground", self._list_times(draws, actor, moment)
+            if draws.route.type == "vehicle" and not foreground:
+                placed = enter_traffic(actor, wished, street.present, moment, self._rng)
+            else:
+                placed = pass_or_wait(
+                    actor, wished, street.present, moment, self._rng, foreground=foreground
+                )
+            if placed is not None:
+                return PlacedAgent(placed, m)
+            tried += 1
+            if tried == self._patience:
                 break
-        yield from _select_unseen(draws, later, moment)
+        return None
 
-    def _list_candidate_options(
-        self,
-        draws: AgentCandidates,
-        m: int,
-        built: tuple[Candidate, Landmarks],
-        moment: SceneTiming,
-        assigned: AssignedAgents,
-        later: list[Option],
-    ) -> Iterator[Option]:
-        """List passing on green near the time drawn; waiting; passing at any other moment.
+    def _list_times(
+        self, draws: AgentCandidates, actor: ScheduledAgent, moment: SceneTiming
+    ) -> FloatArray:
+        """List entry times [s]: as drawn, a little later, and then all others, the nearest first.
 
-        Args:
-            assigned: the agents behind which it may wait, and among which it may drive.
-            later: gets the other options of an agent that arrives at red and finds no room to wait.
+        A pedestrian may also have waited since before the scene began.
         """
-        actor = ScheduledAgent.build_unplaced(*built)
-        half = STEP * len(actor.motion.s) / 2
-        arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
-        around = arrives - half
+        seconds = STEP * len(actor.motion.s)
+        drawn_time = (moment.duration if draws.arrival is None else 2 * draws.arrival) - seconds
+        around = drawn_time / 2
         if draws.chance is not None:
             around = compute_arrival_entry(actor, moment, draws.chance)
-        if assigned.present is not None and _follows(draws):
-            yield from self._list_among_traffic(actor, m, around, assigned.present, moment)
-        waits = draws.chance is not None and not passes_on_green(actor, moment, around)
-        far: list[Option] = []
-        if not waits:
-            near, far = _list_green_passes(actor, m, around, moment)
-            yield from near
-        drives = draws.route.type == "vehicle"
-        span = compute_red_span(actor, moment, around)
-        last = find_queue_tail(built[0], assigned.standing, span) if drives else None
-        waiting: list[tuple[RedLightWait, Steps]] = []
-        if last is not None and draws.arrival is not None:
-            yield from self._list_queueing(actor, m, around, moment, last)
-        else:
-            for red in self._list_red_waits(actor, moment, around, -half - WAITING_ALREADY):
-                waiting.append((red, np.array([round(red.enters / STEP)], dtype=np.int64)))
-                yield Option(red.actor, m, waiting[-1][1])
-        stuck = [
-            Option(replace(red, stays=True).actor, m, step)
-            for red, step in waiting
-            if moment.blocked and red.release < moment.duration
-        ]
-        if waits:
-            near, far = _list_green_passes(actor, m, around, moment)
-            later += (*near, *far, *stuck)
-        else:
-            yield from (*far, *stuck)
+        later = around + _LATER * self._rng.uniform(0.8, 1.2, len(_LATER))
+        if draws.route.type == "pedestrian":
+            later[-1] = -seconds / 2 - WAITING_ALREADY
+        others = np.arange(SEEN - seconds, moment.duration - SEEN, _APART)
+        return np.concatenate((later, others[np.argsort(np.abs(others - around))]))
 
-    def _list_beside(
-        self, draws: AgentCandidates, moment: SceneTiming, assigned: AssignedAgents
-    ) -> Iterator[Option]:
-        """List walking with another agent, on either side, both off the crosswalk at red."""
-        if draws.beside not in assigned.chosen:
-            return
-        option, start = assigned.chosen[draws.beside]
-        for place in (option.index, ~option.index):
-            built = self._get_candidate(draws.name, place)
-            if built is not None:
-                yield from self._list_led(option, start, built, moment)
-
-    def _list_led(
-        self,
-        option: Option,
-        start: int,
-        built: tuple[Candidate, Landmarks],
-        moment: SceneTiming,
-    ) -> Iterator[Option]:
-        """List walking like the other with this option and entry time [steps], if it may."""
-        actor, line = option.actor.lead_member(*built), built[1].line or np.inf
-        kerb = option.actor.landmarks.line or np.inf
-        beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
-        lawful = passes_on_green(actor, moment, start * STEP)
-        # A pedestrian at the kerb when the scene begins stands within the crosswalk's margin.
-        apart = starts_on_red(actor, moment, start * STEP) and not starts_on_red(
-            option.actor, moment, start * STEP
-        )
-        if lawful and not beyond and not apart:
-            steps = np.array([start], dtype=np.int64)
-            yield Option(lambda: actor, option.index, steps)
-
-    def _list_among_traffic(
-        self,
-        actor: ScheduledAgent,
-        m: int,
-        around: float,
-        present: ReservationTable,
-        moment: SceneTiming,
-    ) -> Iterator[Option]:
-        """List driving behind and among those present, about the time drawn."""
-        tried = -np.inf
-        for late in _LATER:
-            each = late * float(self._rng.uniform(0.8, 1.2))
-            wished = min(around + each, moment.duration - _LEAST_SEEN)
-            enters = round(find_entrance(actor, wished, present), 1)
-            if enters > min(wished + _QUEUES, moment.duration - _LEAST_SEEN):
-                return
-            if enters <= tried:
+    def _walk_beside(
+        self, draws: AgentCandidates, moment: SceneTiming, street: Street
+    ) -> PlacedAgent | None:
+        """Place an agent with the one it walks with, on either side; both off the crosswalk at
+        red."""
+        leader = street.placed.get(draws.beside or "")
+        for m in () if leader is None else (leader.index, ~leader.index):
+            built = self._get_candidate(draws.name, m)
+            if built is None or leader is None:
                 continue
-            tried = enters
-            driven = follow_traffic(actor, enters, present, moment, self._rng)
-            if driven is not None and enters + STEP * len(driven.motion.s) >= _LEAST_SEEN:
-                step = np.array([round(enters / STEP)], dtype=np.int64)
-                yield Option(partial(_get_agent, driven), m, step, follows=True)
-
-    def _list_red_waits(
-        self, actor: ScheduledAgent, moment: SceneTiming, around: float, waiting: float
-    ) -> Iterator[RedLightWait]:
-        """List waiting first in its lane: arriving about the time drawn, or before the scene
-        began."""
-        late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
-        walks = actor.candidate.route.type == "pedestrian"
-        for n, enters in enumerate((around, *(around + each for each in late), waiting)):
-            gap, lag = (float(self._rng.uniform(*each)) for each in (LINE_GAP, START_LAG))
-            if walks:  # behind those standing at the kerb already
-                gap = KERB_GAP + n * float(self._rng.uniform(*KERB_ROW))
-            red = RedLightWait(actor, moment, round(enters, 1), gap, lag)
-            if red.holds:
-                yield red
-
-    def _list_queueing(
-        self,
-        free: ScheduledAgent,
-        m: int,
-        drawn_time: float,
-        moment: SceneTiming,
-        last: QueueTail,
-    ) -> Iterator[Option]:
-        """List queueing behind the last vehicle standing in the agent's lane, if there is time."""
-        rear, start, until = last.rear, last.start, last.until
-        free = ScheduledAgent.build_unplaced(
-            limit_to_leader(free.candidate, last.law), free.landmarks
-        )
-        s = rear - free.candidate.shape.length / 2 - float(self._rng.uniform(*QUEUE_GAP))
-        if s < _ROOM_TO_COME:
-            return
-        stands = compute_arrival(free.candidate, StopCommand(s, 0.0))
-        soonest = start + float(self._rng.uniform(*STOP_LAG)) - stands
-        enters = round(max(drawn_time, soonest), 1)
-        release = until + float(self._rng.uniform(*FOLLOW_LAG))
-        if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < STARTED:
-            return
-        stop = Stop("queue", s, stands, release - enters, "red_light")
-        actor = free.edit(stops=(stop,)).cut_after(moment.duration - enters)
-        if passes_on_green(actor, moment, enters):
-            yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64))
+            actor, line = leader.actor.lead_member(*built), built[1].line or np.inf
+            kerb = leader.actor.landmarks.line or np.inf
+            beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
+            lawful = passes_on_green(actor, moment, actor.enters)
+            # A pedestrian at the kerb when the scene begins stands within the crosswalk's margin.
+            apart = starts_on_red(actor, moment) and not starts_on_red(leader.actor, moment)
+            may = lawful and not beyond and not apart
+            if may and street.present.is_free(actor, foreground=False):
+                return PlacedAgent(actor, leader.index)
+        return None
 
     def _build_selection(
         self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
@@ -986,8 +853,7 @@ class Search:
             elif name not in assignment:
                 continue
             else:
-                option, start = assignment[name]
-                actor, index = option.actor.shift(start * STEP), option.index
+                actor, index = assignment[name].actor, assignment[name].index
             agents[name] = SelectedAgent(
                 name=name,
                 role=draws.role,
@@ -1039,44 +905,6 @@ class Search:
             detail=f"no combination of candidates survives: {detail or 'none was drawn'}",
             missed=None if culprit is None else (-culprit.reached, culprit.off),
         )
-
-
-def _get_agent(actor: ScheduledAgent) -> ScheduledAgent:
-    return actor
-
-
-def _follows(draws: AgentCandidates) -> bool:
-    """Return whether it is a random arrival among the background vehicles."""
-    vehicle = draws.shape.type == "vehicle" and draws.role == "background"
-    return vehicle and draws.chance is not None
-
-
-def _select_unseen(
-    draws: AgentCandidates, options: Iterable[Option], moment: SceneTiming
-) -> Iterator[Option]:
-    """Select the options with which no pedestrian comes or goes in view of a conflict."""
-    for option in options:
-        if draws.shape.type != "pedestrian":
-            yield option
-            continue
-        starts = select_unseen_times(option.actor, option.starts, moment)
-        if len(starts) == len(option.starts):
-            yield option
-        elif len(starts):
-            yield replace(option, make=partial(_get_agent, option.actor), starts=starts)
-
-
-def _list_green_passes(
-    actor: ScheduledAgent, m: int, around: float, moment: SceneTiming
-) -> tuple[list[Option], list[Option]]:
-    """List passing on green near a time [s]; and at any time at all, where that is more."""
-    starts, drawn_time = find_entry_times(actor, moment), round(around / STEP)
-    near = starts[np.abs(STEP * starts - around) <= _WINDOW]
-    more = len(starts) > len(near)
-    return (
-        [Option(lambda: actor, m, near, drawn_time)] if len(near) else [],
-        [Option(lambda: actor, m, starts, drawn_time)] if more else [],
-    )
 
 
 def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
