@@ -36,8 +36,9 @@ class SceneMeta(Model):
     """Listing 1 `meta` with additive keys; `timestamp` is the time of day [s since midnight].
 
     Attributes:
-        rules: 2 where yields are to end in time and reactions are proven (SEMANTICS 8); older
-            scenes have none and are held to the rules that they were made by.
+        rules: 2 where yields are to end in time and reactions are proven (SEMANTICS 8), 3 where
+            nobody stands without a reason, too; older scenes have none and are held to the rules
+            that they were made by.
         driven_by: the policy that drove one of its agents; what its prompt says need not happen.
     """
 
@@ -53,7 +54,7 @@ class SceneMeta(Model):
     density: str | None = None
     seed: int
     driven_by: str | None = Field(default=None, exclude_if=is_left_out)
-    rules: Literal[2] | None = Field(default=None, exclude_if=is_left_out)
+    rules: Literal[2, 3] | None = Field(default=None, exclude_if=is_left_out)
 
     @property
     def texts(self) -> tuple[str, ...]:

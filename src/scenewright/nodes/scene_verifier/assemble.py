@@ -134,7 +134,7 @@ def _build_meta(
         time_of_day=f"{minutes // 60:02d}:{minutes % 60:02d}",
         density=graph.context.density,
         seed=seed,
-        rules=2,
+        rules=3,
     )
 
 

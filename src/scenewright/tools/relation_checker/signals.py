@@ -131,17 +131,32 @@ class SignalPlan:
         The light ahead is the first that it meets after the span; tracks that end before one are
         continued straight on for 25 m.
         """
-        if self._map is None or not self._spans:
-            return False
-        if track not in self._further:
-            speed = 5.0 if track.is_vehicle else 1.0
-            self._further[track] = extend_straight(track, distance=25.0, speed=speed)
-        crossings = self.find_crossings(self._further[track])
-        ahead = next((c.light for c in crossings if c.time > until), None)
+        ahead, _ = self.find_light_after(track, until)
         times = np.arange(since, until + STEP / 2, STEP)
         return ahead is not None and any(
             self.get_colour(ahead, time=float(t)) in ("red", "yellow") for t in times
         )
+
+    def find_light_after(self, track: Trajectory, time: float) -> tuple[str | None, float]:
+        """The light that a mover meets first after a time [s], and how far ahead it is then [m].
+
+        Tracks that end before one are continued straight on for 25 m.
+        """
+        if self._map is None or not self._spans:
+            return None, np.inf
+        if track not in self._further:
+            speed = 5.0 if track.is_vehicle else 1.0
+            self._further[track] = extend_straight(track, distance=25.0, speed=speed)
+        further = self._further[track]
+        for each in self.find_crossings(further):
+            if each.time > time:
+                there, here = np.interp((each.time, time), further.times, further.s).tolist()
+                return each.light, there - here
+        return None, np.inf
+
+    def list_green_spans(self, light: str) -> list[tuple[float, float]]:
+        """From when to when a light is green [s]."""
+        return [(e.start, e.end) for e in self._spans.get(light, ()) if e.colour == "green"]
 
 
 @dataclass(frozen=True, eq=False)

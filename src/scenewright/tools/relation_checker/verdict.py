@@ -40,6 +40,7 @@ from scenewright.tools.relation_checker.labels import (
     find_false_labels,
 )
 from scenewright.tools.relation_checker.legs import check_ties
+from scenewright.tools.relation_checker.liveness import check_liveness
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.metadata import RUNNERS, find_false_metadata
 from scenewright.tools.relation_checker.objects import (
@@ -185,6 +186,7 @@ def _build_proof(
         *check_form(scene),
         *check_places(scene.objects, intersection_map),
         *_check_motion(scene, observed, intersection_map, roles, matching),
+        *_check_standing(scene, observed, roles),
     )
     red = _check_red_crossings(scene, observed, intersection_map, roles)
     late = list_late_beginnings(observed.tracks, matching) if scene.meta.rules is not None else []
@@ -200,6 +202,17 @@ def _build_proof(
         | ({"avoidability": avoidability} if avoidability else {})
         | ({"late_beginnings": late} if late else {}),
     )  # fmt: skip
+
+
+def _check_standing(
+    scene: SceneRecord, observed: SceneObservation, roles: AgentRoles
+) -> tuple[Finding, ...]:
+    """Agents of the background that stand without a reason; a drive may hold them up."""
+    if scene.meta.rules != 3 or scene.meta.driven_by is not None:
+        return ()
+    return check_liveness(
+        observed, background={agent.id for agent in scene.agents} - roles.foreground
+    )
 
 
 def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:
