@@ -8,6 +8,7 @@ import math
 import pickle
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -28,6 +29,7 @@ from scenewright.tools.exporters.exported_scene import wrap_angles
 from scenewright.tools.exporters.opendrive import write_opendrive
 from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
 from scenewright.tools.track_io.external_tracks import read_external_recordings
+from scenewright.tools.track_io.osi import load_osi_classes
 from scenewright.tools.track_io.scenarionet import load_arrays
 from scenewright.tools.track_io.tfrecord import compute_masked_crc, read_records, write_records
 from scenewright.tools.track_io.womd import load_scenario_class, read_womd
@@ -73,7 +75,8 @@ READ_BACK = {
 def test_what_is_written_shows_the_verifier_the_same(name: str, tmp_path: Path) -> None:
     for package in FORMATS[name].packages:
         pytest.importorskip(package)
-    scenewright.export(make_record(), name, tmp_path)
+    form = "whole" if "whole" in FORMATS[name].forms else None
+    scenewright.export(make_record(), name, tmp_path, form=form)
     (file,) = tmp_path.glob(READ_BACK[name])
     tracks = load_tracks(file)
     (event,) = [each for each in verify_tracks(tracks) if each.type == "collision"]
@@ -100,6 +103,8 @@ def test_fcd_has_fronts_and_angles_clockwise_from_north() -> None:
     (text,) = write_scene(make_scene(), "fcd").values()
     first = ElementTree.fromstring(text)[0]
     assert [each.tag for each in first] == ["vehicle", "person"]
+    later = ElementTree.fromstring(text)[30]
+    assert [each.tag for each in later] == ["vehicle", "vehicle", "person"]  # as SUMO's schema
     assert float(first[0].attrib["y"]) == pytest.approx(-49.0 + 2.3)
     assert float(first[0].attrib["angle"]) == pytest.approx(0.0)
     assert float(first[1].attrib["angle"]) == pytest.approx(270.0)
@@ -294,17 +299,142 @@ def example_without(record: bytes, name: str) -> bytes:
     return bytes(load_example_class()(features={"feature": kept}).SerializeToString())
 
 
-@pytest.mark.parametrize("name", ["womd", "argoverse2"])
-def test_a_window_is_as_long_as_the_dataset_has_it(name: str, tmp_path: Path) -> None:
-    scenewright.export(make_record(), name, tmp_path, form="window")
-    (file,) = tmp_path.glob(READ_BACK[name])
-    ends = max(user.track.end for user in load_tracks(file).users)
-    assert ends == pytest.approx(8.0)  # the late vehicle's end; 9.1 and 11 s are asked for
-    if name == "womd":
-        (record,) = read_records(file.read_bytes(), name="it")
-        scenario = load_scenario_class().FromString(record)
-        assert [len(track.states) for track in scenario.tracks] == [91] * 3
-        assert list(scenario.objects_of_interest) == [1, 2]
+@pytest.mark.parametrize(("ego", "late"), [(None, 0), ("vehicle-2", 0), (None, 80), (None, 300)])
+def test_the_usual_womd_record_has_91_steps_and_an_ego_to_predict(
+    ego: str | None, late: int
+) -> None:
+    (content,) = write_scene(_delay(late, ego), "womd").values()
+    (record,) = read_records(content, name="it")
+    scenario = load_scenario_class().FromString(record)
+    now = scenario.current_time_index
+    assert (len(scenario.timestamps_seconds), now) == (91, 10)
+    assert {len(track.states) for track in scenario.tracks} == {91}
+    driven = scenario.tracks[scenario.sdc_track_index]
+    assert driven.id == (3 if ego else 1)
+    assert driven.states[now].valid
+    predicted = [scenario.tracks[each.track_index] for each in scenario.tracks_to_predict]
+    assert driven.id in {track.id for track in predicted}
+    assert all(track.states[now].valid for track in predicted)
+    car = next(track for track in scenario.tracks if track.id == 1)
+    last = max(k for k, state in enumerate(car.states) if state.valid)
+    assert last > now  # what happens is in the future
+
+
+def test_a_whole_womd_record_is_now_when_its_ego_is_there() -> None:
+    (content,) = write_scene(_delay(80), "womd", form="whole").values()
+    scenario = load_scenario_class().FromString(*read_records(content, name="it"))
+    assert scenario.current_time_index == 80
+    assert scenario.tracks[0].states[80].valid
+    assert [each.track_index for each in scenario.tracks_to_predict] == [0, 1]
+
+
+@pytest.mark.parametrize(("ego", "late"), [(None, 0), ("vehicle-2", 0), (None, 80), (None, 300)])
+def test_the_usual_argoverse_scenario_has_110_steps_an_av_and_a_focal_track(
+    ego: str | None, late: int
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    content = next(iter(write_scene(_delay(late, ego), "argoverse2").values()))
+    rows = parquet.read_table(io.BytesIO(content)).to_pylist()
+    assert {row["num_timestamps"] for row in rows} == {110}
+    assert max(row["timestep"] for row in rows) < 110
+    (focal,) = {row["focal_track_id"] for row in rows}
+    assert focal == ("AV" if ego else "2")  # whom the ego hits; vehicle-2 meets nobody
+    assert {row["track_id"] for row in rows if row["object_category"] == 3} == {focal}
+    last = {row["track_id"]: row["position_y"] for row in rows if row["timestep"] == 49}
+    assert {"AV", focal} <= last.keys()
+    assert [row["observed"] for row in rows] == [row["timestep"] < 50 for row in rows]
+
+
+def _delay(steps: int, ego: str | None = None) -> ExportedScene:
+    """The scene with everything so much later."""
+    record = make_record()
+    by = steps / 10
+    agents = [a.model_copy(update={"spawn_time": a.spawn_time + by}) for a in record.agents]
+    events = [e.model_copy(update={"time": (e.time or 0.0) + by}) for e in record.events]
+    meta = record.meta.model_copy(update={"duration": record.meta.duration + by})
+    later = record.model_copy(
+        update={"meta": meta, "agents": tuple(agents), "events": tuple(events), "signals": ()}
+    )
+    return prepare_scene(later, make_scene().intersection_map, ego=ego)
+
+
+def test_an_ego_that_nobody_named_and_that_is_not_there_gives_way_to_one_that_is() -> None:
+    record = make_record()
+    early = record.agents[2].model_copy(update={"id": 0, "role": "foreground", "spawn_time": 0.0})
+    agents = (early, *record.agents[:2])
+    scene = prepare_scene(
+        record.model_copy(update={"agents": agents}), make_scene().intersection_map
+    )
+    assert scene.ego.id == 0
+    assert scene.cut_window(91, now=10, event=60).ego.id == 0  # it is there at 4 s
+    gone = replace(scene.agents[0], xy=scene.agents[0].xy[:20])
+    left = replace(scene, agents=(gone, *scene.agents[1:]), ego=gone)
+    assert left.cut_window(91, now=10, event=60).ego.id == 1
+    named = replace(left, ego_named=True).cut_window(91, now=10, event=60)
+    assert named.ego.id == 0
+    assert named.ego.first <= 10 <= named.ego.last
+
+
+def test_a_door_is_there_from_when_it_opens(tmp_path: Path) -> None:
+    door = {"id": "object-1-door", "kind": "door", "length": 0.95, "width": 0.12, "since": 2.45,
+            "height": "high", "x": 20.0, "y": -4.0, "heading": 0.0}  # fmt: skip
+    objects = (ObjectRecord.model_validate(door),)
+    record = make_record().model_copy(update={"objects": objects})
+    scene = prepare_scene(record, make_scene().intersection_map)
+    (door,) = scene.objects
+    assert (door.first, door.last) == (25, 100)
+    root = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
+    placed = {each.get("entityRef") for each in root.iterfind(".//Init/Actions/Private")}
+    assert "object-1-door" not in placed
+    enters = root.find(".//Event[@name='enter object-1-door']")
+    assert enters.find(".//AddEntityAction/Position") is not None
+    assert enters.find(".//SimulationTimeCondition").get("value") == "2.5"
+    (text,) = write_scene(scene, "commonroad").values()
+    obstacle = ElementTree.fromstring(text).find("dynamicObstacle[@id='4']")
+    assert obstacle.findtext("initialState/time/exact") == "25"
+    assert len(obstacle.findall("trajectory/state")) == 75
+    (content,) = write_scene(scene, "womd", form="whole").values()
+    scenario = load_scenario_class().FromString(*read_records(content, name="it"))
+    assert [s.valid for s in scenario.tracks[3].states] == [k >= 25 for k in range(101)]
+    (content,) = write_scene(scene, "scenarionet").values()
+    valid = load_arrays(content, name="it")["tracks"]["4"]["state"]["valid"]
+    assert valid.tolist() == [k >= 25 for k in range(101)]
+    truths = _read_truths(scene)
+    assert [len(each.stationary_object) for each in truths] == [0] * 25 + [1] * 76
+
+
+def _read_mcap(scene: ExportedScene, name: str) -> list[tuple[str, int, bytes]]:
+    """Topic, time [ns] and content of every message of the scene in a format."""
+    reader = pytest.importorskip("mcap.reader")
+    (content,) = write_scene(scene, name).values()
+    found = reader.make_reader(io.BytesIO(content), validate_crcs=True).iter_messages()
+    return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
+
+
+def _read_truths(scene: ExportedScene) -> list[Any]:
+    truth = load_osi_classes()["GroundTruth"]
+    found = _read_mcap(scene, "osi")
+    return [truth.FromString(content) for topic, _, content in found if topic == "ground_truth"]
+
+
+def test_osi_names_roles_and_a_parked_truck_as_what_they_are() -> None:
+    record = make_record()
+    kinds = ("fire_engine", None, "bus")
+    agents = tuple(
+        a.model_copy(update={"subtype": kind}) for a, kind in zip(record.agents, kinds, strict=True)
+    )
+    places = {"height": "high", "x": 20.0, "y": -4.0, "heading": 0.0}
+    parked = {"id": "object-1", "kind": "parked", "subtype": "truck", "length": 8.5, "width": 2.5}
+    objects = (ObjectRecord.model_validate(parked | places),)
+    changed = record.model_copy(update={"agents": agents, "objects": objects})
+    moving = _read_truths(prepare_scene(changed, make_scene().intersection_map))[30].moving_object
+    about = {m.id.value: (m.vehicle_classification.type, m.vehicle_classification.role)
+             for m in moving if m.HasField("vehicle_classification")}  # fmt: skip
+    # HEAVY_TRUCK in ROLE_FIRE, BUS in ROLE_PUBLIC_TRANSPORT, HEAVY_TRUCK in ROLE_CIVIL.
+    assert about == {1: (7, 4), 3: (12, 6), 4: (7, 2)}
+    assert {m.base.velocity.x for m in moving if m.id.value == 4} == {0.0}
+    car = _read_truths(make_scene())[0].moving_object[0].vehicle_classification
+    assert (car.type, car.role) == (4, 2)
 
 
 def test_tfrecords_have_the_checksum_of_the_standard() -> None:
@@ -327,16 +457,13 @@ def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_foxglove_boxes_are_as_large_as_the_agents() -> None:
-    reader = pytest.importorskip("mcap.reader")
-    (content,) = write_scene(make_scene(), "foxglove").values()
-    found = list(reader.make_reader(io.BytesIO(content), validate_crcs=True).iter_messages())
-    topics = Counter(channel.topic for _, channel, _ in found)
+    found = _read_mcap(make_scene(), "foxglove")
+    topics = Counter(topic for topic, _, _ in found)
     assert topics == {"/map": 1, "/agents": 101, "/events": 1}
     boxes = {
-        message.log_time: json.loads(message.data)["entities"]
-        for _, channel, message in found
-        if channel.topic == "/agents"
-    }
+        time: json.loads(content)["entities"] for topic, time, content in found
+        if topic == "/agents"
+    }  # fmt: skip
     (walker,) = [each for each in boxes[10**9] if each["id"] == "pedestrian-1"]
     assert walker["cubes"][0]["pose"]["position"]["x"] == pytest.approx(8.0)
     assert [each["id"] for each in boxes[8 * 10**9]] == ["vehicle-2"]

@@ -22,10 +22,10 @@ WINDOW, OBSERVED, EVENT = 110, 50, 80
 FOCAL, SCORED, UNSCORED = 3, 2, 1
 
 
-def write_argoverse2(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]:
-    """The whole scene, or the 11 s of the dataset around the first event; the ego is focal."""
+def write_argoverse2(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
+    """The 11 s of the dataset around the event, or the whole scene; the ego is the track `AV`."""
     if form == "window":
-        scene = scene.cut(scene.find_event_step() - EVENT, WINDOW)
+        scene = scene.cut_window(WINDOW, now=OBSERVED - 1, event=EVENT)
     folder = scene.name
     chart = json.dumps(_describe_map(scene.intersection_map), separators=(",", ":"))
     return {
@@ -36,7 +36,8 @@ def write_argoverse2(scene: ExportedScene, *, form: str = "whole") -> dict[str, 
 
 def _write_tracks(scene: ExportedScene) -> bytes:
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    parts = [_describe_track(agent, scene) for agent in (*scene.agents, *scene.objects)]
+    focal = _find_focal(scene)
+    parts = [_describe_track(each, scene, focal) for each in (*scene.agents, *scene.objects)]
     columns: dict[str, Any] = {
         key: np.concatenate([part[key] for part in parts]) for key in parts[0]
     }
@@ -45,7 +46,7 @@ def _write_tracks(scene: ExportedScene) -> bytes:
         "start_timestamp": 0,
         "end_timestamp": round((scene.steps - 1) * scene.step * 1e9),
         "num_timestamps": scene.steps,
-        "focal_track_id": str(scene.ego.id),
+        "focal_track_id": _name_track(focal, scene),
         "city": scene.intersection_map.name,
         "map_id": scene.record.meta.map_id,
         "slice_id": scene.record.meta.scene_id,
@@ -57,14 +58,29 @@ def _write_tracks(scene: ExportedScene) -> bytes:
     return stream.getvalue()
 
 
-def _describe_track(agent: ExportedAgent, scene: ExportedScene) -> dict[str, Any]:
+def _find_focal(scene: ExportedScene) -> ExportedAgent:
+    """Whom the ego meets in an event, if it is there at the last observed step; else the ego."""
+    there = {a.id: a for a in scene.agents if a.first < OBSERVED <= a.last + 1}
+    pairs = [{event.from_, event.to} for event in scene.record.events]
+    met = [n for pair in pairs if scene.ego.id in pair for n in pair - {scene.ego.id}]
+    return next((there[n] for n in met if n in there), scene.ego)
+
+
+def _name_track(agent: ExportedAgent, scene: ExportedScene) -> str:
+    """The dataset's name for the recording vehicle, which is our ego; else the agent's number."""
+    return "AV" if agent.id == scene.ego.id else str(agent.id)
+
+
+def _describe_track(
+    agent: ExportedAgent, scene: ExportedScene, focal: ExportedAgent
+) -> dict[str, Any]:
     steps, count = agent.first + np.arange(len(agent.xy)), len(agent.xy)
     foreground = SCORED if agent.role == "foreground" else UNSCORED
     return {
         "observed": steps < OBSERVED,
-        "track_id": np.array([str(agent.id)] * count),
+        "track_id": np.array([_name_track(agent, scene)] * count),
         "object_type": np.array([agent.names.argoverse2] * count),
-        "object_category": np.full(count, FOCAL if agent.id == scene.ego.id else foreground),
+        "object_category": np.full(count, FOCAL if agent.id == focal.id else foreground),
         "timestep": steps,
         "position_x": agent.xy[:, 0],
         "position_y": agent.xy[:, 1],

@@ -158,7 +158,8 @@ def _add_junction(
 
 
 def _add_obstacle(root: _Element, agent: ExportedAgent) -> None:
-    stands = agent.role == "object"
+    """An agent or an object; what is there only later, as a door is, cannot be static."""
+    stands = agent.role == "object" and agent.first == 0
     element = add(root, "staticObstacle" if stands else "dynamicObstacle", id=agent.id)
     parked = stands and agent.names.is_vehicle
     _add_text(element, "type", "parkedVehicle" if parked else agent.names.commonroad)

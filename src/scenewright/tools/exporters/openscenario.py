@@ -138,7 +138,10 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str, clock: str)
         if not left_alone:
             _add_maneuvers(act, agent, scene, form, roads)
     for standing in scene.objects:
-        _add_start(actions, standing, None)
+        if standing.first == 0:
+            _add_start(actions, standing, None)
+        else:
+            _add_maneuver(act, standing, None)
     _add_time_trigger(add(act, "StartTrigger"), 0.0)
     end = round((scene.steps - 1) * scene.step, 3)
     _add_time_trigger(add(board, "StopTrigger"), end)
@@ -158,15 +161,8 @@ def _add_maneuvers(
     act: _Element, agent: ExportedAgent, scene: ExportedScene, form: str, roads: _Roads
 ) -> None:
     name = agent.name
-    group = add(act, "ManeuverGroup", name=f"group {name}", maximumExecutionCount=1)
-    actors = add(group, "Actors", selectTriggeringEntities=False)
-    add(actors, "EntityRef", entityRef=name)
-    maneuver = add(group, "Maneuver", name=f"maneuver {name}")
     starter = None if form == "replay" else _find_starter(agent, scene)
-    if agent.first > 0:
-        event = _add_event(maneuver, f"enter {name}", agent, starter)
-        entity = add(add(event, "GlobalAction"), "EntityAction", entityRef=name)
-        _add_position(add(entity, "AddEntityAction"), agent.xy[0], float(agent.heading[0]))
+    maneuver = _add_maneuver(act, agent, starter)
     if form == "replay":
         event = _add_event(maneuver, f"follow {name}", agent, None)
         held = agent.id in scene.collided
@@ -182,6 +178,20 @@ def _add_maneuvers(
         _add_speed_profile(add(event, "PrivateAction"), agent, scene)
         end = _resample(agent)[-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
         _add_place_trigger(_add_removal(maneuver, agent), agent.name, end)
+
+
+def _add_maneuver(act: _Element, agent: ExportedAgent, starter: _Place | None) -> _Element:
+    """The place of an agent's events, of which the first adds it if it is there only later."""
+    name = agent.name
+    group = add(act, "ManeuverGroup", name=f"group {name}", maximumExecutionCount=1)
+    actors = add(group, "Actors", selectTriggeringEntities=False)
+    add(actors, "EntityRef", entityRef=name)
+    maneuver = add(group, "Maneuver", name=f"maneuver {name}")
+    if agent.first > 0:
+        event = _add_event(maneuver, f"enter {name}", agent, starter)
+        entity = add(add(event, "GlobalAction"), "EntityAction", entityRef=name)
+        _add_position(add(entity, "AddEntityAction"), agent.xy[0], float(agent.heading[0]))
+    return maneuver
 
 
 def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Place | None:

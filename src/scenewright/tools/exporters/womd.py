@@ -9,7 +9,11 @@ import numpy as np
 
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.womd_example import write_example
+from scenewright.tools.exporters.womd_example import (
+    find_current_step,
+    is_predicted,
+    write_example,
+)
 from scenewright.tools.track_io.tfrecord import write_records
 from scenewright.tools.track_io.womd import load_scenario_class
 
@@ -20,14 +24,14 @@ _STATES = {"red": 4, "yellow": 5, "green": 6, None: 0}
 _SURFACE_STREET, _BOUNDARY = 2, 1
 
 
-def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]:
-    """One record: the whole scene, or the 9.1 s of the dataset around the first event.
+def write_womd(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
+    """One record: the 9.1 s of the dataset around the event, or the whole scene.
 
     Args:
-        form: `whole` or `window`, a Scenario; `example`, the window as tf.Example.
+        form: `window` or `whole`, a Scenario; `example`, the window as tf.Example.
     """
     if form != "whole":
-        scene = scene.cut(scene.find_event_step() - EVENT, WINDOW)
+        scene = scene.cut_window(WINDOW, now=CURRENT, event=EVENT)
     if form == "example":
         features, lights = _describe_map(scene.intersection_map), _describe_lights(scene)
         record = write_example(scene, features, lights)
@@ -35,11 +39,15 @@ def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]
     scenario = load_scenario_class()(
         scenario_id=scene.name,
         timestamps_seconds=scene.times.tolist(),
-        current_time_index=min(CURRENT, scene.steps - 1),
+        current_time_index=find_current_step(scene),
         tracks=[_describe_track(a, scene.steps) for a in (*scene.agents, *scene.objects)],
         sdc_track_index=[agent.id for agent in scene.agents].index(scene.ego.id),
         objects_of_interest=scene.list_event_agents()[:2],
-        tracks_to_predict=_list_predictions(scene),
+        tracks_to_predict=[
+            {"track_index": index, "difficulty": 0}
+            for index, agent in enumerate(scene.agents)
+            if is_predicted(agent, scene)
+        ],
         map_features=_describe_map(scene.intersection_map),
         dynamic_map_states=_describe_lights(scene),
     )
@@ -60,16 +68,6 @@ def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
             "heading": turn, "velocity_x": vx, "velocity_y": vy, "valid": True,
         }  # fmt: skip
     return {"id": agent.id, "object_type": agent.names.womd, "states": states}
-
-
-def _list_predictions(scene: ExportedScene) -> list[dict[str, int]]:
-    """The foreground, as far as it is there at the current step."""
-    now = min(CURRENT, scene.steps - 1)
-    return [
-        {"track_index": index, "difficulty": 0}
-        for index, agent in enumerate(scene.agents)
-        if agent.role == "foreground" and agent.first <= now <= agent.last
-    ]
 
 
 def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
