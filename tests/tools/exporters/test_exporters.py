@@ -565,3 +565,37 @@ def test_a_scene_without_agents_is_refused() -> None:
     empty = make_record().model_copy(update={"agents": ()})
     with pytest.raises(InputError, match="no agents"):
         prepare_scene(empty, make_scene().intersection_map)
+
+
+def test_lanes_know_which_lanes_are_beside_them() -> None:
+    (text,) = write_scene(make_scene(), "commonroad").values()
+    root = ElementTree.fromstring(text)
+    names = [each.id for each in make_scene().intersection_map.lanelets]
+    lanelets = dict(zip(names, root.iterfind("lanelet"), strict=False))
+    numbers = {each.get("id"): name for name, each in lanelets.items()}
+    beside = {
+        name: [
+            (each.tag, numbers[each.get("ref", "")], each.get("drivingDir"))
+            for each in lanelet
+            if each.tag.startswith("adjacent")
+        ]
+        for name, lanelet in lanelets.items()
+    }
+    assert beside["south:approach:inner"] == [
+        ("adjacentLeft", "south:exit:inner", "opposite"),
+        ("adjacentRight", "south:approach:outer", "same"),
+    ]
+    assert beside["south>north:outer"] == [("adjacentLeft", "south>north:inner", "same")]
+    assert beside["south>east:outer"] == []
+    # The schema takes no offset of 0 in the cycle of a light.
+    assert root.find("trafficLight/cycle") is not None
+    assert root.find("trafficLight/cycle/timeOffset") is None
+    pytest.importorskip("pyarrow")
+    files = write_scene(make_scene(), "argoverse2")
+    chart = json.loads(next(v for k, v in files.items() if k.endswith(".json")))
+    lanes = chart["lane_segments"]
+    pairs = {(each["id"], each["right_neighbor_id"]) for each in lanes.values()} - {
+        (each["id"], None) for each in lanes.values()
+    }
+    assert len(pairs) == 6  # two lanes each on two approaches, two exits, two ways straight on
+    assert {(lanes[str(b)]["left_neighbor_id"], b) for _, b in pairs} == pairs

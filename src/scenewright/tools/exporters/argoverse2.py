@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
+from scenewright.scene.map import Crosswalk, IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.womd import number_lanes
+from scenewright.tools.exporters.lanes import find_neighbours, list_predecessors, number_lanes
 
 WINDOW, OBSERVED, EVENT = 110, 50, 80
 """Steps of a scenario of the dataset, how many are observed, and where a window has its event."""
@@ -95,8 +95,25 @@ def _describe_track(
 
 def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
     numbers = number_lanes(intersection)
-    lanes = [_describe_lane(each, intersection, numbers) for each in intersection.lanelets
-             if each.id in numbers]  # fmt: skip
+    before = list_predecessors(intersection)
+    beside = {edge: n for edge, (n, same) in find_neighbours(intersection).items() if same}
+    lanes = [
+        {
+            "id": numbers[each.id],
+            "is_intersection": each.kind == "connector",
+            "lane_type": "VEHICLE",
+            "left_lane_boundary": _list_points(each.left),
+            "right_lane_boundary": _list_points(each.right),
+            "left_lane_mark_type": "UNKNOWN",
+            "right_lane_mark_type": "UNKNOWN",
+            "predecessors": [numbers[name] for name in before[each.id]],
+            "successors": [numbers[name] for name in each.successors],
+            "left_neighbor_id": numbers.get(beside.get((each.id, "left"), "")),
+            "right_neighbor_id": numbers.get(beside.get((each.id, "right"), "")),
+        }
+        for each in intersection.lanelets
+        if each.id in numbers
+    ]
     first = len(numbers) + 1
     crossings = [_describe_crossing(c, first + k) for k, c in enumerate(intersection.crosswalks)]
     first += len(crossings)
@@ -106,25 +123,6 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
         "pedestrian_crossings": {str(each["id"]): each for each in crossings},
         "lane_segments": {str(each["id"]): each for each in lanes},
         "drivable_areas": {str(each["id"]): each for each in areas},
-    }
-
-
-def _describe_lane(
-    lanelet: Lanelet, intersection: IntersectionMap, numbers: dict[str, int]
-) -> dict[str, Any]:
-    before = [each.id for each in intersection.lanelets if lanelet.id in each.successors]
-    return {
-        "id": numbers[lanelet.id],
-        "is_intersection": lanelet.kind == "connector",
-        "lane_type": "VEHICLE",
-        "left_lane_boundary": _list_points(lanelet.left),
-        "right_lane_boundary": _list_points(lanelet.right),
-        "left_lane_mark_type": "UNKNOWN",
-        "right_lane_mark_type": "UNKNOWN",
-        "predecessors": [numbers[name] for name in before],
-        "successors": [numbers[name] for name in lanelet.successors],
-        "left_neighbor_id": None,
-        "right_neighbor_id": None,
     }
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import Crosswalk, Lanelet
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.lanes import Side, find_neighbours, list_predecessors
 from scenewright.tools.exporters.xml_writing import add, format_value, write_bytes
 
 LANELETS, LIGHTS, JUNCTION, PROBLEM = 10_001, 20_001, 30_001, 40_001
@@ -22,6 +23,7 @@ GOAL_TOLERANCE = 5.0
 """Length of the goal region [m]; its width is that of two lanes."""
 _KINDS = {"approach": "urban", "exit": "urban", "connector": "intersection", "parking": "parking"}
 _TURNS = {"right": "successorsRight", "straight": "successorsStraight", "left": "successorsLeft"}
+_ADJACENT: dict[Side, str] = {"left": "adjacentLeft", "right": "adjacentRight"}
 _Element = ElementTree.Element
 
 
@@ -69,8 +71,20 @@ def _add_map(root: _Element, scene: ExportedScene) -> None:
         each.id: LANELETS + len(lanelets) + k for k, each in enumerate(intersection.crosswalks)
     }
     lights = {name: LIGHTS + k for k, name in enumerate(scene.list_colours())}
+    before, beside = list_predecessors(intersection), find_neighbours(intersection)
     for lanelet in intersection.lanelets:
-        _add_lanelet(root, lanelet, lanelets, lights, scene)
+        element = add(root, "lanelet", id=lanelets[lanelet.id])
+        _add_points(add(element, "leftBound"), np.array(lanelet.left))
+        _add_points(add(element, "rightBound"), np.array(lanelet.right))
+        for name in before[lanelet.id]:
+            add(element, "predecessor", ref=lanelets[name])
+        for name in lanelet.successors:
+            add(element, "successor", ref=lanelets[name])
+        for side, tag in _ADJACENT.items():
+            if (lanelet.id, side) in beside:
+                name, same = beside[lanelet.id, side]
+                add(element, tag, ref=lanelets[name], drivingDir="same" if same else "opposite")
+        _add_rules(element, lanelet, lights, scene)
     for crosswalk in intersection.crosswalks:
         _add_crossing(root, crosswalk, crossings[crosswalk.id], lights)
     for name, colours in scene.list_colours().items():
@@ -78,21 +92,10 @@ def _add_map(root: _Element, scene: ExportedScene) -> None:
     _add_junction(root, scene, lanelets, crossings)
 
 
-def _add_lanelet(
-    root: _Element,
-    lanelet: Lanelet,
-    numbers: dict[str, int],
-    lights: dict[str, int],
-    scene: ExportedScene,
+def _add_rules(
+    element: _Element, lanelet: Lanelet, lights: dict[str, int], scene: ExportedScene
 ) -> None:
-    element = add(root, "lanelet", id=numbers[lanelet.id])
-    _add_points(add(element, "leftBound"), np.array(lanelet.left))
-    _add_points(add(element, "rightBound"), np.array(lanelet.right))
-    for other in scene.intersection_map.lanelets:
-        if lanelet.id in other.successors:
-            add(element, "predecessor", ref=numbers[other.id])
-    for name in lanelet.successors:
-        add(element, "successor", ref=numbers[name])
+    """Stop line, kind, users and lights of a lanelet."""
     lines = [s for s in scene.intersection_map.stop_lines if lanelet.id in s.lanelets]
     shown = [lights[line.id] for line in lines if line.id in lights]
     if lines:
@@ -128,7 +131,6 @@ def _add_light(root: _Element, number: int, colours: list[str]) -> None:
         element = add(cycle, "cycleElement")
         _add_text(element, "duration", len(list(steps)))
         _add_text(element, "color", colour)
-    _add_text(cycle, "timeOffset", 0)
 
 
 def _add_junction(

@@ -9,6 +9,7 @@ import numpy as np
 
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.lanes import list_predecessors, number_lanes
 from scenewright.tools.exporters.womd_example import (
     find_current_step,
     is_predicted,
@@ -72,10 +73,7 @@ def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
 
 def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
     numbers = number_lanes(intersection)
-    before: dict[str, list[int]] = {name: [] for name in numbers}
-    for lanelet in intersection.lanelets:
-        for name in lanelet.successors:
-            before[name].append(numbers[lanelet.id])
+    before = list_predecessors(intersection)
     features: list[dict[str, Any]] = [
         {
             "id": numbers[each.id],
@@ -83,7 +81,7 @@ def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
                 "speed_limit_mph": each.speed_limit / MPH,
                 "type": _SURFACE_STREET,
                 "polyline": _list_points(each.centreline),
-                "entry_lanes": before[each.id],
+                "entry_lanes": [numbers[name] for name in before[each.id]],
                 "exit_lanes": [numbers[name] for name in each.successors],
             },
         }
@@ -97,12 +95,6 @@ def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
     ]
     areas += [{"crosswalk": {"polygon": _list_points(c.polygon)}} for c in intersection.crosswalks]
     return features + [{"id": len(numbers) + k, **each} for k, each in enumerate(areas, start=1)]
-
-
-def number_lanes(intersection: IntersectionMap) -> dict[str, int]:
-    """Number of every lane that is driven on, by the lanelet's id."""
-    lanes = [each.id for each in intersection.lanelets if each.kind != "parking"]
-    return {name: number for number, name in enumerate(lanes, start=1)}
 
 
 def _describe_lights(scene: ExportedScene) -> list[dict[str, Any]]:
