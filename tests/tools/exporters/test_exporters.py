@@ -9,6 +9,7 @@ import pickle
 import sys
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -26,7 +27,7 @@ from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
 from scenewright.scene.objects import ObjectRecord
 from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
 from scenewright.tools.exporters.exported_scene import wrap_angles
-from scenewright.tools.exporters.opendrive import write_opendrive
+from scenewright.tools.exporters.opendrive import Road, make_roads, write_opendrive
 from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
 from scenewright.tools.track_io.external_tracks import read_external_recordings
 from scenewright.tools.track_io.osi import load_osi_classes
@@ -221,33 +222,53 @@ def test_openscenario_in_routes_names_lanes_that_lead_into_one_another() -> None
     assert sorted(gone) == ["leave pedestrian-1", "leave vehicle-1", "leave vehicle-2"]
 
 
-def test_opendrive_lanes_end_where_the_next_begin() -> None:
-    """As the lanelets' own edges do: where the width changes, they are up to 10 cm apart."""
-    root = ElementTree.fromstring(write_opendrive(make_scene().intersection_map))
-    ends = {road.get("id"): _ends(road) for road in root.iterfind("road")}
-    links = [
-        (connection.get("incomingRoad"), connection.get("connectingRoad"))
-        for connection in root.iterfind("junction/connection")
-    ]
-    assert len(links) == 14
-    for before, after in links:
-        assert ends[before][1] == pytest.approx(ends[after][0], abs=0.11)
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_opendrive_lanes_end_where_the_next_begin(left_hand: bool) -> None:
+    """Both edges do, although the lanelets' own are up to 10 cm apart where the width changes."""
+    plan = make_scene().intersection_map
+    if left_hand:
+        mirrored = [
+            each.model_copy(update={
+                name: tuple((-x, y) for x, y in getattr(each, other))
+                for name, other in (("left", "right"), ("right", "left"))
+            })
+            for each in plan.lanelets
+        ]  # fmt: skip
+        plan = plan.model_copy(update={"lanelets": tuple(mirrored), "left_hand_traffic": True})
+    roads = make_roads(plan)
+    joints = [(road, roads[name]) for road in roads.values() for name in road.lanelet.successors]
+    assert len(joints) == 28
+    for before, after in joints:
+        assert _find_edges(before, -1) == pytest.approx(_find_edges(after, 0), abs=1e-9)
+    root = ElementTree.fromstring(write_opendrive(plan))
     lights = [each.get("id") for each in root.iterfind("road/signals/signal")]
     assert sorted(lights, key=int) == [str(n) for n in range(1, 9)]
 
 
-def _ends(road: ElementTree.Element) -> tuple[list[float], list[float]]:
-    """First and last point of a road's reference line."""
-    pieces = list(road.iterfind("planView/geometry"))
-    first, last = (
-        {k: float(v) for k, v in each.attrib.items()} for each in (pieces[0], pieces[-1])
-    )
-    curve = pieces[-1].find("paramPoly3")
-    u, v = last["length"], 0.0
-    if curve is not None:
-        u, v = (sum(float(curve.attrib[f"{n}{axis}"]) for n in "abcd") for axis in "UV")
-    c, s = math.cos(last["hdg"]), math.sin(last["hdg"])
-    return [first["x"], first["y"]], [last["x"] + c * u - s * v, last["y"] + s * u + c * v]
+def _find_edges(road: Road, k: int) -> np.ndarray:
+    """[2, 2] where the edges of the lane lie at a point of the road."""
+    left = np.array([-road.tangents[k][1], road.tangents[k][0]])
+    return np.stack([road.line[k], road.line[k] + road.lane * road.width[k] * left])
+
+
+def test_opendrive_pieces_are_as_long_as_they_say_and_no_width_is_said_twice() -> None:
+    root = ElementTree.fromstring(write_opendrive(make_scene().intersection_map))
+    p = np.linspace(0.0, 1.0, 2001)
+    for road in root.iterfind("road"):
+        pieces = list(road.iterfind("planView/geometry"))
+        length, (*_, last) = float(road.get("length", 0)), pieces
+        assert float(last.get("s", 0)) + float(last.get("length", 0)) == pytest.approx(length)
+        for piece in pieces:
+            curve = piece.find("paramPoly3")
+            if curve is not None:
+                u, v = (
+                    sum(float(curve.attrib[f"{n}{axis}"]) * p**k for k, n in enumerate("abcd"))
+                    for axis in "UV"
+                )
+                drawn = np.hypot(np.diff(u), np.diff(v)).sum()
+                assert float(piece.get("length", 0)) == pytest.approx(drawn, abs=1e-4)
+        slopes = [float(each.get("b", 0)) for each in road.iter("width")]
+        assert all(a != pytest.approx(b, abs=1e-7) for a, b in pairwise(slopes))
 
 
 def test_scenarionet_begins_at_the_ego_which_goes_on_after_a_collision() -> None:
