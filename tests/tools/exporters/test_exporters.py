@@ -480,7 +480,17 @@ def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_foxglove_boxes_are_as_large_as_the_agents() -> None:
     found = _read_mcap(make_scene(), "foxglove")
     topics = Counter(topic for topic, _, _ in found)
-    assert topics == {"/map": 1, "/agents": 101, "/events": 1}
+    assert topics == {"/map": 1, "/agents": 101, "/events": 1, "/lights": 2}
+    lights = [
+        (time, *json.loads(content)["entities"]) for topic, time, content in found
+        if topic == "/lights"
+    ]  # fmt: skip
+    assert [(time, each["id"]) for time, each in lights] == [
+        (0, "south:stop"), (6 * 10**9 , "south:stop"),
+    ]  # fmt: skip
+    green, red = (each["spheres"][0]["color"] for _, each in lights)
+    assert green["g"] > green["r"]
+    assert red["r"] > red["g"]
     boxes = {
         time: json.loads(content)["entities"] for topic, time, content in found
         if topic == "/agents"
@@ -620,3 +630,25 @@ def test_lanes_know_which_lanes_are_beside_them() -> None:
     }
     assert len(pairs) == 6  # two lanes each on two approaches, two exits, two ways straight on
     assert {(lanes[str(b)]["left_neighbor_id"], b) for _, b in pairs} == pairs
+
+
+def test_foxglove_says_what_is_in_its_messages() -> None:
+    reader = pytest.importorskip("mcap.reader")
+    (content,) = write_scene(make_scene(), "foxglove").values()
+    found = list(reader.make_reader(io.BytesIO(content)).iter_messages())
+    assert {schema.name for schema, _, _ in found} == {"foxglove.SceneUpdate", "foxglove.Log"}
+    for schema, _, message in found:
+        _check_shape(json.loads(message.data), json.loads(schema.data))
+
+
+def _check_shape(value: Any, schema: dict[str, Any]) -> None:
+    """That a value has all and only the fields of a JSON schema, and their types."""
+    types = {"number": (int, float), "integer": int, "string": str, "boolean": bool,
+             "array": list, "object": dict}  # fmt: skip
+    assert isinstance(value, types[schema["type"]])
+    if schema["type"] == "object":
+        assert value.keys() == schema["properties"].keys()
+        for name, part in schema["properties"].items():
+            _check_shape(value[name], part)
+    for each in value if schema["type"] == "array" else ():
+        _check_shape(each, schema["items"])
