@@ -20,6 +20,7 @@ import pytest
 import scenewright
 from exported_scenes import CONTACT, make_record, make_scene
 from scenewright.cli.main import main
+from scenewright.cli.verify import list_scene_files
 from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.scenes import list_scenes
 from scenewright.errors import InputError
@@ -652,3 +653,11 @@ def _check_shape(value: Any, schema: dict[str, Any]) -> None:
             _check_shape(value[name], part)
     for each in value if schema["type"] == "array" else ():
         _check_shape(each, schema["items"])
+
+
+@pytest.mark.parametrize("name", READ_BACK)
+def test_verify_finds_the_tracks_in_an_exported_folder(name: str, tmp_path: Path) -> None:
+    for package in FORMATS[name].packages:
+        pytest.importorskip(package)
+    scenewright.export(make_record(), name, tmp_path)
+    assert list_scene_files(str(tmp_path)) == list(tmp_path.glob(READ_BACK[name]))

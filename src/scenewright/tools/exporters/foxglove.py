@@ -111,7 +111,7 @@ def _list_lights(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, Any
             if name in places and (k == 0 or colour != colours[k - 1]):
                 nanos = round(float(scene.times[k]) * 1e9)
                 ball = {
-                    "pose": _build_pose(*places[name].tolist(), _LIGHT_HEIGHT),
+                    "pose": _build_pose(places[name], _LIGHT_HEIGHT),
                     "size": dict.fromkeys("xyz", _LIGHT_SIZE),
                     "color": _choose_colour(_LIGHTS[colour]),
                 }
@@ -119,10 +119,10 @@ def _list_lights(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, Any
                 yield "/lights", nanos, {"deletions": [], "entities": [entity]}
 
 
-def _build_pose(x: float, y: float, z: float, turn: float = 0.0) -> dict[str, Any]:
+def _build_pose(xy: Any, z: float, turn: float = 0.0) -> dict[str, Any]:
     """A place [m], turned about the vertical [rad]."""
     return {
-        "position": {"x": x, "y": y, "z": z},
+        "position": {"x": float(xy[0]), "y": float(xy[1]), "z": z},
         "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(turn / 2), "w": math.cos(turn / 2)},
     }
 
@@ -147,7 +147,7 @@ def _describe_box(agent: ExportedAgent, k: int, nanos: int) -> dict[str, Any]:
     foreground = agent.role == "foreground"
     usual = _VEHICLE if agent.names.is_vehicle else _PEDESTRIAN
     box = {
-        "pose": _build_pose(*agent.xy[k].tolist(), agent.height / 2, float(agent.heading[k])),
+        "pose": _build_pose(agent.xy[k], agent.height / 2, float(agent.heading[k])),
         "size": {"x": agent.length, "y": agent.width, "z": agent.height},
         "color": _choose_colour(_FOREGROUND if foreground else usual),
     }
@@ -158,7 +158,7 @@ def _describe_box(agent: ExportedAgent, k: int, nanos: int) -> dict[str, Any]:
 
 def _describe_line(name: str, kind: str, points: Sequence[Sequence[float]]) -> dict[str, Any]:
     line = {
-        "type": _LINE_STRIP, "pose": _build_pose(0.0, 0.0, 0.0),
+        "type": _LINE_STRIP, "pose": _build_pose((0.0, 0.0), 0.0),
         "thickness": 0.1, "scale_invariant": False, "color": _choose_colour(_LINES[kind]),
         "points": [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points],
         "colors": [], "indices": [],

@@ -151,7 +151,9 @@ def _make_road(
     if end is not None:
         line = line + np.outer(share, end.line[0] - line[-1])
         width = width + share * (end.width[0] - width[-1])
-    slope = np.gradient(line, measure_arc_lengths(line), axis=0, edge_order=min(len(line) - 1, 2))
+    slope = np.gradient(
+        line, measure_arc_lengths(line), axis=0, edge_order=2 if len(line) > 2 else 1
+    )
     tangents = slope / np.hypot(*slope.T)[:, None]
     if len(line) > 2:
         tangents[0] = tangents[0] if start is None else start.tangents[-1]
