@@ -99,6 +99,9 @@ def test_trajnet_frames_are_steps_with_a_sample_every_fourth() -> None:
     tracks = [row["track"] for row in rows if "track" in row]
     late = [(row["f"], row["x"]) for row in tracks if row["p"] == 3]
     assert late[:2] == [(20, 49.0), (24, pytest.approx(49.0 - 3.2))]
+    # Both whose tracks the collision ends after 11 samples are to be predicted.
+    scenes = [(row["scene"]["p"], row["scene"]["s"], row["scene"]["e"]) for row in rows[:2]]
+    assert scenes == [(1, 0, 40), (2, 0, 40)]
 
 
 def test_fcd_has_fronts_and_angles_clockwise_from_north() -> None:
