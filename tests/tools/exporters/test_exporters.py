@@ -26,6 +26,7 @@ from scenewright.dataset.batch.scenes import list_scenes
 from scenewright.errors import InputError
 from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
 from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.record import SceneRecord
 from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
 from scenewright.tools.exporters.exported_scene import wrap_angles
 from scenewright.tools.exporters.opendrive import Road, make_roads, write_opendrive
@@ -664,3 +665,63 @@ def test_verify_finds_the_tracks_in_an_exported_folder(name: str, tmp_path: Path
         pytest.importorskip(package)
     scenewright.export(make_record(), name, tmp_path)
     assert list_scene_files(str(tmp_path)) == list(tmp_path.glob(READ_BACK[name]))
+
+
+def _start_later(record: SceneRecord, skipped: dict[int, int]) -> ExportedScene:
+    """The scene with agents at time 0 where they were some samples later."""
+    agents = tuple(
+        each.model_copy(update={
+            "spawn_time": 0.0, "trajectory": each.trajectory[skipped[each.id]:],
+            "heading": each.heading[skipped[each.id]:],
+        }) if each.id in skipped else each
+        for each in record.agents
+    )  # fmt: skip
+    return prepare_scene(
+        record.model_copy(update={"agents": agents}), make_scene().intersection_map
+    )
+
+
+def test_openscenario_in_routes_puts_an_agent_on_its_lane_where_lanes_overlap() -> None:
+    scene = _start_later(make_record(), {3: 50})
+    files = write_scene(scene, "openscenario", form="reactive")
+    root = ElementTree.fromstring(files["hand_made_1.xosc"])
+    names = {
+        each.get("id"): each.get("name")
+        for each in ElementTree.fromstring(files["hand_made_1.xodr"]).iterfind("road")
+    }
+    truck = root.find(".//Private[@entityRef='vehicle-2']//TeleportAction/Position/LanePosition")
+    assert truck is not None
+    assert (names[truck.get("roadId")], truck.get("laneId")) == ("east>west", "-1")
+    # Its middle is at x = 9, its axle 0.3 of 8.5 m behind that, the junction begins at 15.
+    assert float(truck.get("s", 0)) == pytest.approx(15.0 - 9.0 - 2.55, abs=0.01)
+    assert float(truck.get("offset", 9)) == pytest.approx(0.0, abs=0.05)
+    assert float(truck.find("Orientation").get("h", 0)) == pytest.approx(0.01, abs=1e-3)
+    # The axle of who enters at the edge of the map is not on its lane yet.
+    car = root.find(".//Private[@entityRef='vehicle-1']//TeleportAction/Position/WorldPosition")
+    assert float(car.get("y", 0)) == pytest.approx(-49.0 - 0.3 * 4.6)
+    replay = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
+    assert not list(replay.iter("LanePosition"))
+
+
+def test_openscenario_in_routes_declares_what_can_vary() -> None:
+    record = make_record()
+    late = record.agents[2].model_copy(update={"role": "foreground"})
+    changed = record.model_copy(update={"agents": (*record.agents[:2], late)})
+    scene = prepare_scene(changed, make_scene().intersection_map)
+    files = write_scene(scene, "openscenario", form="reactive")
+    root = ElementTree.fromstring(files["hand_made_1.xosc"])
+    declared = {
+        each.get("name"): each.get("value")
+        for each in root.iterfind("ParameterDeclarations/ParameterDeclaration")
+    }
+    assert declared == {
+        "speed_vehicle_1": "1.0", "speed_pedestrian_1": "1.0", "speed_vehicle_2": "1.0",
+        "start_vehicle_2": "2.0",
+    }  # fmt: skip
+    entries = list(root.find(".//Event[@name='speed vehicle-1']").iter("SpeedProfileEntry"))
+    assert {each.get("speed") for each in entries} == {"${10.0 * $speed_vehicle_1}"}
+    assert sum(float(each.get("time", 0)) for each in entries) == pytest.approx(4.0)
+    enters = root.find(".//Event[@name='enter vehicle-2']//SimulationTimeCondition")
+    assert enters.get("value") == "$start_vehicle_2"
+    replay = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
+    assert list(replay.find("ParameterDeclarations")) == []
