@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from scenewright.scene.map import Crosswalk, IntersectionMap
+from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.lanes import find_neighbours, list_predecessors, number_lanes
+from scenewright.tools.exporters.lanes import (
+    find_crosswalk_edges,
+    find_neighbours,
+    list_points,
+    list_predecessors,
+    number_lanes,
+)
 
 WINDOW, OBSERVED, EVENT = 110, 50, 80
 """Steps of a scenario of the dataset, how many are observed, and where a window has its event."""
@@ -102,8 +107,8 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
             "id": numbers[each.id],
             "is_intersection": each.kind == "connector",
             "lane_type": "VEHICLE",
-            "left_lane_boundary": _list_points(each.left),
-            "right_lane_boundary": _list_points(each.right),
+            "left_lane_boundary": list_points(each.left),
+            "right_lane_boundary": list_points(each.right),
             "left_lane_mark_type": "UNKNOWN",
             "right_lane_mark_type": "UNKNOWN",
             "predecessors": [numbers[name] for name in before[each.id]],
@@ -115,24 +120,15 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
         if each.id in numbers
     ]
     first = len(numbers) + 1
-    crossings = [_describe_crossing(c, first + k) for k, c in enumerate(intersection.crosswalks)]
+    edges = [map(list_points, find_crosswalk_edges(each)) for each in intersection.crosswalks]
+    crossings = [
+        {"id": first + k, "edge1": left, "edge2": right} for k, (left, right) in enumerate(edges)
+    ]
     first += len(crossings)
-    areas = [{"id": first + k, "area_boundary": _list_points(area.exterior)}
+    areas = [{"id": first + k, "area_boundary": list_points(area.exterior)}
              for k, area in enumerate(intersection.road)]  # fmt: skip
     return {
         "pedestrian_crossings": {str(each["id"]): each for each in crossings},
         "lane_segments": {str(each["id"]): each for each in lanes},
         "drivable_areas": {str(each["id"]): each for each in areas},
     }
-
-
-def _describe_crossing(crosswalk: Crosswalk, number: int) -> dict[str, Any]:
-    ends = np.array(crosswalk.centreline)
-    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    aside = crosswalk.width / 2 * np.array([-along[1], along[0]])
-    edges = {"edge1": (ends + aside).tolist(), "edge2": (ends - aside).tolist()}
-    return {"id": number} | {name: _list_points(edge) for name, edge in edges.items()}
-
-
-def _list_points(points: Sequence[Sequence[float]]) -> list[dict[str, float]]:
-    return [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]

@@ -14,7 +14,12 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import Crosswalk, Lanelet
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.lanes import Side, find_neighbours, list_predecessors
+from scenewright.tools.exporters.lanes import (
+    Side,
+    find_crosswalk_edges,
+    find_neighbours,
+    list_predecessors,
+)
 from scenewright.tools.exporters.xml_writing import add, format_value, write_bytes
 
 LANELETS, LIGHTS, JUNCTION, PROBLEM = 10_001, 20_001, 30_001, 40_001
@@ -112,12 +117,10 @@ def _add_rules(
 def _add_crossing(
     root: _Element, crosswalk: Crosswalk, number: int, lights: dict[str, int]
 ) -> None:
-    ends = np.array(crosswalk.centreline)
-    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    aside = crosswalk.width / 2 * np.array([-along[1], along[0]])
+    left, right = find_crosswalk_edges(crosswalk)
     element = add(root, "lanelet", id=number)
-    _add_points(add(element, "leftBound"), ends + aside)
-    _add_points(add(element, "rightBound"), ends - aside)
+    _add_points(add(element, "leftBound"), left)
+    _add_points(add(element, "rightBound"), right)
     _add_text(element, "laneletType", "crosswalk")
     _add_text(element, "userBidirectional", "pedestrian")
     if crosswalk.id in lights:

@@ -7,9 +7,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
-
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.lanes import find_light_places
 from scenewright.tools.exporters.mcap_writing import Topic, write_mcap
 
 FRAME = "map"
@@ -102,10 +101,7 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, A
 
 def _list_lights(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, Any]]]:
     """Every light when it changes, over the middle of its stop line or crosswalk."""
-    places = {each.id: np.mean(each.line, axis=0) for each in scene.intersection_map.stop_lines}
-    places |= {
-        each.id: np.mean(each.centreline, axis=0) for each in scene.intersection_map.crosswalks
-    }
+    places = find_light_places(scene.intersection_map)
     for name, colours in scene.list_colours().items():
         for k, colour in enumerate(colours):
             if name in places and (k == 0 or colour != colours[k - 1]):

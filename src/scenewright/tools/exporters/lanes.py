@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
 
-from scenewright.scene.map import IntersectionMap
+from scenewright.scene.base import FloatArray
+from scenewright.scene.map import Crosswalk, IntersectionMap
 
 BESIDE = 0.3
 """How far apart the ends of the edges of two lanes beside one another may lie [m]."""
@@ -45,3 +47,23 @@ def find_neighbours(intersection: IntersectionMap) -> dict[tuple[str, Side], tup
         if name != other and (along if same else against)[i, j]:
             found[name, side] = other, same
     return found
+
+
+def find_crosswalk_edges(crosswalk: Crosswalk) -> FloatArray:
+    """[2, 2, 2] the left and the right edge of a crosswalk, along its centreline [m]."""
+    ends = np.array(crosswalk.centreline)
+    ahead = ends[1] - ends[0]
+    aside = np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
+    return np.stack([ends + crosswalk.width / 2 * aside, ends - crosswalk.width / 2 * aside])
+
+
+def list_points(points: Iterable[Sequence[float]]) -> list[dict[str, float]]:
+    """Points in the plane [m] as records of motion datasets have them."""
+    return [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]
+
+
+def find_light_places(intersection: IntersectionMap) -> dict[str, FloatArray]:
+    """[2] the middle of every stop line and crosswalk by its id [m]."""
+    lines = {each.id: each.line for each in intersection.stop_lines}
+    lines |= {each.id: each.centreline for each in intersection.crosswalks}
+    return {name: np.asarray(np.mean(line, axis=0)) for name, line in lines.items()}

@@ -6,10 +6,8 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-
-from scenewright.scene.map import Crosswalk, StopLine
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.lanes import find_light_places
 from scenewright.tools.exporters.mcap_writing import Topic, write_mcap
 from scenewright.tools.exporters.opendrive import number_signals, write_opendrive
 from scenewright.tools.track_io.osi import PACKAGE, SCHEMA, load_osi_classes
@@ -106,20 +104,15 @@ def _describe_lights(
     scene: ExportedScene, colours: Mapping[str, Any], k: int
 ) -> list[dict[str, Any]]:
     """Every light at a step, at the middle of its stop line or crosswalk, 3 m up."""
-    ids = number_signals(scene.intersection_map)
-    marks: list[StopLine | Crosswalk] = [
-        *scene.intersection_map.stop_lines, *scene.intersection_map.crosswalks,
-    ]  # fmt: skip
-    lights = []
-    for mark in marks:
-        if mark.id in ids and mark.id in colours:
-            ends = mark.line if isinstance(mark, StopLine) else mark.centreline
-            colour = colours[mark.id][k]
+    ids, lights = number_signals(scene.intersection_map), []
+    for name, place in find_light_places(scene.intersection_map).items():
+        if name in ids and name in colours:
+            colour = colours[name][k]
             lights.append({
-                "id": {"value": FIRST_LIGHT + ids[mark.id]},
+                "id": {"value": FIRST_LIGHT + ids[name]},
                 "base": {
                     "dimension": {"length": 0.3, "width": 0.3, "height": 0.9},
-                    "position": _build_point(np.mean(ends, axis=0), 3.0),
+                    "position": _build_point(place, 3.0),
                     "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": 0.0},
                 },
                 "classification": {

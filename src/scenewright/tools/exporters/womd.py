@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.lanes import list_predecessors, number_lanes
+from scenewright.tools.exporters.lanes import list_points, list_predecessors, number_lanes
 from scenewright.tools.exporters.womd_example import (
     find_current_step,
     is_predicted,
@@ -80,7 +79,7 @@ def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
             "lane": {
                 "speed_limit_mph": each.speed_limit / MPH,
                 "type": _SURFACE_STREET,
-                "polyline": _list_points(each.centreline),
+                "polyline": list_points(each.centreline),
                 "entry_lanes": [numbers[name] for name in before[each.id]],
                 "exit_lanes": [numbers[name] for name in each.successors],
             },
@@ -90,10 +89,10 @@ def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
     ]
     rings = [ring for area in intersection.road for ring in (area.exterior, *area.holes)]
     areas: list[dict[str, Any]] = [
-        {"road_edge": {"type": _BOUNDARY, "polyline": _list_points((*ring, ring[0]))}}
+        {"road_edge": {"type": _BOUNDARY, "polyline": list_points((*ring, ring[0]))}}
         for ring in rings
     ]
-    areas += [{"crosswalk": {"polygon": _list_points(c.polygon)}} for c in intersection.crosswalks]
+    areas += [{"crosswalk": {"polygon": list_points(c.polygon)}} for c in intersection.crosswalks]
     return features + [{"id": len(numbers) + k, **each} for k, each in enumerate(areas, start=1)]
 
 
@@ -113,14 +112,10 @@ def _describe_lights(scene: ExportedScene) -> list[dict[str, Any]]:
                 {
                     "lane": numbers[lane],
                     "state": _STATES[colours[line][k]],
-                    "stop_point": _list_points([ends[lane]])[0],
+                    "stop_point": list_points([ends[lane]])[0],
                 }
                 for lane, line in lanes
             ]
         }
         for k in range(scene.steps)
     ]
-
-
-def _list_points(points: Sequence[Sequence[float]]) -> list[dict[str, float]]:
-    return [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]
