@@ -63,6 +63,7 @@ class Consumer:
         format: it is asked with; suffix, prefix: of the file named after the scene.
         tolerance: of positions [m].
         finds: what its own test finds: every `pair`, the `ego`'s first crash, or `nothing`.
+        form: in which the scenes are written; None is the usual one.
         squares: whether pedestrians, which are discs to us, are squares to it, whose corners touch
             where the discs do not.
     """
@@ -72,6 +73,7 @@ class Consumer:
     prefix: str = ""
     tolerance: float = 1e-3
     finds: str = "pair"
+    form: str | None = None
     squares: bool = False
 
 
@@ -80,7 +82,7 @@ CONSUMERS = {
     "commonroad": Consumer("commonroad", ".cr.xml"),
     "metadrive": Consumer("scenarionet", ".pkl", "sd_scenewright_1_", finds="ego"),
     "omega-prime": Consumer("osi", ".mcap", squares=True),
-    "av2": Consumer("argoverse2", ".parquet", "{0}/scenario_", finds="nothing"),
+    "av2": Consumer("argoverse2", ".parquet", "{0}/scenario_", finds="nothing", form="whole"),
 }
 _SCRIPTS = {name: each.format for name, each in CONSUMERS.items()}
 
@@ -95,7 +97,7 @@ def test_a_consumer_finds_exactly_our_collisions(
     name: str, records: list[SceneRecord], tmp_path: Path
 ) -> None:
     consumer, python = CONSUMERS[name], _find_interpreter(name)
-    scenewright.export(records, consumer.format, tmp_path)
+    scenewright.export(records, consumer.format, tmp_path, form=consumer.form)
     questions = [_describe(record, consumer, tmp_path) for record in records]
     answer = _ask(python, _SCRIPTS[name], questions)
     pairs = list(zip(records, answer["scenes"], strict=True))

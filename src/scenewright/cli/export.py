@@ -16,7 +16,7 @@ To = Annotated[
 ]
 Form = Annotated[
     str | None,
-    typer.Option(help="Form, of formats with several: replay, reactive; whole, window, example."),
+    typer.Option(help="Form, of formats with several: replay, reactive; window, whole, example."),
 ]
 Ego = Annotated[
     str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")

@@ -66,7 +66,7 @@ def check_paths(
 
 
 def list_scene_files(path: str) -> list[Path]:
-    """The file itself; the scene of a folder; all scenes of the folders in it; or all tracks in it.
+    """The file itself; the scene of a folder; all scenes of the folders in it; or its tracks.
 
     Raises:
         InputError: there is none, or the file is of another format.
@@ -82,7 +82,8 @@ def list_scene_files(path: str) -> list[Path]:
     if not place.is_dir() or (place / "scene.json").exists():
         return [place]
     inside = [file.parent for file in sorted(place.glob("*/scene.json"))]
-    inside = inside or [each for each in sorted(place.iterdir()) if _has_tracks(each)]
+    for pattern in ("*", "*/*"):  # Argoverse 2 has a folder per scenario
+        inside = inside or [each for each in sorted(place.glob(pattern)) if _has_tracks(each)]
     if not inside:
         raise InputError(
             f"{path}: no scene.json in this folder or in the folders in it, and no tracks"
@@ -123,9 +124,10 @@ def _list_unchecked(path: Path) -> tuple[str, ...]:
 
 def _has_tracks(path: Path) -> bool:
     """Whether a file of that name holds tracks."""
-    from scenewright.tools.track_io.simulator_files import find_reader
+    from scenewright.tools.track_io.simulator_files import DATABASE_FILES, find_reader
 
-    return path.suffix.lower() in TRACKS or find_reader(path.name) is not None
+    named = path.suffix.lower() in TRACKS or find_reader(path.name) is not None
+    return named and path.name not in DATABASE_FILES
 
 
 def _describe_fault(error: Exception) -> str:

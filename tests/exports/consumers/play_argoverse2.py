@@ -20,10 +20,10 @@ def play(question: dict[str, Any]) -> dict[str, Any]:
     file = Path(question["file"])
     scenario = load_argoverse_scenario_parquet(file)
     chart = ArgoverseStaticMap.from_json(next(file.parent.glob("log_map_archive_*.json")))
-    tracks = {int(track.track_id): track for track in scenario.tracks}
+    tracks = {track.track_id: track for track in scenario.tracks}
     worst = 0.0
     for agent in question["agents"].values():
-        states = tracks[agent["id"]].object_states
+        states = tracks.get(str(agent["id"]), tracks["AV"]).object_states
         there = np.array([state.position for state in states])
         times = scenario.timestamps_ns[[state.timestep for state in states]] * 1e-9
         worst = max(worst, float(np.abs(there - np.array(agent["xy"])).max()))

@@ -19,7 +19,11 @@ def play(question: dict[str, Any]) -> dict[str, Any]:
     """Pairs and times of first contact, and how far the positions are from the scene's [m]."""
     scenario, _ = CommonRoadFileReader(question["file"]).open()
     numbers = {agent["id"]: name for name, agent in question["agents"].items()}
-    obstacles = {numbers[each.obstacle_id]: each for each in scenario.dynamic_obstacles}
+    obstacles = {
+        numbers[each.obstacle_id]: each
+        for each in scenario.dynamic_obstacles
+        if each.obstacle_id in numbers  # a door is an obstacle, too
+    }
     worst = 0.0
     for name, agent in question["agents"].items():
         first = round(agent["t"][0] / scenario.dt)

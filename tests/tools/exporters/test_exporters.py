@@ -8,6 +8,8 @@ import math
 import pickle
 import sys
 from collections import Counter
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,16 +20,19 @@ import pytest
 import scenewright
 from exported_scenes import CONTACT, make_record, make_scene
 from scenewright.cli.main import main
+from scenewright.cli.verify import list_scene_files
 from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.scenes import list_scenes
 from scenewright.errors import InputError
 from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
 from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.record import SceneRecord
 from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
 from scenewright.tools.exporters.exported_scene import wrap_angles
-from scenewright.tools.exporters.opendrive import write_opendrive
+from scenewright.tools.exporters.opendrive import Road, make_roads, write_opendrive
 from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
 from scenewright.tools.track_io.external_tracks import read_external_recordings
+from scenewright.tools.track_io.osi import load_osi_classes
 from scenewright.tools.track_io.scenarionet import load_arrays
 from scenewright.tools.track_io.tfrecord import compute_masked_crc, read_records, write_records
 from scenewright.tools.track_io.womd import load_scenario_class, read_womd
@@ -73,7 +78,8 @@ READ_BACK = {
 def test_what_is_written_shows_the_verifier_the_same(name: str, tmp_path: Path) -> None:
     for package in FORMATS[name].packages:
         pytest.importorskip(package)
-    scenewright.export(make_record(), name, tmp_path)
+    form = "whole" if "whole" in FORMATS[name].forms else None
+    scenewright.export(make_record(), name, tmp_path, form=form)
     (file,) = tmp_path.glob(READ_BACK[name])
     tracks = load_tracks(file)
     (event,) = [each for each in verify_tracks(tracks) if each.type == "collision"]
@@ -94,12 +100,17 @@ def test_trajnet_frames_are_steps_with_a_sample_every_fourth() -> None:
     tracks = [row["track"] for row in rows if "track" in row]
     late = [(row["f"], row["x"]) for row in tracks if row["p"] == 3]
     assert late[:2] == [(20, 49.0), (24, pytest.approx(49.0 - 3.2))]
+    # Both whose tracks the collision ends after 11 samples are to be predicted.
+    scenes = [(row["scene"]["p"], row["scene"]["s"], row["scene"]["e"]) for row in rows[:2]]
+    assert scenes == [(1, 0, 40), (2, 0, 40)]
 
 
 def test_fcd_has_fronts_and_angles_clockwise_from_north() -> None:
     (text,) = write_scene(make_scene(), "fcd").values()
     first = ElementTree.fromstring(text)[0]
     assert [each.tag for each in first] == ["vehicle", "person"]
+    later = ElementTree.fromstring(text)[30]
+    assert [each.tag for each in later] == ["vehicle", "vehicle", "person"]  # as SUMO's schema
     assert float(first[0].attrib["y"]) == pytest.approx(-49.0 + 2.3)
     assert float(first[0].attrib["angle"]) == pytest.approx(0.0)
     assert float(first[1].attrib["angle"]) == pytest.approx(270.0)
@@ -216,33 +227,53 @@ def test_openscenario_in_routes_names_lanes_that_lead_into_one_another() -> None
     assert sorted(gone) == ["leave pedestrian-1", "leave vehicle-1", "leave vehicle-2"]
 
 
-def test_opendrive_lanes_end_where_the_next_begin() -> None:
-    """As the lanelets' own edges do: where the width changes, they are up to 10 cm apart."""
-    root = ElementTree.fromstring(write_opendrive(make_scene().intersection_map))
-    ends = {road.get("id"): _ends(road) for road in root.iterfind("road")}
-    links = [
-        (connection.get("incomingRoad"), connection.get("connectingRoad"))
-        for connection in root.iterfind("junction/connection")
-    ]
-    assert len(links) == 14
-    for before, after in links:
-        assert ends[before][1] == pytest.approx(ends[after][0], abs=0.11)
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_opendrive_lanes_end_where_the_next_begin(left_hand: bool) -> None:
+    """Both edges do, although the lanelets' own are up to 10 cm apart where the width changes."""
+    plan = make_scene().intersection_map
+    if left_hand:
+        mirrored = [
+            each.model_copy(update={
+                name: tuple((-x, y) for x, y in getattr(each, other))
+                for name, other in (("left", "right"), ("right", "left"))
+            })
+            for each in plan.lanelets
+        ]  # fmt: skip
+        plan = plan.model_copy(update={"lanelets": tuple(mirrored), "left_hand_traffic": True})
+    roads = make_roads(plan)
+    joints = [(road, roads[name]) for road in roads.values() for name in road.lanelet.successors]
+    assert len(joints) == 28
+    for before, after in joints:
+        assert _find_edges(before, -1) == pytest.approx(_find_edges(after, 0), abs=1e-9)
+    root = ElementTree.fromstring(write_opendrive(plan))
     lights = [each.get("id") for each in root.iterfind("road/signals/signal")]
     assert sorted(lights, key=int) == [str(n) for n in range(1, 9)]
 
 
-def _ends(road: ElementTree.Element) -> tuple[list[float], list[float]]:
-    """First and last point of a road's reference line."""
-    pieces = list(road.iterfind("planView/geometry"))
-    first, last = (
-        {k: float(v) for k, v in each.attrib.items()} for each in (pieces[0], pieces[-1])
-    )
-    curve = pieces[-1].find("paramPoly3")
-    u, v = last["length"], 0.0
-    if curve is not None:
-        u, v = (sum(float(curve.attrib[f"{n}{axis}"]) for n in "abcd") for axis in "UV")
-    c, s = math.cos(last["hdg"]), math.sin(last["hdg"])
-    return [first["x"], first["y"]], [last["x"] + c * u - s * v, last["y"] + s * u + c * v]
+def _find_edges(road: Road, k: int) -> np.ndarray:
+    """[2, 2] where the edges of the lane lie at a point of the road."""
+    left = np.array([-road.tangents[k][1], road.tangents[k][0]])
+    return np.stack([road.line[k], road.line[k] + road.lane * road.width[k] * left])
+
+
+def test_opendrive_pieces_are_as_long_as_they_say_and_no_width_is_said_twice() -> None:
+    root = ElementTree.fromstring(write_opendrive(make_scene().intersection_map))
+    p = np.linspace(0.0, 1.0, 2001)
+    for road in root.iterfind("road"):
+        pieces = list(road.iterfind("planView/geometry"))
+        length, (*_, last) = float(road.get("length", 0)), pieces
+        assert float(last.get("s", 0)) + float(last.get("length", 0)) == pytest.approx(length)
+        for piece in pieces:
+            curve = piece.find("paramPoly3")
+            if curve is not None:
+                u, v = (
+                    sum(float(curve.attrib[f"{n}{axis}"]) * p**k for k, n in enumerate("abcd"))
+                    for axis in "UV"
+                )
+                drawn = np.hypot(np.diff(u), np.diff(v)).sum()
+                assert float(piece.get("length", 0)) == pytest.approx(drawn, abs=1e-4)
+        slopes = [float(each.get("b", 0)) for each in road.iter("width")]
+        assert all(a != pytest.approx(b, abs=1e-7) for a, b in pairwise(slopes))
 
 
 def test_scenarionet_begins_at_the_ego_which_goes_on_after_a_collision() -> None:
@@ -294,17 +325,142 @@ def example_without(record: bytes, name: str) -> bytes:
     return bytes(load_example_class()(features={"feature": kept}).SerializeToString())
 
 
-@pytest.mark.parametrize("name", ["womd", "argoverse2"])
-def test_a_window_is_as_long_as_the_dataset_has_it(name: str, tmp_path: Path) -> None:
-    scenewright.export(make_record(), name, tmp_path, form="window")
-    (file,) = tmp_path.glob(READ_BACK[name])
-    ends = max(user.track.end for user in load_tracks(file).users)
-    assert ends == pytest.approx(8.0)  # the late vehicle's end; 9.1 and 11 s are asked for
-    if name == "womd":
-        (record,) = read_records(file.read_bytes(), name="it")
-        scenario = load_scenario_class().FromString(record)
-        assert [len(track.states) for track in scenario.tracks] == [91] * 3
-        assert list(scenario.objects_of_interest) == [1, 2]
+@pytest.mark.parametrize(("ego", "late"), [(None, 0), ("vehicle-2", 0), (None, 80), (None, 300)])
+def test_the_usual_womd_record_has_91_steps_and_an_ego_to_predict(
+    ego: str | None, late: int
+) -> None:
+    (content,) = write_scene(_delay(late, ego), "womd").values()
+    (record,) = read_records(content, name="it")
+    scenario = load_scenario_class().FromString(record)
+    now = scenario.current_time_index
+    assert (len(scenario.timestamps_seconds), now) == (91, 10)
+    assert {len(track.states) for track in scenario.tracks} == {91}
+    driven = scenario.tracks[scenario.sdc_track_index]
+    assert driven.id == (3 if ego else 1)
+    assert driven.states[now].valid
+    predicted = [scenario.tracks[each.track_index] for each in scenario.tracks_to_predict]
+    assert driven.id in {track.id for track in predicted}
+    assert all(track.states[now].valid for track in predicted)
+    car = next(track for track in scenario.tracks if track.id == 1)
+    last = max(k for k, state in enumerate(car.states) if state.valid)
+    assert last > now  # what happens is in the future
+
+
+def test_a_whole_womd_record_is_now_when_its_ego_is_there() -> None:
+    (content,) = write_scene(_delay(80), "womd", form="whole").values()
+    scenario = load_scenario_class().FromString(*read_records(content, name="it"))
+    assert scenario.current_time_index == 80
+    assert scenario.tracks[0].states[80].valid
+    assert [each.track_index for each in scenario.tracks_to_predict] == [0, 1]
+
+
+@pytest.mark.parametrize(("ego", "late"), [(None, 0), ("vehicle-2", 0), (None, 80), (None, 300)])
+def test_the_usual_argoverse_scenario_has_110_steps_an_av_and_a_focal_track(
+    ego: str | None, late: int
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    content = next(iter(write_scene(_delay(late, ego), "argoverse2").values()))
+    rows = parquet.read_table(io.BytesIO(content)).to_pylist()
+    assert {row["num_timestamps"] for row in rows} == {110}
+    assert max(row["timestep"] for row in rows) < 110
+    (focal,) = {row["focal_track_id"] for row in rows}
+    assert focal == ("AV" if ego else "2")  # whom the ego hits; vehicle-2 meets nobody
+    assert {row["track_id"] for row in rows if row["object_category"] == 3} == {focal}
+    last = {row["track_id"]: row["position_y"] for row in rows if row["timestep"] == 49}
+    assert {"AV", focal} <= last.keys()
+    assert [row["observed"] for row in rows] == [row["timestep"] < 50 for row in rows]
+
+
+def _delay(steps: int, ego: str | None = None) -> ExportedScene:
+    """The scene with everything so much later."""
+    record = make_record()
+    by = steps / 10
+    agents = [a.model_copy(update={"spawn_time": a.spawn_time + by}) for a in record.agents]
+    events = [e.model_copy(update={"time": (e.time or 0.0) + by}) for e in record.events]
+    meta = record.meta.model_copy(update={"duration": record.meta.duration + by})
+    later = record.model_copy(
+        update={"meta": meta, "agents": tuple(agents), "events": tuple(events), "signals": ()}
+    )
+    return prepare_scene(later, make_scene().intersection_map, ego=ego)
+
+
+def test_an_ego_that_nobody_named_and_that_is_not_there_gives_way_to_one_that_is() -> None:
+    record = make_record()
+    early = record.agents[2].model_copy(update={"id": 0, "role": "foreground", "spawn_time": 0.0})
+    agents = (early, *record.agents[:2])
+    scene = prepare_scene(
+        record.model_copy(update={"agents": agents}), make_scene().intersection_map
+    )
+    assert scene.ego.id == 0
+    assert scene.cut_window(91, now=10, event=60).ego.id == 0  # it is there at 4 s
+    gone = replace(scene.agents[0], xy=scene.agents[0].xy[:20])
+    left = replace(scene, agents=(gone, *scene.agents[1:]), ego=gone)
+    assert left.cut_window(91, now=10, event=60).ego.id == 1
+    named = replace(left, ego_named=True).cut_window(91, now=10, event=60)
+    assert named.ego.id == 0
+    assert named.ego.first <= 10 <= named.ego.last
+
+
+def test_a_door_is_there_from_when_it_opens(tmp_path: Path) -> None:
+    door = {"id": "object-1-door", "kind": "door", "length": 0.95, "width": 0.12, "since": 2.45,
+            "height": "high", "x": 20.0, "y": -4.0, "heading": 0.0}  # fmt: skip
+    objects = (ObjectRecord.model_validate(door),)
+    record = make_record().model_copy(update={"objects": objects})
+    scene = prepare_scene(record, make_scene().intersection_map)
+    (door,) = scene.objects
+    assert (door.first, door.last) == (25, 100)
+    root = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
+    placed = {each.get("entityRef") for each in root.iterfind(".//Init/Actions/Private")}
+    assert "object-1-door" not in placed
+    enters = root.find(".//Event[@name='enter object-1-door']")
+    assert enters.find(".//AddEntityAction/Position") is not None
+    assert enters.find(".//SimulationTimeCondition").get("value") == "2.5"
+    (text,) = write_scene(scene, "commonroad").values()
+    obstacle = ElementTree.fromstring(text).find("dynamicObstacle[@id='4']")
+    assert obstacle.findtext("initialState/time/exact") == "25"
+    assert len(obstacle.findall("trajectory/state")) == 75
+    (content,) = write_scene(scene, "womd", form="whole").values()
+    scenario = load_scenario_class().FromString(*read_records(content, name="it"))
+    assert [s.valid for s in scenario.tracks[3].states] == [k >= 25 for k in range(101)]
+    (content,) = write_scene(scene, "scenarionet").values()
+    valid = load_arrays(content, name="it")["tracks"]["4"]["state"]["valid"]
+    assert valid.tolist() == [k >= 25 for k in range(101)]
+    truths = _read_truths(scene)
+    assert [len(each.stationary_object) for each in truths] == [0] * 25 + [1] * 76
+
+
+def _read_mcap(scene: ExportedScene, name: str) -> list[tuple[str, int, bytes]]:
+    """Topic, time [ns] and content of every message of the scene in a format."""
+    reader = pytest.importorskip("mcap.reader")
+    (content,) = write_scene(scene, name).values()
+    found = reader.make_reader(io.BytesIO(content), validate_crcs=True).iter_messages()
+    return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
+
+
+def _read_truths(scene: ExportedScene) -> list[Any]:
+    truth = load_osi_classes()["GroundTruth"]
+    found = _read_mcap(scene, "osi")
+    return [truth.FromString(content) for topic, _, content in found if topic == "ground_truth"]
+
+
+def test_osi_names_roles_and_a_parked_truck_as_what_they_are() -> None:
+    record = make_record()
+    kinds = ("fire_engine", None, "bus")
+    agents = tuple(
+        a.model_copy(update={"subtype": kind}) for a, kind in zip(record.agents, kinds, strict=True)
+    )
+    places = {"height": "high", "x": 20.0, "y": -4.0, "heading": 0.0}
+    parked = {"id": "object-1", "kind": "parked", "subtype": "truck", "length": 8.5, "width": 2.5}
+    objects = (ObjectRecord.model_validate(parked | places),)
+    changed = record.model_copy(update={"agents": agents, "objects": objects})
+    moving = _read_truths(prepare_scene(changed, make_scene().intersection_map))[30].moving_object
+    about = {m.id.value: (m.vehicle_classification.type, m.vehicle_classification.role)
+             for m in moving if m.HasField("vehicle_classification")}  # fmt: skip
+    # HEAVY_TRUCK in ROLE_FIRE, BUS in ROLE_PUBLIC_TRANSPORT, HEAVY_TRUCK in ROLE_CIVIL.
+    assert about == {1: (7, 4), 3: (12, 6), 4: (7, 2)}
+    assert {m.base.velocity.x for m in moving if m.id.value == 4} == {0.0}
+    car = _read_truths(make_scene())[0].moving_object[0].vehicle_classification
+    assert (car.type, car.role) == (4, 2)
 
 
 def test_tfrecords_have_the_checksum_of_the_standard() -> None:
@@ -327,16 +483,23 @@ def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_foxglove_boxes_are_as_large_as_the_agents() -> None:
-    reader = pytest.importorskip("mcap.reader")
-    (content,) = write_scene(make_scene(), "foxglove").values()
-    found = list(reader.make_reader(io.BytesIO(content), validate_crcs=True).iter_messages())
-    topics = Counter(channel.topic for _, channel, _ in found)
-    assert topics == {"/map": 1, "/agents": 101, "/events": 1}
+    found = _read_mcap(make_scene(), "foxglove")
+    topics = Counter(topic for topic, _, _ in found)
+    assert topics == {"/map": 1, "/agents": 101, "/events": 1, "/lights": 2}
+    lights = [
+        (time, *json.loads(content)["entities"]) for topic, time, content in found
+        if topic == "/lights"
+    ]  # fmt: skip
+    assert [(time, each["id"]) for time, each in lights] == [
+        (0, "south:stop"), (6 * 10**9 , "south:stop"),
+    ]  # fmt: skip
+    green, red = (each["spheres"][0]["color"] for _, each in lights)
+    assert green["g"] > green["r"]
+    assert red["r"] > red["g"]
     boxes = {
-        message.log_time: json.loads(message.data)["entities"]
-        for _, channel, message in found
-        if channel.topic == "/agents"
-    }
+        time: json.loads(content)["entities"] for topic, time, content in found
+        if topic == "/agents"
+    }  # fmt: skip
     (walker,) = [each for each in boxes[10**9] if each["id"] == "pedestrian-1"]
     assert walker["cubes"][0]["pose"]["position"]["x"] == pytest.approx(8.0)
     assert [each["id"] for each in boxes[8 * 10**9]] == ["vehicle-2"]
@@ -438,3 +601,127 @@ def test_a_scene_without_agents_is_refused() -> None:
     empty = make_record().model_copy(update={"agents": ()})
     with pytest.raises(InputError, match="no agents"):
         prepare_scene(empty, make_scene().intersection_map)
+
+
+def test_lanes_know_which_lanes_are_beside_them() -> None:
+    (text,) = write_scene(make_scene(), "commonroad").values()
+    root = ElementTree.fromstring(text)
+    names = [each.id for each in make_scene().intersection_map.lanelets]
+    lanelets = dict(zip(names, root.iterfind("lanelet"), strict=False))
+    numbers = {each.get("id"): name for name, each in lanelets.items()}
+    beside = {
+        name: [
+            (each.tag, numbers[each.get("ref", "")], each.get("drivingDir"))
+            for each in lanelet
+            if each.tag.startswith("adjacent")
+        ]
+        for name, lanelet in lanelets.items()
+    }
+    assert beside["south:approach:inner"] == [
+        ("adjacentLeft", "south:exit:inner", "opposite"),
+        ("adjacentRight", "south:approach:outer", "same"),
+    ]
+    assert beside["south>north:outer"] == [("adjacentLeft", "south>north:inner", "same")]
+    assert beside["south>east:outer"] == []
+    # The schema takes no offset of 0 in the cycle of a light.
+    assert root.find("trafficLight/cycle") is not None
+    assert root.find("trafficLight/cycle/timeOffset") is None
+    pytest.importorskip("pyarrow")
+    files = write_scene(make_scene(), "argoverse2")
+    chart = json.loads(next(v for k, v in files.items() if k.endswith(".json")))
+    lanes = chart["lane_segments"]
+    pairs = {(each["id"], each["right_neighbor_id"]) for each in lanes.values()} - {
+        (each["id"], None) for each in lanes.values()
+    }
+    assert len(pairs) == 6  # two lanes each on two approaches, two exits, two ways straight on
+    assert {(lanes[str(b)]["left_neighbor_id"], b) for _, b in pairs} == pairs
+
+
+def test_foxglove_says_what_is_in_its_messages() -> None:
+    reader = pytest.importorskip("mcap.reader")
+    (content,) = write_scene(make_scene(), "foxglove").values()
+    found = list(reader.make_reader(io.BytesIO(content)).iter_messages())
+    assert {schema.name for schema, _, _ in found} == {"foxglove.SceneUpdate", "foxglove.Log"}
+    for schema, _, message in found:
+        _check_shape(json.loads(message.data), json.loads(schema.data))
+
+
+def _check_shape(value: Any, schema: dict[str, Any]) -> None:
+    """That a value has all and only the fields of a JSON schema, and their types."""
+    types = {"number": (int, float), "integer": int, "string": str, "boolean": bool,
+             "array": list, "object": dict}  # fmt: skip
+    assert isinstance(value, types[schema["type"]])
+    if schema["type"] == "object":
+        assert value.keys() == schema["properties"].keys()
+        for name, part in schema["properties"].items():
+            _check_shape(value[name], part)
+    for each in value if schema["type"] == "array" else ():
+        _check_shape(each, schema["items"])
+
+
+@pytest.mark.parametrize("name", READ_BACK)
+def test_verify_finds_the_tracks_in_an_exported_folder(name: str, tmp_path: Path) -> None:
+    for package in FORMATS[name].packages:
+        pytest.importorskip(package)
+    scenewright.export(make_record(), name, tmp_path)
+    assert list_scene_files(str(tmp_path)) == list(tmp_path.glob(READ_BACK[name]))
+
+
+def _start_later(record: SceneRecord, skipped: dict[int, int]) -> ExportedScene:
+    """The scene with agents at time 0 where they were some samples later."""
+    agents = tuple(
+        each.model_copy(update={
+            "spawn_time": 0.0, "trajectory": each.trajectory[skipped[each.id]:],
+            "heading": each.heading[skipped[each.id]:],
+        }) if each.id in skipped else each
+        for each in record.agents
+    )  # fmt: skip
+    return prepare_scene(
+        record.model_copy(update={"agents": agents}), make_scene().intersection_map
+    )
+
+
+def test_openscenario_in_routes_puts_an_agent_on_its_lane_where_lanes_overlap() -> None:
+    scene = _start_later(make_record(), {3: 50})
+    files = write_scene(scene, "openscenario", form="reactive")
+    root = ElementTree.fromstring(files["hand_made_1.xosc"])
+    names = {
+        each.get("id"): each.get("name")
+        for each in ElementTree.fromstring(files["hand_made_1.xodr"]).iterfind("road")
+    }
+    truck = root.find(".//Private[@entityRef='vehicle-2']//TeleportAction/Position/LanePosition")
+    assert truck is not None
+    assert (names[truck.get("roadId")], truck.get("laneId")) == ("east>west", "-1")
+    # Its middle is at x = 9, its axle 0.3 of 8.5 m behind that, the junction begins at 15.
+    assert float(truck.get("s", 0)) == pytest.approx(15.0 - 9.0 - 2.55, abs=0.01)
+    assert float(truck.get("offset", 9)) == pytest.approx(0.0, abs=0.05)
+    assert float(truck.find("Orientation").get("h", 0)) == pytest.approx(0.01, abs=1e-3)
+    # The axle of who enters at the edge of the map is not on its lane yet.
+    car = root.find(".//Private[@entityRef='vehicle-1']//TeleportAction/Position/WorldPosition")
+    assert float(car.get("y", 0)) == pytest.approx(-49.0 - 0.3 * 4.6)
+    replay = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
+    assert not list(replay.iter("LanePosition"))
+
+
+def test_openscenario_in_routes_declares_what_can_vary() -> None:
+    record = make_record()
+    late = record.agents[2].model_copy(update={"role": "foreground"})
+    changed = record.model_copy(update={"agents": (*record.agents[:2], late)})
+    scene = prepare_scene(changed, make_scene().intersection_map)
+    files = write_scene(scene, "openscenario", form="reactive")
+    root = ElementTree.fromstring(files["hand_made_1.xosc"])
+    declared = {
+        each.get("name"): each.get("value")
+        for each in root.iterfind("ParameterDeclarations/ParameterDeclaration")
+    }
+    assert declared == {
+        "speed_vehicle_1": "1.0", "speed_pedestrian_1": "1.0", "speed_vehicle_2": "1.0",
+        "start_vehicle_2": "2.0",
+    }  # fmt: skip
+    entries = list(root.find(".//Event[@name='speed vehicle-1']").iter("SpeedProfileEntry"))
+    assert {each.get("speed") for each in entries} == {"${10.0 * $speed_vehicle_1}"}
+    assert sum(float(each.get("time", 0)) for each in entries) == pytest.approx(4.0)
+    enters = root.find(".//Event[@name='enter vehicle-2']//SimulationTimeCondition")
+    assert enters.get("value") == "$start_vehicle_2"
+    replay = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
+    assert list(replay.find("ParameterDeclarations")) == []

@@ -7,25 +7,30 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
+from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.womd import number_lanes
+from scenewright.tools.exporters.lanes import (
+    find_crosswalk_edges,
+    find_neighbours,
+    list_points,
+    list_predecessors,
+    number_lanes,
+)
 
 WINDOW, OBSERVED, EVENT = 110, 50, 80
 """Steps of a scenario of the dataset, how many are observed, and where a window has its event."""
 FOCAL, SCORED, UNSCORED = 3, 2, 1
 
 
-def write_argoverse2(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]:
-    """The whole scene, or the 11 s of the dataset around the first event; the ego is focal."""
+def write_argoverse2(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
+    """The 11 s of the dataset around the event, or the whole scene; the ego is the track `AV`."""
     if form == "window":
-        scene = scene.cut(scene.find_event_step() - EVENT, WINDOW)
+        scene = scene.cut_window(WINDOW, now=OBSERVED - 1, event=EVENT)
     folder = scene.name
     chart = json.dumps(_describe_map(scene.intersection_map), separators=(",", ":"))
     return {
@@ -36,7 +41,8 @@ def write_argoverse2(scene: ExportedScene, *, form: str = "whole") -> dict[str, 
 
 def _write_tracks(scene: ExportedScene) -> bytes:
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    parts = [_describe_track(agent, scene) for agent in (*scene.agents, *scene.objects)]
+    focal = _find_focal(scene)
+    parts = [_describe_track(each, scene, focal) for each in (*scene.agents, *scene.objects)]
     columns: dict[str, Any] = {
         key: np.concatenate([part[key] for part in parts]) for key in parts[0]
     }
@@ -45,7 +51,7 @@ def _write_tracks(scene: ExportedScene) -> bytes:
         "start_timestamp": 0,
         "end_timestamp": round((scene.steps - 1) * scene.step * 1e9),
         "num_timestamps": scene.steps,
-        "focal_track_id": str(scene.ego.id),
+        "focal_track_id": _name_track(focal, scene),
         "city": scene.intersection_map.name,
         "map_id": scene.record.meta.map_id,
         "slice_id": scene.record.meta.scene_id,
@@ -57,14 +63,29 @@ def _write_tracks(scene: ExportedScene) -> bytes:
     return stream.getvalue()
 
 
-def _describe_track(agent: ExportedAgent, scene: ExportedScene) -> dict[str, Any]:
+def _find_focal(scene: ExportedScene) -> ExportedAgent:
+    """Whom the ego meets in an event, if it is there at the last observed step; else the ego."""
+    there = {a.id: a for a in scene.agents if a.first < OBSERVED <= a.last + 1}
+    pairs = [{event.from_, event.to} for event in scene.record.events]
+    met = [n for pair in pairs if scene.ego.id in pair for n in pair - {scene.ego.id}]
+    return next((there[n] for n in met if n in there), scene.ego)
+
+
+def _name_track(agent: ExportedAgent, scene: ExportedScene) -> str:
+    """The dataset's name for the recording vehicle, which is our ego; else the agent's number."""
+    return "AV" if agent.id == scene.ego.id else str(agent.id)
+
+
+def _describe_track(
+    agent: ExportedAgent, scene: ExportedScene, focal: ExportedAgent
+) -> dict[str, Any]:
     steps, count = agent.first + np.arange(len(agent.xy)), len(agent.xy)
     foreground = SCORED if agent.role == "foreground" else UNSCORED
     return {
         "observed": steps < OBSERVED,
-        "track_id": np.array([str(agent.id)] * count),
+        "track_id": np.array([_name_track(agent, scene)] * count),
         "object_type": np.array([agent.names.argoverse2] * count),
-        "object_category": np.full(count, FOCAL if agent.id == scene.ego.id else foreground),
+        "object_category": np.full(count, FOCAL if agent.id == focal.id else foreground),
         "timestep": steps,
         "position_x": agent.xy[:, 0],
         "position_y": agent.xy[:, 1],
@@ -79,46 +100,35 @@ def _describe_track(agent: ExportedAgent, scene: ExportedScene) -> dict[str, Any
 
 def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
     numbers = number_lanes(intersection)
-    lanes = [_describe_lane(each, intersection, numbers) for each in intersection.lanelets
-             if each.id in numbers]  # fmt: skip
+    before = list_predecessors(intersection)
+    beside = {edge: n for edge, (n, same) in find_neighbours(intersection).items() if same}
+    lanes = [
+        {
+            "id": numbers[each.id],
+            "is_intersection": each.kind == "connector",
+            "lane_type": "VEHICLE",
+            "left_lane_boundary": list_points(each.left),
+            "right_lane_boundary": list_points(each.right),
+            "left_lane_mark_type": "UNKNOWN",
+            "right_lane_mark_type": "UNKNOWN",
+            "predecessors": [numbers[name] for name in before[each.id]],
+            "successors": [numbers[name] for name in each.successors],
+            "left_neighbor_id": numbers.get(beside.get((each.id, "left"), "")),
+            "right_neighbor_id": numbers.get(beside.get((each.id, "right"), "")),
+        }
+        for each in intersection.lanelets
+        if each.id in numbers
+    ]
     first = len(numbers) + 1
-    crossings = [_describe_crossing(c, first + k) for k, c in enumerate(intersection.crosswalks)]
+    edges = [map(list_points, find_crosswalk_edges(each)) for each in intersection.crosswalks]
+    crossings = [
+        {"id": first + k, "edge1": left, "edge2": right} for k, (left, right) in enumerate(edges)
+    ]
     first += len(crossings)
-    areas = [{"id": first + k, "area_boundary": _list_points(area.exterior)}
+    areas = [{"id": first + k, "area_boundary": list_points(area.exterior)}
              for k, area in enumerate(intersection.road)]  # fmt: skip
     return {
         "pedestrian_crossings": {str(each["id"]): each for each in crossings},
         "lane_segments": {str(each["id"]): each for each in lanes},
         "drivable_areas": {str(each["id"]): each for each in areas},
     }
-
-
-def _describe_lane(
-    lanelet: Lanelet, intersection: IntersectionMap, numbers: dict[str, int]
-) -> dict[str, Any]:
-    before = [each.id for each in intersection.lanelets if lanelet.id in each.successors]
-    return {
-        "id": numbers[lanelet.id],
-        "is_intersection": lanelet.kind == "connector",
-        "lane_type": "VEHICLE",
-        "left_lane_boundary": _list_points(lanelet.left),
-        "right_lane_boundary": _list_points(lanelet.right),
-        "left_lane_mark_type": "UNKNOWN",
-        "right_lane_mark_type": "UNKNOWN",
-        "predecessors": [numbers[name] for name in before],
-        "successors": [numbers[name] for name in lanelet.successors],
-        "left_neighbor_id": None,
-        "right_neighbor_id": None,
-    }
-
-
-def _describe_crossing(crosswalk: Crosswalk, number: int) -> dict[str, Any]:
-    ends = np.array(crosswalk.centreline)
-    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    aside = crosswalk.width / 2 * np.array([-along[1], along[0]])
-    edges = {"edge1": (ends + aside).tolist(), "edge2": (ends - aside).tolist()}
-    return {"id": number} | {name: _list_points(edge) for name, edge in edges.items()}
-
-
-def _list_points(points: Sequence[Sequence[float]]) -> list[dict[str, float]]:
-    return [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]

@@ -14,6 +14,12 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import Crosswalk, Lanelet
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.lanes import (
+    Side,
+    find_crosswalk_edges,
+    find_neighbours,
+    list_predecessors,
+)
 from scenewright.tools.exporters.xml_writing import add, format_value, write_bytes
 
 LANELETS, LIGHTS, JUNCTION, PROBLEM = 10_001, 20_001, 30_001, 40_001
@@ -22,6 +28,7 @@ GOAL_TOLERANCE = 5.0
 """Length of the goal region [m]; its width is that of two lanes."""
 _KINDS = {"approach": "urban", "exit": "urban", "connector": "intersection", "parking": "parking"}
 _TURNS = {"right": "successorsRight", "straight": "successorsStraight", "left": "successorsLeft"}
+_ADJACENT: dict[Side, str] = {"left": "adjacentLeft", "right": "adjacentRight"}
 _Element = ElementTree.Element
 
 
@@ -69,8 +76,20 @@ def _add_map(root: _Element, scene: ExportedScene) -> None:
         each.id: LANELETS + len(lanelets) + k for k, each in enumerate(intersection.crosswalks)
     }
     lights = {name: LIGHTS + k for k, name in enumerate(scene.list_colours())}
+    before, beside = list_predecessors(intersection), find_neighbours(intersection)
     for lanelet in intersection.lanelets:
-        _add_lanelet(root, lanelet, lanelets, lights, scene)
+        element = add(root, "lanelet", id=lanelets[lanelet.id])
+        _add_points(add(element, "leftBound"), np.array(lanelet.left))
+        _add_points(add(element, "rightBound"), np.array(lanelet.right))
+        for name in before[lanelet.id]:
+            add(element, "predecessor", ref=lanelets[name])
+        for name in lanelet.successors:
+            add(element, "successor", ref=lanelets[name])
+        for side, tag in _ADJACENT.items():
+            if (lanelet.id, side) in beside:
+                name, same = beside[lanelet.id, side]
+                add(element, tag, ref=lanelets[name], drivingDir="same" if same else "opposite")
+        _add_rules(element, lanelet, lights, scene)
     for crosswalk in intersection.crosswalks:
         _add_crossing(root, crosswalk, crossings[crosswalk.id], lights)
     for name, colours in scene.list_colours().items():
@@ -78,21 +97,10 @@ def _add_map(root: _Element, scene: ExportedScene) -> None:
     _add_junction(root, scene, lanelets, crossings)
 
 
-def _add_lanelet(
-    root: _Element,
-    lanelet: Lanelet,
-    numbers: dict[str, int],
-    lights: dict[str, int],
-    scene: ExportedScene,
+def _add_rules(
+    element: _Element, lanelet: Lanelet, lights: dict[str, int], scene: ExportedScene
 ) -> None:
-    element = add(root, "lanelet", id=numbers[lanelet.id])
-    _add_points(add(element, "leftBound"), np.array(lanelet.left))
-    _add_points(add(element, "rightBound"), np.array(lanelet.right))
-    for other in scene.intersection_map.lanelets:
-        if lanelet.id in other.successors:
-            add(element, "predecessor", ref=numbers[other.id])
-    for name in lanelet.successors:
-        add(element, "successor", ref=numbers[name])
+    """Stop line, kind, users and lights of a lanelet."""
     lines = [s for s in scene.intersection_map.stop_lines if lanelet.id in s.lanelets]
     shown = [lights[line.id] for line in lines if line.id in lights]
     if lines:
@@ -109,12 +117,10 @@ def _add_lanelet(
 def _add_crossing(
     root: _Element, crosswalk: Crosswalk, number: int, lights: dict[str, int]
 ) -> None:
-    ends = np.array(crosswalk.centreline)
-    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    aside = crosswalk.width / 2 * np.array([-along[1], along[0]])
+    left, right = find_crosswalk_edges(crosswalk)
     element = add(root, "lanelet", id=number)
-    _add_points(add(element, "leftBound"), ends + aside)
-    _add_points(add(element, "rightBound"), ends - aside)
+    _add_points(add(element, "leftBound"), left)
+    _add_points(add(element, "rightBound"), right)
     _add_text(element, "laneletType", "crosswalk")
     _add_text(element, "userBidirectional", "pedestrian")
     if crosswalk.id in lights:
@@ -128,7 +134,6 @@ def _add_light(root: _Element, number: int, colours: list[str]) -> None:
         element = add(cycle, "cycleElement")
         _add_text(element, "duration", len(list(steps)))
         _add_text(element, "color", colour)
-    _add_text(cycle, "timeOffset", 0)
 
 
 def _add_junction(
@@ -158,7 +163,8 @@ def _add_junction(
 
 
 def _add_obstacle(root: _Element, agent: ExportedAgent) -> None:
-    stands = agent.role == "object"
+    """An agent or an object; what is there only later, as a door is, cannot be static."""
+    stands = agent.role == "object" and agent.first == 0
     element = add(root, "staticObstacle" if stands else "dynamicObstacle", id=agent.id)
     parked = stands and agent.names.is_vehicle
     _add_text(element, "type", "parkedVehicle" if parked else agent.names.commonroad)

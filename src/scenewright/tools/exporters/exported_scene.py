@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -69,14 +70,14 @@ class ExportedAgent:
     def build_from_object(
         cls, record: ObjectRecord, number: int, steps: int, step: float
     ) -> ExportedAgent:
-        """An object that stands where it is throughout."""
+        """An object that stands where it is, a door from when it is opened."""
         kind = find_kind(record.kind if record.kind in OBJECT_SIZES else "vehicle", record.subtype)
-        xy = np.tile([record.x, record.y], (steps, 1))
-        heading = wrap_angles(np.full(steps, record.heading))
+        xy, heading = np.array([[record.x, record.y]]), wrap_angles(np.array([record.heading]))
+        first = min(math.ceil((record.since or 0.0) / step - 1e-6), steps - 1)
         return cls(
             number, record.id, kind, "vehicle", "object", record.length, record.width, (),
-            0, step, xy, heading, np.zeros_like(xy),
-        )  # fmt: skip
+            first, step, xy, heading, np.zeros_like(xy),
+        ).hold(first, steps)  # fmt: skip
 
     @property
     def names(self) -> RoadUserNames:
@@ -133,11 +134,12 @@ class ExportedAgent:
             velocity=self.velocity[part],
         )  # fmt: skip
 
-    def hold(self, steps: int) -> ExportedAgent:
-        """Repeat a standing object for a number of steps."""
+    def hold(self, first: int, end: int) -> ExportedAgent:
+        """A standing object there from a step on and before another."""
+        count = end - first
         return replace(
-            self, xy=np.repeat(self.xy[:1], steps, axis=0),
-            heading=np.repeat(self.heading[:1], steps), velocity=np.zeros((steps, 2)),
+            self, first=first, xy=np.repeat(self.xy[:1], count, axis=0),
+            heading=np.repeat(self.heading[:1], count), velocity=np.zeros((count, 2)),
         )  # fmt: skip
 
     def continue_until(self, last: int) -> ExportedAgent:
@@ -214,28 +216,42 @@ class ExportedScene:
         return self.cut(self.ego.first, self.steps - self.ego.first)
 
     def cut(self, start: int, steps: int) -> ExportedScene:
-        """Cut the scene from a step on (0 if below), so many steps long; absent agents are dropped.
+        """Cut the scene from a step on, so many steps long, to where its ego is there.
 
-        Raises:
-            InputError: no agent is there, or a named ego is not.
+        Absent agents are dropped; before and after the scene only objects are there.
         """
-        start = max(start, 0)
         agents = tuple(
             a for a in (each.shift(start, steps) for each in self.agents) if a is not None
         )
-        there = [each for each in agents if each.id == self.ego.id]
-        if not agents or (self.ego_named and not there):
-            raise InputError(f"the ego of scene {self.name} is not there in the stretch cut out")
-        ego = there[0] if there else _find_ego(agents, None)
-        objects = tuple(each.hold(steps) for each in self.objects)
+        (ego,) = (each for each in agents if each.id == self.ego.id)
+        firsts = [max(each.first - start, 0) if each.first else 0 for each in self.objects]
+        rows = zip(self.objects, firsts, strict=True)
+        objects = tuple(each.hold(first, steps) for each, first in rows if first < steps)
         return replace(
             self, agents=agents, ego=ego, steps=steps, offset=self.offset + start, objects=objects
         )
 
+    def cut_window(self, steps: int, *, now: int, event: int) -> ExportedScene:
+        """Cut to so many steps, at step `now` of which the ego is there.
+
+        The event lies at step `event`, or later so that the window ends with the scene, or earlier
+        so that it begins when the ego enters, but after `now`; steps before the scene are empty.
+        An ego that nobody named and that is not there just before the event gives way to an agent
+        that is; of a named one the event may lie outside.
+        """
+        ego, at = self.ego, self.find_event_step()
+        there = tuple(a for a in self.agents if a.first < at <= a.last + 1)
+        if there and not self.ego_named:
+            ego = ego if ego in there else _find_ego(there, None)
+        at = min(max(at, ego.first + 1), ego.last + 1)
+        start = max(min(at - event, self.steps - steps), min(ego.first, at - now - 1))
+        return replace(self, ego=ego).cut(start, steps)
+
     def find_event_step(self) -> int:
-        """Step of the first event; the middle of the scene where there is none."""
-        times = [event.time for event in self.record.events if event.time is not None]
-        return round(min(times) / self.step) if times else self.steps // 2
+        """Step of the first collision, else of the first event, else the middle of the scene."""
+        events = [each for each in self.record.events if each.time is not None]
+        first = min(events, key=lambda each: (each.type != "collision", each.time), default=None)
+        return self.steps // 2 if first is None else round((first.time or 0.0) / self.step)
 
     def list_event_agents(self) -> list[int]:
         """Ids of the agents of the events that are in the scene, in order of the events."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-import numpy as np
-
 from scenewright.geometry.geographic import LatLon, unproject_mercator
-from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.base import Point
 from scenewright.scene.map import IntersectionMap
+from scenewright.tools.exporters.lanes import find_crosswalk_edges
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 NOWHERE: LatLon = (0.0, 0.0)
@@ -35,21 +34,12 @@ def write_lanelet2(intersection_map: IntersectionMap, origin: LatLon | None) -> 
             tags["name"] = roads[lanelet.leg]
         writer.add_lanelet(lanelet.left, lanelet.right, tags)
     for crosswalk in intersection_map.crosswalks:
-        aside = _measure_aside(crosswalk.centreline, crosswalk.width)
-        left, right = ([_move(p, by) for p in crosswalk.centreline] for by in (aside, -aside))
+        left, right = (
+            [(x, y) for x, y in edge] for edge in find_crosswalk_edges(crosswalk).tolist()
+        )
         tags = {"type": "lanelet", "subtype": "crosswalk", "participant:pedestrian": "yes"}
         writer.add_lanelet(left, right, tags)
     return write_bytes(writer.finish())
-
-
-def _measure_aside(line: tuple[Point, Point], width: float) -> FloatArray:
-    """[2] from a line to the edge on its left [m]."""
-    ahead = np.subtract(line[1], line[0])
-    return np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9) * width / 2
-
-
-def _move(point: Point, by: FloatArray) -> Point:
-    return float(point[0] + by[0]), float(point[1] + by[1])
 
 
 class _Writer:

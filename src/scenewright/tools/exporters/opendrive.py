@@ -20,6 +20,7 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, SignalGroup, StopLine
+from scenewright.tools.exporters.lanes import Side, list_predecessors, number_lanes
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 JUNCTION = 1000
@@ -28,6 +29,10 @@ VEHICLE_LIGHT, PEDESTRIAN_LIGHT = "1000001", "1000002"
 """Types of signals in the catalogue of OpenDRIVE."""
 _STATIONS = 24
 """Points at which the curve of a bent lanelet and its width are given."""
+_NODES = 8
+"""At which the speed of a cubic is taken for its length."""
+_SAME_SLOPE = 1e-6
+"""Changes of a width's slope up to here are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,7 @@ class Road:
 
     Attributes:
         line: [P, 2] reference line; width: [P] of the lane at its points [m]; lane: its number.
+        tangents: [P, 2] unit direction at each point.
     """
 
     number: int
@@ -43,17 +49,27 @@ class Road:
     line: FloatArray
     width: FloatArray
     lane: int
+    tangents: FloatArray
+
+    @cached_property
+    def cubics(self) -> FloatArray:
+        """[P - 1, 2, 3] of each piece the coefficients b, c, d along and across its beginning."""
+        ahead, chords = self.tangents[:-1], np.diff(self.line, axis=0)
+        left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+        turn = np.stack([ahead, left], axis=1)
+        lengths = np.hypot(*chords.T)[:, None]
+        chord = np.einsum("nij,nj->ni", turn, chords)
+        end = np.einsum("nij,nj->ni", turn, self.tangents[1:]) * lengths
+        slope = lengths * [1.0, 0.0]
+        return np.stack([slope, 3 * chord - 2 * slope - end, slope + end - 2 * chord], axis=2)
 
     @cached_property
     def s(self) -> FloatArray:
-        """[P] arc length at the points of the reference line [m]."""
-        return measure_arc_lengths(self.line)
-
-    @cached_property
-    def tangents(self) -> FloatArray:
-        """[P, 2] unit direction at each point."""
-        slope = np.gradient(self.line, self.s, axis=0)
-        return np.asarray(slope / np.hypot(*slope.T)[:, None])
+        """[P] length of the curve up to the points of the reference line [m]."""
+        at, weights = np.polynomial.legendre.leggauss(_NODES)
+        p = (at + 1.0) / 2
+        speeds = np.hypot(*np.moveaxis(self.cubics @ [p**0, 2 * p, 3 * p**2], 1, 0))
+        return np.concatenate([[0.0], (speeds @ weights / 2).cumsum()])
 
     def locate(self, point: Point) -> tuple[float, float, float]:
         """Where a point lies: s, t and the road's heading there."""
@@ -94,18 +110,55 @@ def number_signals(intersection_map: IntersectionMap) -> dict[str, int]:
 def make_roads(intersection_map: IntersectionMap) -> dict[str, Road]:
     """The roads of a map by the ids of their lanelets."""
     lanelets = [each for each in intersection_map.lanelets if each.kind != "parking"]
-    return {
-        each.id: _make_road(number, each, intersection_map.left_hand_traffic)
-        for number, each in enumerate(lanelets, start=1)
-    }
+    before, lane = list_predecessors(intersection_map), -1
+    sides: tuple[Side, Side] = ("left", "right")
+    if intersection_map.left_hand_traffic:
+        sides, lane = ("right", "left"), 1
+    numbers = number_lanes(intersection_map)
+    roads: dict[str, Road] = {}
+    for each in sorted(lanelets, key=lambda one: one.kind == "connector"):
+        count = 2 if len(each.left) == len(each.right) == 2 else _STATIONS
+        line, other = (
+            resample_to_count(drop_doubled_points(np.array(getattr(each, side))), count)
+            for side in sides
+        )
+        start = next((roads[name] for name in before[each.id] if name in roads), None)
+        end = next((roads[name] for name in each.successors if name in roads), None)
+        roads[each.id] = _make_road(numbers[each.id], each, line, other, lane, start, end)
+    return {each.id: roads[each.id] for each in lanelets}
 
 
-def _make_road(number: int, lanelet: Lanelet, left_hand: bool) -> Road:
-    near, far = (lanelet.right, lanelet.left) if left_hand else (lanelet.left, lanelet.right)
-    count = 2 if len(near) == len(far) == 2 else _STATIONS
-    line = resample_to_count(drop_doubled_points(np.array(near)), count)
-    other = resample_to_count(drop_doubled_points(np.array(far)), count)
-    return Road(number, lanelet, line, np.hypot(*(other - line).T), 1 if left_hand else -1)
+def _make_road(
+    number: int,
+    lanelet: Lanelet,
+    line: FloatArray,
+    other: FloatArray,
+    lane: int,
+    start: Road | None,
+    end: Road | None,
+) -> Road:
+    """A road that begins where another one ends, and ends where a third begins, without a gap.
+
+    Args:
+        line, other: [P, 2] its edges [m].
+    """
+    width = np.hypot(*(other - line).T)
+    arc = measure_arc_lengths(line)
+    share = arc / arc[-1]
+    if start is not None:
+        line = line + np.outer(1.0 - share, start.line[-1] - line[0])
+        width = width + (1.0 - share) * (start.width[-1] - width[0])
+    if end is not None:
+        line = line + np.outer(share, end.line[0] - line[-1])
+        width = width + share * (end.width[0] - width[-1])
+    slope = np.gradient(
+        line, measure_arc_lengths(line), axis=0, edge_order=2 if len(line) > 2 else 1
+    )
+    tangents = slope / np.hypot(*slope.T)[:, None]
+    if len(line) > 2:
+        tangents[0] = tangents[0] if start is None else start.tangents[-1]
+        tangents[-1] = tangents[-1] if end is None else end.tangents[0]
+    return Road(number, lanelet, line, width, lane, tangents)
 
 
 def _add_road(
@@ -144,17 +197,9 @@ def _add_plan(element: ElementTree.Element, road: Road) -> None:
         if len(road.line) == 2:
             add(piece, "line")
             continue
-        turn = np.array([[tangent[0], tangent[1]], [-tangent[1], tangent[0]]])
-        chord = turn @ (road.line[k + 1] - road.line[k])
-        end = turn @ road.tangents[k + 1] * length
-        u, v = (_fit_cubic(chord[axis], (length, 0.0)[axis], end[axis]) for axis in (0, 1))
+        u, v = road.cubics[k].tolist()
         add(piece, "paramPoly3", aU=0.0, bU=u[0], cU=u[1], dU=u[2],
             aV=0.0, bV=v[0], cV=v[1], dV=v[2], pRange="normalized")  # fmt: skip
-
-
-def _fit_cubic(end: float, slope: float, end_slope: float) -> tuple[float, float, float]:
-    """Coefficients b, c, d of the cubic from 0 to `end` over [0, 1] with these slopes."""
-    return float(slope), float(3 * end - 2 * slope - end_slope), float(slope + end_slope - 2 * end)
 
 
 def _add_lane(
@@ -175,9 +220,9 @@ def _add_lane(
     for tag, others in (("predecessor", before), ("successor", after)):
         if others:
             add(link, tag, id=number)
-    for k in range(len(road.s) - 1):
-        slope = (road.width[k + 1] - road.width[k]) / (road.s[k + 1] - road.s[k])
-        add(lane, "width", sOffset=float(road.s[k]), a=float(road.width[k]), b=float(slope),
+    slopes = np.diff(road.width) / np.diff(road.s)
+    for k in np.flatnonzero(np.abs(np.diff(slopes, prepend=np.inf)) > _SAME_SLOPE).tolist():
+        add(lane, "width", sOffset=float(road.s[k]), a=float(road.width[k]), b=float(slopes[k]),
             c=0.0, d=0.0)  # fmt: skip
 
 

@@ -8,6 +8,7 @@ enters after it, it sets off when the ego gets where it was at that moment.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -18,11 +19,11 @@ import numpy as np
 
 from scenewright.geometry.polyline import drop_doubled_points, resample_by_spacing
 from scenewright.scene.base import FloatArray
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene, wrap_angles
 from scenewright.tools.exporters.opendrive import Road, make_roads, number_signals, write_opendrive
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
-LINE_SPACING, SPEED_SPACING = 2.0, 1.0
+LINE_SPACING, SPEED_SPACING = 2.0, 0.5
 """Between the points of a line without times [m], and between entries of a speed profile [s]."""
 OFF_LANES = 3.0
 """Who is further than this from the middle of all lanes of its route does not drive on them [m]."""
@@ -34,8 +35,8 @@ TRIGGER_RADIUS = 2.0
 """How near the ego comes to the place that sets another agent off [m]."""
 
 _Element = ElementTree.Element
-_Place = tuple[str, FloatArray]
-"""The ego's name and a point that it is to reach."""
+_Starter = tuple[str, FloatArray] | float | str
+"""The ego's name and a point that it is to reach; or a time [s], or the parameter that holds it."""
 _Roads = Mapping[str, Road]
 _Way = list[tuple[Road, float]]
 """Places on the lanes that one drives on: the road and the distance along it [m]."""
@@ -57,7 +58,9 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
     clock = f"2000-01-01T{scene.record.meta.time_of_day}:00"
     add(root, "FileHeader", revMajor=1, revMinor=2, date=clock, author="scenewright",
         description=scene.record.meta.user_prompt)  # fmt: skip
-    add(root, "ParameterDeclarations")
+    parameters = add(root, "ParameterDeclarations")
+    for name, value in _list_parameters(scene).items() if form == "reactive" else ():
+        add(parameters, "ParameterDeclaration", name=name, parameterType="double", value=value)
     add(root, "CatalogLocations")
     _add_road_network(root, scene)
     entities = add(root, "Entities")
@@ -68,6 +71,28 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
         f"{scene.name}.xosc": write_bytes(root),
         f"{scene.name}.xodr": write_opendrive(scene.intersection_map),
     }
+
+
+def _list_parameters(scene: ExportedScene) -> dict[str, float]:
+    """What can vary of the foreground: a factor of speeds, and who enters by the clock when [s]."""
+    users = [agent for agent in scene.agents if agent.role == "foreground"]
+    found = {_name_parameter("speed", agent): 1.0 for agent in users}
+    late = [
+        each for each in users if each.first > 0 and isinstance(_find_starter(each, scene), str)
+    ]
+    return found | {_name_parameter("start", each): float(each.times[0]) for each in late}
+
+
+def _name_parameter(what: str, agent: ExportedAgent) -> str:
+    return f"{what}_{re.sub(r'[^A-Za-z0-9]', '_', agent.name)}"
+
+
+def _scale_speed(agent: ExportedAgent, k: int, form: str) -> float | str:
+    """The speed at a sample [m/s], of who matters in routes times its parameter."""
+    speed = round(float(agent.speed[k]), 3)
+    if form == "replay" or agent.role != "foreground":
+        return speed
+    return f"${{{speed} * ${_name_parameter('speed', agent)}}}"
 
 
 def _refer_to_axle(agent: ExportedAgent) -> ExportedAgent:
@@ -133,77 +158,107 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str, clock: str)
     roads = make_roads(scene.intersection_map)
     for agent in scene.agents:
         left_alone = scene.ego_named and agent.id == scene.ego.id
+        way = _find_way(agent, scene, roads) if left_alone or form == "reactive" else []
         if agent.first == 0:
-            _add_start(actions, agent, _find_way(agent, scene, roads) if left_alone else None)
+            start = _add_start(actions, agent, way, form)
+            if left_alone:
+                _add_way(add(start, "PrivateAction"), agent, way)
         if not left_alone:
-            _add_maneuvers(act, agent, scene, form, roads)
+            _add_maneuvers(act, agent, scene, form, way)
     for standing in scene.objects:
-        _add_start(actions, standing, None)
+        if standing.first == 0:
+            _add_start(actions, standing, [], form)
+        else:
+            _add_maneuver(act, standing, float(standing.times[0]), [])
     _add_time_trigger(add(act, "StartTrigger"), 0.0)
     end = round((scene.steps - 1) * scene.step, 3)
     _add_time_trigger(add(board, "StopTrigger"), end)
 
 
-def _add_start(actions: _Element, agent: ExportedAgent, way: _Way | None) -> None:
-    """Place and speed at time 0; of an ego that is left alone the route as well."""
+def _add_start(actions: _Element, agent: ExportedAgent, way: _Way, form: str) -> _Element:
+    """Place and speed at time 0; the element."""
     private = add(actions, "Private", entityRef=agent.name)
-    teleport = add(add(private, "PrivateAction"), "TeleportAction")
-    _add_position(teleport, agent.xy[0], float(agent.heading[0]))
-    _add_speed(add(private, "PrivateAction"), float(agent.speed[0]))
-    if way is not None:
-        _add_way(add(private, "PrivateAction"), agent, way)
+    _add_place(add(add(private, "PrivateAction"), "TeleportAction"), agent, way)
+    change = add(add(add(private, "PrivateAction"), "LongitudinalAction"), "SpeedAction")
+    add(change, "SpeedActionDynamics", dynamicsShape="step", dynamicsDimension="time", value=0.0)
+    speed = _scale_speed(agent, 0, form)
+    add(add(change, "SpeedActionTarget"), "AbsoluteTargetSpeed", value=speed)
+    return private
+
+
+def _add_place(parent: _Element, agent: ExportedAgent, way: _Way) -> None:
+    """Where an agent is first: on its lane, as lanes overlap in the junction, or in the world.
+
+    Who enters at the map's edge has its axle before its lane begins.
+    """
+    (x, y), road = agent.xy[0].tolist(), way[0][0] if way else None
+    s, t, ahead = (0.0, 0.0, 0.0) if road is None else road.locate((x, y))
+    if road is None or not 0.0 < s < road.s[-1]:
+        _add_position(parent, agent.xy[0], float(agent.heading[0]))
+        return
+    middle = road.lane * float(np.interp(s, road.s, road.width)) / 2
+    place = add(add(parent, "Position"), "LanePosition", roadId=road.number, laneId=road.lane,
+                s=s, offset=t - middle)  # fmt: skip
+    turn = float(wrap_angles(agent.heading[:1] - ahead)[0])
+    add(place, "Orientation", type="relative", h=turn, p=0.0, r=0.0)
 
 
 def _add_maneuvers(
-    act: _Element, agent: ExportedAgent, scene: ExportedScene, form: str, roads: _Roads
+    act: _Element, agent: ExportedAgent, scene: ExportedScene, form: str, way: _Way
 ) -> None:
-    name = agent.name
-    group = add(act, "ManeuverGroup", name=f"group {name}", maximumExecutionCount=1)
-    actors = add(group, "Actors", selectTriggeringEntities=False)
-    add(actors, "EntityRef", entityRef=name)
-    maneuver = add(group, "Maneuver", name=f"maneuver {name}")
-    starter = None if form == "replay" else _find_starter(agent, scene)
-    if agent.first > 0:
-        event = _add_event(maneuver, f"enter {name}", agent, starter)
-        entity = add(add(event, "GlobalAction"), "EntityAction", entityRef=name)
-        _add_position(add(entity, "AddEntityAction"), agent.xy[0], float(agent.heading[0]))
+    name, enters = agent.name, float(agent.times[0])
+    starter = enters if form == "replay" else _find_starter(agent, scene)
+    maneuver = _add_maneuver(act, agent, starter, way if form == "reactive" else [])
     if form == "replay":
-        event = _add_event(maneuver, f"follow {name}", agent, None)
+        event = _add_event(maneuver, f"follow {name}", enters)
         held = agent.id in scene.collided
         _add_trajectory(add(event, "PrivateAction"), agent, held=held)
         if agent.id not in scene.collided and agent.last < scene.steps - 1:
             gone = round(float(agent.times[-1]) + agent.step, 3)
             _add_time_trigger(_add_removal(maneuver, agent), gone)
     else:
-        event = _add_event(maneuver, f"drive {name}", agent, starter)
-        way = _find_way(agent, scene, roads)
+        event = _add_event(maneuver, f"drive {name}", starter)
         _add_way(add(event, "PrivateAction"), agent, way)
-        event = _add_event(maneuver, f"speed {name}", agent, starter)
+        event = _add_event(maneuver, f"speed {name}", starter)
         _add_speed_profile(add(event, "PrivateAction"), agent, scene)
         end = _resample(agent)[-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
         _add_place_trigger(_add_removal(maneuver, agent), agent.name, end)
 
 
-def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Place | None:
-    """Where the ego was when its partner in an event entered; None: it starts by the clock."""
+def _add_maneuver(act: _Element, agent: ExportedAgent, starter: _Starter, way: _Way) -> _Element:
+    """The place of an agent's events, of which the first adds it if it is there only later."""
+    name = agent.name
+    group = add(act, "ManeuverGroup", name=f"group {name}", maximumExecutionCount=1)
+    actors = add(group, "Actors", selectTriggeringEntities=False)
+    add(actors, "EntityRef", entityRef=name)
+    maneuver = add(group, "Maneuver", name=f"maneuver {name}")
+    if agent.first > 0:
+        event = _add_event(maneuver, f"enter {name}", starter)
+        entity = add(add(event, "GlobalAction"), "EntityAction", entityRef=name)
+        _add_place(add(entity, "AddEntityAction"), agent, way)
+    return maneuver
+
+
+def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Starter:
+    """Where the ego was when its partner in an event entered; others start by the clock."""
     pairs = [{event.from_, event.to} for event in scene.record.events]
     k = agent.first - scene.ego.first
-    if {agent.id, scene.ego.id} not in pairs or not 0 < k < len(scene.ego.xy):
-        return None
-    return scene.ego.name, np.asarray(scene.ego.xy[k])
+    if {agent.id, scene.ego.id} in pairs and 0 < k < len(scene.ego.xy):
+        return scene.ego.name, np.asarray(scene.ego.xy[k])
+    if agent.role == "foreground" and agent.first > 0:
+        return f"${_name_parameter('start', agent)}"
+    return float(agent.times[0])
 
 
-def _add_event(
-    maneuver: _Element, name: str, agent: ExportedAgent, starter: _Place | None
-) -> _Element:
-    """An event with one action, triggered when the agent enters; its action."""
+def _add_event(maneuver: _Element, name: str, starter: _Starter) -> _Element:
+    """An event with one action, triggered when an agent enters; its action."""
     event = add(maneuver, "Event", name=name, priority="parallel", maximumExecutionCount=1)
     action = add(event, "Action", name=f"action {name}")
     trigger = add(event, "StartTrigger")
-    if starter is None:
-        _add_time_trigger(trigger, float(agent.times[0]))
-    else:
+    if isinstance(starter, tuple):
         _add_place_trigger(trigger, *starter)
+    else:
+        _add_time_trigger(trigger, starter)
     return action
 
 
@@ -315,18 +370,13 @@ def _add_line(action: _Element, agent: ExportedAgent) -> None:
 
 
 def _add_speed_profile(action: _Element, agent: ExportedAgent, scene: ExportedScene) -> None:
-    """The agent's speed every second; after a collision's end of a track its last speed stays."""
+    """The agent's speed every half second and at last, which stays after a track's end."""
     profile = add(add(action, "LongitudinalAction"), "SpeedProfileAction", followingMode="follow")
     stride = max(round(SPEED_SPACING / scene.step), 1)
-    for k in range(0, len(agent.xy), stride):
-        wait = 0.0 if k == 0 else stride * scene.step
-        add(profile, "SpeedProfileEntry", speed=round(float(agent.speed[k]), 3), time=wait)
-
-
-def _add_speed(action: _Element, speed: float) -> None:
-    change = add(add(action, "LongitudinalAction"), "SpeedAction")
-    add(change, "SpeedActionDynamics", dynamicsShape="step", dynamicsDimension="time", value=0.0)
-    add(add(change, "SpeedActionTarget"), "AbsoluteTargetSpeed", value=round(speed, 3))
+    last = len(agent.xy) - 1
+    for k in sorted({*range(0, last, stride), last}):
+        wait = round(min(k, (k - 1) % stride + 1) * scene.step, 3)
+        add(profile, "SpeedProfileEntry", speed=_scale_speed(agent, k, "reactive"), time=wait)
 
 
 def _add_position(parent: _Element, xy: FloatArray, heading: float | None) -> None:
@@ -335,8 +385,10 @@ def _add_position(parent: _Element, xy: FloatArray, heading: float | None) -> No
     add(place, "WorldPosition", x=float(xy[0]), y=float(xy[1]), z=0.0, **more)
 
 
-def _add_time_trigger(trigger: _Element, time: float) -> None:
-    condition = _add_condition(trigger, f"at {time:g} s")
+def _add_time_trigger(trigger: _Element, time: float | str) -> None:
+    condition = _add_condition(
+        trigger, "at its time" if isinstance(time, str) else f"at {time:g} s"
+    )
     value = add(condition, "ByValueCondition")
     add(value, "SimulationTimeCondition", value=time, rule="greaterOrEqual")
 

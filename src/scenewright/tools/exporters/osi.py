@@ -6,10 +6,8 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-
-from scenewright.scene.map import Crosswalk, StopLine
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.lanes import find_light_places
 from scenewright.tools.exporters.mcap_writing import Topic, write_mcap
 from scenewright.tools.exporters.opendrive import number_signals, write_opendrive
 from scenewright.tools.track_io.osi import PACKAGE, SCHEMA, load_osi_classes
@@ -19,7 +17,11 @@ VERSION = {"version_major": 3, "version_minor": 7, "version_patch": 0}
 FIRST_LIGHT = 1_000_000
 """Ids of lights begin here; below are agents."""
 _COLOURS = {"red": 2, "yellow": 3, "green": 4}
-_CONSTANT, _OFF, _NO_ICON, _CIVIL = 3, 2, 2, 4
+_CONSTANT, _OFF, _NO_ICON = 3, 2, 2
+_CIVIL, _ROLES = 2, {"emergency": 1, "ambulance": 3, "fire_engine": 4, "police_car": 5, "bus": 6}
+"""Roles of vehicles: civil, and by kind those that serve the public (1 is another one)."""
+_OTHER = 1
+"""Kind of a box, a bin, a container or a door: none that OSI names."""
 _TRACE = "net.asam.osi.trace"
 
 
@@ -52,15 +54,23 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[Topic, int, bytes]]:
     )
     yield chart, 0, roads.SerializeToString(deterministic=True)
     colours = scene.list_colours()
+    users = [*scene.agents, *scene.objects]
     for k, time in enumerate(scene.times.tolist()):
         nanos = round(time * 1e9)
+        there = [each for each in users if each.first <= k <= each.last]
         message = load_osi_classes()["GroundTruth"](
             version=VERSION,
             timestamp={"seconds": nanos // 10**9, "nanos": nanos % 10**9},
-            moving_object=[
-                _describe_agent(a, k - a.first) for a in scene.agents if a.first <= k <= a.last
+            moving_object=[_describe_user(a, k - a.first) for a in there if a.names.osi[0]],
+            stationary_object=[
+                {
+                    "id": {"value": each.id},
+                    "base": _describe_box(each, k - each.first),
+                    "classification": {"type": _OTHER},
+                }
+                for each in there
+                if not each.names.osi[0]
             ],
-            stationary_object=[_describe_object(each) for each in scene.objects],
             traffic_light=_describe_lights(scene, colours, k),
             map_reference=scene.intersection_map.name,
             **({"host_vehicle_id": {"value": scene.ego.id}} if scene.ego_named else {}),
@@ -68,53 +78,41 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[Topic, int, bytes]]:
         yield truth, nanos, message.SerializeToString(deterministic=True)
 
 
-def _describe_agent(agent: ExportedAgent, k: int) -> dict[str, Any]:
+def _describe_user(agent: ExportedAgent, k: int) -> dict[str, Any]:
+    """Who moves or could move, as a parked vehicle could."""
     kind, subtype = agent.names.osi
-    base = {
-        "dimension": {
-            "length": agent.length, "width": agent.width, "height": agent.height,
-        },
-        "position": _build_point(agent.xy[k], agent.height / 2),
-        "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[k])},
+    base = _describe_box(agent, k) | {
         "velocity": _build_point(agent.velocity[k], 0.0),
         "acceleration": _build_point(agent.acceleration[k], 0.0),
-    }  # fmt: skip
+    }
     thing = {"id": {"value": agent.id}, "base": base, "type": kind}
     if agent.names.is_vehicle:
-        thing["vehicle_classification"] = {"type": subtype, "role": _CIVIL}
+        role = _ROLES.get(agent.kind, _CIVIL)
+        thing["vehicle_classification"] = {"type": subtype, "role": role}
     return thing
 
 
-def _describe_object(agent: ExportedAgent) -> dict[str, Any]:
-    """A parked vehicle or another object, as of another kind than OSI names (1)."""
-    base = {
-        "dimension": {
-            "length": agent.length, "width": agent.width, "height": agent.height,
-        },
-        "position": _build_point(agent.xy[0], agent.height / 2),
-        "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[0])},
-    }  # fmt: skip
-    return {"id": {"value": agent.id}, "base": base, "classification": {"type": 1}}
+def _describe_box(agent: ExportedAgent, k: int) -> dict[str, Any]:
+    return {
+        "dimension": {"length": agent.length, "width": agent.width, "height": agent.height},
+        "position": _build_point(agent.xy[k], agent.height / 2),
+        "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[k])},
+    }
 
 
 def _describe_lights(
     scene: ExportedScene, colours: Mapping[str, Any], k: int
 ) -> list[dict[str, Any]]:
     """Every light at a step, at the middle of its stop line or crosswalk, 3 m up."""
-    ids = number_signals(scene.intersection_map)
-    marks: list[StopLine | Crosswalk] = [
-        *scene.intersection_map.stop_lines, *scene.intersection_map.crosswalks,
-    ]  # fmt: skip
-    lights = []
-    for mark in marks:
-        if mark.id in ids and mark.id in colours:
-            ends = mark.line if isinstance(mark, StopLine) else mark.centreline
-            colour = colours[mark.id][k]
+    ids, lights = number_signals(scene.intersection_map), []
+    for name, place in find_light_places(scene.intersection_map).items():
+        if name in ids and name in colours:
+            colour = colours[name][k]
             lights.append({
-                "id": {"value": FIRST_LIGHT + ids[mark.id]},
+                "id": {"value": FIRST_LIGHT + ids[name]},
                 "base": {
                     "dimension": {"length": 0.3, "width": 0.3, "height": 0.9},
-                    "position": _build_point(np.mean(ends, axis=0), 3.0),
+                    "position": _build_point(place, 3.0),
                     "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": 0.0},
                 },
                 "classification": {

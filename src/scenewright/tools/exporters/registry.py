@@ -53,13 +53,13 @@ FORMATS: dict[str, Format] = {
     ),
     "commonroad": Format("CommonRoad XML 2020a", "commonroad", "write_commonroad"),
     "womd": Format(
-        "Waymo Motion records", "womd", "write_womd", forms=("whole", "window", "example")
+        "Waymo Motion records", "womd", "write_womd", forms=("window", "whole", "example")
     ),
     "argoverse2": Format(
         "Argoverse 2 Parquet and map JSON",
         "argoverse2",
         "write_argoverse2",
-        forms=("whole", "window"),
+        forms=("window", "whole"),
         packages=("pyarrow",),
     ),
     "osi": Format("ASAM OSI ground truth in MCAP", "osi", "write_osi", packages=("mcap",)),

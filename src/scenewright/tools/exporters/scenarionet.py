@@ -16,6 +16,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.lanes import list_predecessors
 
 DATASET, VERSION = "scenewright", "1"
 _LIGHTS = {"green": "GREEN", "yellow": "YELLOW", "red": "RED", None: "UNKNOWN"}
@@ -110,10 +111,7 @@ def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
 
 def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
     """Lanes with their neighbours along the way, crosswalks, and the edges of the road."""
-    before: dict[str, list[str]] = {each.id: [] for each in intersection.lanelets}
-    for lanelet in intersection.lanelets:
-        for name in lanelet.successors:
-            before[name].append(lanelet.id)
+    before = list_predecessors(intersection)
     features: dict[str, Any] = {}
     for lanelet in intersection.lanelets:
         if lanelet.kind != "parking":

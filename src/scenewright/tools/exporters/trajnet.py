@@ -18,8 +18,9 @@ from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedSc
 SAMPLE = 0.4
 """Between samples [s]."""
 FPS = 2.5
-LENGTH = 21
-"""Samples of a scene of the benchmark: 9 observed, 12 predicted."""
+LENGTH, SHORTEST = 21, 10
+"""Samples of a scene of the benchmark, 9 observed and 12 predicted; and least of one of ours whose
+agent takes part in an event that ends its track."""
 
 
 def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
@@ -37,12 +38,15 @@ def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
 
 
 def _list_scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
-    """The last 8 s of every agent that is there so long, the foreground first."""
-    number = 0
-    for agent in sorted(scene.agents, key=lambda a: a.role != "foreground"):
-        frames = _list_frames(agent, stride)
-        if len(frames) >= LENGTH:
-            ends = {"s": int(frames[-LENGTH]), "e": int(frames[-1])}
+    """The last 8 s of every agent that is there so long, first who takes part in an event.
+
+    Those have a row even if they are there for a shorter time.
+    """
+    met, number = scene.list_event_agents(), 0
+    for agent in sorted(scene.agents, key=lambda a: (a.id not in met, a.role != "foreground")):
+        frames = _list_frames(agent, stride)[-LENGTH:]
+        if len(frames) >= (SHORTEST if agent.id in met else LENGTH):
+            ends = {"s": int(frames[0]), "e": int(frames[-1])}
             yield {"scene": {"id": number, "p": agent.id, **ends, "fps": FPS}}
             number += 1
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.womd_example import write_example
+from scenewright.tools.exporters.lanes import list_points, list_predecessors, number_lanes
+from scenewright.tools.exporters.womd_example import (
+    find_current_step,
+    is_predicted,
+    write_example,
+)
 from scenewright.tools.track_io.tfrecord import write_records
 from scenewright.tools.track_io.womd import load_scenario_class
 
@@ -20,14 +24,14 @@ _STATES = {"red": 4, "yellow": 5, "green": 6, None: 0}
 _SURFACE_STREET, _BOUNDARY = 2, 1
 
 
-def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]:
-    """One record: the whole scene, or the 9.1 s of the dataset around the first event.
+def write_womd(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
+    """One record: the 9.1 s of the dataset around the event, or the whole scene.
 
     Args:
-        form: `whole` or `window`, a Scenario; `example`, the window as tf.Example.
+        form: `window` or `whole`, a Scenario; `example`, the window as tf.Example.
     """
     if form != "whole":
-        scene = scene.cut(scene.find_event_step() - EVENT, WINDOW)
+        scene = scene.cut_window(WINDOW, now=CURRENT, event=EVENT)
     if form == "example":
         features, lights = _describe_map(scene.intersection_map), _describe_lights(scene)
         record = write_example(scene, features, lights)
@@ -35,11 +39,15 @@ def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]
     scenario = load_scenario_class()(
         scenario_id=scene.name,
         timestamps_seconds=scene.times.tolist(),
-        current_time_index=min(CURRENT, scene.steps - 1),
+        current_time_index=find_current_step(scene),
         tracks=[_describe_track(a, scene.steps) for a in (*scene.agents, *scene.objects)],
         sdc_track_index=[agent.id for agent in scene.agents].index(scene.ego.id),
         objects_of_interest=scene.list_event_agents()[:2],
-        tracks_to_predict=_list_predictions(scene),
+        tracks_to_predict=[
+            {"track_index": index, "difficulty": 0}
+            for index, agent in enumerate(scene.agents)
+            if is_predicted(agent, scene)
+        ],
         map_features=_describe_map(scene.intersection_map),
         dynamic_map_states=_describe_lights(scene),
     )
@@ -62,30 +70,17 @@ def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
     return {"id": agent.id, "object_type": agent.names.womd, "states": states}
 
 
-def _list_predictions(scene: ExportedScene) -> list[dict[str, int]]:
-    """The foreground, as far as it is there at the current step."""
-    now = min(CURRENT, scene.steps - 1)
-    return [
-        {"track_index": index, "difficulty": 0}
-        for index, agent in enumerate(scene.agents)
-        if agent.role == "foreground" and agent.first <= now <= agent.last
-    ]
-
-
 def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
     numbers = number_lanes(intersection)
-    before: dict[str, list[int]] = {name: [] for name in numbers}
-    for lanelet in intersection.lanelets:
-        for name in lanelet.successors:
-            before[name].append(numbers[lanelet.id])
+    before = list_predecessors(intersection)
     features: list[dict[str, Any]] = [
         {
             "id": numbers[each.id],
             "lane": {
                 "speed_limit_mph": each.speed_limit / MPH,
                 "type": _SURFACE_STREET,
-                "polyline": _list_points(each.centreline),
-                "entry_lanes": before[each.id],
+                "polyline": list_points(each.centreline),
+                "entry_lanes": [numbers[name] for name in before[each.id]],
                 "exit_lanes": [numbers[name] for name in each.successors],
             },
         }
@@ -94,17 +89,11 @@ def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
     ]
     rings = [ring for area in intersection.road for ring in (area.exterior, *area.holes)]
     areas: list[dict[str, Any]] = [
-        {"road_edge": {"type": _BOUNDARY, "polyline": _list_points((*ring, ring[0]))}}
+        {"road_edge": {"type": _BOUNDARY, "polyline": list_points((*ring, ring[0]))}}
         for ring in rings
     ]
-    areas += [{"crosswalk": {"polygon": _list_points(c.polygon)}} for c in intersection.crosswalks]
+    areas += [{"crosswalk": {"polygon": list_points(c.polygon)}} for c in intersection.crosswalks]
     return features + [{"id": len(numbers) + k, **each} for k, each in enumerate(areas, start=1)]
-
-
-def number_lanes(intersection: IntersectionMap) -> dict[str, int]:
-    """Number of every lane that is driven on, by the lanelet's id."""
-    lanes = [each.id for each in intersection.lanelets if each.kind != "parking"]
-    return {name: number for number, name in enumerate(lanes, start=1)}
 
 
 def _describe_lights(scene: ExportedScene) -> list[dict[str, Any]]:
@@ -123,14 +112,10 @@ def _describe_lights(scene: ExportedScene) -> list[dict[str, Any]]:
                 {
                     "lane": numbers[lane],
                     "state": _STATES[colours[line][k]],
-                    "stop_point": _list_points([ends[lane]])[0],
+                    "stop_point": list_points([ends[lane]])[0],
                 }
                 for lane, line in lanes
             ]
         }
         for k in range(scene.steps)
     ]
-
-
-def _list_points(points: Sequence[Sequence[float]]) -> list[dict[str, float]]:
-    return [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]

@@ -47,17 +47,25 @@ def write_example(
     return record
 
 
+def find_current_step(scene: ExportedScene) -> int:
+    """The eleventh step, or the next one at which the ego is there."""
+    return min(max(PARTS["past"].stop, scene.ego.first), scene.ego.last)
+
+
+def is_predicted(agent: ExportedAgent, scene: ExportedScene) -> bool:
+    """Whether a track is to be predicted: the ego and the foreground that are there now."""
+    wanted = agent.role == "foreground" or agent.id == scene.ego.id
+    return wanted and agent.first <= find_current_step(scene) <= agent.last
+
+
 def _describe_objects(scene: ExportedScene) -> Features:
     agents = _choose_objects(scene)
-    now = PARTS["past"].stop
     numbers = [agent.id for agent in agents]
     events = scene.list_event_agents()[:2]
     flags = {
         "is_sdc": [agent.id == scene.ego.id for agent in agents],
         "objects_of_interest": [n in events for n in numbers],
-        "tracks_to_predict": [
-            agent.role == "foreground" and agent.first <= now <= agent.last for agent in agents
-        ],
+        "tracks_to_predict": [is_predicted(agent, scene) for agent in agents],
     }
     found: Features = {f"state/{name}": _fill(values, 0) for name, values in flags.items()}
     found["state/id"] = _fill(numbers, _NOTHING).astype(np.float32)

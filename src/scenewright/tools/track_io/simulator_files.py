@@ -19,6 +19,8 @@ from scenewright.tools.track_io.xml_reading import parse_xml
 
 _HEAD = 100_000
 """Within so many bytes a CommonRoad file begins."""
+DATABASE_FILES = ("dataset_summary.pkl", "dataset_mapping.pkl")
+"""What lists the scenarios of a ScenarioNet database and holds no tracks."""
 
 
 def read_xml(data: bytes, *, name: str) -> list[SampledRecording]:

@@ -40,19 +40,6 @@ class RecordingWindow:
         """[A] whether an agent is present at every step."""
         return np.asarray(self.present.all(axis=1))
 
-    def subsample(self, count: int, *, first: int = 0) -> RecordingWindow:
-        """The same scene at every `count`-th step; agents seen at none of them are left out."""
-        part = slice(first, None, count)
-        seen = self.present[:, part].any(axis=1)
-        return RecordingWindow(
-            round(self.start + first * self.step, 6),
-            self.step * count,
-            self.members[seen],
-            self.xy[seen, part],
-            self.heading[seen, part],
-            self.present[seen, part],
-        )
-
 
 def cut_windows(
     recording: Recording,
