@@ -47,6 +47,10 @@ def speak_plainly(text: str, scene: SceneRecord) -> str:
 
     text = _NUMBERS.sub(name_numbers, _CODE.sub(spell, text))
     for name, meant in names.items():  # what stands in brackets behind a name repeats its noun
+
+        def rename(found: re.Match[str], meant: str = meant) -> str:
+            return meant + " (" * (found[1] is not None)
+
         pattern = rf"\b(?:{re.escape(name)}|{re.escape(meant)})\b(?: \([a-z -]+(?:\)|(, )))?"
-        text = re.sub(pattern, lambda found, meant=meant: meant + " (" * bool(found[1]), text)
+        text = re.sub(pattern, rename, text)
     return re.sub(r"\b(\w+) the \1\b", r"the \1", text)  # "parked the parked truck"

@@ -241,7 +241,7 @@ function writeLabel(text, point, colour, spot = point) {
   pen.font = LABEL_FONT;
   const [x, y] = toPixels(point), half = pen.measureText(text).width / 2 + 3;
   if (x < -half || x > canvas.clientWidth + half || y < -20 || y > canvas.clientHeight + 20) return;
-  const offsets = [...(state.offsets.has(text) ? [state.offsets.get(text)] : []), ...LABEL_STEPS.flatMap((k) => [0, 1, -1].map((side) => [side, k])).sort(([a, b], [c, d]) => Math.abs(a) * 2 + Math.abs(b) - Math.abs(c) * 2 - Math.abs(d))];
+  const kept = state.offsets.get(text), offsets = [...(kept && !kept[0] && Math.abs(kept[1]) < 3 ? [kept] : []), ...LABEL_STEPS.flatMap((k) => [0, 1, -1].map((side) => [side, k])).sort(([a, b], [c, d]) => Math.abs(a) * 2 + Math.abs(b) - Math.abs(c) * 2 - Math.abs(d))];
   const found = offsets.map((offset) => [offset, placeBox(x + offset[0] * (half + 14), y + offset[1] * LABEL_HEIGHT, half)]).find(([, box]) => isFree(box));
   if (!found) return;
   const [offset, box] = found, [px, py] = toPixels(spot);
