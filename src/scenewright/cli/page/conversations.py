@@ -94,7 +94,10 @@ class Conversation:
         choices = _list_choices(reply, state)
         if reply["kind"] == "asked":
             reply = {**reply, "question": re.sub(r"(?: \d)?:.*", "?", reply["question"])}
-        lines = [line.partition(OR_LENIENT)[0] for _, line in format_reply(reply, shown)]
+        lines = [
+            line.partition(OR_LENIENT)[0].partition(" Did you mean: ")[0]
+            for _, line in format_reply(reply, shown)
+        ]
         refused = state.get("refused")
         why = explain_refusal(refused) if reply["kind"] == "refused" and refused else []
         about = shown or self.session.find_version(state.get("current"))
@@ -160,12 +163,16 @@ class Conversation:
 def _list_choices(reply: dict[str, Any], state: ThreadState) -> list[dict[str, str]]:
     """What can be answered, each a sentence with the action that it stands for."""
     pending, reason = state.get("pending"), reply.get("reason", "")
-    if reply["kind"] == "refused" and OR_LENIENT in reason:
-        sentence, act = reason.partition(OR_LENIENT)[2].strip("'"), state["act"]
-        without = {"label": "Leave it out", "action": f"{act}_without", "argument": state["words"]}
-        fresh = (state.get("reading") or {}).get("reading") == "fresh"
-        made = {"label": sentence, "action": "make", "argument": sentence}
-        return [without, made] if fresh else [without]
+    if reply["kind"] == "refused":
+        left_out = OR_LENIENT in reason
+        offered = reason.partition(OR_LENIENT if left_out else " Did you mean: ")[2]
+        edits = (state.get("reading") or {}).get("reading") == "edits"  # then it says the old scene
+        sentences = [] if edits else [each for each in offered.strip("'?").split("' or '") if each]
+        without = {"label": "Leave it out", "action": f"{state['act']}_without"}
+        return [
+            *([{**without, "argument": state["words"]}] if left_out else []),
+            *({"label": each, "action": "make", "argument": each} for each in sentences),
+        ]
     if reply["kind"] != "asked" or pending is None:
         return []
     return [
