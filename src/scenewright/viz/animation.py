@@ -23,6 +23,7 @@ from scenewright.viz.appearance import (
     choose_view,
     colour_verdict,
     find_light_colours,
+    is_night,
     list_motions,
     make_printable,
 )
@@ -173,7 +174,7 @@ class AnimatedScene:
     def _draw_still(self, proof: Proof | None, intersection: IntersectionMap) -> Drawing:
         page = create_page(SIDE + 0.2, SIDE + HEAD + 0.1)
         axes = page.add_map(self.view, 0.1, HEAD, SIDE, SIDE)
-        draw_basemap(axes, intersection)
+        draw_basemap(axes, intersection, night=is_night(self.scene))
         draw_objects(axes, self.scene)
         draw_scale(axes)
         draw_north(axes)

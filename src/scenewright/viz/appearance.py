@@ -198,6 +198,11 @@ def parse_colour(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
+def is_night(scene: SceneRecord) -> bool:
+    """Whether it is dark at the scene's time of day."""
+    return not 6 <= int(scene.meta.time_of_day[:2]) < 20
+
+
 def make_printable(text: str, *, limit: int = 400) -> str:
     """One line of visible characters, at most `limit` long; an ellipsis replaces the rest."""
     head = text[: 8 * limit]

@@ -27,6 +27,7 @@ from scenewright.viz.appearance import (
     choose_view,
     describe_object,
     find_main_time,
+    is_night,
     list_motions,
     make_printable,
     outline_object,
@@ -89,6 +90,7 @@ def build_player_data(
     return {
         "meta": scene.meta.model_dump(mode="json"),
         "view": choose_view(scene, moving, intersection),
+        "night": is_night(scene),
         "mainTime": find_main_time(scene),
         "map": _describe_map(intersection),
         "agents": [_describe_agent(each) for each in moving],

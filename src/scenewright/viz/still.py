@@ -25,6 +25,7 @@ from scenewright.viz.appearance import (
     describe_object,
     find_light_colours,
     find_main_time,
+    is_night,
     list_motions,
     make_printable,
     outline_object,
@@ -85,7 +86,7 @@ def draw_page(scene: SceneRecord, proof: Proof | None, intersection: Intersectio
     above = 0.52 + 0.2 * (len(title) + len(beside))
     page = create_page(WIDTH, above + side + 0.12 + 0.2 * len(entries))
     axes = page.add_map(choose_view(scene, moving, intersection), MARGIN, above, side, side)
-    draw_basemap(axes, intersection)
+    draw_basemap(axes, intersection, night=is_night(scene))
     _draw_agents(axes, scene, moving, intersection)
     draw_scale(axes)
     draw_north(axes)
@@ -102,7 +103,7 @@ def _draw_agents(
     layout.avoid(
         np.array([p for spots in find_light_positions(intersection).values() for p in spots])
     )
-    draw_road_names(axes, intersection, avoid=np.vstack(layout.points))
+    layout.avoid(draw_road_names(axes, intersection, avoid=np.vstack(layout.points)))
     draw_lights(axes, scene, intersection, time)
     draw_objects(axes, scene)
     _draw_recent_tracks(axes, [motion for motion in moving if not motion.is_foreground], time)

@@ -9,7 +9,6 @@ const EVENT = { collision: "collides with", near_miss: "has a near miss with", y
 const LABEL_FONT = "600 12px system-ui, sans-serif";
 const LABEL_STEPS = [0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5], LABEL_HEIGHT = 17, LEG_SIDES = [0, 8, -8, 10, -10, 12, -12, 14, -14, 17, -17, 20, -20, 24, -24, 30, -30];
 const LEADER_PIXELS = 24, MARK_SECONDS = 2.5, LEAD_SECONDS = 2, OPENING_SECONDS = 5, BRAKING = 1.0, FURTHEST_TTC = 8;
-const HOUR = Number(data.meta.time_of_day.split(":")[0]), NIGHT = HOUR >= 20 || HOUR < 6;
 const agents = new Map(data.agents.map((each) => [each.id, each]));
 const state = { time: 0, playing: false, rate: 1, event: null, view: null, last: null, pointed: null, handles: [], drag: null, boxes: [], offsets: new Map(), hovered: null, followed: null };
 
@@ -435,7 +434,7 @@ function draw() {
   data.agents.forEach(keepFree);
   for (const [name] of findLights(state.time)) for (const [x, y] of (data.map.lights[name] ?? []).map(toPixels)) state.boxes.push([x - 6, y - 6, x + 6, y + 6]);
   drawMap();
-  if (NIGHT) data.agents.forEach(drawHeadlights);
+  if (data.night) data.agents.forEach(drawHeadlights);
   drawLights();
   data.agents.forEach(drawTrail);
   data.agents.forEach(drawAgent);
@@ -941,7 +940,7 @@ function chooseTheme(dark) {
 }
 
 function start() {
-  canvas.parentElement.classList.toggle("night", NIGHT);
+  canvas.parentElement.classList.toggle("night", data.night);
   find("facts").textContent = [data.map.title || data.map.name, data.meta.time_of_day, formatSeconds(END),
     `${data.agents.length} agents`, `seed ${data.meta.seed}`].join(" · ");
   find("scrub").max = String(END);
