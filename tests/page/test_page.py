@@ -238,7 +238,7 @@ def test_a_scene_plays_at_once_at_night_and_an_agent_is_followed(page: Page) -> 
 
 
 def test_no_two_labels_overlap_at_any_time(page: Page) -> None:
-    say(page, "A car hits a van, a taxi hits a truck and a bus yields to a pedestrian at noon")
+    say(page, "Two cars collide and a child is nearly hit by a bus")
     page.frame_locator("#players iframe").locator("#play").click()
     worst = page.frames[-1].evaluate(
         """() => {

@@ -376,7 +376,7 @@ function drawPassage(agent, event) {
   pen.strokeStyle = agent.colour;
   pen.lineWidth = 2;
   pen.stroke();
-  writeLabel(`${agent.called}, ${formatSeconds(time)}`, [sample.x, sample.y - agent.width / 2 - 14 / pixelsPerMetre()], agent.colour, [sample.x, sample.y]);
+  writeLabel(`${agent.called}, ${formatSeconds(time)}`, [sample.x, sample.y - agent.width / 2 - 14 / pixelsPerMetre()], readVariable("--ink"), [sample.x, sample.y]);
 }
 /** A ring round the place, and what happens there, in words. */
 function drawEventMark(event) {
