@@ -229,7 +229,8 @@ def test_a_scene_plays_at_once_at_night_and_an_agent_is_followed(page: Page) -> 
     player = page.frames[-1]
     spot = player.evaluate(
         """() => { const taxi = data.agents.find((each) => each.called === "the taxi"),
-          at = (seek(data.mainTime), sampleAgent(taxi, data.mainTime)); return toPixels([at.x, at.y]); }"""
+          at = (seek(data.mainTime), sampleAgent(taxi, data.mainTime));
+          return toPixels([at.x, at.y]); }"""
     )
     frame.locator("#map").hover(position={"x": spot[0], "y": spot[1]})
     keep_picture(page, "hovered")
@@ -238,7 +239,7 @@ def test_a_scene_plays_at_once_at_night_and_an_agent_is_followed(page: Page) -> 
 
 
 def test_no_two_labels_overlap_at_any_time(page: Page) -> None:
-    say(page, "Two cars collide and a child is nearly hit by a bus")
+    say(page, "A car hits a van and an old lady is nearly hit by a bus at 11 pm")
     page.frame_locator("#players iframe").locator("#play").click()
     worst = page.frames[-1].evaluate(
         """() => {

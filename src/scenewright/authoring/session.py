@@ -106,7 +106,7 @@ _SHORT_QUESTION = 8
 """Words of a question that may be about the same as the one before."""
 _TURN_WORK = 3 * MOST_WORK
 """Steps of the search in a turn: a change tries several sets of agents that stay as they are."""
-_LENIENT = "lenient"
+LENIENT = "lenient"
 _LONGEST_NAME = 60
 """Of a branch [characters]."""
 _LONGEST_TEXT = 1900
@@ -210,11 +210,11 @@ class Session:
 
     def say(self, words: str, *, lenient: bool = False) -> dict[str, Any]:
         """One turn in words, lenient as in `synthesize`; the reply says what became of it."""
-        return self._turn({"act": "say", "words": words, "argument": _LENIENT * lenient})
+        return self._turn({"act": "say", "words": words, "argument": LENIENT * lenient})
 
     def make(self, instruction: str, *, lenient: bool = False) -> dict[str, Any]:
         """A scene of its own, whatever was there before; lenient as in `synthesize`."""
-        return self._turn({"act": "make", "words": instruction, "argument": _LENIENT * lenient})
+        return self._turn({"act": "make", "words": instruction, "argument": LENIENT * lenient})
 
     def edit(self, asked: Any) -> dict[str, Any]:
         """Changes made by hand, a list of objects (`authoring/direct_edits.py`).
@@ -537,7 +537,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
         context.recall,
         context.time_limit,
         context.lawful,
-        state.get("argument") == _LENIENT,
+        state.get("argument") == LENIENT,
     )
     reading = _READING.validate_python(state["reading"])
     version = _find_version(state, None)

@@ -12,7 +12,7 @@ from typing import Any
 from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.explain import explain_refusal
 from scenewright.authoring.read_turn import SENTENCE
-from scenewright.authoring.session import MAIN, Session, SessionVersion, list_branches
+from scenewright.authoring.session import LENIENT, MAIN, Session, SessionVersion, list_branches
 from scenewright.authoring.thread_state import ThreadSetting, ThreadState
 from scenewright.backends import Backend
 from scenewright.cli.chat import build_facts
@@ -28,6 +28,7 @@ from scenewright.viz.html_player import build_player
 
 ProgressCallback = Callable[[str, str], None]
 LONGEST_WORDS = 20_000
+LEAVE_OUT = "Leave it out"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
@@ -77,11 +78,12 @@ class Conversation:
 
     def list_log(self) -> list[dict[str, Any]]:
         """All turns so far: what was said, and the reply as it was reported."""
-        return [
-            {"words": each["words"] if each["act"] in ("say", "make") else "",
-             **self._report(each["reply"], each)}
-            for each in self.session.list_turns()
-        ]  # fmt: skip
+        turns = []
+        for each in self.session.list_turns():
+            said = each["words"] if each["act"] in ("say", "make") else ""
+            words = LEAVE_OUT if each.get("argument") == LENIENT else said
+            turns.append({"words": words, **self._report(each["reply"], each)})
+        return turns
 
     def _report(self, reply: dict[str, Any], state: ThreadState) -> dict[str, Any]:
         """The reply of a turn that left the thread in this state, in words of people."""
@@ -168,7 +170,7 @@ def _list_choices(reply: dict[str, Any], state: ThreadState) -> list[dict[str, s
         offered = reason.partition(OR_LENIENT if left_out else " Did you mean: ")[2]
         edits = (state.get("reading") or {}).get("reading") == "edits"  # then it says the old scene
         sentences = [] if edits else [each for each in offered.strip("'?").split("' or '") if each]
-        without = {"label": "Leave it out", "action": f"{state['act']}_without"}
+        without = {"label": LEAVE_OUT, "action": f"{state['act']}_without"}
         return [
             *([{**without, "argument": state["words"]}] if left_out else []),
             *({"label": each, "action": "make", "argument": each} for each in sentences),
