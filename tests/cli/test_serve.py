@@ -109,6 +109,8 @@ def test_what_cannot_be_shown_is_left_out_by_a_button_and_the_log_survives(
     assert "the taxi" in " ".join(made["lines"])
     assert "vehicle-1" not in " ".join(made["lines"])
     asked = take_turn(client, name, "say", "how fast is the taxi?")[-1]["reply"]
+    compared = client.get(f"/api/threads/{name}/compare?first=1&second=1").json()["lines"]
+    assert not re.search(r"_|(?:vehicle|pedestrian)-1\b", " ".join(compared))
     turns = client.get(f"/api/threads/{name}/log").json()["turns"]
     assert [each.pop("words") for each in turns] == [words, "Leave it out", "how fast is the taxi?"]
     assert turns == [refused, made, asked]

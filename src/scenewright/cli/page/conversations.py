@@ -159,7 +159,8 @@ class Conversation:
         one, other = self.find(first), self.find(second)
         found = compare_versions(one.record, one.proof, other.record, other.proof)
         numbers = {"first": one.version["number"], "second": other.version["number"]}
-        return [line for _, line in format_reply({"kind": "compared", **numbers, **found}, None)]
+        lines = format_reply({"kind": "compared", **numbers, **found}, None)
+        return [speak_plainly(line, one.record) for _, line in lines]
 
 
 def _list_choices(reply: dict[str, Any], state: ThreadState) -> list[dict[str, str]]:

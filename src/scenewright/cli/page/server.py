@@ -36,6 +36,7 @@ from scenewright.cli.page.suggestions import list_places, list_words
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
 from scenewright.intersections import load_map
+from scenewright.scene.called import speak_plainly
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -190,7 +191,10 @@ class Page:
         """How a version came about: its provenance."""
         found = await self._find(request)
         shown = await run_in_threadpool(found.find, request.query_params.get("version"))
-        return JSONResponse(shown.provenance)
+        made = shown.provenance
+        for each in made.get("rejections", []):
+            each["detail"] = speak_plainly(each["detail"], shown.record)
+        return JSONResponse(made)
 
     async def send_file(self, request: Request) -> Response:
         """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it.
