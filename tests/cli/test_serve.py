@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -29,6 +31,7 @@ from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.server import Page, build_app
 from scenewright.errors import InputError
+from scenewright.intersections import load_map
 from scenewright.scene.record import SceneRecord
 
 HOST = "127.0.0.1:8765"
@@ -89,6 +92,60 @@ def test_a_refusal_says_why_and_changes_nothing(client: TestClient, thread: str)
     assert last["reply"]["kind"] == "refused"
     assert "tram" in last["reply"]["lines"][0]
     assert client.get(f"/api/threads/{thread}").json() == before
+
+
+def test_what_cannot_be_shown_is_left_out_by_a_button_and_the_log_survives(
+    client: TestClient,
+) -> None:
+    name = client.post("/api/threads", json={}).json()["thread"]
+    words = "A taxi yields to a juggling pedestrian at 5 am"
+    refused = take_turn(client, name, "say", words)[-1]["reply"]
+    assert "--lenient" not in " ".join(refused["lines"])
+    without, plain = refused["choices"]
+    assert without == {"label": "Leave it out", "action": "say_without", "argument": words}
+    assert (plain["action"], plain["label"]) == ("make", plain["argument"])
+    made = take_turn(client, name, without["action"], without["argument"])[-1]["reply"]
+    assert (made["kind"], made["caveat"]) == ("made", "'juggling' not shown")
+    assert "the taxi" in " ".join(made["lines"])
+    assert "vehicle-1" not in " ".join(made["lines"])
+    asked = take_turn(client, name, "say", "how fast is the taxi?")[-1]["reply"]
+    compared = client.get(f"/api/threads/{name}/compare?first=1&second=1").json()["lines"]
+    assert not re.search(r"_|(?:vehicle|pedestrian)-1\b", " ".join(compared))
+    turns = client.get(f"/api/threads/{name}/log").json()["turns"]
+    assert [each.pop("words") for each in turns] == [words, "Leave it out", "how fast is the taxi?"]
+    assert turns == [refused, made, asked]
+
+
+def test_a_branch_takes_any_text_but_a_number(client: TestClient, thread: str) -> None:
+    for text, said in (("später: <b>x</b> & y", "später: <b>x</b> & y"), ("12", "no number")):
+        reply = take_turn(client, thread, "branch", text)[-1]["reply"]
+        assert said in reply["lines"][0]
+    assert "später: <b>x</b> & y" in client.get(f"/api/threads/{thread}").json()["branches"]
+    take_turn(client, thread, "branch", "main")
+
+
+def test_a_version_is_saved_in_every_form(client: TestClient, thread: str) -> None:
+    picture = client.get(f"/api/threads/{thread}/scene.png?version=1")
+    assert picture.content.startswith(b"\x89PNG")
+    packed = client.get(f"/api/threads/{thread}/export.zip?version=1&format=csv")
+    with zipfile.ZipFile(BytesIO(packed.content)) as archive:
+        assert any(each.endswith(".csv") for each in archive.namelist())
+    unknown = client.get(f"/api/threads/{thread}/export.zip?format=../etc")
+    assert (unknown.status_code, "no format" in unknown.json()["reason"]) == (400, True)
+
+
+def test_examples_are_of_the_place(client: TestClient) -> None:
+    facts = client.get("/api/start").json()
+    assert {"taxi", "rear-ends"} <= set(facts["words"])
+    assert "csv" in facts["formats"]
+    for place in facts["intersections"]:
+        found = load_map(place["name"])
+        legs = {each.name for each in found.legs}
+        assert len(place["examples"]) >= 3
+        for example in place["examples"]:
+            assert set(re.findall(r"from the (\w+)|the (\w+) crosswalk", example)) <= {
+                *((leg, "") for leg in legs), *(("", walk.leg) for walk in found.crosswalks)
+            }  # fmt: skip
 
 
 def test_a_conversation_goes_on_after_the_server_was_stopped(

@@ -117,7 +117,7 @@ def test_a_conversation_with_changes_by_hand(page: Page) -> None:
     assert "refused" in say(page, "remove the tram")
     page.click("#by-hand")
     page.wait_for_selector("#hand table")
-    page.select_option('[aria-label="vehicle-1: way"]', label="south to east (right)")
+    page.select_option('[aria-label="the car: way"]', label="south to east (right)")
     page.wait_for_selector("#log .answer >> nth=2", timeout=WAIT)
     wait_until_free(page)
     assert "south to east" in page.inner_text("#log .answer:last-child")
@@ -212,6 +212,95 @@ def test_the_player_plays_steps_and_shows_what_the_words_became(page: Page) -> N
     assert " at " in frame.locator(".chart p").first.inner_text()
 
 
+def test_a_scene_plays_at_once_at_night_and_an_agent_is_followed(page: Page) -> None:
+    say(page, "A taxi yields to an old lady on the east crosswalk at 11 pm")
+    frame = page.frame_locator("#players iframe")
+    expect(frame.locator("#play")).to_have_attribute("aria-label", "Pause")
+    expect(frame.locator(".picture")).to_have_class(re.compile("night"))
+    assert "the taxi yields to the old lady" in frame.locator("#events").inner_text()
+    frame.locator("#next-event").click()
+    frame.locator("#play").click()
+    lane = frame.locator(".lane button.label", has_text="the taxi")
+    lane.click()
+    expect(lane).to_have_attribute("aria-pressed", "true")
+    keep_picture(page, "followed")
+    frame.locator("#unfollow").click()
+    expect(frame.locator("#unfollow")).to_be_hidden()
+    player = page.frames[-1]
+    spot = player.evaluate(
+        """() => { const taxi = data.agents.find((each) => each.called === "the taxi"),
+          at = (seek(data.mainTime), sampleAgent(taxi, data.mainTime));
+          return toPixels([at.x, at.y]); }"""
+    )
+    frame.locator("#map").hover(position={"x": spot[0], "y": spot[1]})
+    keep_picture(page, "hovered")
+    frame.locator("#map").click(position={"x": spot[0], "y": spot[1]})
+    expect(frame.locator("#unfollow")).to_have_text(re.compile("Following the taxi"))
+
+
+def test_no_two_labels_overlap_at_any_time(page: Page) -> None:
+    say(page, "A car hits a van and an old lady is nearly hit by a bus at 11 pm")
+    page.frame_locator("#players iframe").locator("#play").click()
+    worst = page.frames[-1].evaluate(
+        """() => {
+          const put = putLabel, times = [...new Set(data.events.map((each) => each.time))];
+          let boxes = [], found = [];
+          putLabel = (text, box, colour) => { boxes.push([text, box]); put(text, box, colour); };
+          for (let time = 0; time <= END; time += 0.5) for (const event of [null, 0]) {
+            boxes = []; state.event = event; seek(time);
+            boxes.forEach(([a, p], i) => boxes.slice(i + 1).forEach(([b, q]) => {
+              const apart = p[0] >= q[2] || q[0] >= p[2] || p[1] >= q[3] || q[1] >= p[3];
+              if (!apart) found.push([time, a, b]);
+            }));
+          }
+          return found;
+        }"""
+    )
+    assert worst == []
+
+
+def test_the_two_ways_to_go_on_and_words_that_leave_out_what_cannot_be(page: Page) -> None:
+    assert page.inner_text("#send") == "Make the scene"
+    assert page.is_hidden("#anew")
+    words = "A van yields to a juggling pedestrian at 5 am"
+    assert "refused" in say(page, words)
+    keep_picture(page, "choices")
+    page.click("#choices button:has-text('Leave it out')")
+    wait_until_free(page)
+    assert "partly" in page.inner_text("#log .answer:last-child")
+    assert page.inner_text("#send") == "Change this scene"
+    before = page.inner_text("#log")
+    page.reload()
+    page.wait_for_selector("#players iframe")
+    wait_until_free(page)
+    assert page.inner_text("#log") == before
+    page.fill("#words", YIELD)
+    page.click("#anew")
+    wait_until_free(page)
+    assert YIELD in page.frame_locator("#players iframe").locator("#instruction").inner_text()
+    assert not re.search(r"\b(?:vehicle|pedestrian)-1\b|_|\brad\b", page.inner_text("#log"))
+
+
+def test_words_are_completed_and_a_version_is_saved(page: Page) -> None:
+    page.locator("#words").press_sequentially("A tax")
+    page.click("#completions button:text-is('taxi')")
+    assert page.input_value("#words") == "A taxi "
+    page.locator("#words").press_sequentially("is hi")
+    page.click("#completions button:has-text('is hit by')")
+    assert page.input_value("#words") == "A taxi is hit by "
+    page.click("#examples button >> nth=0")
+    wait_until_free(page)
+    for choice, ending in (("scene.png", ".png"), ("export.zip:csv", "-csv.zip")):
+        with page.expect_download() as saved:
+            page.select_option("#save", choice)
+        assert saved.value.suggested_filename.endswith(ending)
+    page.select_option("#save", "export.zip:csv")
+    page.click("#branch")
+    page.fill("#name", HOSTILE[:60])
+    page.click("#ask button[value=ok]")
+    expect(page.locator("#log .answer").last).to_contain_text(HOSTILE[:60])
+
+
 def test_dark_is_dark_in_the_player_too(page: Page) -> None:
     say(page, YIELD)
     page.click("#theme")
@@ -247,7 +336,7 @@ def test_a_bar_of_the_timeline_is_dragged(page: Page) -> None:
     page.wait_for_selector("#hand table")
     frame = page.frame_locator("#players iframe")
     frame.locator("body.by-hand").wait_for()
-    track = frame.locator(".lane", has_text="pedestrian-1").locator(".track").first
+    track = frame.locator(".lane", has_text="the pedestrian").locator(".track").first
     track.scroll_into_view_if_needed()
     box = track.bounding_box()
     assert box is not None

@@ -122,8 +122,8 @@ def test_a_browser_shows_the_words_the_proof_and_no_error(
     shown = done.stdout
     assert "CONSOLE" not in done.stderr
     assert re.search(r'<mark class="seen"[^>]*>A car</mark> &lt;/<mark class="not_shown"', shown)
-    assert "<td>class car (vehicle-1)</td>" in shown
+    assert "<td>car (the car)</td>" in shown
     assert '<td class="state">not shown</td><td></td><td>&lt;b&gt;no' in shown
     assert "<title>A car &lt;/script" in shown
     assert '<h2 id="verdict" class="amber">✓ Partly: \'script\' not shown</h2>' in shown
-    assert "8.2 s: vehicle-1 yields to pedestrian-2" in shown
+    assert "8.2 s: the car yields to the pedestrian" in shown

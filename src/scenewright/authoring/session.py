@@ -106,6 +106,9 @@ _SHORT_QUESTION = 8
 """Words of a question that may be about the same as the one before."""
 _TURN_WORK = 3 * MOST_WORK
 """Steps of the search in a turn: a change tries several sets of agents that stay as they are."""
+LENIENT = "lenient"
+_LONGEST_NAME = 60
+"""Of a branch [characters]."""
 _LONGEST_TEXT = 1900
 """Of what was said, as much as a scene's prompt keeps."""
 
@@ -205,13 +208,13 @@ class Session:
         """Keep the thread for one turn and its messages (see `Threads.take_turn`)."""
         return self._threads.take_turn(self.thread, wait=wait)
 
-    def say(self, words: str) -> dict[str, Any]:
-        """One turn in words; the reply says what became of it."""
-        return self._turn({"act": "say", "words": words})
+    def say(self, words: str, *, lenient: bool = False) -> dict[str, Any]:
+        """One turn in words, lenient as in `synthesize`; the reply says what became of it."""
+        return self._turn({"act": "say", "words": words, "argument": LENIENT * lenient})
 
-    def make(self, instruction: str) -> dict[str, Any]:
-        """A scene of its own, whatever was there before."""
-        return self._turn({"act": "make", "words": instruction})
+    def make(self, instruction: str, *, lenient: bool = False) -> dict[str, Any]:
+        """A scene of its own, whatever was there before; lenient as in `synthesize`."""
+        return self._turn({"act": "make", "words": instruction, "argument": LENIENT * lenient})
 
     def edit(self, asked: Any) -> dict[str, Any]:
         """Changes made by hand, a list of objects (`authoring/direct_edits.py`).
@@ -235,6 +238,12 @@ class Session:
         earlier = deserialize_version(self._threads.get_bytes(version["earlier"]))
         graph = SocialGraph.model_validate(version["graph"])
         return list_handles(graph, earlier, load_map(self._heading["intersection"]))
+
+    def list_turns(self) -> list[ThreadState]:
+        """The thread as it was after every turn, from the first."""
+        history = self._graph.get_state_history(self._config)
+        ended = [each.values for each in history if each.values.get("reply") and not each.next]
+        return cast(list[ThreadState], ended[::-1])
 
     def speak_with(self, backend: Backend) -> None:
         """From now on this backend plans and reasons."""
@@ -528,6 +537,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
         context.recall,
         context.time_limit,
         context.lawful,
+        state.get("argument") == LENIENT,
     )
     reading = _READING.validate_python(state["reading"])
     version = _find_version(state, None)
@@ -864,8 +874,12 @@ def _redo(state: ThreadState, count: int = 1) -> ThreadState:
 def _branch(state: ThreadState, name: str) -> ThreadState:
     branches = list_branches(state)
     current = state.get("current")
-    if not name.isidentifier() and not name.replace("-", "_").isidentifier():
-        reason = f"{name!r} is no name for a branch; use letters, digits, - and _"
+    name = " ".join(name.split())
+    if not name or name.isdigit() or len(name) > _LONGEST_NAME or not name.isprintable():
+        reason = (
+            f"a branch has a name of at most {_LONGEST_NAME} characters that is no number, as "
+            "versions have"
+        )
         return {"reply": {"kind": "nothing", "reason": reason}}
     if name in branches:
         return {

@@ -67,7 +67,8 @@ class ThreadState(TypedDict, total=False):
     """Every channel of a thread.
 
     Attributes:
-        act, words: of this turn; argument: of an act that has one; by an `edit`, the edits as JSON.
+        act, words: of this turn; argument: of an act that has one; of an `edit`, the edits as JSON;
+            of words, whether they are taken leniently.
         reading: what the words amount to; models: what reading them has cost, where one was asked.
         current: number of the version that is shown; ahead: those that were undone, last first.
         branches: name -> number of its version; branch: the one that is worked on.

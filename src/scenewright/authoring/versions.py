@@ -35,7 +35,7 @@ class Setting:
     Attributes:
         intersection: name of a bundle; backend: name of the planner and reasoner.
         seed: of everything drawn; refiner, recall: as in `synthesize`.
-        lawful, time_limit: as in `synthesize`, the latter for a turn.
+        lawful, lenient, time_limit: as in `synthesize`, the last for a turn.
     """
 
     intersection: str
@@ -45,6 +45,7 @@ class Setting:
     recall: ExampleRetriever = recall_nothing
     time_limit: float = DEFAULT_LIMIT
     lawful: bool = False
+    lenient: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +81,7 @@ def begin(text: str, setting: Setting, *, log: ProgressCallback | None = None) -
         refiner=setting.refiner,
         recall=setting.recall,
         lawful=setting.lawful,
+        lenient=setting.lenient,
         time_limit=setting.time_limit,
         log=log,
     )
@@ -180,6 +182,7 @@ def _solve(
         budgets=_PINNED if pins.known else _UNPINNED,
         recall=setting.recall,
         lawful=setting.lawful,
+        lenient=setting.lenient,
         time_limit=setting.time_limit,
         log=log,
     )

@@ -18,6 +18,9 @@ from scenewright.tools.dsl_validator.parse import format_clause
 Left = tuple[int, SaidSpan]
 """An entry of the account by its index, and the words."""
 
+OR_LENIENT = ". Allow to leave it out with --lenient, or say: "
+"""Between what cannot be shown and a sentence without it, in the refusal of words."""
+
 
 def list_remaining(graph: SocialGraph, became: Literal["constraint", "behavior"]) -> list[Left]:
     """The words that the plan leaves to a stage."""
@@ -101,8 +104,8 @@ def refuse_words(words: Iterable[AccountEntry], graph: SocialGraph, stage: Stage
     return Rejection(
         stage=stage,
         code="out_of_scope",
-        detail=f"This cannot be part of a scene: {quote_words(words)}. Allow to leave it out with "
-        f"--lenient, or say: '{describe_graph(graph)}'",
+        detail=f"This cannot be part of a scene: {quote_words(words)}{OR_LENIENT}"
+        f"'{describe_graph(graph)}'",
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import TypeVar
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import Measure
@@ -14,6 +16,7 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
+Key = TypeVar("Key")
 _VERBS = {
     "collide_at": "collides with", "near_miss": "narrowly misses", "yield_to": "yields to",
     "follow": "follows",
@@ -85,18 +88,22 @@ def describe_graph(graph: SocialGraph) -> str:
 
 def choose_names(graph: SocialGraph) -> dict[str, str]:
     """ "the car", or "car 1" and "car 2" where there are several of a kind."""
-    nouns = {
+    return number_nouns({
         agent.id: f"group of {agent.members} pedestrians"
         if agent.members
         else (agent.subtype or _NOUNS[agent.type]).replace("_", " ")
         for agent in graph.agents
-    }
-    found: dict[str, str] = {}
-    counts: dict[str, int] = {}
-    for name, noun in nouns.items():
-        counts[noun] = counts.get(noun, 0) + 1
+    })  # fmt: skip
+
+
+def number_nouns(nouns: Mapping[Key, str]) -> dict[Key, str]:
+    """What things are called that have these nouns: "the car", or "car 1" and "car 2"."""
+    seen = Counter[str]()
+    found = {}
+    for key, noun in nouns.items():
+        seen[noun] += 1
         alone = list(nouns.values()).count(noun) == 1
-        found[name] = f"the {noun}" if alone else f"{noun} {counts[noun]}"
+        found[key] = f"the {noun}" if alone else f"{noun} {seen[noun]}"
     return found
 
 

@@ -23,6 +23,7 @@ from scenewright.viz.appearance import (
     choose_view,
     colour_verdict,
     find_light_colours,
+    is_night,
     list_motions,
     make_printable,
 )
@@ -163,7 +164,7 @@ class AnimatedScene:
         axes.write(f"{time:.1f} s", corner, 11, above=0.0, box=("white", "#C9CCD1"))
         shown = [mark for mark in self.marks if mark.time - 1e-6 <= time <= mark.time + FLASH]
         for motion, box in self.place_names(axes, named, [mark.box for mark in shown]):
-            axes.write(motion.agent.name, box[:2], 8, above=1.0, bold=True, halo="white",
+            axes.write(motion.called, box[:2], 8, above=1.0, bold=True, halo="white",
                        fill=motion.colour)  # fmt: skip
         for mark in shown:
             axes.mark(mark.spot, 26.5, stroke=INK, stroke_width=1.6)
@@ -173,7 +174,7 @@ class AnimatedScene:
     def _draw_still(self, proof: Proof | None, intersection: IntersectionMap) -> Drawing:
         page = create_page(SIDE + 0.2, SIDE + HEAD + 0.1)
         axes = page.add_map(self.view, 0.1, HEAD, SIDE, SIDE)
-        draw_basemap(axes, intersection)
+        draw_basemap(axes, intersection, night=is_night(self.scene))
         draw_objects(axes, self.scene)
         draw_scale(axes)
         draw_north(axes)
@@ -189,7 +190,7 @@ class AnimatedScene:
         for motion, body in named:
             x, y = (body[0] + body[2]) / 2, (body[1] + body[3]) / 2
             if west <= x <= east and south <= y <= north:
-                words = [make_printable(motion.agent.name, limit=40)]
+                words = [motion.called]
                 size = np.array(measure_block(words, 8, bold=True)) / axes.scale
                 others = [other for who, other in named if who is not motion]
                 boxes.append(self._choose_box(body, size, [*boxes, *others]))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.base import RIDERS, Colour, FloatArray
+from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
@@ -62,6 +63,7 @@ class DrawnMotion:
         speed: [T] [m/s].
         colour: `#RRGGBB`.
         stays: its last footprint remains as an obstacle after a collision.
+        called: what people call it, "the taxi".
     """
 
     agent: AgentRecord
@@ -71,6 +73,7 @@ class DrawnMotion:
     speed: FloatArray
     colour: str
     stays: bool
+    called: str
 
     @property
     def is_foreground(self) -> bool:
@@ -141,12 +144,16 @@ def describe_object(record: ObjectRecord) -> str:
 
 def list_motions(scene: SceneRecord) -> list[DrawnMotion]:
     """All agents as arrays, background first, so that the foreground is drawn on top."""
-    shades = choose_colours(scene)
+    shades, called = choose_colours(scene), call_agents(scene)
     ordered = sorted(scene.agents, key=lambda agent: (agent.role == "foreground", agent.id))
-    return [_build_motion(agent, scene, shades[agent.id]) for agent in ordered if agent.trajectory]
+    return [
+        _build_motion(agent, scene, shades[agent.id], called[agent.id])
+        for agent in ordered
+        if agent.trajectory
+    ]
 
 
-def _build_motion(agent: AgentRecord, scene: SceneRecord, colour: str) -> DrawnMotion:
+def _build_motion(agent: AgentRecord, scene: SceneRecord, colour: str, called: str) -> DrawnMotion:
     xy = np.array(agent.trajectory, dtype=float).reshape(-1, 2)
     times = agent.spawn_time + scene.meta.step * np.arange(len(xy), dtype=np.float64)
     return DrawnMotion(
@@ -157,6 +164,7 @@ def _build_motion(agent: AgentRecord, scene: SceneRecord, colour: str) -> DrawnM
         speed=_compute_speed(xy, scene.meta.step),
         colour=colour,
         stays=_is_obstacle(agent.id, float(times[-1]), scene.events),
+        called=called,
     )
 
 
@@ -188,6 +196,11 @@ def choose_colours(scene: SceneRecord) -> dict[int, str]:
 def parse_colour(colour: str) -> tuple[int, int, int]:
     """`#RRGGBB` as three bytes."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def is_night(scene: SceneRecord) -> bool:
+    """Whether it is dark at the scene's time of day."""
+    return not 6 <= int(scene.meta.time_of_day[:2]) < 20
 
 
 def make_printable(text: str, *, limit: int = 400) -> str:

@@ -31,8 +31,8 @@ class KeyEntry(NamedTuple):
     dashes: str = "none"
 
 
-def draw_basemap(axes: Drawing, intersection: IntersectionMap) -> None:
-    """Draw the map; line widths follow its scale."""
+def draw_basemap(axes: Drawing, intersection: IntersectionMap, *, night: bool = False) -> None:
+    """Draw the map, dark at night; line widths follow its scale."""
     west, east, south, north = axes.view
     corners = [(west, south), (east, south), (east, north), (west, north)]
     axes.draw([corners], closed=True, order=0, fill=GROUND)
@@ -47,6 +47,8 @@ def draw_basemap(axes: Drawing, intersection: IntersectionMap) -> None:
     axes.draw(found["median"], stroke=MEDIAN, stroke_width=1.4 * thin)
     stops = [line.line for line in intersection.stop_lines]
     axes.draw(stops, stroke=PAINT, stroke_width=max(0.5 * axes.scale, 1.0))
+    if night:
+        axes.draw([corners], closed=True, order=3.5, fill="#0B1020", fill_opacity=0.62)
 
 
 def _draw_areas(
@@ -86,8 +88,14 @@ def draw_north(axes: Drawing) -> None:
     axes.write("N", at, 9, align="middle", above=1.0, bold=True, halo="white", order=31)
 
 
-def draw_road_names(axes: Drawing, intersection: IntersectionMap, *, avoid: FloatArray) -> None:
-    """Every road's name once, at the edge of the axes, on the lane farthest from [N, 2] points."""
+def draw_road_names(
+    axes: Drawing, intersection: IntersectionMap, *, avoid: FloatArray
+) -> FloatArray:
+    """Every road's name once, at the edge of the axes, on the lane farthest from [N, 2] points.
+
+    Returns:
+        [M, 2] points under the names, where nothing else is to be written.
+    """
     places: dict[str, list[tuple[float, FloatArray, float]]] = {}
     for leg in intersection.legs:
         ahead = np.array([np.cos(leg.bearing), np.sin(leg.bearing)])
@@ -98,9 +106,16 @@ def draw_road_names(axes: Drawing, intersection: IntersectionMap, *, avoid: Floa
                 free = float(np.min(np.linalg.norm(avoid - near, axis=1), initial=12.0))
                 name = leg.name if find_unshown(leg.road) else leg.road
                 places.setdefault(name, []).append((free, at, leg.bearing))
+    covered = [np.empty((0, 2))]
     for road, spots in places.items():
         _, at, bearing = max(spots, key=lambda spot: spot[0])
         _write_road_name(axes, road, at, bearing)
+        inwards = -np.array([np.cos(bearing), np.sin(bearing)])
+        length = measure_block([road], 8)[0] / axes.scale
+        middle = at + np.linspace(0.0, length, 20)[:, None] * inwards
+        aside = np.array([-inwards[1], inwards[0]]) * 4.0 / axes.scale
+        covered += [middle - aside, middle, middle + aside]
+    return np.vstack(covered)
 
 
 def _find_edge_point(axes: Drawing, lane: FloatArray, ahead: FloatArray) -> FloatArray:

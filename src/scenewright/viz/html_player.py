@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
+from scenewright.scene.called import speak_plainly
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import NEXT_TEXT, SceneRecord
@@ -26,6 +27,7 @@ from scenewright.viz.appearance import (
     choose_view,
     describe_object,
     find_main_time,
+    is_night,
     list_motions,
     make_printable,
     outline_object,
@@ -88,6 +90,7 @@ def build_player_data(
     return {
         "meta": scene.meta.model_dump(mode="json"),
         "view": choose_view(scene, moving, intersection),
+        "night": is_night(scene),
         "mainTime": find_main_time(scene),
         "map": _describe_map(intersection),
         "agents": [_describe_agent(each) for each in moving],
@@ -154,6 +157,7 @@ def _describe_agent(motion: DrawnMotion) -> dict[str, Any]:
                      "crosswalk", "length", "width"},
         ),
         "segments": [each.model_dump(mode="json") for each in agent.segments],
+        "called": motion.called,
         "colour": motion.colour,
         "start": float(motion.times[0]),
         "stays": motion.stays,
@@ -205,7 +209,9 @@ def _list_words(scene: SceneRecord, proof: Proof) -> list[dict[str, Any]]:
     starts = [0, *accumulate(len(text) + len(NEXT_TEXT) for text in scene.meta.texts)]
     return [
         {**each.model_dump(mode="json"), "start": starts[each.turn] + each.start,
-         "end": starts[each.turn] + each.end}
+         "end": starts[each.turn] + each.end,
+         "claim": speak_plainly(each.claim or "", scene),
+         "evidence": speak_plainly(each.evidence, scene)}
         for each in proof.account
     ]  # fmt: skip
 

@@ -318,7 +318,7 @@ def _log_body(stream: rr.RecordingStream, motion: DrawnMotion) -> None:
 
     agent, begin = motion.agent, motion.times[:1]
     path, colour = join_entity_path("agents", agent.name, "body"), [parse_colour(motion.colour)]
-    label: dict[str, Any] = {"labels": [agent.name], "show_labels": [motion.is_foreground]}
+    label: dict[str, Any] = {"labels": [motion.called], "show_labels": [motion.is_foreground]}
     if agent.type == "pedestrian":
         columns = rr.Cylinders3D.columns(
             lengths=[WALKER_HEIGHT], radii=[agent.width / 2], centers=[(0, 0, WALKER_HEIGHT / 2)],

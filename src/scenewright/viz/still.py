@@ -10,6 +10,7 @@ import numpy as np
 
 from scenewright.files import write_atomically
 from scenewright.scene.base import FloatArray
+from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import EventRecord, SceneRecord
@@ -24,6 +25,7 @@ from scenewright.viz.appearance import (
     describe_object,
     find_light_colours,
     find_main_time,
+    is_night,
     list_motions,
     make_printable,
     outline_object,
@@ -84,7 +86,7 @@ def draw_page(scene: SceneRecord, proof: Proof | None, intersection: Intersectio
     above = 0.52 + 0.2 * (len(title) + len(beside))
     page = create_page(WIDTH, above + side + 0.12 + 0.2 * len(entries))
     axes = page.add_map(choose_view(scene, moving, intersection), MARGIN, above, side, side)
-    draw_basemap(axes, intersection)
+    draw_basemap(axes, intersection, night=is_night(scene))
     _draw_agents(axes, scene, moving, intersection)
     draw_scale(axes)
     draw_north(axes)
@@ -101,7 +103,7 @@ def _draw_agents(
     layout.avoid(
         np.array([p for spots in find_light_positions(intersection).values() for p in spots])
     )
-    draw_road_names(axes, intersection, avoid=np.vstack(layout.points))
+    layout.avoid(draw_road_names(axes, intersection, avoid=np.vstack(layout.points)))
     draw_lights(axes, scene, intersection, time)
     draw_objects(axes, scene)
     _draw_recent_tracks(axes, [motion for motion in moving if not motion.is_foreground], time)
@@ -315,7 +317,7 @@ def _write_name(axes: Drawing, layout: LabelLayout, motion: DrawnMotion, time: f
     anchor = motion.xy[index if index is not None else 0]
     if _is_inside(axes, anchor):
         reach = max(motion.agent.length / 2, 0.6)
-        layout.write(motion.agent.name, anchor, 8.5, motion.colour, bold=True, order=24,
+        layout.write(motion.called, anchor, 8.5, motion.colour, bold=True, order=24,
                      distances=(0.5 * reach + 0.9, reach + 0.9))  # fmt: skip
 
 
@@ -405,7 +407,7 @@ def _list_legend_entries(
 
 
 def _describe_events(scene: SceneRecord) -> dict[int, str]:
-    names = {agent.id: agent.name for agent in scene.agents}
+    names = call_agents(scene)
     verbs = {"yielding": "yields to", "follow": "follows", "collision": "collides with",
              "near_miss": "has a near miss with"}  # fmt: skip
     actions: dict[int, str] = {}
@@ -425,7 +427,7 @@ def _describe_agent(motion: DrawnMotion, actions: dict[int, str]) -> str:
     if agent.crosswalk is not None:
         way += f", over the {agent.crosswalk} leg"
     action = f", {actions[agent.id]}" if agent.id in actions else ""
-    return make_printable(f"{agent.name}: {agent.subtype or agent.type}, {way}{action}", limit=110)
+    return make_printable(f"{motion.called} ({agent.name}): {way}{action}", limit=110)
 
 
 def _draw_legend(page: Drawing, rows: list[list[tuple[str, str, str]]], top: float) -> None:

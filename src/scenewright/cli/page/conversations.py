@@ -11,8 +11,9 @@ from typing import Any
 
 from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.explain import explain_refusal
-from scenewright.authoring.session import MAIN, Session, SessionVersion, list_branches
-from scenewright.authoring.thread_state import ThreadSetting
+from scenewright.authoring.read_turn import SENTENCE
+from scenewright.authoring.session import LENIENT, MAIN, Session, SessionVersion, list_branches
+from scenewright.authoring.thread_state import ThreadSetting, ThreadState
 from scenewright.backends import Backend
 from scenewright.cli.chat import build_facts
 from scenewright.cli.turn_report import format_reply
@@ -20,11 +21,14 @@ from scenewright.errors import InputError
 from scenewright.graph.run import choose_refiner
 from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
+from scenewright.nodes.remaining import OR_LENIENT
+from scenewright.scene.called import call_agents, speak_plainly
 from scenewright.time_limit import DEFAULT_LIMIT
 from scenewright.viz.html_player import build_player
 
 ProgressCallback = Callable[[str, str], None]
 LONGEST_WORDS = 20_000
+LEAVE_OUT = "Leave it out"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
@@ -43,7 +47,7 @@ class Conversation:
         return self.log is not None
 
     def act(self, action: str, argument: str, log: ProgressCallback) -> dict[str, Any]:
-        """One turn: `say`, `edit`, `undo`, `redo` or `branch`; the reply with lines for people.
+        """One turn, of an action in `schema.ACTIONS`; the reply with lines for people.
 
         Raises:
             BusyError: another turn is being worked on.
@@ -52,15 +56,17 @@ class Conversation:
         with self.session.take_turn(wait=False):
             self.log = log
             try:
-                return self._report(self._turn(action, argument))
+                return self._report(self._turn(action, argument), self.session.state)
             finally:
                 self.log = None
 
     def _turn(self, action: str, argument: str) -> dict[str, Any]:
-        if action == "say":
+        act, _, without = action.partition("_")
+        if act in ("say", "make"):
             if not argument.strip() or len(argument) > LONGEST_WORDS:
                 raise InputError(f"say something, in at most {LONGEST_WORDS} characters")
-            return self.session.say(argument)
+            say = self.session.say if act == "say" else self.session.make
+            return say(argument, lenient=without == "without")
         if action == "branch":
             return self.session.branch(argument)
         if action == "edit":
@@ -70,24 +76,46 @@ class Conversation:
             raise InputError(f"there is no action {action[:40]!r}")
         return acts[action]()
 
-    def _report(self, reply: dict[str, Any]) -> dict[str, Any]:
-        shown = self.session.find_version() if reply["kind"] in ("made", "moved_to") else None
+    def list_log(self) -> list[dict[str, Any]]:
+        """All turns so far: what was said, and the reply as it was reported."""
+        turns = []
+        for each in self.session.list_turns():
+            said = each["words"] if each["act"] in ("say", "make") else ""
+            words = LEAVE_OUT if each.get("argument") == LENIENT else said
+            turns.append({"words": words, **self._report(each["reply"], each)})
+        return turns
+
+    def _report(self, reply: dict[str, Any], state: ThreadState) -> dict[str, Any]:
+        """The reply of a turn that left the thread in this state, in words of people."""
+        made = reply["kind"] in ("made", "moved_to")
+        shown = self.session.find_version(reply["version"]) if made else None
         if reply["kind"] == "wish":
             reply = {"kind": "nothing", "reason": _WISHES[reply["wish"]]}
         if shown is not None:
             reply = {**reply, **build_facts(shown)}
-        lines = [line for _, line in format_reply(reply, shown)]
-        refused = self.session.state.get("refused")
-        reasons = (
-            explain_refusal(refused) if reply["kind"] == "refused" and refused is not None else []
-        )
-        choices = [each["answer"] for each in self._list_pending_choices()]
-        return {"kind": reply["kind"], "lines": lines, "why": reasons, "choices": choices,
+        choices = _list_choices(reply, state)
+        if reply["kind"] == "asked":
+            reply = {**reply, "question": re.sub(r"(?: \d)?:.*", "?", reply["question"])}
+        lines = [
+            line.partition(OR_LENIENT)[0].partition(" Did you mean: ")[0]
+            for _, line in format_reply(reply, shown)
+        ]
+        refused = state.get("refused")
+        why = explain_refusal(refused) if reply["kind"] == "refused" and refused else []
+        about = shown or self.session.find_version(state.get("current"))
+        if about is not None:
+            lines = [speak_plainly(line, about.record) for line in lines]
+            why = [speak_plainly(line, about.record) for line in why]
+        return {"kind": reply["kind"], "lines": lines, "why": why, "choices": choices,
                 "caveat": reply.get("caveat", "")}  # fmt: skip
 
-    def _list_pending_choices(self) -> list[dict[str, Any]]:
-        pending = self.session.state.get("pending")
-        return [] if pending is None else list(pending["ask"]["choices"])
+    def list_handles(self, which: str | None) -> list[dict[str, Any]]:
+        """What can be changed by hand in a version, of agents as they are called."""
+        shown = self.session.find_version(which)
+        called = call_agents(shown.record) if shown is not None else {}
+        names = {each.name: called[each.id] for each in shown.record.agents} if shown else {}
+        handles = self.session.list_handles(which)
+        return [{**each, "called": names.get(each["agent"], each["agent"])} for each in handles]
 
     def describe(self) -> dict[str, Any]:
         """What the page shows of the thread: its versions as a tree, branches, what is current."""
@@ -131,7 +159,37 @@ class Conversation:
         one, other = self.find(first), self.find(second)
         found = compare_versions(one.record, one.proof, other.record, other.proof)
         numbers = {"first": one.version["number"], "second": other.version["number"]}
-        return [line for _, line in format_reply({"kind": "compared", **numbers, **found}, None)]
+        lines = format_reply({"kind": "compared", **numbers, **found}, None)
+        return [speak_plainly(line, one.record) for _, line in lines]
+
+
+def _list_choices(reply: dict[str, Any], state: ThreadState) -> list[dict[str, str]]:
+    """What can be answered, each a sentence with the action that it stands for."""
+    pending, reason = state.get("pending"), reply.get("reason", "")
+    if reply["kind"] == "refused":
+        left_out = OR_LENIENT in reason
+        offered = reason.partition(OR_LENIENT if left_out else " Did you mean: ")[2]
+        edits = (state.get("reading") or {}).get("reading") == "edits"  # then it says the old scene
+        sentences = [] if edits else [each for each in offered.strip("'?").split("' or '") if each]
+        without = {"label": LEAVE_OUT, "action": f"{state['act']}_without"}
+        return [
+            *([{**without, "argument": state["words"]}] if left_out else []),
+            *({"label": each, "action": "make", "argument": each} for each in sentences),
+        ]
+    if reply["kind"] != "asked" or pending is None:
+        return []
+    return [
+        {"label": _spell_choice(each["means"]), "action": "say", "argument": each["answer"]}
+        for each in pending["ask"]["choices"]
+    ]
+
+
+def _spell_choice(means: str) -> str:
+    """The sentence that an answer stands for, without the id that it is answered by."""
+    noun, _, meant = means.partition("=")
+    sentence = meant if noun == SENTENCE else meant.partition(": ")[2] or meant
+    sentence = re.sub(r" \([a-z]+-\d+\)$", "", sentence) or "none of these"
+    return sentence[0].upper() + sentence[1:]
 
 
 _WISHES = {
@@ -140,10 +198,8 @@ _WISHES = {
     "why": "The reason is under the refusal, at Why.",
     "help": "Say what shall happen, then what shall be different; or ask about the scene.",
     "quit": "Close the window when you like; the conversation is kept.",
-    "html": "Save page, above the picture, gives one file to send to others.",
-    "save": "Save page, scene.json and proof.json are above the picture.",
-    "gif": "scenewright show FOLDER --gif and /gif in scenewright chat write an animation.",
-    "mp4": "scenewright show FOLDER --mp4 and /mp4 in scenewright chat write a video.",
+    "html": "Save as, above the picture, gives one file to send to others.",
+    **dict.fromkeys(("save", "gif", "mp4"), "Save as, above the picture, writes every format."),
 }
 """What the page answers to what it has buttons for."""
 

@@ -22,7 +22,7 @@ def _build_object(required: Sequence[str], **properties: dict[str, Any]) -> dict
     return {"type": "object", "required": list(required), "properties": properties}
 
 
-ACTIONS = ("say", "edit", "undo", "redo", "branch")
+ACTIONS = ("say", "say_without", "make", "make_without", "edit", "undo", "redo", "branch")
 _BODIES: dict[str, tuple[str, dict[str, Any]]] = {
     "/api/threads": ("application/json", _build_object((), intersection=_TEXT, seed=_WHOLE)),
     "/api/threads/{thread}/turn": (
@@ -50,7 +50,7 @@ _QUERIES: dict[str, tuple[str, ...]] = {
     "/api/threads/{thread}/compare": ("first", "second"),
     "/api/threads/{thread}/made": ("version",),
     "/api/threads/{thread}/handles": ("version",),
-    "/api/threads/{thread}/{name}": ("version", "over", "download"),
+    "/api/threads/{thread}/{name}": ("version", "over", "download", "format"),
     "/api/batches/new": ("intersection", "backend"),
     "/api/batches/{batch}": ("after",),
     "/api/maps": ("name",),

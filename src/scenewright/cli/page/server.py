@@ -30,10 +30,13 @@ from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversation, Conversations
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
+from scenewright.cli.page.saved import SAVED, write_saved
 from scenewright.cli.page.schema import describe_routes
+from scenewright.cli.page.suggestions import list_places, list_words
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
-from scenewright.intersections import list_intersections, load_map
+from scenewright.intersections import load_map
+from scenewright.scene.called import speak_plainly
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -107,6 +110,7 @@ class Page:
             Route("/api/threads/{thread}/compare", answer_safely(self.compare_versions)),
             Route("/api/threads/{thread}/made", answer_safely(self.describe_making)),
             Route("/api/threads/{thread}/handles", answer_safely(self.list_handles)),
+            Route("/api/threads/{thread}/log", answer_safely(self.list_log)),
             Route("/api/threads/{thread}/{name}", answer_safely(self.send_file)),
             Route("/api/intersections/{name}.png", answer_safely(self.draw_map)),
             *self._choice.list_routes(),
@@ -120,12 +124,15 @@ class Page:
         return HTMLResponse(_read_asset("index.html"))
 
     async def describe_start(self, _request: Request) -> Response:
-        """Intersections, conversations, the backend and what is missing to import maps."""
+        """Intersections, words, formats, conversations, backend, what is missing to import maps."""
+        from scenewright.tools.exporters import FORMATS
         from scenewright.tools.map_import.check_file import SUMO
 
         return JSONResponse(
             {
-                "intersections": await run_in_threadpool(_list_places),
+                "intersections": await run_in_threadpool(list_places),
+                "words": list_words(),
+                "formats": {name: each.title for name, each in FORMATS.items()},
                 "threads": await run_in_threadpool(self._conversations.list_names),
                 "backend": self._choice.name,
                 "intersection": self._intersection,
@@ -172,19 +179,28 @@ class Page:
         """What can be changed by hand in a version."""
         found = await self._find(request)
         which = request.query_params.get("version")
-        handles = await run_in_threadpool(found.session.list_handles, which)
+        handles = await run_in_threadpool(found.list_handles, which)
         return JSONResponse({"handles": handles})
+
+    async def list_log(self, request: Request) -> Response:
+        """What was said so far, and every reply."""
+        found = await self._find(request)
+        return JSONResponse({"turns": await run_in_threadpool(found.list_log)})
 
     async def describe_making(self, request: Request) -> Response:
         """How a version came about: its provenance."""
         found = await self._find(request)
         shown = await run_in_threadpool(found.find, request.query_params.get("version"))
-        return JSONResponse(shown.provenance)
+        made = shown.provenance
+        for each in made.get("rejections", []):
+            each["detail"] = speak_plainly(each["detail"], shown.record)
+        return JSONResponse(made)
 
     async def send_file(self, request: Request) -> Response:
         """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it.
 
-        The page may have another version, `over`, laid over it.
+        `scene.png`, `scene.gif` and `scene.mp4` are its views, `export.zip` its files in a
+        `format`. The page may have another version, `over`, laid over it.
         """
         found, name = await self._find(request), request.path_params["name"]
         which = request.query_params.get("version")
@@ -198,6 +214,11 @@ class Page:
             shown = await run_in_threadpool(found.find, which)
             body = shown.scene_json if name == "scene.json" else shown.proof_json
             response = Response(body, media_type="application/json")
+        elif name in SAVED:
+            shown = await run_in_threadpool(found.find, which)
+            format_ = request.query_params.get("format", "")
+            body = await run_in_threadpool(write_saved, shown, name, format_)
+            response = Response(body, media_type=SAVED[name])
         else:
             raise HTTPException(404)
         if "download" in request.query_params:
@@ -240,10 +261,6 @@ async def _work(
 async def _send_lines(lines: asyncio.Queue[dict[str, Any] | None]) -> AsyncIterator[bytes]:
     while (line := await lines.get()) is not None:
         yield json.dumps(line).encode() + b"\n"
-
-
-def _list_places() -> list[dict[str, str]]:
-    return [{"name": each, "title": load_map(each).title} for each in list_intersections()]
 
 
 async def _send_asset(request: Request) -> Response:

@@ -8,19 +8,27 @@ const LIGHT = { green: "#19A974", yellow: "#F2B705", red: "#DB2B39" };
 const EVENT = { collision: "collides with", near_miss: "has a near miss with", yielding: "yields to", follow: "follows" };
 const LABEL_FONT = "600 12px system-ui, sans-serif";
 const LABEL_STEPS = [0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5], LABEL_HEIGHT = 17, LEG_SIDES = [0, 8, -8, 10, -10, 12, -12, 14, -14, 17, -17, 20, -20, 24, -24, 30, -30];
-const MARK_SECONDS = 2.5, LEAD_SECONDS = 2, BRAKING = 1.0, FURTHEST_TTC = 8;
+const LEADER_PIXELS = 24, MARK_SECONDS = 2.5, LEAD_SECONDS = 2, OPENING_SECONDS = 5, BRAKING = 1.0, FURTHEST_TTC = 8;
 const agents = new Map(data.agents.map((each) => [each.id, each]));
-const state = { time: 0, playing: false, rate: 1, event: null, view: null, last: null, pointed: null, handles: [], drag: null, boxes: [] };
+const state = { time: 0, playing: false, rate: 1, event: null, view: null, last: null, pointed: null, handles: [], drag: null, boxes: [], offsets: new Map(), hovered: null, followed: null };
 
 function make(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
   element.append(...children);
   return element;
 }
-const describeAgent = (id) => (agents.has(id) ? agents.get(id).name : id === null ? "" : `agent ${id}`);
+const UNASKED = data.proof?.figures.unasked_red_light_runs ?? [];
+const describeRun = ({ agent, time }) => `${formatSeconds(time)}: ${describeAgent(agent)} runs a red light, which was not asked for`;
+const describeAgent = (id) => (agents.has(id) ? agents.get(id).called : id === null ? "" : `agent ${id}`);
 const formatNumber = (value) => (Math.abs(value) < 0.05 ? 0 : value).toFixed(1);
+/** With the name that edits know, and what it is. */
+function describeFully({ called, name, subtype, type }) {
+  const noun = (subtype ?? type).replaceAll("_", " ");
+  return [...new Set([called, ...(`${called} ${name}`.includes(noun) ? [] : [noun]), name])].join(" · ");
+}
 const formatSeconds = (value) => `${value.toFixed(1)} s`;
-const readVariable = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const formatSpeed = (value) => `${Math.round(3.6 * value)} km/h`;
+const readVariable = (name, element = canvas) => getComputedStyle(element).getPropertyValue(name).trim();
 
 // ---- samples -------------------------------------------------------------------------------
 /** Where an agent is at a time: {x, y, heading, speed}; null where it is not in the scene. */
@@ -168,7 +176,7 @@ function drawOther(agent) {
   pen.lineWidth = 1.8;
   pen.stroke();
   pen.setLineDash([]);
-  if (agent.role === "foreground") writeLabel(`${agent.name}, other version`, [sample.x, sample.y - agent.length / 2 - 14 / pixelsPerMetre()], readVariable("--soft"));
+  if (agent.role === "foreground") writeLabel(`${agent.called}, other version`, [sample.x, sample.y - agent.length / 2 - 14 / pixelsPerMetre()], readVariable("--soft"));
 }
 function drawTrail(agent) {
   const from = Math.max(0, Math.ceil((state.time - 3 - agent.start) / STEP));
@@ -195,6 +203,19 @@ function drawShape(shape, agent) {
   pen.lineWidth = 1;
   pen.stroke();
 }
+/** What the headlights of a vehicle or rider light up at night, fading over 18 m. */
+function drawHeadlights(agent) {
+  const sample = agent.type === "pedestrian" ? null : sampleAgent(agent, state.time);
+  if (sample === null) return;
+  const c = Math.cos(sample.heading), s = Math.sin(sample.heading), put = (u, v) => toPixels([sample.x + u * c - v * s, sample.y + u * s + v * c]);
+  const nose = put(agent.length / 2, 0), far = put(agent.length / 2 + 18, 0), light = pen.createLinearGradient(...nose, ...far);
+  light.addColorStop(0, "rgba(255, 236, 170, .38)");
+  light.addColorStop(1, "rgba(255, 236, 170, 0)");
+  pen.beginPath();
+  for (const [n, spot] of [put(agent.length / 2, -agent.width / 2), put(agent.length / 2 + 18, -4), put(agent.length / 2 + 18, 4), put(agent.length / 2, agent.width / 2)].entries()) pen[n ? "lineTo" : "moveTo"](...spot);
+  pen.fillStyle = light;
+  pen.fill();
+}
 /** A disc large enough to be seen, with a nose that shows the way it looks. */
 function drawPedestrian(agent, sample) {
   const [x, y] = toPixels([sample.x, sample.y]), radius = Math.max((agent.width / 2) * pixelsPerMetre(), 4.5);
@@ -214,13 +235,26 @@ function drawWindscreen(agent, sample) {
   pen.fillStyle = "rgba(20, 28, 40, .55)";
   pen.fill();
 }
-/** Words at a place, moved up or down until they cover no other words, and never across the edge. */
-function writeLabel(text, point, colour) {
+/** Words near a place where they cover nothing, where they were before if that is free; a line leads back if they stand apart. */
+function writeLabel(text, point, colour, spot = point) {
   pen.font = LABEL_FONT;
   const [x, y] = toPixels(point), half = pen.measureText(text).width / 2 + 3;
   if (x < -half || x > canvas.clientWidth + half || y < -20 || y > canvas.clientHeight + 20) return;
-  const boxes = LABEL_STEPS.map((k) => placeBox(x, y + k * LABEL_HEIGHT, half));
-  putLabel(text, boxes.find(isFree) ?? boxes[0], colour);
+  const kept = state.offsets.get(text), offsets = [...(kept && !kept[0] && Math.abs(kept[1]) < 3 ? [kept] : []), ...LABEL_STEPS.flatMap((k) => [0, 1, -1].map((side) => [side, k])).sort(([a, b], [c, d]) => Math.abs(a) * 2 + Math.abs(b) - Math.abs(c) * 2 - Math.abs(d))];
+  const found = offsets.map((offset) => [offset, placeBox(x + offset[0] * (half + 14), y + offset[1] * LABEL_HEIGHT, half)]).find(([, box]) => isFree(box));
+  if (!found) return;
+  const [offset, box] = found, [px, py] = toPixels(spot);
+  state.offsets.set(text, offset);
+  const near = [Math.min(Math.max(px, box[0]), box[2]), Math.min(Math.max(py, box[1]), box[3])];
+  if (Math.hypot(px - near[0], py - near[1]) > LEADER_PIXELS) {
+    pen.beginPath();
+    pen.moveTo(...near);
+    pen.lineTo(px, py);
+    pen.strokeStyle = colour;
+    pen.lineWidth = 1;
+    pen.stroke();
+  }
+  putLabel(text, box, colour);
 }
 /** Where an agent of the instruction is drawn, so that no label covers it. */
 function keepFree(agent) {
@@ -250,11 +284,11 @@ function putLabel(text, box, colour) {
 /** Names of the agents of the instruction, each on the side away from the others near it. */
 function drawNames() {
   const shown = data.agents.filter((each) => each.role === "foreground").map((agent) => [agent, sampleAgent(agent, state.time)]).filter(([, at]) => at);
-  for (const [agent, at] of shown) {
+  for (const [agent, at] of shown.filter(([each]) => each !== state.hovered && each !== state.followed)) {
     const near = shown.filter(([other, place]) => other !== agent && Math.hypot(place.x - at.x, place.y - at.y) < 12);
     const below = near.some(([other, place]) => place.y > at.y || (place.y === at.y && other.id < agent.id));
     const away = Math.max(...outline(agent, at).map(([, y]) => Math.abs(y - at.y))) + 9 / pixelsPerMetre();
-    writeLabel(agent.name, [at.x, at.y + (below ? -away - 8 / pixelsPerMetre() : away)], readVariable("--ink"));
+    writeLabel(agent.called, [at.x, at.y + (below ? -away - 8 / pixelsPerMetre() : away)], readVariable("--ink"));
   }
 }
 /** The name of every leg where it leaves the view, beside its road where there is room. */
@@ -301,9 +335,9 @@ function drawEvidence(event) {
 function drawGap(pair, event) {
   const { pet, other_cleared: cleared, entered } = event.evidence ?? {};
   if (typeof pet !== "number") return;
-  const lines = [`PET ${pet.toFixed(1)} s between the two`];
-  if (typeof cleared === "number" && typeof entered === "number") lines.push(`${pair[1].name} clears it at ${formatSeconds(cleared)}`, `${pair[0].name} enters at ${formatSeconds(entered)}`);
-  lines.forEach((text, n) => writeLabel(text, [event.location[0], event.location[1] + (30 + LABEL_HEIGHT * (lines.length - 1 - n)) / pixelsPerMetre()], readVariable("--bad")));
+  const lines = [`${pet.toFixed(1)} s between the two (PET)`];
+  if (typeof cleared === "number" && typeof entered === "number") lines.push(`${pair[1].called} clears it at ${formatSeconds(cleared)}`, `${pair[0].called} enters at ${formatSeconds(entered)}`);
+  lines.forEach((text, n) => writeLabel(text, [event.location[0], event.location[1] + (30 + LABEL_HEIGHT * (lines.length - 1 - n)) / pixelsPerMetre()], readVariable("--bad"), event.location));
 }
 /** Where an agent brakes before the event, over its way, and how hard at the most. */
 function drawBraking(agent, event) {
@@ -315,7 +349,7 @@ function drawBraking(agent, event) {
   spots.slice(1).forEach((spot, n) => { if (hard[n + 1][0] - hard[n][0] < 2 * STEP) strokeLines([[spots[n], spot]], readVariable("--bad"), 6); });
   pen.globalAlpha = 1;
   const most = Math.min(...hard.map(([, value]) => value));
-  writeLabel(`brakes, up to ${(-most).toFixed(1)} m/s²`, [spots[0][0], spots[0][1] + 14 / pixelsPerMetre()], readVariable("--bad"));
+  writeLabel(`${agent.called} brakes, up to ${(-most).toFixed(1)} m/s²`, [spots[0][0], spots[0][1] + 14 / pixelsPerMetre()], readVariable("--bad"));
 }
 /** The line along which one first sees the other past what stands there. */
 function drawSight({ observer, subject, first_visible: time }) {
@@ -342,7 +376,7 @@ function drawPassage(agent, event) {
   pen.strokeStyle = agent.colour;
   pen.lineWidth = 2;
   pen.stroke();
-  writeLabel(formatSeconds(time), [sample.x, sample.y - agent.width / 2 - 14 / pixelsPerMetre()], agent.colour);
+  writeLabel(`${agent.called}, ${formatSeconds(time)}`, [sample.x, sample.y - agent.width / 2 - 14 / pixelsPerMetre()], readVariable("--ink"), [sample.x, sample.y]);
 }
 /** A ring round the place, and what happens there, in words. */
 function drawEventMark(event) {
@@ -355,25 +389,62 @@ function drawEventMark(event) {
   pen.lineWidth = 3;
   pen.stroke();
   pen.globalAlpha = 1;
-  if (state.time >= event.time - STEP) writeLabel(`${event.type.replaceAll("_", " ")} · ${formatSeconds(event.time)}`, [event.location[0], event.location[1] - 38 / pixelsPerMetre()], readVariable("--bad"));
+  if (state.time >= event.time - STEP) writeLabel(`${event.type.replaceAll("_", " ")} · ${formatSeconds(event.time)}`, [event.location[0], event.location[1] - 38 / pixelsPerMetre()], readVariable("--bad"), event.location);
 }
 
+/** The agent at a place of the map [m], or null: under it, or no farther than 10 pixels. */
+function findAgent(place) {
+  const shown = data.agents.map((agent) => [agent, sampleAgent(agent, state.time)]).filter(([, sample]) => sample);
+  const near = shown.map(([agent, sample]) => { const ring = outline(agent, sample); return [agent, contains(ring, place) ? 0 : Math.min(...ring.map((each, n) => distanceToSegment(place, each, ring[(n + 1) % ring.length])))]; });
+  const [agent, away] = near.reduce((best, each) => (each[1] <= best[1] ? each : best), [null, Infinity]);
+  return away * pixelsPerMetre() <= 10 ? agent : null;
+}
+/** What the pointed or followed agent is and how fast it goes, and a ring round it. */
+function drawPointed(agent) {
+  const sample = sampleAgent(agent, state.time);
+  if (sample === null) return;
+  pen.beginPath();
+  pen.arc(...toPixels([sample.x, sample.y]), (agent.length / 2) * pixelsPerMetre() + 6, 0, 2 * Math.PI);
+  pen.strokeStyle = readVariable("--accent");
+  pen.lineWidth = 2;
+  pen.stroke();
+  writeLabel(`${describeFully(agent)} · ${formatSpeed(sample.speed)}`, [sample.x, sample.y + agent.length / 2 + 12 / pixelsPerMetre()], readVariable("--accent"), [sample.x, sample.y]);
+}
+/** Keep an agent in the middle, or no longer if it is the one that is followed. */
+function follow(agent) {
+  state.followed = state.followed === agent ? null : agent;
+  find("unfollow").hidden = state.followed === null;
+  find("unfollow").textContent = state.followed === null ? "" : `Following ${state.followed.called} ✕`;
+  for (const button of document.querySelectorAll(".lane button.label")) button.setAttribute("aria-pressed", String(Number(button.dataset.id) === state.followed?.id));
+  if (state.followed) { find("who").value = String(state.followed.id); measureCharts(); }
+  draw();
+}
+function drawUnaskedRun({ agent, time }) {
+  const at = agents.has(agent) && Math.abs(state.time - time) <= MARK_SECONDS && sampleAgent(agents.get(agent), state.time);
+  if (at) writeLabel(`runs red, unasked · ${formatSeconds(time)}`, [at.x, at.y - 30 / pixelsPerMetre()], readVariable("--amber"), [at.x, at.y]);
+}
 function draw() {
+  const at = state.followed && sampleAgent(state.followed, state.time);
+  if (at) Object.assign(state.view, { x: at.x, y: at.y });
   const ratio = window.devicePixelRatio || 1;
   const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   state.boxes = [[0, canvas.clientHeight - 34, 130, canvas.clientHeight], [canvas.clientWidth - 44, 0, canvas.clientWidth, 26], [canvas.clientWidth - 50, canvas.clientHeight - 130, canvas.clientWidth, canvas.clientHeight]];
   data.agents.forEach(keepFree);
+  for (const [name] of findLights(state.time)) for (const [x, y] of (data.map.lights[name] ?? []).map(toPixels)) state.boxes.push([x - 6, y - 6, x + 6, y + 6]);
   drawMap();
+  if (data.night) data.agents.forEach(drawHeadlights);
   drawLights();
   data.agents.forEach(drawTrail);
   data.agents.forEach(drawAgent);
   (data.over ?? []).forEach(drawOther);
   state.handles.forEach(drawHandle);
   drawNames();
+  for (const agent of new Set([state.followed, state.hovered])) if (agent) drawPointed(agent);
   if (state.event !== null) drawEvidence(data.events[state.event]);
   data.events.forEach(drawEventMark);
+  UNASKED.forEach(drawUnaskedRun);
   drawObjects();
   drawLegs();
   drawScale();
@@ -427,8 +498,8 @@ function describeNow() {
   const seen = data.agents.filter((each) => each.role === "foreground");
   const words = seen.map((agent) => {
     const sample = sampleAgent(agent, state.time);
-    if (!sample) return `${agent.name} is not in the scene`;
-    return `${agent.name} ${sample.speed < 0.3 ? "stands" : `goes at ${sample.speed.toFixed(1)} m/s`}`;
+    if (!sample) return `${agent.called} is not in the scene`;
+    return `${agent.called} ${sample.speed < 0.3 ? "stands" : `goes at ${formatSpeed(sample.speed)}`}`;
   });
   const count = data.agents.filter((each) => sampleAgent(each, state.time)).length;
   find("now").textContent = `${formatSeconds(state.time)}: ${[...words, `${count} agents in view`].join("; ")}.`;
@@ -442,8 +513,13 @@ function addBar(track, start, end, colour, title) {
   bar.style.background = colour;
   track.append(bar);
 }
-function addLane(text, colour) {
-  const label = make("span", { className: "label", title: text });
+function addLane(text, colour, agent = null) {
+  const label = agent ? make("button", { type: "button", className: "label", title: `Follow ${text}` }) : make("span", { className: "label", title: text });
+  if (agent) {
+    label.dataset.id = agent.id;
+    label.setAttribute("aria-pressed", "false");
+    label.addEventListener("click", () => follow(agent));
+  }
   if (colour) {
     const dot = make("span", { className: "dot" });
     dot.style.background = colour;
@@ -469,16 +545,23 @@ function buildTimeline() {
     tick.addEventListener("click", (click) => { click.stopPropagation(); showEvent(n); });
     marks.append(tick);
   });
+  for (const run of UNASKED) {
+    const tick = make("button", { type: "button", className: "tick unasked", title: describeRun(run) });
+    tick.setAttribute("aria-label", describeRun(run));
+    tick.style.left = `${(100 * run.time) / END}%`;
+    tick.addEventListener("click", (click) => { click.stopPropagation(); step(run.time - state.time); });
+    marks.append(tick);
+  }
   const named = data.agents.filter((each) => each.role === "foreground").sort((a, b) => a.id - b.id);
   for (const agent of named) {
-    const track = addLane(agent.name, agent.colour);
+    const track = addLane(agent.called, agent.colour, agent);
     listenToBars(track, agent);
     if (!agent.segments.length) addBar(track, agent.start, endOf(agent), agent.colour, "in the scene");
     for (const segment of agent.segments)
       addBar(track, segment.start, segment.end, STATUS[segment.status], `${segment.status}, ${formatSeconds(segment.start)} to ${formatSeconds(segment.end)}`);
   }
   for (const name of listLights(named)) {
-    const track = addLane(`light ${name}`);
+    const track = addLane(`light, ${name.replace(":stop", " stop line").replace(":", " ")}`);
     for (const row of data.signals.filter((each) => (each.stop_line ?? each.crosswalk) === name))
       addBar(track, row.start, row.end, LIGHT[row.colour], row.colour);
   }
@@ -499,16 +582,16 @@ function formatEvent(event) {
   const kind = event.kind ? ` (${event.kind.replaceAll("_", " ")})` : "";
   return `${when}${describeAgent(event.from)} ${EVENT[event.type] ?? event.type} ${describeAgent(event.to)}${kind}`;
 }
-const FIGURES = { pet: ["PET", "s"], clearance: ["least distance", "m"], path_ttc: ["TTC along the paths", "s"],
-  ttc_2d: ["TTC", "s"], drac: ["braking needed", "m/s²"], relative_speed: ["speed of contact", "m/s"],
-  least_headway: ["least headway", "s"], least_gap: ["least gap", "m"], until: ["until", "s"], approach_speed: ["approach at", "m/s"],
-  lowest_speed: ["slowest", "m/s"], begins_to_slow: ["slows from", "s"], braking: ["brakes with", "m/s²"], other_cleared: ["the other is past at", "s"],
-  entered: ["enters at", "s"], would_have_entered: ["would have entered at", "s"], speed_from: ["its speed", "m/s"], speed_to: ["the other's speed", "m/s"], angle: ["angle between them", "rad"] };
+const SECONDS = (value) => `${Number(value.toFixed(1))} s`, METRES = (value) => `${Number(value.toFixed(1))} m`, BRAKES = (value) => `${value.toFixed(1)} m/s²`;
+const FIGURES = { pet: ["gap in time (PET)", SECONDS], clearance: ["least distance", METRES], path_ttc: ["time to collision along the paths", SECONDS],
+  ttc_2d: ["time to collision", SECONDS], drac: ["braking needed", BRAKES], relative_speed: ["speed of contact", formatSpeed],
+  least_headway: ["least headway", SECONDS], least_gap: ["least gap", METRES], until: ["until", SECONDS], approach_speed: ["approach at", formatSpeed],
+  lowest_speed: ["slowest", formatSpeed], begins_to_slow: ["slows from", SECONDS], braking: ["brakes with", BRAKES], other_cleared: ["the other is past at", SECONDS],
+  entered: ["enters at", SECONDS], would_have_entered: ["would have entered at", SECONDS], speed_from: ["its speed", formatSpeed], speed_to: ["the other's speed", formatSpeed],
+  angle: ["angle between them", (value) => `${Math.round((180 * value) / Math.PI)}°`], cause_agent: ["caused by", describeAgent] };
 function formatEvidence(evidence) {
-  return Object.entries(evidence ?? {}).filter(([, value]) => typeof value === "number").map(([key, value]) => {
-    const [name, unit] = FIGURES[key] ?? [key.replaceAll("_", " "), ""];
-    return `${name} ${Number(value.toFixed(2))} ${unit}`.trim();
-  }).join(" · ");
+  return Object.entries(evidence ?? {}).filter(([key, value]) => typeof value === "number" && FIGURES[key])
+    .map(([key, value]) => `${FIGURES[key][0]} ${FIGURES[key][1](value)}`).join(" · ");
 }
 function showEvent(n) {
   const event = data.events[n];
@@ -536,15 +619,16 @@ function buildProof() {
   markEvent();
   if (data.proof === null) return;
   for (const [key, title] of [["missing", "Asked for, not found"], ["interference", "Would be mistaken for the event"],
-    ["implausible", "Implausible motion"], ["signal_violations", "Signals not kept"]]) listFindings(data.proof[key], title);
+    ["implausible", "Implausible motion"], ["signal_violations", "Signals not kept"]]) listFindings(data.proof[key], title, "bad");
+  listFindings(UNASKED.map(describeRun), "Red lights run unasked", "amber");
   const ordinary = data.proof.incidental.map((each) => formatEvent(each));
   if (ordinary.length) find("findings").append(make("details", {}, make("summary", { textContent: `Ordinary traffic: ${ordinary.length}` }),
     make("ul", {}, ...ordinary.map((text) => make("li", { textContent: text })))));
 }
-function listFindings(rows, title) {
+function listFindings(rows, title, colour) {
   if (!rows || !rows.length) return;
   const items = rows.map((row) => make("li", { textContent: typeof row === "string" ? row : row.detail ?? JSON.stringify(row) }));
-  find("findings").append(make("h2", { className: "bad", textContent: title }), make("ul", {}, ...items));
+  find("findings").append(make("h2", { className: colour, textContent: title }), make("ul", {}, ...items));
 }
 
 // ---- the account of words ------------------------------------------------------------------------
@@ -559,11 +643,13 @@ function buildInstruction() {
   }
   title.append(letters.slice(at).join("") || (at ? "" : "Untitled scene"));
 }
-const describeWords = (each) => [each.state.replaceAll("_", " "), each.claim, each.evidence].filter(Boolean).join(": ");
+/** "class taxi" is what the program calls it. */
+const describeClaim = (claim) => (claim ?? "").replace(/^class /, "").replace(/^(\w+) (?=\1\b)/, "").replace(/^event /, "").replace(/^side (\w+)$/, "the $1 side").replace(/^crosswalk a /, "a ").replace(/^object /, "").replace(/^sight$/, "hidden from sight");
+const describeWords = (each) => [each.state.replaceAll("_", " "), describeClaim(each.claim), each.evidence].filter(Boolean).join(": ");
 function buildAccount() {
   const body = find("account").tBodies[0];
   for (const each of data.account) {
-    const whom = each.agents.map(describeAgent).join(", "), claim = `${each.claim ?? ""}${whom ? ` (${whom})` : ""}`;
+    const whom = each.agents.map(describeAgent).join(", "), claim = `${describeClaim(each.claim)}${whom ? ` (${whom})` : ""}`;
     body.append(make("tr", { className: each.state }, make("td", { textContent: each.words }), make("td", { className: "state", textContent: each.state.replaceAll("_", " ") }),
       make("td", { textContent: claim }), make("td", { textContent: each.evidence })));
   }
@@ -591,7 +677,7 @@ function addChart(title, unit, measure) {
   charts.push(chart);
 }
 /** Series of [time, value] of the chosen agents: their speeds. */
-const measureSpeed = (agent) => agent.xy.map((_, n) => [agent.start + n * STEP, agent.speed[n]]);
+const measureSpeed = (agent) => agent.xy.map((_, n) => [agent.start + n * STEP, 3.6 * agent.speed[n]]);
 function measureAcceleration(agent) {
   const width = 3; // over 0.6 s, as a difference of speeds over one step is mostly rounding
   return agent.xy.map((_, n) => {
@@ -642,10 +728,10 @@ function drawChart(chart, lines) {
   const values = lines.flatMap((line) => line.points.map((point) => point[1]));
   const high = Math.max(1, ...values), low = Math.min(0, ...values);
   const px = (time) => (time / END) * width, py = (value) => height - 6 - ((value - low) / (high - low)) * (height - 12);
-  brush.fillStyle = readVariable("--soft");
+  brush.fillStyle = readVariable("--soft", board);
   brush.font = "11px system-ui, sans-serif";
   brush.fillText(`${Number(high.toFixed(1))} ${unit}`, 4, 11);
-  brush.strokeStyle = readVariable("--line");
+  brush.strokeStyle = readVariable("--line", board);
   brush.beginPath(); brush.moveTo(0, py(0)); brush.lineTo(width, py(0)); brush.stroke();
   for (const line of lines) {
     brush.beginPath();
@@ -654,7 +740,7 @@ function drawChart(chart, lines) {
     brush.lineWidth = 1.6;
     brush.stroke();
   }
-  brush.strokeStyle = readVariable("--ink");
+  brush.strokeStyle = readVariable("--ink", board);
   brush.lineWidth = 1;
   brush.beginPath(); brush.moveTo(px(state.time), 0); brush.lineTo(px(state.time), height); brush.stroke();
   const at = state.pointed ?? state.time;
@@ -668,9 +754,9 @@ function findValue(points, at) {
   return near ? near[1] : null;
 }
 const asLines = (measure) => (...pair) => pair.filter((each, n) => each && pair.indexOf(each) === n)
-  .map((agent) => ({ name: agent.name, colour: agent.colour, points: measure(agent) }));
+  .map((agent) => ({ name: agent.called, colour: agent.colour, points: measure(agent) }));
 function buildCharts() {
-  addChart("Speed", "m/s", asLines(measureSpeed));
+  addChart("Speed", "km/h", asLines(measureSpeed));
   addChart("Acceleration", "m/s²", asLines(measureAcceleration));
   addChart("Distance between the two", "m", (agent, other) => {
     const points = measureDistance(agent, other);
@@ -691,8 +777,8 @@ function buildAgents() {
   const body = find("agents").tBodies[0];
   for (const agent of [...data.agents].sort((a, b) => a.id - b.id)) {
     const top = Math.max(...agent.speed);
-    const cells = [`${agent.name}${agent.subtype ? ` (${agent.subtype})` : ""}`, `${agent.entry} to ${agent.exit}, ${agent.movement}`,
-      `${formatSeconds(agent.start)} to ${formatSeconds(endOf(agent))}`, `${top.toFixed(1)} m/s`];
+    const cells = [describeFully(agent), `${agent.entry} to ${agent.exit}, ${agent.movement}`,
+      `${formatSeconds(agent.start)} to ${formatSeconds(endOf(agent))}`, formatSpeed(top)];
     body.append(make("tr", {}, ...cells.map((text) => make("td", { textContent: text }))));
   }
 }
@@ -795,17 +881,32 @@ function toMetres(event) {
 }
 function listenToPointer() {
   canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(event.deltaY > 0 ? 1.15 : 1 / 1.15, toMetres(event)); }, { passive: false });
-  let grabbed = null;
+  let grabbed = null, pressed = null;
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
+    pressed = [event.clientX, event.clientY];
     state.drag = findHandle(toMetres(event));
     if (state.drag === null) grabbed = toMetres(event);
   });
-  canvas.addEventListener("pointerup", () => { grabbed = null; dropHandle(); });
+  canvas.addEventListener("pointerup", (event) => {
+    const clicked = grabbed !== null && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 4;
+    grabbed = null;
+    dropHandle();
+    const agent = clicked ? findAgent(toMetres(event)) : null;
+    if (agent) follow(agent);
+  });
+  canvas.addEventListener("pointerleave", () => { state.hovered = null; draw(); });
   canvas.addEventListener("pointercancel", () => { grabbed = null; state.drag = null; draw(); });
   canvas.addEventListener("pointermove", (event) => {
     if (state.drag !== null) { state.drag.at = findNearestOn(state.drag.stop.line, toMetres(event)); draw(); return; }
-    if (grabbed === null) return;
+    if (grabbed === null) {
+      const agent = findAgent(toMetres(event));
+      canvas.style.cursor = agent ? "pointer" : "";
+      if (agent !== state.hovered) { state.hovered = agent; draw(); }
+      return;
+    }
+    if (Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 4) return;
+    if (state.followed) follow(state.followed);
     const [x, y] = toMetres(event);
     state.view.x += grabbed[0] - x;
     state.view.y += grabbed[1] - y;
@@ -822,7 +923,7 @@ function goToNextEvent() {
   play(true);
 }
 const KEYS = { " ": () => play(!state.playing), ArrowLeft: () => step(-1), ArrowRight: () => step(1), ",": () => step(-STEP),
-  ".": () => step(STEP), Home: () => step(-END), End: () => step(END), e: goToNextEvent, "+": () => zoom(1 / 1.2), "-": () => zoom(1.2) };
+  ".": () => step(STEP), Home: () => step(-END), End: () => step(END), e: goToNextEvent, "+": () => zoom(1 / 1.2), "-": () => zoom(1.2), Escape: () => { if (state.followed) follow(state.followed); } };
 function listenToKeys() {
   document.addEventListener("keydown", (event) => {
     const typing = /^(SELECT|INPUT|TEXTAREA)$/.test(event.target.tagName);
@@ -839,6 +940,7 @@ function chooseTheme(dark) {
 }
 
 function start() {
+  canvas.parentElement.classList.toggle("night", data.night);
   find("facts").textContent = [data.map.title || data.map.name, data.meta.time_of_day, formatSeconds(END),
     `${data.agents.length} agents`, `seed ${data.meta.seed}`].join(" · ");
   find("scrub").max = String(END);
@@ -860,12 +962,15 @@ function start() {
   find("theme").addEventListener("click", () => chooseTheme(!document.documentElement.classList.contains("dark")));
   find("zoom-in").addEventListener("click", () => zoom(1 / 1.3));
   find("zoom-out").addEventListener("click", () => zoom(1.3));
-  find("zoom-fit").addEventListener("click", () => { state.view = { ...HOME }; draw(); });
+  find("zoom-fit").addEventListener("click", () => { if (state.followed) follow(state.followed); state.view = { ...HOME }; draw(); });
+  find("unfollow").addEventListener("click", () => follow(state.followed));
   listenToPointer();
   listenToKeys();
   new ResizeObserver(() => seek(state.time)).observe(canvas);
-  seek(data.mainTime);
+  const still = window.matchMedia?.("(prefers-reduced-motion: reduce)").matches ?? false;
+  seek(still ? data.mainTime : Math.max(data.mainTime - OPENING_SECONDS, 0));
   describeNow();
   listenToPage();
+  if (!still) play(true);
 }
 start();

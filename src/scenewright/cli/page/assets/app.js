@@ -2,9 +2,8 @@
 // The page around the player: conversation, versions, places. All text is set as text, never as markup.
 const find = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token") ?? "";
-const EXAMPLES = ["A car from the north turning left narrowly misses a pedestrian on the east crosswalk at 8 am",
-  "A van is rear-ended by a car on the approach from the south", "A truck turning right yields to a pedestrian", "A normal morning in dense traffic"];
-const app = { thread: null, state: null, busy: false, place: null, places: [], handles: [] };
+const app = { thread: null, state: null, busy: false, place: null, places: [], handles: [], words: [] };
+const MOST_COMPLETIONS = 6;
 
 function make(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
@@ -48,27 +47,33 @@ function logFault(error) {
   logReply({ kind: "refused", lines: [error.message === "Failed to fetch" ? "The server does not answer; is `scenewright serve` still running?" : error.message] });
 }
 function offerChoices(choices) {
-  find("choices").replaceChildren(...choices.map((answer) => {
-    const button = make("button", { type: "button", textContent: answer });
-    button.addEventListener("click", () => takeTurn("say", answer));
+  find("choices").replaceChildren(...choices.map(({ label, action, argument }) => {
+    const button = make("button", { type: "button", textContent: label });
+    button.addEventListener("click", () => takeTurn(action, argument, label));
     return button;
   }));
+  find("log").lastElementChild?.scrollIntoView({ block: "end" });
 }
 
 // ---- turns --------------------------------------------------------------------------------------
 function setBusy(busy) {
   app.busy = busy;
-  for (const id of ["send", "new"]) find(id).disabled = busy;
-  const none = !app.state?.versions?.length;
+  for (const id of ["send", "anew", "new", "save"]) find(id).disabled = busy;
+  const none = !app.state?.versions?.length, changes = (app.state?.current ?? null) !== null;
+  find("anew").hidden = !changes;
+  find("send").textContent = changes ? "Change this scene" : "Make the scene";
+  find("ask-words").textContent = changes ? "What shall be different? Or say a new scene." : "What shall happen?";
+  find("words").placeholder = changes ? "Make it night" : "A van cuts off a cyclist at 8 am";
+  find("save").disabled = busy || none;
   for (const id of ["undo", "redo", "branch", "by-hand", "making"]) find(id).disabled = none || (busy && !["by-hand", "making"].includes(id));
   for (const field of find("hand").querySelectorAll("input, select")) field.disabled = busy || field.dataset.never === "";
   if (!busy) find("progress").textContent = "";
 }
-async function takeTurn(action, argument = "") {
+async function takeTurn(action, argument = "", said = argument) {
   if (app.busy) return;
   setBusy(true);
   offerChoices([]);
-  if (action === "say") logWords(argument);
+  if (["say", "say_without", "make", "make_without"].includes(action)) logWords(said);
   try {
     if (app.thread === null) await createThread();
     const reply = await readTurn(action, argument);
@@ -116,10 +121,12 @@ async function openThread(name) {
   find("log").replaceChildren();
   offerChoices([]);
   await refresh();
-  for (const version of app.state?.versions ?? []) {
-    logWords(version.words);
-    logReply({ kind: "moved_to", lines: [`version ${version.number}`] });
+  const turns = app.thread === null ? [] : (await ask(threadPath("/log"))).turns;
+  for (const turn of turns) {
+    if (turn.words) logWords(turn.words);
+    logReply(turn);
   }
+  offerChoices(turns.at(-1)?.choices ?? []);
   if (app.state?.interrupted) logReply({ kind: "nothing", lines: [`The last turn was cut short and left nothing behind: ${app.state.interrupted}`] });
   if (app.state?.busy) waitUntilFree();
 }
@@ -151,13 +158,11 @@ async function showVersion(number, against = "") {
   const shown = number !== null, overlaid = against !== "" && find("overlay").checked;
   const versions = shown ? [number, overlaid ? "" : against].filter((each) => each !== "") : [];
   find("start").hidden = shown;
-  find("players").replaceChildren(...versions.map((version) => make("iframe", {
+  const frames = versions.map((version) => make("iframe", {
     title: `Version ${version}${overlaid ? ` with version ${against} over it` : ""}`, src: address(threadPath("/page.html"), { version, ...(overlaid ? { over: against } : {}) }),
-  })));
-  for (const [id, name] of [["share", "page.html"], ["json", "scene.json"], ["proof", "proof.json"]]) {
-    find(id).setAttribute("aria-disabled", String(!shown));
-    find(id).href = shown ? address(threadPath(`/${name}`), { version: number, download: 1 }) : "#";
-  }
+  }));
+  const before = [...find("players").children].map((each) => each.src).join();
+  if (frames.map((each) => each.src).join() !== before) find("players").replaceChildren(...frames); // a scene that plays is not begun anew
   find("made").hidden = true;
   find("making").setAttribute("aria-expanded", "false");
   offerHandles().catch(logFault);
@@ -201,6 +206,40 @@ function chooseVersion(number) {
   find("against").value = "";
   drawTree(app.state.versions, number);
   showVersion(number);
+}
+/** One of the files of the version that is shown, as a download; what hinders it goes to the log. */
+async function saveAs(choice) {
+  const [name, format = ""] = choice.split(":"), version = find("version").value;
+  find("save").value = "";
+  find("progress").textContent = `Writing ${format || name} …`;
+  try {
+    const answer = await fetch(`${threadPath(`/${name}`)}?${new URLSearchParams({ version, format })}`, { headers: { "x-token": token } });
+    if (!answer.ok) throw new Error((await answer.json()).reason);
+    const link = make("a", { href: URL.createObjectURL(await answer.blob()), download: format ? `${app.thread}-${version}-${format}.zip` : `${app.thread}-${version}-${name}` });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+  } catch (error) { logFault(error); }
+  find("progress").textContent = "";
+}
+/** Words that may go on from what stands before the cursor: road users, events, and places of the map. */
+function complete() {
+  const field = find("words"), before = field.value.slice(0, field.selectionStart), place = app.places.find((each) => each.name === (app.state?.setting.intersection ?? app.place));
+  const known = [...(place?.words ?? []), ...app.words];
+  const spoken = before.split(/\s/);
+  let found = [], typed = "";
+  for (let n = Math.max(spoken.length - 5, 0); n < spoken.length && !found.length; n += 1) {
+    typed = spoken.slice(n).join(" ");
+    if (typed.length >= 2) found = known.filter((each) => each.toLowerCase().startsWith(typed.toLowerCase()) && each.length > typed.length);
+  }
+  find("completions").replaceChildren(...found.slice(0, MOST_COMPLETIONS).map((word) => {
+    const button = make("button", { type: "button", textContent: word });
+    button.addEventListener("click", () => {
+      field.setRangeText(`${word} `, field.selectionStart - typed.length, field.selectionStart, "end");
+      field.focus();
+      complete();
+    });
+    return button;
+  }));
 }
 async function toggleMaking() {
   const box = find("made"), open = box.hidden;
@@ -252,7 +291,8 @@ async function chooseBackend() {
   } catch (error) { find("settings-said").textContent = error.message; }
 }
 function showExamples() {
-  find("examples").replaceChildren(...EXAMPLES.map((text) => {
+  const { examples = [] } = app.places.find((each) => each.name === app.place) ?? {};
+  find("examples").replaceChildren(...examples.map((text) => {
     const button = make("button", { type: "button", textContent: text });
     button.addEventListener("click", () => takeTurn("say", text));
     return make("li", {}, button);
@@ -264,14 +304,23 @@ function chooseTheme(dark) {
   tellPlayer();
 }
 
+function sendWords(action) {
+  const words = find("words").value.trim();
+  if (app.busy) return;
+  if (!words && action === "make") { find("new").click(); return; }
+  if (!words) return;
+  find("words").value = "";
+  complete();
+  takeTurn(action, words);
+}
 function listen() {
   find("form").addEventListener("submit", (event) => {
     event.preventDefault();
-    const words = find("words").value.trim();
-    if (!words || app.busy) return;
-    find("words").value = "";
-    takeTurn("say", words);
+    sendWords("say");
   });
+  find("anew").addEventListener("click", () => sendWords("make"));
+  find("words").addEventListener("input", complete);
+  find("save").addEventListener("change", (event) => { if (event.target.value) saveAs(event.target.value); });
   find("words").addEventListener("keydown", (event) => {
     if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); find("form").requestSubmit(); }
   });
@@ -298,11 +347,12 @@ function listen() {
 async function start() {
   chooseTheme(window.matchMedia("(prefers-color-scheme: dark)").matches);
   listen();
-  showExamples();
   try {
     const facts = await ask("/api/start");
     find("backend").textContent = `backend: ${facts.backend}`;
     find("thread").append(make("option", { value: "", textContent: "new" }), ...facts.threads.map((name) => make("option", { value: name, textContent: name })));
+    app.words = facts.words;
+    for (const [name, title] of Object.entries(facts.formats)) find("save").append(make("option", { value: `export.zip:${name}`, textContent: `${name}: ${title}` }));
     showPlaces(facts.intersections, facts.intersection);
     if (facts.missing) sayAboutMap(facts.missing);
     const wanted = new URLSearchParams(location.search).get("thread");

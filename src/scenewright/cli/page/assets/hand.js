@@ -24,24 +24,24 @@ function tellPlayer() {
 function showHandles(handles) {
   const head = make("tr", {}, ...["Agent", "Comes later [s]", "Stops further on [m]", "Waits longer [s]", "Way"].map((textContent) => make("th", { scope: "col", textContent })));
   const rows = handles.filter((each) => each.ways.length).map(showHandle);
-  return make("div", {}, make("p", { className: "quiet", textContent: "Or drag a bar of the timeline, or the red bar where somebody stops. Negative numbers mean sooner, before, shorter." }),
+  return make("div", {}, make("p", { className: "quiet", textContent: "Type a number and press Enter, or choose a way: the scene is then solved and checked anew. Or drag a bar of the timeline, or the red bar where somebody stops. Negative numbers mean sooner, before, shorter." }),
     make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows)));
 }
-function showHandle({ agent, stop, ways }) {
+function showHandle({ agent, called, stop, ways }) {
   const number = (name, edit, key, usable) => {
     const field = make("input", { type: "number", step: 0.5, min: -15, max: 15, disabled: !usable });
-    field.setAttribute("aria-label", `${agent}: ${name}`);
+    field.setAttribute("aria-label", `${called}: ${name}`);
     if (!usable) field.dataset.never = "";
     field.addEventListener("change", () => { if (Number(field.value)) changeByHand({ edit, agent, [key]: Number(field.value) }); });
     return make("td", {}, field);
   };
-  return make("tr", {}, make("th", { scope: "row", textContent: agent }), number("comes later", "come_later", "seconds", true),
-    number("stops further on", "move_stop", "metres", stop !== null), number("waits longer", "wait_longer", "seconds", stop !== null), make("td", {}, chooseWay(agent, ways)));
+  return make("tr", {}, make("th", { scope: "row", textContent: called }), number("comes later", "come_later", "seconds", true),
+    number("stops further on", "move_stop", "metres", stop !== null), number("waits longer", "wait_longer", "seconds", stop !== null), make("td", {}, chooseWay(agent, called, ways)));
 }
-function chooseWay(agent, ways) {
+function chooseWay(agent, called, ways) {
   const words = ({ entry, exit, movement, crosswalk }) => (crosswalk ? `over the ${crosswalk} crosswalk, ${entry} to ${exit}${movement === "jaywalking" ? ", away from it" : ""}` : `${entry} to ${exit} (${movement})`);
   const select = make("select", {}, ...ways.map((way, n) => make("option", { value: n, textContent: words(way), selected: way.now })));
-  select.setAttribute("aria-label", `${agent}: way`);
+  select.setAttribute("aria-label", `${called}: way`);
   select.addEventListener("change", () => {
     const { now, ...way } = ways[Number(select.value)];
     changeByHand({ edit: "choose_way", agent, ...way });

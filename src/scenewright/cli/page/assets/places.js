@@ -10,6 +10,7 @@ function showPlaces(places, chosen) {
     button.addEventListener("click", () => { app.thread = null; find("thread").value = ""; showPlaces(places, name); });
     return button;
   }));
+  showExamples();
   find("batch-place").replaceChildren(...places.map(({ name }) => make("option", { value: name, textContent: name, selected: name === chosen })));
 }
 const ownMap = { file: null, junction: "" };

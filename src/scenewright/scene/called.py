@@ -1,0 +1,56 @@
+"""What people read of a scene: agents as the instruction calls them, and no words of programs."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+from scenewright.scene.phrasing import number_nouns
+from scenewright.scene.record import SceneRecord
+
+_NOUN_PHRASE = re.compile(r"(?:an?|the|my|our|one|some|this|that) ([\w' -]{1,30})", re.IGNORECASE)
+_NUMBERS = re.compile(r"\bagents? (\d+(?:, \d+)*)\b|(?<=\bof )(\d+ and \d+)(?= at )")
+_CODE = re.compile(r"\b([a-z_]+)\(([^()]*)\)|\b[a-z]+(?:_[a-z]+)+\b")
+_RELATIONS = {"collide_at": "collision", "yield_to": "yielding"}
+
+
+def call_agents(scene: SceneRecord) -> dict[int, str]:
+    """By id: "the taxi" where the instruction says so, "car 1" and "car 2" for two of a noun.
+
+    Those that it does not name keep the name that edits know, "vehicle-7".
+    """
+    named = [agent for agent in scene.agents if agent.role == "foreground"]
+    nouns = {each.id: (each.subtype or each.type).replace("_", " ") for each in named}
+    spans = Counter(each.start for each in scene.said if each.became == "agent")
+    for each in reversed(scene.said):
+        phrase = _NOUN_PHRASE.fullmatch(each.words)
+        alone = each.became == "agent" and len(each.agents) == 1 and spans[each.start] == 1
+        if phrase and alone and each.value and each.agents[0] in nouns:
+            nouns[each.agents[0]] = phrase[1]
+    return {agent.id: agent.name for agent in scene.agents} | number_nouns(nouns)
+
+
+def speak_plainly(text: str, scene: SceneRecord) -> str:
+    """The text with agents and objects as they are called, without underscores and calls."""
+    called = call_agents(scene)
+    things = {each.id: f"{each.kind} {each.subtype or ''}".strip() for each in scene.objects}
+    names = number_nouns({key: noun.replace("_", "-") for key, noun in things.items()})
+    names |= {each.name: called[each.id] for each in scene.agents if each.role == "foreground"}
+
+    def spell(found: re.Match[str]) -> str:
+        words = f"{found[1]} of {found[2]}" if found[1] else found[0]
+        return " ".join(_RELATIONS.get(each, each.replace("_", " ")) for each in words.split())
+
+    def name_numbers(found: re.Match[str]) -> str:
+        numbers = found[1] or found[2]
+        return re.sub(r"\d+", lambda each: called.get(int(each[0]), each[0]), numbers)
+
+    text = _NUMBERS.sub(name_numbers, _CODE.sub(spell, text))
+    for name, meant in names.items():  # what stands in brackets behind a name repeats its noun
+
+        def rename(found: re.Match[str], meant: str = meant) -> str:
+            return meant + " (" * (found[1] is not None)
+
+        pattern = rf"\b(?:{re.escape(name)}|{re.escape(meant)})\b(?: \([a-z -]+(?:\)|(, )))?"
+        text = re.sub(pattern, rename, text)
+    return re.sub(r"\b(\w+) the \1\b", r"the \1", text)  # "parked the parked truck"
