@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
@@ -39,7 +40,6 @@ from scenewright.cli.console import (
     abandon_stdout,
     format_one_line,
     log_line,
-    say_if_new,
     show_progress,
     write_json,
     write_stdout,
@@ -73,6 +73,9 @@ from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
 from scenewright.time_limit import DEFAULT_LIMIT
+
+LOOPS = 180
+"""That `warm` compiles, for its progress."""
 
 app = typer.Typer(
     name="scenewright",
@@ -207,12 +210,28 @@ def _log_summary(lines: list[str]) -> None:
 
 
 @app.command()
-def warm() -> None:
+def warm(quiet: Quiet = False, as_json: Json = False) -> None:
     """Compile the innermost loops, once after an installation, so that no scene waits for it."""
+    from scenewright.compiled import watch_compiling
     from scenewright.graph.run import synthesize
 
-    say_if_new()
-    synthesize("A car hits a pedestrian", seed=0)
+    begin = time.monotonic()
+
+    def tell(count: int) -> None:
+        if count % 10 == 0:
+            spent = time.monotonic() - begin
+            left = max(LOOPS - count, 0) * spent / count
+            log("compiling", f"{count} of about {LOOPS} loops, about {left:.0f} s left")
+
+    with show_progress(quiet=quiet) as log, watch_compiling(tell) as names:
+        synthesize("A car hits a pedestrian", seed=0)
+    seconds = time.monotonic() - begin
+    if as_json:
+        write_json({"ok": True, "compiled": len(names), "seconds": round(seconds, 1)})
+    elif names:
+        write_stdout(f"{len(names)} loops compiled in {seconds:.0f} s, kept on disk\n")
+    else:
+        write_stdout("nothing to compile: all loops are kept on disk\n")
 
 
 @app.command()
