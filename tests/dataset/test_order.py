@@ -104,7 +104,7 @@ def test_an_order_that_names_riders_gets_them() -> None:
 
 def test_patterns_are_dealt_out_evenly() -> None:
     wish = read_order("29 yields")
-    first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1))
+    first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1, places=["amsterdam_120"]))
     assert set(first) == set(wish.quotas[0].leaves)
     assert max(first.values()) - min(first.values()) <= 1
 
@@ -392,7 +392,7 @@ def test_the_papers_composition() -> None:
         ("openai:some-model", "yielding"): 50,
     }
     assert wish.context.density == "medium"
-    names = {slot.name for slot in build_slots(wish, seed=0)}
+    names = {slot.name for slot in build_slots(wish, seed=0, places=["amsterdam_120"])}
     assert {"normal-001", "builtin-collision-01", "some-model-yielding-50"} <= names
     assert len(names) == wish.count
 
@@ -410,7 +410,7 @@ def test_texts_worded_on_workers_are_those_of_one_process(
 ) -> None:
     """The book has the texts in the order of the slots, whichever worker is ready first."""
     wish = read_order("4 yields")
-    slots = tuple(build_slots(wish, seed=0))
+    slots = tuple(build_slots(wish, seed=0, places=["amsterdam_120"]))
     books: list[bytes] = []
     progress_lines: list[str] = []
 
@@ -423,7 +423,8 @@ def test_texts_worded_on_workers_are_those_of_one_process(
         folder = tmp_path / str(few)
         folder.mkdir()
         context: Any = SimpleNamespace(
-            wish=wish, options=OPTIONS, book=Book(folder), writer=BuiltinWriter(ON), workers=2,
+            wish=wish, options=OPTIONS, book=Book(folder), workers=2,
+            writers={"amsterdam_120": BuiltinWriter(ON)},
             budget=9, log=lambda progress: progress_lines.append(format_progress(progress)),
         )  # fmt: skip
         agent.write({"slots": slots, "spent": 0}, runtime=Runtime(context=context))
