@@ -72,6 +72,7 @@ from scenewright.cli.serve import serve
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
+from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT
 
 LOOPS = 180
@@ -321,7 +322,17 @@ def verify(
 
 @app.command()
 def show(
-    scene: Annotated[str, typer.Argument(help="A scene's folder, or its scene.rrd.")],
+    scenes: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SCENE...",
+            help="A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
+        ),
+    ],
+    png: Annotated[
+        str | None,
+        typer.Option(metavar="F", help="Write a picture; of several scenes a contact sheet."),
+    ] = None,
     html: Annotated[
         str | None,
         typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
@@ -335,17 +346,19 @@ def show(
     ] = False,
 ) -> None:
     """Open a scene's recording in the rerun viewer, or write its views to files."""
-    asked: dict[ViewKind, str | None] = {"html": html, "gif": gif, "mp4": mp4}
+    asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
     wanted = {kind: name for kind, name in asked.items() if name is not None}
     if wanted:
         from scenewright.cli.show import write_views
 
-        write_views(scene, wanted, whole=whole)
+        write_views(scenes, wanted, whole=whole)
         write_stdout("".join(f"{name}\n" for name in wanted.values()))
         return
     from scenewright.viz.recording import open_recording
 
-    open_recording(scene)
+    if len(scenes) > 1:
+        raise InputError("one recording is opened at a time; --png F draws several scenes")
+    open_recording(scenes[0])
 
 
 @intersections.command("list")
