@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from langgraph.runtime import Runtime
 
+import map_files
 from inline_jobs import run_jobs_inline, spread_inline
 from scenewright.backends import TASKS, Question
 from scenewright.backends.recorded import record_answers
@@ -31,6 +32,7 @@ from scenewright.dataset.orders.run import Order, build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
 from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
 from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, is_read_as
+from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
 from scenewright.scene.events import EVENT_OF_RELATION
@@ -207,6 +209,41 @@ def test_scenes_of_an_order_have_the_time_limit_that_was_said(tmp_path: Path) ->
     assert report["scenes"] == 0
     reasons = {name for quota in report["quotas"] for name in quota["refused"]}
     assert {name.rpartition(": ")[2] for name in reasons} == {"time_limit"}
+
+
+def test_an_order_at_several_places_gives_as_many_scenes_and_holds_half_of_the_places_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own").mkdir()
+    monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
+    file = map_files.lanelet2(tmp_path / "four.osm")
+    assert main(["intersections", "import", str(file), "--name", "other", "-q"]) == 0
+    out, refused = tmp_path / "out", []
+
+    def refuse_first(jobs: Iterable[Any], task: Any, *, workers: int, limit: Any) -> Iterator[Any]:
+        for job in jobs:
+            if refused:
+                yield job, task(job)
+            else:  # a scene of a pattern that this one is not for
+                refused.append(job.key)
+                yield job, task(replace(job, wanted=()))
+
+    monkeypatch.setattr(carrying, "spread", refuse_first)
+    text = "2 follows at 5 am in light traffic"
+    report = fill(order(out, text, places=("amsterdam_120", "other")))
+    assert (report["scenes"], report["instructions"], report["held_out"]) == (2, 3, ["other"])
+    scenes = list(read_table(out / "tables", "scenes", ["row", "intersection", "split"]))
+    assert {each["intersection"]: each["split"] == "test" for each in scenes}["other"]
+    assert Counter(each["intersection"] for each in scenes) == {"amsterdam_120": 1, "other": 1}
+    (row,) = read_table(out / "tables", "refused", ["row", "code", "reason"])
+    assert (row["row"], row["code"]) == (refused[0], "another_event")
+    assert row["reason"].startswith("the scene shows follow: ")
+    assert json.loads((out / "manifest.json").read_bytes())["complete"]
+    card = (out / "README.md").read_text("utf-8")
+    assert "| scenes at other | 1 |" in card
+    assert "| refused: another\\_event | 1 |" in card
+    assert "| follow | none seen | 2 | 100 % |" in card
+    assert main(["agent", text, "--out", "x", "--intersections", "other", "--dry-run"]) == 2
 
 
 def test_what_is_refused_is_worded_anew_then_replaced_then_reported(

@@ -35,7 +35,8 @@ def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: 
             raise InputError("of several scenes there is a contact sheet alone: --png F")
         from scenewright.viz.contact_sheet import draw_contact_sheet
 
-        draw_contact_sheet(files["png"], folders)
+        records = ((each.name, load_scene(each)) for each in folders)
+        draw_contact_sheet(files["png"], ((name, scene, verify(scene)) for name, scene in records))
         return
     record = load_scene(scenes[0])
     proof = verify(record)

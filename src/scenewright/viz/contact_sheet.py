@@ -10,8 +10,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
-from scenewright.graph.run import load_scene, verify
 from scenewright.intersections import load_map
+from scenewright.scene.events import Proof
+from scenewright.scene.record import SceneRecord
 from scenewright.viz.still import draw_page
 
 _COLUMNS, _DPI, _CAPTION = 3, 90, 28
@@ -19,22 +20,20 @@ _COLUMNS, _DPI, _CAPTION = 3, 90, 28
 MOST_SCENES = 60
 
 
-def draw_contact_sheet(path: str | Path, folders: Iterable[Path]) -> int:
-    """Write a PNG of all scenes in rows of three; how many there are.
+def draw_contact_sheet(path: str | Path, scenes: Iterable[tuple[str, SceneRecord, Proof]]) -> None:
+    """Write a PNG of all scenes, each with its name, in rows of three.
 
     Raises:
-        InputError: no folder or too many, one that holds no scene, or nothing can be written.
+        InputError: no scene or too many, or the file cannot be written.
     """
-    pictures = []
-    for folder in folders:
+    pictures: list[tuple[str, Image.Image]] = []
+    for name, scene, proof in scenes:
         if len(pictures) == MOST_SCENES:
             raise InputError(f"a contact sheet has at most {MOST_SCENES} scenes; name fewer")
-        scene = load_scene(folder)
-        proof = verify(scene)
         page = draw_page(scene, proof, load_map(scene.meta.intersection)).render(_DPI)
-        pictures.append((f"{folder.name}: {proof.verdict}", Image.open(BytesIO(page))))
+        pictures.append((f"{name}: {proof.verdict}", Image.open(BytesIO(page))))
     if not pictures:
-        raise InputError("no folder of a scene is named")
+        raise InputError("none of these folders holds a scene")
     width = max(picture.width for _, picture in pictures)
     height = max(picture.height for _, picture in pictures) + _CAPTION
     columns = min(_COLUMNS, len(pictures))
@@ -47,4 +46,3 @@ def draw_contact_sheet(path: str | Path, folders: Iterable[Path]) -> int:
     data = BytesIO()
     sheet.save(data, "PNG")
     write_atomically(path, data.getvalue())
-    return len(pictures)

@@ -195,7 +195,8 @@ def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterato
         for k in range(quota.count):
             turned = leaves[k % len(leaves) :] + leaves[: k % len(leaves)] if leaves else []
             count = f"{k + 1:0{digits}d}"
-            place = places[(k + k // max(len(leaves), 1)) % len(places)]
+            turn, pattern = divmod(k, max(len(leaves), 1))
+            place = places[(turn + pattern) % len(places)]
             yield Slot(number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned), place)
             number += 1
 
