@@ -113,7 +113,8 @@ def finish(
             tally.tables.update(tables.add(row))
             tally.note(entry, row)
     overview, statistics = (part / name for name in PICTURES)
-    draw_overview(overview, places=tally.places, agents=tally.agents, name=_find_commonest(tally))
+    commonest = max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
+    draw_overview(overview, places=tally.places, agents=tally.agents, name=commonest)
     draw_statistics(statistics, tally.statistics)
     files = {name: list_table_files(part / "tables", name) for name in TABLES}
     splits = {name: [each.stem for each in found] for name, found in files.items() if found}
@@ -135,11 +136,12 @@ def finish(
     left = given - tally.counts.total()
     text = format_card(_build_contents(tally, splits=splits, title=title, given=given, about=about))
     write_atomically(out / CARD, text.encode("utf-8"))
+    counts = {status: tally.counts[status] for status in ("made", "refused", "failed")}
     manifest = {
         "schema_version": 1,
         "complete": complete,
         **about,
-        "rows": {"given": given, **_count_statuses(tally), "left": left},
+        "rows": {"given": given, **counts, "left": left},
         "tables": {name: tally.tables[name] for name in TABLES},
     }
     ours = hash_files(out, [CARD, *names, *extra])
@@ -193,15 +195,6 @@ def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
         for name in ("scene", "proof", "provenance")
     )
     return SceneFiles(about, scene, proof, provenance)
-
-
-def _count_statuses(tally: _Tally) -> dict[str, int]:
-    return {status: tally.counts[status] for status in ("made", "refused", "failed")}
-
-
-def _find_commonest(tally: _Tally) -> str | None:
-    """The intersection of most scenes."""
-    return max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
 
 
 def _build_contents(

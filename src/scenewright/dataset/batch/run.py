@@ -105,8 +105,9 @@ def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Su
         with batch.lock_journals() as journal:
             summary = build_summary(ours, journal, now=now, every=all_jobs)
             if now or not (request.out / MANIFEST).exists():
+                about = {k: each for k, each in header.items() if k not in ("journal", "rows")}
                 finish(
-                    request.out, all_jobs, journal, about=build_about(header), given=source.rows,
+                    request.out, all_jobs, journal, about=about, given=source.rows,
                     title=TITLE, complete=summary.complete,
                 )  # fmt: skip
             return summary
@@ -179,11 +180,6 @@ def hash_bundle(intersection: str) -> str:
     for file in (bundle / "bundle.toml", bundle / "map.json"):
         digest.update(file.read_bytes() if file.is_file() else b"")
     return digest.hexdigest()[:16]
-
-
-def build_about(header: dict[str, Any]) -> dict[str, Any]:
-    """The same for the manifest and the card."""
-    return {key: value for key, value in header.items() if key not in ("journal", "rows")}
 
 
 def build_summary(
