@@ -104,6 +104,27 @@ def has_cache(file: Path = _SLOWEST) -> bool:
     return folder is not None and any(folder.rglob("*.nbc"))
 
 
+@contextmanager
+def watch_compiling(log: Callable[[int], None]) -> Iterator[list[str]]:
+    """Call `log` with how many functions are compiled after each; the names of those so far."""
+    from numba.core import event
+
+    names: list[str] = []
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            pass
+
+        def on_end(self, event: Any) -> None:
+            function = event.data["dispatcher"].py_func
+            if not function.__module__.startswith("numba."):  # its own are many, and short
+                names.append(function.__name__)
+                log(len(names))
+
+    with event.install_listener("numba:compile", Listener()):
+        yield names
+
+
 def _list_roots() -> Iterator[Path]:
     """List places for the folder: NUMBA_CACHE_DIR, else the package and the user's cache."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):

@@ -339,6 +339,19 @@ def test_chains_and_pronouns_keep_the_agents_apart() -> None:
     assert [agent.entry for agent in two.agents] == ["south", "west"]
 
 
+@pytest.mark.parametrize("said", ["half past three", "quarter to four", "3 o'clock"])
+def test_a_spoken_hour_asks_for_the_half_of_the_day(said: str) -> None:
+    text = f"A car yields to a group of three pupils at {said}"
+    refusal = plan(text)
+    assert isinstance(refusal, Refusal)
+    assert f"{said} in the morning" in refusal.reason
+    assert f"{said} in the afternoon" in refusal.reason
+    in_the_afternoon = graph(f"{text} in the afternoon")
+    assert in_the_afternoon.context.time_of_day in ("15:30", "15:45", "15:00")
+    assert graph(f"{text} in the morning").context.time_of_day in ("03:30", "03:45", "03:00")
+    assert graph("A car yields to a pedestrian at 03:30").context.time_of_day == "03:30"
+
+
 @pytest.mark.parametrize(
     ("said", "time_"),
     [

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from scenewright.backends import Question
 from scenewright.cli import make as making
@@ -572,6 +573,21 @@ def test_show_needs_a_recording(run: Run, crash: Path) -> None:
     done = run("show", str(crash))
     assert done.code == 2
     assert "scene.rrd" in done.complaint
+
+
+def test_show_draws_one_scene_or_a_contact_sheet_of_several(run: Run, crash: Path) -> None:
+    assert run("show", str(crash), "--png", "one.png").code == 0
+    Path("aside").mkdir()  # as a dataset's folder of tables
+    done = run("show", str(crash), "aside", str(crash), "--png", "sheet.png")
+    assert (done.code, done.out) == (0, "sheet.png\n")
+    with Image.open("one.png") as picture, Image.open("sheet.png") as several:
+        one, sheet = picture.size, several.size
+    assert sheet[0] / sheet[1] > 1.5 * one[0] / one[1]
+    done = run("show", str(crash), str(crash), "--gif", "x.gif")
+    assert done.code == 2
+    assert "--png" in done.complaint
+    assert run("show", "aside", "aside", "--png", "x.png").code == 2
+    assert not Path("x.png").exists()
 
 
 def test_show_opens_a_recording(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

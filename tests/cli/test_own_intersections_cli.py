@@ -57,6 +57,20 @@ def test_a_map_alone_is_enough_for_a_verified_scene(tmp_path, capsys):
     assert main(["verify", "s1"]) == 0
 
 
+def test_any_text_is_a_name_and_the_short_form_is_shown(tmp_path, own, capsys):
+    file = map_files.lanelet2(tmp_path / "four.osm")
+    for text, short in (("Müllerstraße / King's Cross", "mullerstrasse-king-s-cross"),
+                        ("../x", "x"), ("交差点", "place-85f1b218")):  # fmt: skip
+        assert main(["intersections", "import", str(file), "--name", text]) == 0
+        printed = capsys.readouterr()
+        assert printed.out.strip().endswith(f"/{short}")
+        assert f"{text!r} is called {short} in commands" in printed.err
+    assert sorted(each.name for each in own.iterdir()) == sorted(
+        ["mullerstrasse-king-s-cross", "x", "place-85f1b218"]
+    )
+    assert "x" in list_intersections()
+
+
 def test_a_process_that_lives_on_uses_the_map_as_it_is_now(tmp_path):
     file = map_files.lanelet2(tmp_path / "four.osm")
     words = ["intersections", "import", str(file), "--name", "mine", "-q"]
@@ -75,7 +89,7 @@ def test_what_cannot_be_used_is_one_line_and_leaves_nothing(tmp_path, own, capsy
     torn.write_bytes(file.read_bytes()[:2000])
     for words in (
         [str(torn), "--name", "x"],
-        [str(file), "--name", "../x"],
+        [str(file), "--name", "amsterdam_120"],
         [str(file), "--name", "x", "--center", "here"],
         [str(file), "--name", "x", "--extent", "5"],
         ["missing.osm", "--name", "x"],

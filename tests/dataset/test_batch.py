@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +30,14 @@ from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
 from scenewright.dataset.batch.run import Request, parse_shard, run_batch
 from scenewright.dataset.batch.worker import FILES, Options, Outcome, work
-from scenewright.dataset.tables.divide import divide_tables
-from scenewright.dataset.tables.parquet import SceneFiles, build_rows, import_parquet
+from scenewright.dataset.tables.parquet import (
+    SCHEMAS,
+    TABLES,
+    SceneFiles,
+    build_rows,
+    import_parquet,
+)
+from scenewright.dataset.tables.parquet import read_table as read_rows
 from scenewright.dataset.tables.splits import SPLITS, choose_split
 from scenewright.errors import InputError
 from scenewright.intersections import load_map
@@ -110,17 +115,15 @@ def test_a_row_has_a_folder_of_its_own_and_none_lies_outside(whole: Path) -> Non
 
 
 def read_table(folder: Path, name: str) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = (
-        import_parquet().read_table(folder / "tables" / f"{name}.parquet").to_pylist()
-    )
-    return rows
+    return list(read_rows(folder / "tables", name, [*SCHEMAS[name]]))
 
 
 def test_the_tables_load_and_hold_every_row(whole: Path) -> None:
     scenes = {row["row"]: row for row in read_table(whole, "scenes")}
-    assert list(scenes) == list(TEXTS)
-    assert scenes["pizza"]["status"] == "refused"
-    assert "traffic" in scenes["pizza"]["reason"]
+    assert set(scenes) == {*TEXTS} - {"pizza"}
+    (pizza,) = read_table(whole, "refused")
+    assert (pizza["row"], pizza["status"]) == ("pizza", "refused")
+    assert "traffic" in pizza["reason"]
     assert scenes["../../etc"]["folder"] != "../../etc"
     asked = {(row["row"], row["type"]) for row in read_table(whole, "events") if row["asked"]}
     assert asked == {("../../etc", "collision"), ("follow", "follow")}
@@ -147,29 +150,26 @@ def test_tracks_have_velocities_and_the_map_and_the_lights_are_tables(whole: Pat
     lights = [row for row in read_table(whole, "lights") if row["row"] == "calm"]
     assert len(lights) == len(scene["signals"])
     shapes, place = read_table(whole, "map"), load_map("amsterdam_120")
-    assert sum(row["kind"] == "crosswalk" for row in shapes) == len(place.crosswalks)
-    assert len({row["feature"] for row in shapes}) == len(shapes)
+    walks = {row["feature"] for row in shapes if row["kind"] == "crosswalk"}
+    assert walks == {each.id for each in place.crosswalks}
+    splits = {row["split"] for row in read_table(whole, "scenes")}
+    assert len({row["feature"] for row in shapes}) * len(splits) == len(shapes)
     queues = [row for row in read_table(whole, "events") if row["queue"]]
     assert {row["type"] for row in queues} == {"follow"}
     assert not any(row["asked"] for row in queues)
 
 
-def test_a_dataset_is_divided_without_telling_answers_and_nothing_is_lost(
-    whole: Path, tmp_path: Path
-) -> None:
-    counts = divide_tables(whole, tmp_path / "parts")
-    assert sum(counts.values()) == 3
-    for name in ("scenes", "tracks"):
-        parts = [
-            import_parquet().read_table(tmp_path / "parts" / split / f"{name}.parquet").to_pylist()
-            for split in SPLITS
-        ]
-        everything = import_parquet().read_table(whole / "tables" / f"{name}.parquet").to_pylist()
-        assert sorted(map(str, chain(*parts))) == sorted(map(str, everything))
-    card = (tmp_path / "parts" / "README.md").read_text()
-    assert all((f"path: {split}/scenes" in card) == bool(counts[split]) for split in counts)
-    with pytest.raises(InputError, match="is there already"):
-        divide_tables(whole, tmp_path / "parts")
+def test_the_card_names_the_splits_and_no_group_is_in_two(whole: Path) -> None:
+    card = yaml.safe_load((whole / "README.md").read_text("utf-8").split("---\n")[1])
+    named = {each["config_name"]: each["data_files"] for each in card["configs"]}
+    assert list(named) == list(TABLES)
+    for name, files in named.items():
+        there = {path.stem: path for path in (whole / "tables" / name).iterdir()}
+        assert {each["split"]: whole / each["path"] for each in files} == there
+    for split in (each["split"] for each in named["scenes"]):
+        table = import_parquet().read_table(whole / "tables" / "scenes" / f"{split}.parquet")
+        for row in table.to_pylist():
+            assert row["split"] == split == choose_split(row["intersection"], row["text"])
 
 
 def test_a_split_follows_from_place_and_wording_alone() -> None:
@@ -183,21 +183,21 @@ def test_a_split_follows_from_place_and_wording_alone() -> None:
     assert {*found} == {*SPLITS}
 
 
-def test_croissant_names_every_column_and_the_hash_of_its_file(whole: Path) -> None:
+def test_croissant_names_every_column_and_the_files_of_its_tables(whole: Path) -> None:
     about = json.loads((whole / "croissant.json").read_bytes())
-    manifest = json.loads((whole / "manifest.json").read_bytes())
     for each in about["distribution"]:
-        assert manifest["files"][each["contentUrl"]] == each["sha256"]
+        assert [*whole.glob(each["includes"])]
     columns = {
         each["name"]: [field["name"] for field in each["field"]] for each in about["recordSet"]
     }
+    assert list(columns) == list(TABLES)
     for name, found in columns.items():
-        table = import_parquet().ParquetFile(whole / "tables" / f"{name}.parquet")
-        assert found == table.schema_arrow.names
+        for path in (whole / "tables" / name).iterdir():
+            assert found == import_parquet().ParquetFile(path).schema_arrow.names
 
 
 def test_the_account_of_words_is_a_table_with_the_checkers_evidence(whole: Path) -> None:
-    rows = import_parquet().read_table(whole / "tables" / "account.parquet").to_pylist()
+    rows = read_table(whole, "account")
     proof = json.loads((whole / "follow" / "proof.json").read_bytes())
     assert [each for each in rows if each["row"] == "follow"] == [
         {"row": "follow", **entry} for entry in proof["account"]
@@ -220,6 +220,7 @@ def test_a_scene_of_an_earlier_version_has_no_rows_of_account(whole: Path) -> No
         "text": TEXTS["follow"],
         "intersection": "amsterdam_120",
         "voice": None,
+        "split": "train",
     }
     rows = build_rows(SceneFiles(about, scene, proof, {}))
     assert rows["account"] == []
@@ -232,12 +233,17 @@ def test_check_compares_the_tables_of_a_dataset_that_has_no_account(
     monkeypatch.setattr(audit_module, "check_again", lambda _: None)
 
     def forget(about: dict[str, Any]) -> None:
-        del about["files"]["tables/account.parquet"], about["tables"]["account"]
+        for path in accounts:
+            del about["files"][path]
+        del about["tables"]["account"]
 
     copy = tmp_path / "copy"
     shutil.copytree(whole, copy)
-    (copy / "tables" / "account.parquet").unlink()
-    assert {each.where for each in audit_dataset(copy).faults} == {"tables/account.parquet"}
+    accounts = {
+        path.relative_to(copy).as_posix() for path in (copy / "tables" / "account").iterdir()
+    }
+    shutil.rmtree(copy / "tables" / "account")
+    assert {each.where for each in audit_dataset(copy).faults} == accounts
     rewritten(copy, forget)
     assert audit_dataset(copy).faults == ()
 
@@ -245,7 +251,7 @@ def test_check_compares_the_tables_of_a_dataset_that_has_no_account(
         about["tables"]["events"] = 99
 
     rewritten(copy, miscount)
-    assert {each.where for each in audit_dataset(copy).faults} == {"tables/events.parquet"}
+    assert {each.where for each in audit_dataset(copy).faults} == {"tables/events"}
 
 
 def test_a_run_that_dies_between_rows_goes_on_to_the_same_bytes(
@@ -335,10 +341,7 @@ def test_lenient_makes_the_row_and_lists_the_words_that_it_leaves_out(tmp_path: 
     assert strict.counts == {"refused": 1}
     lenient = run_batch(Request(path, tmp_path / "out", replace(OPTIONS, lenient=True)))
     assert lenient.counts == {"made": 1}
-    scenes, account = (
-        import_parquet().read_table(tmp_path / "out" / "tables" / f"{name}.parquet").to_pylist()
-        for name in ("scenes", "account")
-    )
+    scenes, account = (read_table(tmp_path / "out", name) for name in ("scenes", "account"))
     assert [each["words"] for each in account if each["state"] == "not_shown"] == ["rain"]
     assert [(each["verdict"], each["not_shown"]) for each in scenes] == [("partly", ["rain"])]
     card = (tmp_path / "out" / "README.md").read_text()
@@ -363,9 +366,8 @@ def test_check_finds_what_was_changed(whole: Path, tmp_path: Path) -> None:
 
 KINDS = (
     "calm/scene.json", "calm/proof.json", "calm/provenance.json", "manifest.json", "README.md",
-    "figures/overview.png", "tables/scenes.parquet", "tables/agents.parquet",
-    "tables/tracks.parquet", "tables/events.parquet", "tables/account.parquet",
-    "tables/lights.parquet", "tables/map.parquet", "croissant.json",
+    "figures/overview.png", "croissant.json",
+    *(f"tables/{name}" for name in TABLES),
 )  # fmt: skip
 
 
@@ -377,6 +379,8 @@ def test_check_finds_a_single_changed_byte_anywhere(
     monkeypatch.setattr(audit_module, "check_again", lambda _: None)
     copy = tmp_path / "copy"
     shutil.copytree(whole, copy)
+    if (copy / name).is_dir():  # of a table, the file of its first split
+        name = sorted((copy / name).iterdir())[0].relative_to(copy).as_posix()
     data = (copy / name).read_bytes()
     for at in (0, len(data) // 3, len(data) // 2, len(data) - 1):
         changed = bytearray(data)
@@ -442,9 +446,9 @@ def test_check_finds_scenes_that_changed_places_and_files_from_elsewhere(
 def test_the_card_names_licence_tables_and_counts(whole: Path) -> None:
     card = (whole / "README.md").read_text("utf-8")
     assert yaml.safe_load(card.split("---\n")[1])["license"] == "apache-2.0"
-    assert "path: tables/tracks.parquet" in card
-    assert "| rows made | 3 |" in card
-    assert "path: tables/account.parquet" in card
+    assert "path: tables/tracks/train.parquet" in card
+    assert "| scenes made | 3 |" in card
+    assert "| instructions refused | 1 |" in card
     assert "| `agents` | list of int16 | those in the evidence |" in card
     manifest = json.loads((whole / "manifest.json").read_bytes())
     assert manifest["rows"] == {"given": 4, "made": 3, "refused": 1, "failed": 0, "left": 0}

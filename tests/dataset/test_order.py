@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from langgraph.runtime import Runtime
 
+import map_files
 from inline_jobs import run_jobs_inline, spread_inline
 from scenewright.backends import TASKS, Question
 from scenewright.backends.recorded import record_answers
@@ -31,6 +32,7 @@ from scenewright.dataset.orders.run import Order, build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
 from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
 from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, is_read_as
+from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
 from scenewright.scene.events import EVENT_OF_RELATION
@@ -104,7 +106,7 @@ def test_an_order_that_names_riders_gets_them() -> None:
 
 def test_patterns_are_dealt_out_evenly() -> None:
     wish = read_order("29 yields")
-    first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1))
+    first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1, places=["amsterdam_120"]))
     assert set(first) == set(wish.quotas[0].leaves)
     assert max(first.values()) - min(first.values()) <= 1
 
@@ -207,6 +209,41 @@ def test_scenes_of_an_order_have_the_time_limit_that_was_said(tmp_path: Path) ->
     assert report["scenes"] == 0
     reasons = {name for quota in report["quotas"] for name in quota["refused"]}
     assert {name.rpartition(": ")[2] for name in reasons} == {"time_limit"}
+
+
+def test_an_order_at_several_places_gives_as_many_scenes_and_holds_half_of_the_places_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own").mkdir()
+    monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
+    file = map_files.lanelet2(tmp_path / "four.osm")
+    assert main(["intersections", "import", str(file), "--name", "other", "-q"]) == 0
+    out, refused = tmp_path / "out", []
+
+    def refuse_first(jobs: Iterable[Any], task: Any, *, workers: int, limit: Any) -> Iterator[Any]:
+        for job in jobs:
+            if refused:
+                yield job, task(job)
+            else:  # a scene of a pattern that this one is not for
+                refused.append(job.key)
+                yield job, task(replace(job, wanted=()))
+
+    monkeypatch.setattr(carrying, "spread", refuse_first)
+    text = "2 follows at 5 am in light traffic"
+    report = fill(order(out, text, places=("amsterdam_120", "other")))
+    assert (report["scenes"], report["instructions"], report["held_out"]) == (2, 3, ["other"])
+    scenes = list(read_table(out / "tables", "scenes", ["row", "intersection", "split"]))
+    assert {each["intersection"]: each["split"] == "test" for each in scenes}["other"]
+    assert Counter(each["intersection"] for each in scenes) == {"amsterdam_120": 1, "other": 1}
+    (row,) = read_table(out / "tables", "refused", ["row", "code", "reason"])
+    assert (row["row"], row["code"]) == (refused[0], "another_event")
+    assert row["reason"].startswith("the scene shows follow: ")
+    assert json.loads((out / "manifest.json").read_bytes())["complete"]
+    card = (out / "README.md").read_text("utf-8")
+    assert "| scenes at other | 1 |" in card
+    assert "| refused: another\\_event | 1 |" in card
+    assert "| follow | none seen | 2 | 100 % |" in card
+    assert main(["agent", text, "--out", "x", "--intersections", "other", "--dry-run"]) == 2
 
 
 def test_what_is_refused_is_worded_anew_then_replaced_then_reported(
@@ -392,7 +429,7 @@ def test_the_papers_composition() -> None:
         ("openai:some-model", "yielding"): 50,
     }
     assert wish.context.density == "medium"
-    names = {slot.name for slot in build_slots(wish, seed=0)}
+    names = {slot.name for slot in build_slots(wish, seed=0, places=["amsterdam_120"])}
     assert {"normal-001", "builtin-collision-01", "some-model-yielding-50"} <= names
     assert len(names) == wish.count
 
@@ -410,7 +447,7 @@ def test_texts_worded_on_workers_are_those_of_one_process(
 ) -> None:
     """The book has the texts in the order of the slots, whichever worker is ready first."""
     wish = read_order("4 yields")
-    slots = tuple(build_slots(wish, seed=0))
+    slots = tuple(build_slots(wish, seed=0, places=["amsterdam_120"]))
     books: list[bytes] = []
     progress_lines: list[str] = []
 
@@ -423,7 +460,8 @@ def test_texts_worded_on_workers_are_those_of_one_process(
         folder = tmp_path / str(few)
         folder.mkdir()
         context: Any = SimpleNamespace(
-            wish=wish, options=OPTIONS, book=Book(folder), writer=BuiltinWriter(ON), workers=2,
+            wish=wish, options=OPTIONS, book=Book(folder), workers=2,
+            writers={"amsterdam_120": BuiltinWriter(ON)},
             budget=9, log=lambda progress: progress_lines.append(format_progress(progress)),
         )  # fmt: skip
         agent.write({"slots": slots, "spent": 0}, runtime=Runtime(context=context))

@@ -66,6 +66,13 @@ def run_agent(
     lawful: LawfulOrder = True,
     refiner: Refiner = None,
     intersection: Place = "amsterdam_120",
+    intersections: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,...",
+            help="Several places in turn; the later half is held out as the test split.",
+        ),
+    ] = None,
     seed: OrderSeed = 0,
     budget: Annotated[
         int | None,
@@ -89,6 +96,9 @@ def run_agent(
     from scenewright.dataset.orders.run import Order
 
     wish = read_order(order)
+    places = tuple(dict.fromkeys(filter(None, map(str.strip, (intersections or "").split(",")))))
+    if intersections is not None and len(places) < 2:
+        raise InputError("--intersections names two or more, as in a,b,c; one is --intersection")
     if dry_run:
         if as_json:
             write_json({"ok": True, "dry_run": True, "understood": wish.lines()})
@@ -100,7 +110,7 @@ def run_agent(
         wish=wish,
         out=Path(out),
         options=build_options(
-            intersection=intersection,
+            intersection=places[0] if places else intersection,
             backend=backend,
             refiner=refiner,
             seed=seed,
@@ -108,6 +118,7 @@ def run_agent(
             lawful=lawful,
             time_limit=time_limit,
         ),
+        places=places,
         writer=writer,
         budget=budget,
         workers=count_cores() if workers is None else workers,
@@ -214,7 +225,7 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
     if report["waiting"]:
         raise BackendFault(
             f"the backend failed for {report['waiting']} of {order.wish.count} scenes; table "
-            f"scenes in {out} says how, and the same command goes on",
+            f"refused in {out} says how, and the same command goes on",
             final=True,
         )
     if not report["filled"]:

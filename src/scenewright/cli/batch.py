@@ -242,7 +242,7 @@ def log_summary(summary: Summary) -> None:
     log_line(f"{summary.rows} rows: {counts or 'none'}")
     if summary.codes:
         codes = ", ".join(f"{code} ({count})" for code, count in summary.codes.items())
-        log_line(f"without a scene: {codes}; table scenes has each row's reason")
+        log_line(f"without a scene: {codes}; table refused has each row's reason")
     if summary.paid:
         log_line(
             ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items())

@@ -16,10 +16,10 @@ from scenewright.extras import require_extra
 from scenewright.intersections import (
     REFINER_WEIGHTS,
     check_bundle,
-    check_name,
     find_bundle_folder,
     find_custom_root,
     load_map,
+    make_name,
     read_bundle_header,
 )
 from scenewright.scene.base import FloatArray
@@ -73,7 +73,7 @@ def import_file(
     """
     from scenewright.viz.leg_labels import list_unshown_streets
 
-    check_name(name)
+    given, name = name, make_name(name)
     if (find_custom_root() / name).exists() and not force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
     log("reading", file)
@@ -117,7 +117,11 @@ def import_file(
         "movements": len(place.movements),
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
-        "notes": [*made.notes, *list_unshown_streets(place)],
+        "notes": [
+            *([] if name == given else [f"{given!r} is called {name} in commands"]),
+            *made.notes,
+            *list_unshown_streets(place),
+        ],
         "report": format_report(report),
     }
 

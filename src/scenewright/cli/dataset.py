@@ -110,23 +110,6 @@ def sign(
     write_stdout(f"{sign_dataset(Path(folder), Path(key))}\n")
 
 
-@dataset.command("split")
-def split(folder: Folder, out: Out, as_json: Json = False) -> None:
-    """Write a dataset's tables divided into train, validation and test.
-
-    Rows of one intersection that one voice worded, or whose texts differ by numbers alone, share a
-    part, so that no part leaks the answers of another. `datasets.load_dataset(OUT)` finds them.
-    """
-    from scenewright.dataset.tables.divide import divide_tables
-
-    counts = divide_tables(Path(folder), Path(out))
-    if as_json:
-        write_json({"folder": folder, "out": out, "scenes": counts})
-    else:
-        counted = ", ".join(f"{count} in {name}" for name, count in counts.items())
-        write_stdout(f"{out}: {counted}\n")
-
-
 @dataset.command("export")
 def export_dataset(
     folder: Folder,

@@ -23,7 +23,10 @@ def import_map_file(
     file: Annotated[
         str, typer.Argument(help="OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml.")
     ],
-    name: Annotated[str, typer.Option(help="What to call it: small letters, digits, - and _.")],
+    name: Annotated[
+        str,
+        typer.Option(help="What to call it; commands take the short form that is shown."),
+    ],
     center: Annotated[
         str | None,
         typer.Option(

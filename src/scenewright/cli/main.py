@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
@@ -39,7 +40,6 @@ from scenewright.cli.console import (
     abandon_stdout,
     format_one_line,
     log_line,
-    say_if_new,
     show_progress,
     write_json,
     write_stdout,
@@ -72,7 +72,11 @@ from scenewright.cli.serve import serve
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
+from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT
+
+LOOPS = 180
+"""That `warm` compiles, for its progress."""
 
 app = typer.Typer(
     name="scenewright",
@@ -207,12 +211,28 @@ def _log_summary(lines: list[str]) -> None:
 
 
 @app.command()
-def warm() -> None:
+def warm(quiet: Quiet = False, as_json: Json = False) -> None:
     """Compile the innermost loops, once after an installation, so that no scene waits for it."""
+    from scenewright.compiled import watch_compiling
     from scenewright.graph.run import synthesize
 
-    say_if_new()
-    synthesize("A car hits a pedestrian", seed=0)
+    begin = time.monotonic()
+
+    def tell(count: int) -> None:
+        if count % 10 == 0:
+            spent = time.monotonic() - begin
+            left = max(LOOPS - count, 0) * spent / count
+            log("compiling", f"{count} of about {LOOPS} loops, about {left:.0f} s left")
+
+    with show_progress(quiet=quiet) as log, watch_compiling(tell) as names:
+        synthesize("A car hits a pedestrian", seed=0)
+    seconds = time.monotonic() - begin
+    if as_json:
+        write_json({"ok": True, "compiled": len(names), "seconds": round(seconds, 1)})
+    elif names:
+        write_stdout(f"{len(names)} loops compiled in {seconds:.0f} s, kept on disk\n")
+    else:
+        write_stdout("nothing to compile: all loops are kept on disk\n")
 
 
 @app.command()
@@ -302,7 +322,17 @@ def verify(
 
 @app.command()
 def show(
-    scene: Annotated[str, typer.Argument(help="A scene's folder, or its scene.rrd.")],
+    scenes: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SCENE...",
+            help="A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
+        ),
+    ],
+    png: Annotated[
+        str | None,
+        typer.Option(metavar="F", help="Write a picture; of several scenes a contact sheet."),
+    ] = None,
     html: Annotated[
         str | None,
         typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
@@ -316,17 +346,19 @@ def show(
     ] = False,
 ) -> None:
     """Open a scene's recording in the rerun viewer, or write its views to files."""
-    asked: dict[ViewKind, str | None] = {"html": html, "gif": gif, "mp4": mp4}
+    asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
     wanted = {kind: name for kind, name in asked.items() if name is not None}
     if wanted:
         from scenewright.cli.show import write_views
 
-        write_views(scene, wanted, whole=whole)
+        write_views(scenes, wanted, whole=whole)
         write_stdout("".join(f"{name}\n" for name in wanted.values()))
         return
     from scenewright.viz.recording import open_recording
 
-    open_recording(scene)
+    if len(scenes) > 1:
+        raise InputError("one recording is opened at a time; --png F draws several scenes")
+    open_recording(scenes[0])
 
 
 @intersections.command("list")

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from scenewright.errors import InputError
 
 if TYPE_CHECKING:
     from scenewright.cli.views import ViewKind
 
 
-def write_views(scene: str, files: Mapping[ViewKind, str], *, whole: bool = False) -> None:
-    """Writes the views that were asked for, kind -> file.
+def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: bool) -> None:
+    """Writes the views that were asked for, kind -> file; of several scenes a contact sheet.
 
     The proof is computed anew, so that a page never shows the proof of another scene.
 
@@ -19,9 +21,24 @@ def write_views(scene: str, files: Mapping[ViewKind, str], *, whole: bool = Fals
         InputError: there is no scene, or a file cannot be written.
     """
     from scenewright.cli.views import write_view
+    from scenewright.dataset.batch.manifest import MANIFEST
+    from scenewright.dataset.batch.scenes import list_scenes
     from scenewright.graph.run import load_scene, verify
 
-    record = load_scene(scene)
+    folders = [Path(each) for each in scenes]
+    if (folders[0] / MANIFEST).is_file():
+        folders = [scene for each in folders for scene in list_scenes(each)]
+    elif len(folders) > 1:  # DIR/* names the dataset's tables and pictures as well
+        folders = [each for each in folders if (each / "scene.json").is_file()]
+    if folders != [Path(scenes[0])]:
+        if [*files] != ["png"]:
+            raise InputError("of several scenes there is a contact sheet alone: --png F")
+        from scenewright.viz.contact_sheet import draw_contact_sheet
+
+        records = ((each.name, load_scene(each)) for each in folders)
+        draw_contact_sheet(files["png"], ((name, scene, verify(scene)) for name, scene in records))
+        return
+    record = load_scene(scenes[0])
     proof = verify(record)
     for kind, name in files.items():
         write_view(kind, Path(name), record, proof, whole=whole)

@@ -16,6 +16,7 @@ import hashlib
 import os
 import re
 import tomllib
+import unicodedata
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,6 @@ SHIPPED = "amsterdam_120"
 REFINER_WEIGHTS = "refiner.safetensors"
 """The learned refiner's file in a bundle, where one was trained."""
 _SHIPPED_ROOT = Path(__file__).parent
-_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 _MAX_TOML, _MAX_MAP = 1_000_000, 200_000_000
 """Bytes."""
 
@@ -64,17 +64,20 @@ def ships_refiner(name: str) -> bool:
     return (find_bundle_folder(name) / REFINER_WEIGHTS).is_file()
 
 
-def check_name(name: str) -> str:
-    """The name, if a user's own bundle may have it.
+def make_name(text: str) -> str:
+    """The name that a user's own bundle gets of any text: "King's Cross" is `king-s-cross`.
+
+    Letters lose their accents; a text without a Latin letter or digit is named by its hash.
 
     Raises:
-        InputError: it could not be a folder's name everywhere, or a shipped bundle has it.
+        InputError: a shipped bundle has the name, or the text is empty.
     """
-    if not _NAME.fullmatch(name):
-        raise InputError(
-            f"{name[:60]!r} is no name for an intersection: small letters, digits, - and _, "
-            "at most 40 of them"
-        )
+    plain = unicodedata.normalize("NFKD", text.casefold()).encode("ascii", "ignore").decode()
+    name = re.sub(r"[^a-z0-9_]+", "-", plain)[:40].strip("-_")
+    if not text.strip():
+        raise InputError("an intersection needs a name")
+    if not name:
+        name = f"place-{hashlib.sha256(text.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
     if name in list_shipped():
         raise InputError(f"{name!r} comes with scenewright; choose another name")
     return name

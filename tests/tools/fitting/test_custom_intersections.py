@@ -187,7 +187,7 @@ def test_an_existing_bundle_is_replaced_only_on_request(bundle, made):
     assert [each.name for each in bundle.parent.iterdir()] == ["four"]
 
 
-@pytest.mark.parametrize("name", ["", "../x", "a/b", "A", "amsterdam_120", "x" * 41, ".x"])
+@pytest.mark.parametrize("name", ["", "  ", "amsterdam_120", " Amsterdam_120 "])
 def test_names_that_cannot_be_are_refused(name, made, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path))
     place, ways = made.intersection_map, made.route_lines

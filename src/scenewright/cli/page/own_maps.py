@@ -76,7 +76,7 @@ class OwnMaps:
             raise InputError(str(error).replace(str(path), name[-80:])) from None
         return {
             "map": path.name,
-            "suggested": _suggest_name(name),
+            "suggested": _ENDING.sub("", name)[:40] or "mine",
             "junctions": [
                 {"id": each.id, "xy": each.xy, "legs": each.legs, "name": each.name}
                 for each in overview.junctions
@@ -107,8 +107,3 @@ class OwnMaps:
                 log=lambda _stage, _line: None,
             )  # fmt: skip
         return {"name": facts["name"], "lines": import_text(facts)}
-
-
-def _suggest_name(file: str) -> str:
-    plain = re.sub(r"[^a-z0-9]+", "-", _ENDING.sub("", file.lower())).strip("-")
-    return plain[:40].strip("-") or "mine"

@@ -20,16 +20,18 @@ from scenewright.dataset.tables.parquet import (
     SceneFiles,
     TableWriter,
     import_parquet,
+    list_table_files,
+    read_table,
     require_tables,
 )
 from scenewright.errors import InputError
 from scenewright.graph.run import verify
 
 ABOUT = (
-    "row", "folder", "status", "code", "reason", "text", "asked", "voice", "seed", "intersection",
-    "backend", "refiner", "selection", "attempts",
+    "row", "folder", "status", "code", "reason", "text", "asked", "voice", "split", "seed",
+    "intersection", "backend", "refiner", "selection", "attempts",
 )  # fmt: skip
-"""Columns of `scenes` that the scenes' files lack, always or at times."""
+"""Columns of `scenes` and `refused` that the scenes' files lack, always or at times."""
 _ASIDE = re.compile(
     r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl|"
     r"manifest\.json\.minisig"
@@ -133,9 +135,7 @@ def _find_table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Au
 
     Datasets of earlier versions have fewer tables, and fewer columns.
     """
-    there = [name for name in TABLES if (folder / f"tables/{name}.parquet").is_file()]
-    if "scenes" not in there:
-        return
+    there = [name for name in TABLES if list_table_files(folder / "tables", name)]
     again = Path(tempfile.mkdtemp(prefix="scenewright-"))
     try:
         yield from _compare_rebuilt(folder, again, manifest)
@@ -150,21 +150,17 @@ def _compare_rebuilt(
 ) -> Iterator[AuditFault]:
     """Writes the tables anew from the scenes."""
     try:
-        table = import_parquet().ParquetFile(folder / "tables/scenes.parquet")
         counts = Counter[str]()
-        # Datasets of earlier versions lack some columns.
-        known = [name for name in ABOUT if name in table.schema_arrow.names]
         with TableWriter(again) as writer:
-            for batch in table.iter_batches(batch_size=500, columns=known):
-                for row in batch.to_pylist():
-                    about = {"voice": None, **row}
-                    found = _read_files(folder, about)
+            for name in ("scenes", "refused"):
+                for row in read_table(folder / "tables", name, ABOUT):
+                    found = _read_files(folder, row)
                     writer.add(found)
-                    counts[about["status"]] += 1
+                    counts[row.get("status", "made")] += 1
                     yield from _find_strayed(found)
         yield from _find_miscounts(counts, manifest)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        yield AuditFault("tables/scenes.parquet", f"cannot be compared with the scenes: {error}")
+        yield AuditFault("tables/scenes", f"cannot be compared with the scenes: {error}")
 
 
 def _find_strayed(files: SceneFiles) -> Iterator[AuditFault]:
@@ -191,7 +187,7 @@ def _find_miscounts(counts: Mapping[str, int], manifest: Mapping[str, Any]) -> I
 
 
 def _read_files(folder: Path, about: dict[str, Any]) -> SceneFiles:
-    place = about["folder"]
+    place = about.get("folder")
     if place is None:
         return SceneFiles(about)
     if place in ("", ".", "..") or Path(place).name != place:
@@ -206,21 +202,24 @@ def _read_files(folder: Path, about: dict[str, Any]) -> SceneFiles:
 def _compare_tables(
     folder: Path, again: Path, name: str, manifest: Mapping[str, Any]
 ) -> Iterator[AuditFault]:
-    where = f"tables/{name}.parquet"
-    try:
-        found = import_parquet().ParquetFile(folder / where)
-        wanted = import_parquet().ParquetFile(again / f"{name}.parquet")
-        rows = manifest.get("tables", {}).get(name)
-        if found.metadata.num_rows != rows:
-            yield AuditFault(where, f"has {found.metadata.num_rows} rows, the manifest says {rows}")
-        groups, columns = found.num_row_groups, found.schema_arrow.names
-        if groups != wanted.num_row_groups or not all(
-            found.read_row_group(k).equals(wanted.read_row_group(k, columns=columns))
-            for k in range(groups)
-        ):
-            yield AuditFault(where, "does not say what the scenes say")
-    except (OSError, ValueError) as error:
-        yield AuditFault(where, f"is no such table: {error}")
+    counted = 0
+    for path in list_table_files(folder / "tables", name):
+        where = path.relative_to(folder).as_posix()
+        try:
+            found = import_parquet().ParquetFile(path)
+            wanted = import_parquet().ParquetFile(again / name / path.name)
+            counted += found.metadata.num_rows
+            groups, columns = found.num_row_groups, found.schema_arrow.names
+            if groups != wanted.num_row_groups or not all(
+                found.read_row_group(k).equals(wanted.read_row_group(k, columns=columns))
+                for k in range(groups)
+            ):
+                yield AuditFault(where, "does not say what the scenes say")
+        except (OSError, ValueError) as error:
+            yield AuditFault(where, f"is no such table: {error}")
+    stated = manifest.get("tables", {}).get(name)
+    if counted != stated:
+        yield AuditFault(f"tables/{name}", f"has {counted} rows, the manifest says {stated}")
 
 
 def _check_scenes(

@@ -7,7 +7,7 @@ import os
 import shutil
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,14 @@ from scenewright.dataset.batch.statistics import Statistics, draw_statistics
 from scenewright.dataset.batch.worker import Job
 from scenewright.dataset.tables.card import ABSTRACT, Contents, format_card
 from scenewright.dataset.tables.croissant import describe_in_croissant
-from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter
+from scenewright.dataset.tables.parquet import (
+    TABLES,
+    SceneFiles,
+    TableWriter,
+    build_event_rows,
+    list_table_files,
+)
+from scenewright.dataset.tables.splits import choose_split
 from scenewright.files import write_atomically
 from scenewright.scene.events import Proof
 
@@ -37,7 +44,8 @@ class _Tally:
     counts: Counter[str] = field(default_factory=Counter)
     tables: Counter[str] = field(default_factory=Counter)
     codes: Counter[str] = field(default_factory=Counter)
-    events: Counter[str] = field(default_factory=Counter)
+    events: Counter[tuple[str, str]] = field(default_factory=Counter)
+    causes: Counter[tuple[str, str]] = field(default_factory=Counter)
     patterns: Counter[str] = field(default_factory=Counter)
     agents: Counter[int] = field(default_factory=Counter)
     places: dict[str, array[float]] = field(default_factory=dict)
@@ -62,11 +70,16 @@ class _Tally:
         self.patterns.update((files.provenance or {}).get("patterns", ()))
         self.agents[len(files.scene["agents"])] += 1
         self.intersections[files.scene["meta"]["intersection"]] += 1
-        for event in files.scene["events"]:
-            self.events[event["type"]] += 1
-            if event["location"] is not None:
-                kept = self.places.setdefault(event["type"], array("d"))
-                kept.extend((*event["location"], event["time"]))
+        for event in build_event_rows("", files.scene, files.proof or {}):
+            kind = event["type"]
+            asked = event["asked"] or kind == "normal"
+            how = "incidental" if event["incidental"] else "asked for" if asked else "unasked"
+            self.events[kind, how] += 1
+            if event["asked"]:
+                self.causes[kind, (event["cause"] or "none seen").replace("_", " ")] += 1
+            if event["x"] is not None and how != "incidental":
+                kept = self.places.setdefault(kind, array("d"))
+                kept.extend((event["x"], event["y"], event["time"]))
 
 
 def finish(
@@ -77,6 +90,7 @@ def finish(
     about: Mapping[str, Any],
     given: int,
     title: str,
+    complete: bool,
     extra: Iterable[str] = (),
 ) -> None:
     """Writes tables, figure, card and manifest over all rows that the journal knows.
@@ -85,6 +99,7 @@ def finish(
 
     Args:
         about: further keys of the manifest; given: rows of the whole input.
+        complete: whether another run would have nothing to do, or to mend.
         extra: names of further files of the dataset.
     """
     part = out / ".finish.parts"
@@ -94,26 +109,39 @@ def finish(
     tally, done = _Tally(), _Done(journal, jobs)
     with TableWriter(part / "tables") as tables:
         for job, entry in done:
-            files = _read_files(out, job, entry)
-            tally.tables.update(tables.add(files))
-            tally.note(entry, files)
+            row = _read_files(out, job, entry)
+            tally.tables.update(tables.add(row))
+            tally.note(entry, row)
     overview, statistics = (part / name for name in PICTURES)
-    draw_overview(overview, places=tally.places, agents=tally.agents, name=_find_commonest(tally))
+    commonest = max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
+    draw_overview(overview, places=tally.places, agents=tally.agents, name=commonest)
     draw_statistics(statistics, tally.statistics)
-    (part / CROISSANT).write_bytes(_describe_tables(part, title, about))
-    names = [*(f"tables/{name}.parquet" for name in TABLES), *PICTURES, CROISSANT]
+    files = {name: list_table_files(part / "tables", name) for name in TABLES}
+    splits = {name: [each.stem for each in found] for name, found in files.items() if found}
+    croissant = describe_in_croissant(
+        name=title,
+        description=ABSTRACT,
+        licence="https://www.apache.org/licenses/LICENSE-2.0",
+        version=str(about.get("scenewright")),
+        tables=list(splits),
+    )
+    (part / CROISSANT).write_bytes(croissant)
+    tables_there = [each.relative_to(part).as_posix() for found in files.values() for each in found]
+    names = [*tables_there, *PICTURES, CROISSANT]
+    shutil.rmtree(out / "tables", ignore_errors=True)  # a split may have no rows any more
     for name in names:
-        (out / name).parent.mkdir(exist_ok=True)
+        (out / name).parent.mkdir(exist_ok=True, parents=True)
         os.replace(part / name, out / name)
     shutil.rmtree(part, ignore_errors=True)
     left = given - tally.counts.total()
-    text = format_card(_build_contents(tally, title=title, given=given, about=about))
+    text = format_card(_build_contents(tally, splits=splits, title=title, given=given, about=about))
     write_atomically(out / CARD, text.encode("utf-8"))
+    counts = {status: tally.counts[status] for status in ("made", "refused", "failed")}
     manifest = {
         "schema_version": 1,
-        "complete": left == 0 and not tally.counts["failed"],
+        "complete": complete,
         **about,
-        "rows": {"given": given, **_count_statuses(tally), "left": left},
+        "rows": {"given": given, **counts, "left": left},
         "tables": {name: tally.tables[name] for name in TABLES},
     }
     ours = hash_files(out, [CARD, *names, *extra])
@@ -131,17 +159,6 @@ class _Done:
             entry = self._journal.get_entry(job.number)
             if entry is not None:
                 yield job, entry
-
-
-def _describe_tables(folder: Path, title: str, about: Mapping[str, Any]) -> bytes:
-    hashes = dict(hash_files(folder, [f"tables/{name}.parquet" for name in TABLES]))
-    return describe_in_croissant(
-        name=title,
-        description=ABSTRACT,
-        licence="https://www.apache.org/licenses/LICENSE-2.0",
-        version=str(about.get("scenewright")),
-        hashes={name: hashes[f"tables/{name}.parquet"] for name in TABLES},
-    )
 
 
 def _chain(ours: Iterable[tuple[str, str]], done: _Done) -> Iterator[tuple[str, str]]:
@@ -162,6 +179,7 @@ def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
         "text": job.text,
         "asked": job.asked,
         "voice": job.voice,
+        "split": job.split or choose_split(job.intersection, job.text, job.voice),
         "seed": job.seed,
         "intersection": job.intersection,
         "backend": label(job.backend),
@@ -179,20 +197,20 @@ def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
     return SceneFiles(about, scene, proof, provenance)
 
 
-def _count_statuses(tally: _Tally) -> dict[str, int]:
-    return {status: tally.counts[status] for status in ("made", "refused", "failed")}
-
-
-def _find_commonest(tally: _Tally) -> str | None:
-    """The intersection of most scenes."""
-    return max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
-
-
-def _build_contents(tally: _Tally, *, title: str, given: int, about: Mapping[str, Any]) -> Contents:
+def _build_contents(
+    tally: _Tally,
+    *,
+    splits: Mapping[str, Sequence[str]],
+    title: str,
+    given: int,
+    about: Mapping[str, Any],
+) -> Contents:
     sizes = np.array([n for n, times in sorted(tally.agents.items()) for _ in range(times)])
     figures = {
-        "rows given": given,
-        **{f"rows {status}": count for status, count in _count_statuses(tally).items()},
+        "instructions given": given,
+        "scenes made": tally.counts["made"],
+        **{f"instructions {status}": tally.counts[status] for status in ("refused", "failed")},
+        **{f"scenes at {place}": n for place, n in sorted(tally.intersections.items())},
         "scenes verified": tally.verdicts["verified"],
         "scenes verified in part, without all words": tally.verdicts["partly"],
         "words not shown, those of most scenes": ", ".join(
@@ -208,7 +226,9 @@ def _build_contents(tally: _Tally, *, title: str, given: int, about: Mapping[str
         title=title,
         figures=figures,
         tables=tally.tables,
+        splits=splits,
         events=tally.events,
+        causes=tally.causes,
         patterns=tally.patterns,
         unmade=tally.codes,
         statistics=tally.statistics.list_rows(),

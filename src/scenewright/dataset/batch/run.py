@@ -103,10 +103,14 @@ def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Su
             limit=request.row_timeout, log=log,
         )  # fmt: skip
         with batch.lock_journals() as journal:
+            summary = build_summary(ours, journal, now=now, every=all_jobs)
             if now or not (request.out / MANIFEST).exists():
-                about = build_about(header)
-                finish(request.out, all_jobs, journal, about=about, given=source.rows, title=TITLE)
-            return build_summary(ours, journal, now=now, every=all_jobs)
+                about = {k: each for k, each in header.items() if k not in ("journal", "rows")}
+                finish(
+                    request.out, all_jobs, journal, about=about, given=source.rows,
+                    title=TITLE, complete=summary.complete,
+                )  # fmt: skip
+            return summary
 
 
 _WHOLE: dict[str, Any] = {"limit": None, "shard": (1, 1)}
@@ -165,22 +169,17 @@ def list_settings(options: Options) -> dict[str, Any]:
         digest.update(pattern.model_dump_json().encode())
     return {
         **options.list_settings(),
-        "bundle": _hash_bundle(find_bundle_folder(options.intersection)),
+        "bundle": hash_bundle(options.intersection),
         "relations": digest.hexdigest()[:16],
     }
 
 
-def _hash_bundle(bundle: Path) -> str:
+def hash_bundle(intersection: str) -> str:
     """Of a bundle's description and map; the description has the checksums of all else."""
-    digest = hashlib.sha256()
+    bundle, digest = find_bundle_folder(intersection), hashlib.sha256()
     for file in (bundle / "bundle.toml", bundle / "map.json"):
         digest.update(file.read_bytes() if file.is_file() else b"")
     return digest.hexdigest()[:16]
-
-
-def build_about(header: dict[str, Any]) -> dict[str, Any]:
-    """The same for the manifest and the card."""
-    return {key: value for key, value in header.items() if key not in ("journal", "rows")}
 
 
 def build_summary(

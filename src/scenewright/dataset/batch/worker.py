@@ -20,6 +20,7 @@ from scenewright.dataset.batch.answering import (
     load_speaking_backend,
 )
 from scenewright.dataset.batch.rows import Named, choose_seed
+from scenewright.dataset.tables.splits import Split
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
 from scenewright.time_limit import DEFAULT_LIMIT
 
@@ -83,6 +84,9 @@ class Job:
         context: the scene's context as far as the row sets it.
         asked: the event that an order wants; None if not given.
         voice: the template or model that worded the text, if known.
+        wanted: patterns that may play the event asked for, none for normal scenes; a scene of
+            another event or pattern is refused. None where anything goes.
+        split: of the dataset, where it does not follow from the text.
         asking: how questions are put, which changes no scene.
     """
 
@@ -103,6 +107,8 @@ class Job:
     max_agents: int | None = None
     lawful: bool = False
     time_limit: float = DEFAULT_LIMIT
+    wanted: tuple[str, ...] | None = None
+    split: Split | None = None
     asking: Asking = PLAINLY
 
 
@@ -201,6 +207,15 @@ def _make_scene(job: Job) -> Outcome:
         lawful=job.lawful,
         time_limit=job.time_limit,
     )
+    attempts = 1 + len(scene.provenance["rejections"])
+    paid = _sum_paid(scene.provenance.get("models", {}))
+    shown = [each.type for each in scene.record.relations]
+    leaves = set(scene.provenance["patterns"])
+    if job.wanted is not None and (
+        shown != ([] if job.asked == "normal" else [job.asked]) or not leaves <= set(job.wanted)
+    ):
+        reason = f"the scene shows {', '.join(map(str, shown)) or 'no event'}: {sorted(leaves)}"
+        return Outcome("refused", "another_event", reason, attempts=attempts, paid=paid)
     # What differs from run to run would make every file differ; the journal has it.
     about = drop_times(scene.provenance)
     files = {
@@ -210,10 +225,7 @@ def _make_scene(job: Job) -> Outcome:
         "proof.json": format_json_line(scene.proof.model_dump(mode="json", by_alias=True)),
         "scene.json": encode_scene(scene.record),
     }
-    attempts = 1 + len(scene.provenance["rejections"])
-    return Outcome(
-        "made", files=files, attempts=attempts, paid=_sum_paid(scene.provenance.get("models", {}))
-    )
+    return Outcome("made", files=files, attempts=attempts, paid=paid)
 
 
 _FLEETING = ("seconds", *PAID)

@@ -11,12 +11,10 @@ journal, so a run that is killed goes on where it was.
 
 from __future__ import annotations
 
-import json
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Any, Literal, TypedDict
 
 from langgraph.graph import END, START, StateGraph
@@ -29,7 +27,6 @@ from scenewright.dataset.batch.carry_out import (
     ProgressCallback,
     ProgressClock,
 )
-from scenewright.dataset.batch.journal import JournalEntry as Done
 from scenewright.dataset.batch.pool import spread
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_log import Book, OrderEntry
@@ -62,6 +59,8 @@ class OrderContext:
     """What the agent works with.
 
     Attributes:
+        places: intersections that take turns; held: those whose scenes are all of the test split.
+        writers: of the instructions, for each place.
         budget: instructions that may be written in all; limit: longest a row may take [s].
         asking: backend -> how its questions are put.
     """
@@ -69,7 +68,9 @@ class OrderContext:
     wish: OrderSpec
     batch: BatchFolder
     book: Book
-    writer: Writer
+    places: tuple[str, ...]
+    held: tuple[str, ...]
+    writers: Mapping[str, Writer]
     options: Options
     budget: int
     workers: int
@@ -90,7 +91,8 @@ def read(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
     """The wish becomes slots, patterns dealt out evenly."""
     del state
     context = runtime.context
-    return {"slots": tuple(build_slots(context.wish, seed=context.options.seed)), "spent": 0}
+    slots = build_slots(context.wish, seed=context.options.seed, places=context.places)
+    return {"slots": tuple(slots), "spent": 0}
 
 
 def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
@@ -108,11 +110,18 @@ def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
     return {"slots": after, "due": entries, "spent": state["spent"] + len(due)}
 
 
-def make(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
+class MakeReads(TypedDict):
+    """Channels that `make` reads."""
+
+    slots: tuple[Slot, ...]
+
+
+def make(state: MakeReads, *, runtime: Runtime[OrderContext]) -> OrderState:
     """The pipeline carries out all that was written; what is done is left alone."""
-    del state
     context = runtime.context
-    jobs = build_jobs(context.book.entries, context.options, context.asking)
+    jobs = build_jobs(
+        context.book.entries, state["slots"], context.options, context.asking, held=context.held
+    )
     context.batch.carry_out(
         jobs, of=len(jobs), workers=context.workers, engine=context.engine, limit=context.limit,
         log=context.log,
@@ -128,7 +137,7 @@ class SettleReads(TypedDict):
 
 
 def settle(state: SettleReads, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """A slot is filled by a scene that shows what the slot is for."""
+    """A slot is filled by a scene; one that shows something else was refused when it was made."""
     context = runtime.context
     slots = {slot.number: slot for slot in state["slots"]}
     for entry in state["due"]:
@@ -136,7 +145,7 @@ def settle(state: SettleReads, *, runtime: Runtime[OrderContext]) -> OrderState:
         done = context.batch.journal.get_entry(context.book.number[entry.id])
         if done is not None and done.code == "backend_failed":
             slots[slot.number] = replace(slot, waiting=True)
-        elif done is not None and is_slot_served(slot, done, context.batch.out):
+        elif done is not None and done.status == "made":
             slots[slot.number] = replace(slot, filled=entry.id)
     return {"slots": tuple(slots.values())}
 
@@ -171,8 +180,11 @@ def build_order_graph() -> Any:
     return graph.compile(name="order")
 
 
-def build_slots(wish: OrderSpec, *, seed: int) -> Iterator[Slot]:
-    """A slot for each scene; each quota's patterns in turn, in an order that the seed decides."""
+def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:
+    """A slot for each scene; each quota's patterns in turn, in an order that the seed decides.
+
+    Places take turns as well, begun one later when all patterns had their turn.
+    """
     number, names = 0, _choose_id_prefixes(wish)
     for quota in wish.quotas:
         key = quota.name if quota.place is None else f"{quota.place}-{quota.name}"
@@ -183,7 +195,9 @@ def build_slots(wish: OrderSpec, *, seed: int) -> Iterator[Slot]:
         for k in range(quota.count):
             turned = leaves[k % len(leaves) :] + leaves[: k % len(leaves)] if leaves else []
             count = f"{k + 1:0{digits}d}"
-            yield Slot(number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned))
+            turn, pattern = divmod(k, max(len(leaves), 1))
+            place = places[(turn + pattern) % len(places)]
+            yield Slot(number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned), place)
             number += 1
 
 
@@ -214,9 +228,9 @@ def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wordin
         for slot in slots
     ]
     clock = ProgressClock(len(tasks), context.log, what="texts")
-    if context.writer.name != "builtin" or len(tasks) < FEW:
+    if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
         for task in tasks:
-            yield word_slot(task, context.writer, context.book.texts)
+            yield word_slot(task, context.writers[task.slot.intersection], context.book.texts)
             clock.log_end("made", now=True)
         return
     done: dict[int, Wording] = {}
@@ -242,11 +256,17 @@ def _build_entry(slot: Slot, wording: Wording, context: OrderContext) -> OrderEn
         seed=wording.seed,
         backend=list(choose_planner(slot, context.options)),
         background=None if background is None else background.model_dump(exclude_none=True),
+        intersection=slot.intersection,
     )
 
 
 def build_jobs(
-    entries: Iterable[OrderEntry], options: Options, asking: Mapping[Names, Asking]
+    entries: Iterable[OrderEntry],
+    slots: Sequence[Slot],
+    options: Options,
+    asking: Mapping[Names, Asking],
+    *,
+    held: Sequence[str] = (),
 ) -> list[Job]:
     """The jobs of all that was written."""
     return [
@@ -256,7 +276,7 @@ def build_jobs(
             folder=entry.id,
             text=entry.text,
             seed=entry.seed,
-            intersection=options.intersection,
+            intersection=entry.intersection or options.intersection,
             backend=tuple(entry.backend),
             refiner=options.refiner,
             selection=options.selection,
@@ -266,26 +286,9 @@ def build_jobs(
             base_url=find_url(entry.backend, options.base_url),
             lawful=options.lawful,
             time_limit=options.time_limit,
+            wanted=slots[entry.slot].quota.leaves,
+            split="test" if entry.intersection in held else None,
             asking=asking[tuple(entry.backend)],
         )
         for number, entry in enumerate(entries)
     ]
-
-
-def is_slot_served(slot: Slot, done: Done, out: Path) -> bool:
-    """Whether a row's scene shows what its slot is for."""
-    if done.status != "made":
-        return False
-    shown = list_shown(out, done)
-    if slot.quota.event == "normal":
-        return shown == ([], [])
-    events, leaves = shown
-    return events == [slot.quota.event] and set(leaves) <= set(slot.quota.leaves)
-
-
-def list_shown(out: Path, done: Done) -> tuple[list[str], list[str]]:
-    """The events that a scene was made for, and the patterns that play them."""
-    folder = out / done.folder
-    scene = json.loads((folder / "scene.json").read_bytes())
-    about = json.loads((folder / "provenance.json").read_bytes())
-    return [each["type"] for each in scene["relations"]], list(about["patterns"])

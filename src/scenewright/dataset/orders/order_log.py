@@ -26,6 +26,7 @@ class OrderEntry:
         id: of its row; slot: which of the order's scenes it is for; attempt: from 1 on.
         event, leaf: what it is to show; voice: how it is worded.
         backend: name of the planner; background: numbers that the order fixes.
+        intersection: where it happens, if the order names several places.
     """
 
     id: str
@@ -38,6 +39,7 @@ class OrderEntry:
     seed: int
     backend: list[str]
     background: dict[str, Any] | None = None
+    intersection: str | None = None
 
 
 class Book:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ from scenewright.dataset.batch.run import (
     ROW_TIMEOUT,
     check_options,
     check_row_timeout,
+    hash_bundle,
     list_settings,
 )
 from scenewright.dataset.batch.worker import Options, format_json_line
@@ -34,7 +36,6 @@ from scenewright.dataset.orders.agent import (
     OrderState,
     build_jobs,
     build_order_graph,
-    list_shown,
 )
 from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
@@ -59,6 +60,8 @@ class Order:
 
     Attributes:
         text: the order as given, for the record; wish: as it was understood.
+        places: intersections, if not the options' one alone; the later half of them is held out:
+            their scenes are the test split.
         writer: name of the writer of the instructions.
         budget: most instructions; None: twice the scenes + 20.
         row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
@@ -69,6 +72,7 @@ class Order:
     wish: OrderSpec
     out: Path
     options: Options
+    places: tuple[str, ...] = ()
     writer: str = "builtin"
     budget: int | None = None
     workers: int = 1
@@ -76,6 +80,16 @@ class Order:
     title: str = "Traffic scenes to order"
     row_timeout: float = ROW_TIMEOUT
     asking: Asking = PLAINLY
+
+    @property
+    def all_places(self) -> tuple[str, ...]:
+        """Where its scenes are made."""
+        return self.places or (self.options.intersection,)
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Places whose scenes are all of the test split."""
+        return self.all_places[(len(self.all_places) + 1) // 2 :]
 
     @property
     def most(self) -> int:
@@ -104,20 +118,23 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
     """
     speakers = order.map_speakers()
     check_order(order, speakers)
-    intersection_map = load_map(order.options.intersection)
     kept = find_record_path(order.asking.record, "writer")
-    writer = load_writer(
-        order.writer,
-        intersection_map=intersection_map,
-        base_url=order.options.base_url,
-        asking=replace(order.asking, record=kept),
-        lawful=order.options.lawful,
-    )
+    writers = {
+        place: load_writer(
+            order.writer,
+            intersection_map=load_map(place),
+            base_url=order.options.base_url,
+            asking=replace(order.asking, record=kept),
+            lawful=order.options.lawful,
+        )
+        for place in order.all_places
+    }
     header = build_order_header(order)
     with BatchFolder(order.out, header=header) as batch:
         book = Book(order.out)
         context = OrderContext(
-            wish=order.wish, batch=batch, book=book, writer=writer, options=order.options,
+            wish=order.wish, batch=batch, book=book, places=order.all_places, held=order.held,
+            writers=writers, options=order.options,
             budget=order.most, workers=order.workers, engine=order.engine,
             limit=order.row_timeout, asking=speakers, log=log,
         )  # fmt: skip
@@ -126,7 +143,19 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
         with batch.lock_journals() as journal:
             report = report_of(order, state, book, journal)
             if before != _list_sizes(order.out) or not (order.out / MANIFEST).exists():
-                _finish(order, book, journal, header, report)
+                write_atomically(order.out / REPORT, format_json_line(report))
+                finish(
+                    order.out,
+                    build_jobs(
+                        book.entries, state["slots"], order.options, speakers, held=order.held
+                    ),
+                    journal,
+                    about={key: value for key, value in header.items() if key != "journal"},
+                    given=len(book.entries),
+                    title=order.title,
+                    complete=report["filled"],
+                    extra=(BOOK, REPORT),
+                )
     return report
 
 
@@ -162,21 +191,6 @@ def _list_sizes(out: Path) -> tuple[int, ...]:
     return tuple(path.stat().st_size for path in (*sorted(out.glob("journal*.jsonl")), out / BOOK))
 
 
-def _finish(
-    order: Order, book: Book, journal: Journal, header: Mapping[str, Any], report: dict[str, Any]
-) -> None:
-    write_atomically(order.out / REPORT, format_json_line(report))
-    finish(
-        order.out,
-        build_jobs(book.entries, order.options, order.map_speakers()),
-        journal,
-        about={key: value for key, value in header.items() if key != "journal"},
-        given=len(book.entries),
-        title=order.title,
-        extra=(BOOK, REPORT),
-    )
-
-
 def build_order_header(order: Order) -> dict[str, Any]:
     """What decides the scenes of an order."""
     from scenewright import __version__
@@ -188,6 +202,11 @@ def build_order_header(order: Order) -> dict[str, Any]:
         "writer": order.writer,
         "budget": order.most,
         **list_settings(order.options),
+        **(
+            {"intersections": {name: hash_bundle(name) for name in order.places}}
+            if order.places
+            else {}
+        ),
     }
 
 
@@ -209,6 +228,7 @@ def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> 
         "instructions": len(book.entries),
         "budget": order.most,
         "by the builtin writer": sum(entry.voice in VOICES for entry in book.entries),
+        "held_out": list(order.held),
         "voices": dict(sorted(Counter(entry.voice for entry in book.entries).items())),
         "quotas": quotas,
     }
@@ -226,7 +246,9 @@ def _report_quota(
     for slot in slots:
         done = None if slot.filled is None else journal.get_entry(book.number[slot.filled])
         if done is not None:
-            leaves.update(list_shown(out, done)[1])
+            leaves.update(
+                json.loads((out / done.folder / "provenance.json").read_bytes())["patterns"]
+            )
     for k, entry in enumerate(book.entries):
         done = journal.get_entry(k)
         if entry.slot in mine and done is not None and done.status != "made":

@@ -42,7 +42,7 @@ class Slot:
 
     Attributes:
         name: begins the ids of its rows; key: what chance goes by.
-        leaves: patterns to try, one after the other.
+        leaves: patterns to try, one after the other; intersection: where it happens.
         attempts: made so far; filled: id of the row that serves it.
         waiting: whether its backend could not be reached, so that no other words would help.
     """
@@ -52,6 +52,7 @@ class Slot:
     key: str
     quota: Quota
     leaves: tuple[str, ...]
+    intersection: str
     attempts: int = 0
     filled: str | None = None
     waiting: bool = False
@@ -87,8 +88,8 @@ class Wording:
 
 def word_by_templates(task: WordingTask) -> Wording:
     """Word a slot by the builtin templates; as a worker does, for which a place is loaded once."""
-    options = task.options
-    return word_slot(task, _load_templates(options.intersection, options.lawful), ())
+    writer = _load_templates(task.slot.intersection, task.options.lawful)
+    return word_slot(task, writer, ())
 
 
 @cache
@@ -124,7 +125,7 @@ def choose_planner(slot: Slot, options: Options) -> Names:
 
 def draw_story(slot: Slot, wish: OrderSpec, options: Options, rng: np.random.Generator) -> Story:
     """What this attempt is to show."""
-    intersection_map = load_map(options.intersection)
+    intersection_map = load_map(slot.intersection)
     leaf = _choose_leaf(slot)
     parties: tuple[Party, ...] = ()
     if leaf is not None:
@@ -143,7 +144,7 @@ def draw_story(slot: Slot, wish: OrderSpec, options: Options, rng: np.random.Gen
     minute = draw_minute(windows, rng) if is_given else None
     drawn = _DENSITIES[int(rng.integers(len(_DENSITIES)))]
     density = wish.context.density or drawn
-    runner = choose_runner(leaf, options.intersection) if options.lawful else None
+    runner = choose_runner(leaf, slot.intersection) if options.lawful else None
     return Story(slot.quota.event, leaf, parties, minute, density, runner)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,8 +23,9 @@ class Contents:
 
     Attributes:
         figures: counts and such, by name.
-        tables, events, patterns: how many rows, events and scenes, by name.
-        unmade: how many rows have no scene, by reason; about: how the dataset was made.
+        tables, patterns: how many rows and scenes, by name; splits: table -> those with rows.
+        events: how many by type and whether they were asked for; causes: of those asked for.
+        unmade: how many instructions have no scene, by reason; about: how the dataset was made.
         statistics: (figure, number of values, percentiles) of what the scenes show.
         pictures: paths of the two pictures, below the card.
     """
@@ -31,7 +33,9 @@ class Contents:
     title: str
     figures: Mapping[str, Any]
     tables: Mapping[str, int]
-    events: Mapping[str, int]
+    splits: Mapping[str, Sequence[str]]
+    events: Mapping[tuple[str, str], int]
+    causes: Mapping[tuple[str, str], int]
     patterns: Mapping[str, int]
     unmade: Mapping[str, int]
     statistics: Sequence[tuple[str, str, str]]
@@ -48,11 +52,12 @@ def format_card(contents: Contents) -> str:
         ABSTRACT,
         f"![Where and when events happen, and how many agents there are]({where})",
         _format_counts("In figures", contents.figures, "figure", "value"),
-        _format_counts("Events in scenes", contents.events, "event", "how many"),
+        _format_events(contents.events),
+        _format_causes(contents.causes),
         _format_statistics(contents.statistics),
         f"![How close events are, how fast agents move, how many are seen]({how})",
         _format_counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
-        _format_counts("Rows without a scene", contents.unmade, "reason", "rows"),
+        _format_counts("Without a scene", contents.unmade, "reason", "instructions"),
         _LAYOUT,
         *(_format_schema(name, contents.tables.get(name, 0)) for name in TABLES),
         _format_counts("How it was made", _flatten(contents.about), "option", "value"),
@@ -65,7 +70,8 @@ _LAYOUT = """## What lies where
 
 - `<row>/scene.json`, `proof.json`, `provenance.json`: one folder per row, named by the row's id
   where that is a plain file name (column `folder` of the table `scenes` has the name);
-- `tables/*.parquet`: all of it as tables, joined by the column `row`;
+- `tables/NAME/SPLIT.parquet`: all of it as tables, joined by the column `row`; `refused` has the
+  instructions of which no scene was made;
 - `croissant.json`: the tables for loaders that read MLCommons' Croissant;
 - `manifest.json`: the SHA-256 of every file. `scenewright dataset check FOLDER` recomputes them,
   and runs the checker over every scene again.
@@ -73,15 +79,15 @@ _LAYOUT = """## What lies where
 Units: metres, seconds, radians; x points east, y north; time 0 is the start of the scene.
 
 ```python
-from datasets import load_dataset       # or: pandas.read_parquet("tables/tracks.parquet")
+from datasets import load_dataset  # or all splits: pandas.read_parquet("tables/tracks")
 
-scenes = load_dataset("path/of/this/folder", split="train")  # all rows; column `split` divides them
+scenes = load_dataset("path/of/this/folder")  # those of train, validation and test that have rows
 tracks = load_dataset("path/of/this/folder", "tracks", split="train", streaming=True)
 ```
 
-The column `split` of the table `scenes` says train, validation or test (80, 10 and 10 % of the
-groups, by a hash): rows of one intersection whose text one voice worded, or whose texts differ by
-numbers alone, share a part. `scenewright dataset split FOLDER --out DIR` writes divided tables."""
+A row is of train, validation or test (80, 10 and 10 % of the groups, by a hash): rows of one
+intersection whose text one voice worded, or whose texts differ by numbers alone, share a part.
+Where an order names several intersections, half of them are held out: all their rows are test."""
 
 _LICENCE = """## Licence
 
@@ -100,13 +106,13 @@ def _format_front_matter(contents: Contents) -> str:
         language=["en"],
         size_categories=[size],
         tags=["traffic", "trajectories", "synthetic", "safety-critical events"],
-        configs=[_describe_config(name) for name in TABLES],
+        configs=[_describe_config(name, splits) for name, splits in contents.splits.items()],
     )
     return f"---\n{data.to_yaml()}\n---"
 
 
-def _describe_config(name: str) -> dict[str, Any]:
-    files = [{"split": "train", "path": f"tables/{name}.parquet"}]
+def _describe_config(name: str, splits: Sequence[str]) -> dict[str, Any]:
+    files = [{"split": split, "path": f"tables/{name}/{split}.parquet"} for split in splits]
     default = {"default": True} if name == "scenes" else {}
     return {"config_name": name, **default, "data_files": files}
 
@@ -121,6 +127,31 @@ def _format_counts(title: str, counts: Mapping[str, Any], name: str, value: str)
     lines += [
         f"| {escape_markdown(str(key))} | {escape_markdown(str(count))} |" for key, count in ordered
     ]
+    return "\n".join(lines)
+
+
+def _format_events(events: Mapping[tuple[str, str], int]) -> str:
+    """A row for each type of event; what was asked for stands apart from what happened beside."""
+    lines = ["## Events in scenes", "", "| event | asked for | unasked | incidental |"]
+    lines.append("|---|---|---|---|")
+    for kind in sorted({kind for kind, _ in events}):
+        cells = (str(events.get((kind, how), 0)) for how in ("asked for", "unasked", "incidental"))
+        lines.append(f"| {escape_markdown(kind)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _format_causes(causes: Mapping[tuple[str, str], int]) -> str:
+    """Why the events that were asked for came about, with the share among those of their type."""
+    if not causes:
+        return ""
+    lines = ["## Causes of the events asked for", "", "| event | cause | events | share |"]
+    lines.append("|---|---|---|---|")
+    totals = Counter[str]()
+    for (kind, _), count in causes.items():
+        totals[kind] += count
+    for (kind, cause), count in sorted(causes.items()):
+        names = f"{escape_markdown(kind)} | {escape_markdown(cause)}"
+        lines.append(f"| {names} | {count} | {100 * count / totals[kind]:.0f} % |")
     return "\n".join(lines)
 
 

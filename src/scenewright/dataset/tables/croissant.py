@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
+from scenewright.dataset.tables.parquet import SCHEMAS
 
 _CONTEXT: Mapping[str, Any] = {
     "@language": "en",
@@ -56,13 +56,13 @@ _LISTS = ("list", "ids", "floats")
 
 
 def describe_in_croissant(
-    *, name: str, description: str, licence: str, version: str, hashes: Mapping[str, str]
+    *, name: str, description: str, licence: str, version: str, tables: Sequence[str]
 ) -> bytes:
     """The file's bytes.
 
     Args:
         licence: address of the licence's text; version: of scenewright.
-        hashes: table -> SHA-256 of its Parquet file.
+        tables: those that have rows.
     """
     value = {
         "@context": _CONTEXT,
@@ -74,20 +74,19 @@ def describe_in_croissant(
         "citeAs": f"The scenewright contributors: {name}. Made with scenewright {version}.",
         "version": version,
         "isLiveDataset": False,
-        "distribution": [_describe_file(table, hashes[table]) for table in TABLES],
-        "recordSet": [_record_set(table) for table in TABLES],
+        "distribution": [_describe_files(table) for table in tables],
+        "recordSet": [_record_set(table) for table in tables],
     }
     return (json.dumps(value, ensure_ascii=False, indent=1) + "\n").encode("utf-8")
 
 
-def _describe_file(table: str, sha256: str) -> dict[str, Any]:
+def _describe_files(table: str) -> dict[str, Any]:
     return {
-        "@type": "cr:FileObject",
-        "@id": f"{table}.parquet",
-        "name": f"{table}.parquet",
-        "contentUrl": f"tables/{table}.parquet",
+        "@type": "cr:FileSet",
+        "@id": f"files-of-{table}",
+        "name": f"files-of-{table}",
         "encodingFormat": "application/x-parquet",
-        "sha256": sha256,
+        "includes": f"tables/{table}/*.parquet",
     }
 
 
@@ -98,7 +97,7 @@ def _record_set(table: str) -> dict[str, Any]:
 
 def _describe_field(table: str, column: str) -> dict[str, Any]:
     kind, meaning = SCHEMAS[table][column]
-    extract = {"fileObject": {"@id": f"{table}.parquet"}, "extract": {"column": column}}
+    extract = {"fileSet": {"@id": f"files-of-{table}"}, "extract": {"column": column}}
     found = {
         "@type": "cr:Field",
         "@id": f"{table}/{column}",

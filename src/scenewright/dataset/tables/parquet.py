@@ -1,4 +1,6 @@
-"""Scenes as Parquet tables: scenes, agents, tracks, events, account, lights, map.
+"""Scenes as Parquet tables: scenes, agents, tracks, events, account, lights, map, refused.
+
+A table is a folder with a file for each split that has rows of it, as `datasets` loads them.
 
 Rows are written in the order in which scenes are added, in groups of the same size, so the same
 scenes give the same bytes (for one version of pyarrow). pyarrow loads on first use.
@@ -7,7 +9,7 @@ scenes give the same bytes (for one version of pyarrow). pyarrow loads on first 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -16,7 +18,7 @@ from typing import Any, Self, get_args
 import numpy as np
 
 from scenewright.dataset.tables.map_rows import list_map_rows
-from scenewright.dataset.tables.splits import choose_split
+from scenewright.dataset.tables.splits import SPLITS, Split
 from scenewright.extras import require_extra
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
@@ -24,33 +26,33 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Proof
 from scenewright.scene.track import VEHICLE_SIZES
 
-TABLES = ("scenes", "agents", "tracks", "events", "account", "lights", "map")
+TABLES = ("scenes", "agents", "tracks", "events", "account", "lights", "map", "refused")
 _GROUP = {
     "scenes": 2_000, "agents": 10_000, "tracks": 120_000, "events": 10_000, "account": 10_000,
-    "lights": 20_000, "map": 2_000,
+    "lights": 20_000, "map": 2_000, "refused": 2_000,
 }  # fmt: skip
 """Rows of a row group: what is held in memory before it is written."""
 
 Fields = Mapping[str, tuple[str, str]]
 """Column -> (type, meaning)."""
 
+_INSTRUCTION: Fields = {
+    "text": ("string", "the instruction"),
+    "asked": ("string", "event that an order wants here; null where rows were given"),
+    "voice": ("string", "who worded the instruction; null where unknown"),
+    "split": ("string", "train, validation or test, by the rule above"),
+    "seed": ("int64", "of the scene"),
+    "intersection": ("string", "where it happens"),
+    "backend": ("string", "who planned and reasoned"),
+    "refiner": ("string", "learned refinement of the tracks"),
+    "selection": ("string", "draw among the candidates, or map: the likeliest"),
+    "attempts": ("int16", "how often the pipeline began anew"),
+}
 SCHEMAS: Mapping[str, Fields] = {
     "scenes": {
         "row": ("string", "id of the row, key of all tables"),
-        "folder": ("string", "folder of its scene.json; null if there is none"),
-        "status": ("string", "made, refused (for a reason) or failed (may go well another time)"),
-        "code": ("string", "why there is no scene, for machines"),
-        "reason": ("string", "why there is no scene, one sentence"),
-        "text": ("string", "the instruction"),
-        "asked": ("string", "event that an order wants here; null where rows were given"),
-        "voice": ("string", "who worded the instruction; null where unknown"),
-        "split": ("string", "train, validation or test, by the rule above"),
-        "seed": ("int64", "of the scene"),
-        "intersection": ("string", "where it happens"),
-        "backend": ("string", "who planned and reasoned"),
-        "refiner": ("string", "learned refinement of the tracks"),
-        "selection": ("string", "draw among the candidates, or map: the likeliest"),
-        "attempts": ("int16", "how often the pipeline began anew"),
+        "folder": ("string", "folder of its scene.json"),
+        **_INSTRUCTION,
         "scene_id": ("string", "as in scene.json"),
         "verified": ("bool", "whether every event is proven and no word is contradicted"),
         "verdict": ("string", "verified, not verified, or partly: words are not shown"),
@@ -156,6 +158,13 @@ SCHEMAS: Mapping[str, Fields] = {
         "x": ("floats", "points [m]: a lane's or crosswalk's centreline, a line, an area's rim"),
         "y": ("floats", "points [m]"),
     },
+    "refused": {
+        "row": ("string", "id of the row"),
+        "status": ("string", "refused (for a reason) or failed (may go well another time)"),
+        "code": ("string", "why there is no scene, for machines"),
+        "reason": ("string", "why there is no scene, one sentence"),
+        **_INSTRUCTION,
+    },
 }
 """All tables with their columns."""
 
@@ -165,7 +174,7 @@ class SceneFiles:
     """One row of a dataset: what is known without a scene, and its files if there is one.
 
     Attributes:
-        about: columns of `scenes` that do not come from the files.
+        about: columns of `scenes` or `refused` that do not come from the files.
         scene, proof, provenance: what the files of those names hold.
     """
 
@@ -178,7 +187,7 @@ class SceneFiles:
 def build_rows(files: SceneFiles) -> dict[str, Any]:
     """Rows of each table for one row of the dataset; those of `tracks` as lists by column."""
     if files.scene is None or files.proof is None:
-        return {name: [] for name in TABLES} | {"scenes": [_describe_row(files)], "tracks": {}}
+        return {name: [] for name in TABLES} | {"refused": [files.about], "tracks": {}}
     row, scene = files.about["row"], files.scene
     return {
         "scenes": [_build_scene_row(files)],
@@ -186,19 +195,13 @@ def build_rows(files: SceneFiles) -> dict[str, Any]:
             _build_agent_row(row, agent, scene["meta"]["step"]) for agent in scene["agents"]
         ],
         "tracks": _build_track_rows(row, scene),
-        "events": list(_build_event_rows(row, scene, files.proof)),
+        "events": list(build_event_rows(row, scene, files.proof)),
         # Proofs of earlier versions have no account.
         "account": [{"row": row, **entry} for entry in files.proof.get("account", ())],
         "lights": [{"row": row, **light} for light in scene["signals"] or ()],
         "map": [],
+        "refused": [],
     }
-
-
-def _describe_row(files: SceneFiles) -> dict[str, Any]:
-    """What is known of a row without its files."""
-    about = files.about
-    split = choose_split(about["intersection"], about["text"], about["voice"])
-    return {**about, "split": split}
 
 
 def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
@@ -206,7 +209,7 @@ def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
     meta, agents = scene["meta"], scene["agents"]
     proof = Proof.model_validate(files.proof)
     return {
-        **_describe_row(files),
+        **files.about,
         "intersection": meta["intersection"],
         "refiner": about.get("refiner"),
         "selection": about.get("selection"),
@@ -272,7 +275,7 @@ def _build_track_rows(row: str, scene: Mapping[str, Any]) -> dict[str, list[Any]
     return columns
 
 
-def _build_event_rows(
+def build_event_rows(
     row: str, scene: Mapping[str, Any], proof: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
     """The scene's events with what the checker measured, then the incidental ones."""
@@ -322,11 +325,12 @@ def _format_json(value: Any) -> str:
 
 
 class TableWriter:
-    """Writes the tables to a folder, group by group; `map` has each intersection once."""
+    """Writes the tables to a folder, group by group; `map` has each place once in a split."""
 
     def __init__(self, folder: Path) -> None:
-        self._parts = {name: _Part(folder / f"{name}.parquet", name) for name in TABLES}
-        self._maps: set[str] = set()
+        self._folder = folder
+        self._parts: dict[tuple[str, Split], _Part] = {}
+        self._maps: set[tuple[str, Split]] = set()
 
     def __enter__(self) -> Self:
         return self
@@ -337,12 +341,40 @@ class TableWriter:
 
     def add(self, files: SceneFiles) -> dict[str, int]:
         """Adds one row of the dataset; how many rows each table got."""
-        rows = build_rows(files)
-        place = rows["scenes"][0].get("intersection") if files.scene else None
-        if place is not None and place not in self._maps:
-            self._maps.add(place)
-            rows["map"] = list_map_rows(load_map(place))
-        return {name: part.add(rows[name]) for name, part in self._parts.items()}
+        rows, split = build_rows(files), files.about["split"]
+        if files.scene is not None:
+            place = files.scene["meta"]["intersection"]
+            if (place, split) not in self._maps:
+                self._maps.add((place, split))
+                rows["map"] = list_map_rows(load_map(place))
+        counts = {}
+        for name in TABLES:
+            if rows[name] and (name, split) not in self._parts:
+                path = get_table_file(self._folder, name, split)
+                path.parent.mkdir(exist_ok=True)
+                self._parts[name, split] = _Part(path, name)
+            counts[name] = self._parts[name, split].add(rows[name]) if rows[name] else 0
+        return counts
+
+
+def get_table_file(folder: Path, name: str, split: Split) -> Path:
+    """Where the rows of a split lie, below the folder of all tables."""
+    return folder / name / f"{split}.parquet"
+
+
+def list_table_files(folder: Path, name: str) -> list[Path]:
+    """The files of a table that there are, below the folder of all tables."""
+    files = (get_table_file(folder, name, split) for split in SPLITS)
+    return [file for file in files if file.is_file()]
+
+
+def read_table(folder: Path, name: str, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """The rows of a table, split after split; columns that a file lacks are left out."""
+    for path in list_table_files(folder, name):
+        file = import_parquet().ParquetFile(path)
+        known = [column for column in columns if column in file.schema_arrow.names]
+        for batch in file.iter_batches(batch_size=500, columns=known):
+            yield from batch.to_pylist()
 
 
 class _Part:

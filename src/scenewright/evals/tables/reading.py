@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.manifest import read_manifest
-from scenewright.dataset.tables.parquet import import_parquet
+from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import SceneRecord
 
-_COLUMNS = ["row", "folder", "status", "code", "asked", "backend", "verified", "relations", "seed"]
+_COLUMNS = ("folder", "code", "asked", "backend", "verified", "relations")
 
 
 @dataclass(frozen=True)
@@ -62,22 +62,25 @@ def read_dataset(folder: Path) -> Dataset:
     """
     manifest = read_manifest(folder)
     try:
-        table = import_parquet().read_table(folder / "tables" / "scenes.parquet", columns=_COLUMNS)
-        rows = tuple(_read_instruction(row) for row in table.to_pylist())
+        rows = tuple(
+            _read_instruction(row)
+            for name in ("scenes", "refused")
+            for row in read_table(folder / "tables", name, _COLUMNS)
+        )
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"cannot read the table scenes of {folder}: {error}") from error
+        raise InputError(f"cannot read the tables of {folder}: {error}") from error
     return Dataset(folder, manifest, rows)
 
 
 def _read_instruction(row: Mapping[str, Any]) -> InstructionRow:
-    made = row["status"] == "made"
-    kinds = set(row["relations"] or ())
+    made = "folder" in row
+    kinds = set(row["relations"]) if made else set()
     seen = None if not made or len(kinds) > 1 else next(iter(kinds), "normal")
     event = row["asked"] or seen
     # A scene that shows something else than was asked for does not satisfy the instruction.
     right = made and bool(row["verified"]) and seen in (event, None)
-    scope = row["asked"] is not None or row["code"] not in ("unusable_input", "out_of_scope")
-    return InstructionRow(row["folder"], row["backend"], event, right, scope)
+    scope = row["asked"] is not None or row.get("code") not in ("unusable_input", "out_of_scope")
+    return InstructionRow(row.get("folder"), row["backend"], event, right, scope)
 
 
 def find_commit() -> str | None:

@@ -20,10 +20,10 @@ from scenewright.geometry.geographic import LatLon
 from scenewright.intersections import (
     FORMAT,
     check_bundle,
-    check_name,
     find_bundle_folder,
     find_custom_root,
     load_map,
+    make_name,
     read_bundle_header,
 )
 from scenewright.scene.base import FloatArray
@@ -97,16 +97,16 @@ def write_custom_bundle(
     """Write a whole bundle, or nothing: into a folder beside its place, then moved there.
 
     Raises:
-        InputError: a name that cannot be, a bundle that exists, a place that cannot be written.
+        InputError: a name that is taken, a bundle that exists, a place that cannot be written.
     """
     root = find_custom_root()
-    target = root / check_name(name)
+    target = root / make_name(name)
     if target.exists() and not force:
-        raise InputError(f"intersection {name!r} exists already; --force replaces it")
+        raise InputError(f"intersection {target.name!r} exists already; --force replaces it")
     draft = root
     try:
         root.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=root))
+        draft = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=root))
         (draft / "map.json").write_text(intersection_map.model_dump_json() + "\n", encoding="utf-8")
         _save_lines(draft / _LINES, route_lines)
         save_priors(draft / "priors.npz", priors)

@@ -1149,6 +1149,24 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "time_of_day", value=time)
 
 
+_SPOKEN = re.compile(r"\b(?:half|past|to|till|after|before|o ?'? ?clock)\b")
+
+
+def _ask_half_of_day(result: Interpretation) -> None:
+    """Refuses "half past three": people say it of the afternoon, a clock shows 03:30 by it."""
+    time, said = result.draft.context.time_of_day, [each.words for each in result.times]
+    low = clean(" , ".join(said))
+    if time is None or not "01:00" <= time < "06:00" or not _SPOKEN.search(low):
+        return
+    if not time_words_in(low) and not re.search(r"\b[ap]m\b", low):
+        later, words = _shift_half_a_day(time), said[-1]
+        raise Refused(
+            "out_of_scope",
+            f"'{words}' may be {time} or {later}; say '{words} in the morning' or "
+            f"'{words} in the afternoon'.",
+        )
+
+
 def _find_agreed_time(names: list[str], clock: str | None) -> str | None:
     """The clock time in the half of the day that the words name: "half past six, evening"."""
     if clock is not None and clock < "06:00" and {"morning", "night"} & set(names):
@@ -1158,8 +1176,12 @@ def _find_agreed_time(names: list[str], clock: str | None) -> str | None:
     except Refused:
         if clock is None:
             raise
-    later = re.sub(r"\b(\d\d):", lambda m: f"{(int(m[1]) + 12) % 24:02d}:", clock)
-    return read_time_words(names, clock=later)
+    return read_time_words(names, clock=_shift_half_a_day(clock))
+
+
+def _shift_half_a_day(clock: str) -> str:
+    """The same clock times in the other half of the day: "03:30-06:00" becomes "15:30-18:00"."""
+    return re.sub(r"\b(\d\d):", lambda m: f"{(int(m[1]) + 12) % 24:02d}:", clock)
 
 
 def _keep_specific(names: list[str]) -> list[str]:
@@ -1248,6 +1270,7 @@ def _settle(result: Interpretation) -> None:
     _read_severity(result)
     _read_overtaking(result)
     _read_numbers(result)
+    _ask_half_of_day(result)
     _settle_places(result)
     threatened = result.braking or result.dodging
     if threatened and not result.draft.relations and len(result.draft.agents) == 2:
