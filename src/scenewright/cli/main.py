@@ -72,6 +72,7 @@ from scenewright.cli.serve import serve
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
+from scenewright.scene.plan_file import is_plan_file
 from scenewright.time_limit import DEFAULT_LIMIT
 
 app = typer.Typer(
@@ -122,7 +123,9 @@ def _start(
 
 @app.command()
 def make(
-    text: Annotated[str, typer.Argument(help="What shall happen; `-` reads it from stdin.")],
+    text: Annotated[
+        str, typer.Argument(help="What shall happen, or a plan as a .yaml file; `-` is stdin.")
+    ],
     intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
     backend: BackendNames = None,
     base_url: BaseUrl = None,
@@ -165,7 +168,7 @@ def make(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Make a verified scene from an instruction and write it to a folder."""
+    """Make a verified scene from an instruction or a plan and write it to a folder."""
     from scenewright.cli.make import MakeOptions, make_scene, read_instruction
 
     request = MakeOptions(
@@ -217,7 +220,12 @@ def warm() -> None:
 
 @app.command()
 def plan(
-    rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows; `-` is stdin.")],
+    rows: Annotated[
+        str,
+        typer.Argument(
+            metavar="IN", help="Rows (.jsonl; `-` is stdin), a plan to check (.yaml), or a text."
+        ),
+    ] = "-",
     out: Annotated[
         str, typer.Option(help="File to write; `-` is stdout.", callback=try_file)
     ] = "-",
@@ -228,16 +236,44 @@ def plan(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    as_yaml: Annotated[
+        bool, typer.Option("--yaml", help="Write the plan of a text as a file to edit and make.")
+    ] = False,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Write the JSON Schema of plan files, for editors.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Read instructions, one JSON row each, and write what was understood, one row each."""
+    """Read instructions, one JSON row each, and write what was understood, one row each.
+
+    Or write the plan of one text as YAML, or check such a file.
+    """
     from scenewright.backends import Call
     from scenewright.cli.plan import plan_all, read_rows, sum_costs, write_rows
     from scenewright.intersections import load_map
 
-    if as_json and out == "-":
+    if as_json and out == "-" and not is_plan_file(rows):
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    if schema or as_yaml:
+        from scenewright.cli.plan import format_plan_of_text, format_plan_schema, write_text
+
+        made = (
+            format_plan_schema()
+            if schema
+            else format_plan_of_text(rows, chosen_backend, intersection)
+        )
+        write_text(out, made)
+        return
+    if is_plan_file(rows):
+        from scenewright.cli.plan import check_plan_file
+
+        checked = check_plan_file(rows, intersection)
+        if as_json:
+            write_json({"ok": True, **checked})
+        else:
+            write_stdout(f"{checked['file']}: {checked['summary']}\n")
+        return
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
     planned = plan_all(read_rows(rows), chosen_backend, calls, intersection_map=intersection_map)

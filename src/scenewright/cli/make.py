@@ -14,6 +14,7 @@ from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
 from scenewright.cli.views import ViewKind, add_views, write_view
 from scenewright.errors import InputError
+from scenewright.scene.plan_file import PlanFile, is_plan_file, read_plan
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
@@ -28,9 +29,9 @@ OFFERED = 8
 
 @dataclass(frozen=True)
 class MakeOptions:
-    """What `make` was asked for."""
+    """What `make` was asked for; `text` is the instruction, or the plan of a file."""
 
-    text: str
+    text: str | PlanFile
     intersection: str
     backend: str | Backend
     seed: int
@@ -75,12 +76,14 @@ class MakeResult:
         }
 
 
-def read_instruction(text: str) -> str:
-    """The instruction, from stdin where the text is `-`.
+def read_instruction(text: str) -> str | PlanFile:
+    """The instruction, from stdin where the text is `-`; the plan where it names a plan file.
 
     Raises:
-        InputError: it is not UTF-8.
+        InputError: it is not UTF-8, or no plan.
     """
+    if is_plan_file(text):
+        return read_plan(text)
     if text == "-":
         data = sys.stdin.buffer.read(MOST_TEXT) if sys.stdin is not None else b""
         text = data.decode("utf-8", "surrogateescape")

@@ -71,11 +71,11 @@ def get_unit(clause: str) -> str:
 class Measure(Model):
     """A figure of one agent, or between two, that lies in [low, high]; units as in `UNITS`."""
 
-    kind: MeasureKind
+    kind: MeasureKind = Field(description=_UNIT_HELP)
     agent: AgentId
     other: AgentId | None = Field(default=None, description="of what is measured between two")
-    low: float = Field(ge=0, le=100, description=f"least; {_UNIT_HELP}")
-    high: float = Field(ge=0, le=100, description=f"most; {_UNIT_HELP}")
+    low: float = Field(ge=0, le=100, description="least, in the unit of the kind")
+    high: float = Field(ge=0, le=100, description="most, in the unit of the kind")
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
