@@ -69,6 +69,7 @@ from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.cli.planner import planner
 from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
+from scenewright.cli.sweep import sweep
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
@@ -86,6 +87,7 @@ intersections = typer.Typer(
     name="intersections", help="The intersections that scenes can be made at."
 )
 app.command("batch")(make_batch)
+app.command()(sweep)
 evals.command("satisfaction")(score_satisfaction)
 evals.command("tables")(print_tables)
 app.command("agent")(run_agent)

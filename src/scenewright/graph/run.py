@@ -43,7 +43,7 @@ from scenewright.scene.bounds import find_excess
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.plan_fields import write_plan_words
+from scenewright.scene.plan_fields import word_plan
 from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, Stage
@@ -179,13 +179,11 @@ def synthesize(
 
     if isinstance(instruction, SocialGraph):
         instruction = PlanFile(instruction)
+    # A plan with one field changed is drawn as its text was, so that little else changes.
+    drawn = instruction.text if isinstance(instruction, PlanFile) else instruction
+    check_length(drawn)
     if isinstance(instruction, PlanFile):
-        # A change of one field draws as before, so that little else changes.
-        drawn = instruction.text
-        instruction, planned = _word_plan(instruction)
-    else:
-        check_length(instruction)
-        drawn = instruction
+        instruction, planned = word_plan(instruction)
     refiner = choose_refiner(refiner)
     check_arguments(seed, refiner)
     check_time_limit(time_limit)
@@ -272,15 +270,6 @@ def check_plan(plan: SocialGraph, *, intersection: str = DEFAULT_INTERSECTION) -
         ground_graph(plan, intersection_map=load_map(intersection))
     except Rejected as error:
         raise InputError(error.rejection.detail) from error
-
-
-def _word_plan(given: PlanFile) -> tuple[str, SocialGraph]:
-    """What a plan's scene has as its text, and the plan with what the text says."""
-    if given.as_read:
-        check_length(given.text)
-        return given.text, given.plan
-    plan, words = write_plan_words(given.plan)
-    return words, plan
 
 
 def verify(

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, cast, get_args
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import Model
 from scenewright.scene.measures import format_measure
+from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.social import Background, SocialGraph
 
 LEFT_TO_STAGES = ("constraint", "behavior")
@@ -79,11 +80,13 @@ def join_fields(fields: tuple[PlanField, ...]) -> str:
     return ", ".join(each.words for each in fields)
 
 
-def write_plan_words(plan: SocialGraph) -> tuple[SocialGraph, str]:
-    """The plan with its own fields as what was said, and the text of them."""
-    fields = list_fields(plan)
-    said = tuple(_build_span(each, plan) for each in fields)
-    return plan.model_copy(update={"said": said}), join_fields(fields)
+def word_plan(given: PlanFile) -> tuple[str, SocialGraph]:
+    """What a plan's scene has as its text, and the plan with what that text says."""
+    if given.as_read:
+        return given.text, given.plan
+    fields = list_fields(given.plan)
+    said = tuple(_build_span(each, given.plan) for each in fields)
+    return join_fields(fields), given.plan.model_copy(update={"said": said})
 
 
 def _build_span(each: PlanField, plan: SocialGraph) -> SaidSpan:

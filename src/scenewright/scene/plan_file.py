@@ -82,13 +82,17 @@ class LogicalPlan:
         Raises:
             InputError: it is no plan; names the line and the field.
         """
-        data = json.loads(json.dumps(self.data))
+        return _build_plan(self.settle_data(values), self.name, self.lines)
+
+    def settle_data(self, values: Mapping[Path_, Any]) -> dict[str, Any]:
+        """The fields as plain data, with a value for each that was left open."""
+        data: dict[str, Any] = json.loads(json.dumps(self.data))
         for path, value in values.items():
             target = data
             for step in path[:-1]:
                 target = target[step]
             target[path[-1]] = value
-        return _build_plan(data, self.name, self.lines)
+        return data
 
 
 def is_plan_file(text: str) -> bool:

@@ -21,6 +21,8 @@ from scenewright.dataset.batch.answering import (
 )
 from scenewright.dataset.batch.rows import Named, choose_seed
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
+from scenewright.scene.plan_fields import word_plan
+from scenewright.scene.plan_file import PlanFile
 from scenewright.time_limit import DEFAULT_LIMIT
 
 Status = Literal["made", "refused", "failed"]
@@ -83,6 +85,7 @@ class Job:
         context: the scene's context as far as the row sets it.
         asked: the event that an order wants; None if not given.
         voice: the template or model that worded the text, if known.
+        plan: what the scene is made from in place of the text.
         asking: how questions are put, which changes no scene.
     """
 
@@ -104,6 +107,7 @@ class Job:
     lawful: bool = False
     time_limit: float = DEFAULT_LIMIT
     asking: Asking = PLAINLY
+    plan: PlanFile | None = None
 
 
 @dataclass(frozen=True)
@@ -134,7 +138,7 @@ def build_job(named: Named, options: Options, asking: Asking) -> Job:
         number=named.number,
         key=row.id,
         folder=named.folder,
-        text=row.text,
+        text=row.text if named.plan is None else word_plan(named.plan)[0],
         seed=choose_seed(row, seed=options.seed),
         intersection=own.intersection or options.intersection,
         backend=options.backend,
@@ -148,6 +152,7 @@ def build_job(named: Named, options: Options, asking: Asking) -> Job:
         lawful=options.lawful,
         time_limit=options.time_limit,
         asking=asking,
+        plan=named.plan,
     )
 
 
@@ -190,7 +195,7 @@ def _make_scene(job: Job) -> Outcome:
 
     backend = _load_backend(job.backend, job.base_url, job.asking)
     scene = synthesize(
-        job.text,
+        job.text if job.plan is None else job.plan,
         intersection=job.intersection,
         backend=_Overriding(backend, job.context) if job.context else backend,
         seed=job.seed,
