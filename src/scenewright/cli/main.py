@@ -33,6 +33,7 @@ from scenewright.cli.backend_options import (
 )
 from scenewright.cli.batch import make_batch
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
+from scenewright.cli.check import check_installation
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     ReaderGoneError,
@@ -88,6 +89,7 @@ intersections = typer.Typer(
 )
 app.command("batch")(make_batch)
 app.command()(sweep)
+app.command("check")(check_installation)
 evals.command("satisfaction")(score_satisfaction)
 evals.command("tables")(print_tables)
 app.command("agent")(run_agent)
@@ -171,10 +173,10 @@ def make(
     as_json: Json = False,
 ) -> None:
     """Make a verified scene from an instruction or a plan and write it to a folder."""
-    from scenewright.cli.make import MakeOptions, make_scene, read_instruction
+    from scenewright.cli.make import MakeOptions, make_scene, read_request
 
     request = MakeOptions(
-        text=read_instruction(text),
+        text=read_request(text),
         intersection=intersection,
         backend=load_named_backend(backend, base_url=base_url, record=record, timeout=timeout),
         seed=seed,

@@ -76,14 +76,21 @@ class MakeResult:
         }
 
 
-def read_instruction(text: str) -> str | PlanFile:
-    """The instruction, from stdin where the text is `-`; the plan where it names a plan file.
+def read_request(text: str) -> str | PlanFile:
+    """The plan where the text names a plan file, else the instruction.
 
     Raises:
         InputError: it is not UTF-8, or no plan.
     """
-    if is_plan_file(text):
-        return read_plan(text)
+    return read_plan(text) if is_plan_file(text) else read_instruction(text)
+
+
+def read_instruction(text: str) -> str:
+    """The instruction, from stdin where the text is `-`.
+
+    Raises:
+        InputError: it is not UTF-8.
+    """
     if text == "-":
         data = sys.stdin.buffer.read(MOST_TEXT) if sys.stdin is not None else b""
         text = data.decode("utf-8", "surrogateescape")

@@ -295,11 +295,11 @@ def format_plan_of_text(text: str, backend: Backend, intersection: str | None) -
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`.
     """
-    from scenewright.cli.make import read_instruction
+    from scenewright.cli.make import read_request
     from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
     from scenewright.scene.plan_file import PlanFile, format_plan
 
-    words = read_instruction(text)
+    words = read_request(text)
     if isinstance(words, PlanFile):
         return format_plan(words.plan, words.text if words.as_read else "")
     place = intersection or DEFAULT_INTERSECTION

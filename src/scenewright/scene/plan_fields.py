@@ -33,11 +33,11 @@ class PlanField(NamedTuple):
     """A field that says something, and its characters in the text.
 
     Attributes:
-        section: where it stands; index: of its entry there; name: "" for what names the entry.
+        section: where it stands; number: of its entry there; name: "" for what names the entry.
     """
 
     section: str
-    index: int
+    number: int
     name: str
     value: Any
     words: str
@@ -93,7 +93,7 @@ def _build_span(each: PlanField, plan: SocialGraph) -> SaidSpan:
     if each.section == "said":
         return cast(SaidSpan, each.value).model_copy(update={"start": each.start, "end": each.end})
     known = {agent.id for agent in plan.agents}
-    entry = getattr(plan, each.section)[each.index] if each.section in _HEADS else None
+    entry = getattr(plan, each.section)[each.number] if each.section in _HEADS else None
     names = (getattr(entry, name, None) for name in ("id", "from_", "agent", "to", "of", "other"))
     own = each.name in get_args(Became)
     became: Became = _BECAME.get(each.name) or cast(

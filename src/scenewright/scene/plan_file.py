@@ -178,6 +178,8 @@ def _parse_yaml(text: str, name: str) -> tuple[Any, dict[Path_, int]]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = error.problem or "not YAML"
+        if "end of stream" in problem and error.context_mark:
+            mark, problem = error.context_mark, "it is opened here and closed nowhere"
         if "\\t" in problem or "\t" in text.split("\n")[mark.line]:
             problem = "a tab; indent with spaces"
         raise _build_syntax_error(text, mark.line, name, problem) from error
@@ -288,7 +290,7 @@ def _find_unit(name: str, holder: Any) -> str | None:
 
 
 _UNIT_OF = {
-    name: extra["unit"]
+    name: str(extra["unit"])
     for model in (RelationEdge, ObjectNode)
     for name, info in model.model_fields.items()
     if isinstance(extra := info.json_schema_extra, dict)
@@ -314,6 +316,7 @@ def _complete(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> No
     """Fill in what is plain from the rest: sections without content, classes, bounds of a value."""
     for key in [key for key, value in data.items() if value is None]:
         del data[key]
+    data.setdefault("agents", [])
     agents, measures = data.get("agents"), data.get("measures")
     for agent in agents if isinstance(agents, list) else ():
         if isinstance(agent, dict) and isinstance(agent.get("id"), str):
@@ -352,7 +355,8 @@ def _describe_fault(error: ValidationError, name: str, lines: Mapping[Path_, int
     elif first["type"] == "string_pattern_mismatch":
         what = f"a name such as {_EXAMPLES.get(str(path[-1]), 'vehicle-1')}, not {_quote(given)}"
     elif not isinstance(cause, FieldError):
-        what = f"{what[0].lower()}{what[1:]}, not {_quote(given)}"
+        unit = _UNIT_OF.get(str(path[-1]), "") if path else ""
+        what = f"{what[0].lower()}{what[1:]}, not {_quote(given)} {unit}".rstrip()
     return _fault(name, lines, path, what)
 
 
@@ -501,20 +505,25 @@ def build_plan_schema() -> dict[str, Any]:
     schema = SocialGraph.model_json_schema(by_alias=True)
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "Plan of a scene"
-    for words, about in (("text", _TEXT_HELP), ("read_as", _READ_HELP)):
-        schema["properties"][words] = {"type": "string", "description": about}
-    spread = r"^\s*(normal\(|lognormal\()?\s*[-+]?[0-9.]+"
+    for words, help_ in (("text", _TEXT_HELP), ("read_as", _READ_HELP)):
+        schema["properties"][words] = {"type": "string", "description": help_}
+    open_: dict[str, Any] = {
+        "type": "string",
+        "pattern": r"^\s*(normal\(|lognormal\()?\s*[-+]?[0-9.]+",
+    }
+    choices: dict[str, Any] = {"type": "array"}
     for model in schema["$defs"].values():
         for name, own in model.get("properties", {}).items():
-            numeric = [
-                e for e in (own, *own.get("anyOf", ())) if e.get("type") in ("number", "integer")
-            ]
-            if numeric and name not in ("start", "end"):
-                about = {key: own[key] for key in ("description", "unit") if key in own}
-                rest = {key: value for key, value in own.items() if key not in about}
-                open_ = {"type": "string", "pattern": spread}
-                choices = {"type": "array", "items": {"type": ["number", "string"]}}
-                model["properties"][name] = {**about, "anyOf": [rest, open_, choices]}
+            types = {each.get("type") for each in (own, *own.get("anyOf", ()))}
+            if types & {"number", "integer"} and name not in ("start", "end"):
+                kept = {key: own.pop(key) for key in ("description", "unit") if key in own}
+                model["properties"][name] = {**kept, "anyOf": [own, open_, choices]}
+            elif name in ("lead", "figure"):
+                ends = {"type": "array", "items": {"type": ["number", "string"]}}
+                model["properties"][name] = {"description": own["description"], **ends}
+            elif "const" not in own and "array" not in types and name not in ("id", "background"):
+                kept = {key: own.pop(key) for key in ("description",) if key in own}
+                model["properties"][name] = {**kept, "anyOf": [own, choices]}
     agent = schema["$defs"][AgentNode.__name__]
     agent["required"] = ["id"]
     schema["$defs"]["Measure"]["properties"]["value"] = {

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from scenewright.scene.account import AccountEntry, WordState
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.plan_fields import join_fields, list_fields
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.account.binding import bind_mentions
 from scenewright.tools.account.claims import Binding, Claim, Result
@@ -94,6 +95,9 @@ def write_account(
             account_fields(scene.meta.plan, facts, lambda text: _account_text(text, 0, facts))
         )
     false = tuple(_report(each) for each in entries if each.state == "contradicted")
+    if (plan := scene.meta.plan) and scene.meta.user_prompt != join_fields(list_fields(plan)):
+        detail = "the prompt does not list the fields of the plan"
+        false += (Finding(rule="metadata_contradicted", agents=(), detail=detail),)
     return proof.model_copy(
         update={
             "account": tuple(entries),

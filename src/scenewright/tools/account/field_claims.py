@@ -50,13 +50,13 @@ def _test(each: PlanField, plan: SocialGraph, facts: SceneFacts, numbers: dict[s
     entry = getattr(plan, each.section, ())
     match each.section:
         case "agents":
-            return _test_agent(each, entry[each.index], facts, numbers)
+            return _test_agent(each, entry[each.number], facts, numbers)
         case "relations":
-            return _test_relation(each, entry[each.index], facts, numbers)
+            return _test_relation(each, entry[each.number], facts, numbers)
         case "objects":
-            return _test_object(each, entry[each.index], facts, numbers)
+            return _test_object(each, entry[each.number], facts, numbers)
         case "ties":
-            tie = entry[each.index]
+            tie = entry[each.number]
             sides = _OTHER_SIDES.get(tie.side, (tie.side,))
             seen = find_relative_side(
                 facts.agents[numbers[tie.agent]].entry,
@@ -64,7 +64,7 @@ def _test(each: PlanField, plan: SocialGraph, facts: SceneFacts, numbers: dict[s
             )
             return Result(seen in sides, f"it comes from the {seen} side")
         case "measures":
-            asked = entry[each.index]
+            asked = entry[each.number]
             pair = [numbers[name] for name in (asked.agent, asked.other) if name]
             held = any(
                 (m.kind, m.low, m.high) == (asked.kind, asked.low, asked.high)
