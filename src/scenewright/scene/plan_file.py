@@ -88,7 +88,7 @@ class LogicalPlan:
         """The fields as plain data, with a value for each that was left open."""
         data: dict[str, Any] = json.loads(json.dumps(self.data))
         for path, value in values.items():
-            target = data
+            target: Any = data
             for step in path[:-1]:
                 target = target[step]
             target[path[-1]] = value
