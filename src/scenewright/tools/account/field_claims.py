@@ -10,7 +10,7 @@ from scenewright.scene.events import EVENT_OF_RELATION, Event
 from scenewright.scene.plan_fields import PlanField, list_fields
 from scenewright.scene.social import AgentNode, ObjectNode, RelationEdge, SocialGraph
 from scenewright.tools.account import claim_tests as tests
-from scenewright.tools.account.claims import UNTESTED, Result
+from scenewright.tools.account.claims import Result
 from scenewright.tools.account.facts import SceneFacts, fits_object
 from scenewright.tools.relation_checker.clock import is_within
 from scenewright.tools.relation_checker.legs import find_relative_side
@@ -28,14 +28,15 @@ def account_fields(
         read: the account of a text.
     """
     numbers = {agent.name: agent.id for agent in facts.scene.agents}
+    whole = numbers.keys() >= {agent.id for agent in plan.agents}
     for each in list_fields(plan):
         if each.section == "said":
-            shift = {"start": each.start, "end": each.start}
             for entry in read(each.words):
-                moved = {key: getattr(entry, key) + by for key, by in shift.items()}
+                moved = {key: getattr(entry, key) + each.start for key in ("start", "end")}
                 yield entry.model_copy(update=moved)
             continue
-        result = _test(each, plan, facts, numbers)
+        gap = Result(False, "not all agents of the plan are there")
+        result = _test(each, plan, facts, numbers) if whole else gap
         state = {True: "seen", False: "contradicted", None: "not_shown"}[result.holds]
         yield AccountEntry.model_validate(
             {
@@ -93,10 +94,8 @@ def _test_context(name: str, value: Any, facts: SceneFacts) -> Result:
 def _test_agent(
     each: PlanField, node: AgentNode, facts: SceneFacts, numbers: dict[str, int]
 ) -> Result:
-    number = numbers.get(node.id)
-    if number is None:
-        return Result(False, "no such agent")
-    agent, wanted = facts.agents[number], each.value
+    number, wanted = numbers[node.id], each.value
+    agent = facts.agents[number]
     match each.name:
         case "":
             return Result(agent.type == node.type, f"a {agent.type}", (number,))
@@ -188,36 +187,25 @@ def _test_object(
         return Result(False, "no such object")
     met = [m for m in facts.scene.encounters if m.object == node.id]
     sights = [s for s in facts.scene.sights if s.object == node.id]
-    wanted = each.value
-    match each.name:
-        case "":
-            classes = frozenset({node.subtype}) if node.subtype else frozenset[str]()
-            fits = stands.kind == node.kind and fits_object(stands, classes)
-            return Result(fits, f"a {stands.subtype or ''} {stands.kind}".replace("  ", " "))
-        case "leg":
-            leg = facts.find_leg(node.id)
-            return Result(leg == wanted, f"on the {leg} leg")
-        case "side":
-            side = facts.find_side(node.id)
-            return Result(side == wanted, f"on the side of the {side}")
-        case "lane":
-            return Result(stands.lane == wanted, f"in the {stands.lane} lane")
-        case "hides" | "hidden_from":
-            seen = {s.subject if each.name == "hides" else s.observer for s in sights}
-            return Result(numbers[wanted] in seen, "the line of sight that it blocks")
-        case "lead":
-            return Result(any(s.lead == wanted for s in sights), "asked for and measured")
-        case "beyond":
-            between = [s for s in facts.scene.sights if s.object == wanted]
-            return Result(any(s.between == node.id for s in between), f"{wanted} is before it")
-        case "met_by":
-            return Result(any(m.agent == numbers[wanted] for m in met), "it is met")
-        case "encounter":
-            return Result(any(m.how == wanted for m in met), wanted.replace("_", " "))
-        case "figure":
-            return Result(any(m.figure == wanted for m in met), "asked for and measured")
-        case "others":
-            rows = {(m.agent, m.how, m.figure) for m in met}
-            held = all((numbers[o.agent], o.encounter, o.figure) in rows for o in wanted)
-            return Result(held, f"met by {len(rows)} agents")
-    return UNTESTED
+    if not each.name:
+        classes = frozenset({node.subtype}) if node.subtype else frozenset[str]()
+        fits = stands.kind == node.kind and fits_object(stands, classes)
+        return Result(fits, f"{stands.subtype or ''} {stands.kind}".strip())
+    seen: dict[str, list[Any]] = {
+        "leg": [facts.find_leg(node.id)],
+        "side": [facts.find_side(node.id)],
+        "lane": [stands.lane],
+        "hides": [s.subject for s in sights],
+        "hidden_from": [s.observer for s in sights],
+        "lead": [s.lead for s in sights],
+        "beyond": [s.object for s in facts.scene.sights if s.between == node.id],
+        "met_by": [m.agent for m in met],
+        "encounter": [m.how for m in met],
+        "figure": [m.figure for m in met],
+        "others": [tuple((m.agent, m.how, m.figure) for m in met[1:])],
+    }
+    wanted = numbers.get(each.value, each.value) if isinstance(each.value, str) else each.value
+    if each.name == "others":
+        wanted = tuple((numbers[o.agent], o.encounter, o.figure) for o in each.value)
+    found = seen[each.name]
+    return Result(wanted in found, f"{each.name} {', '.join(map(str, found))}")
