@@ -166,5 +166,10 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
             results = [await call(step) for step in steps]
             assert all(each["ok"] for each in results), results[1]
             assert Path((await call("record_scene"))["kept"]).is_dir()
+            exact = await call("make_planned_scene", plan=plan, seed=1)
+            assert (exact["verdict"], exact["account"][0]["words"]) == ("verified", "vehicle-1")
+            assert (Path(exact["folder"]) / "scene.json").is_file()
+            wrong = await call("make_planned_scene", plan={"agents": [{"id": "tram-1"}]})
+            assert wrong["detail"].startswith("plan, agents[0].id: a name such as vehicle-1")
 
     anyio.run(session)

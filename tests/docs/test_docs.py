@@ -18,6 +18,7 @@ from scenewright.cli.main import main
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
+PAGES += sorted((ROOT / "skills").rglob("*.md"))
 BIN = Path(sys.executable).parent
 LONGEST = 120.0
 """A documented command may take this long on a busy machine [s]."""
@@ -26,6 +27,7 @@ _BLOCK = re.compile(r"^```(?:console|bash)\n(.*?)^```$", re.DOTALL | re.MULTILIN
 _FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 _TRACKS = re.compile(r"^```csv\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_PLANS = re.compile(r"^```yaml\n# (\w+\.yaml)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _MODULE = re.compile(
     r"`((?:authoring|backends|cli|dataset|driving|evals|geometry|graph|intersections|memory|nodes|scene|tools"
     r"|viz)/[\w/.-]+)`"
@@ -97,6 +99,8 @@ def test_documented_commands_run(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "tracks.csv").write_text(example_tracks())
+    for name, plan in _PLANS.findall(page.read_text("utf-8")):
+        (tmp_path / name).write_text(plan)
     monkeypatch.chdir(tmp_path)
     run_jobs_inline(monkeypatch)
     (tmp_path / "data").mkdir(exist_ok=True)

@@ -34,6 +34,7 @@ from scenewright.cli.backend_options import (
 )
 from scenewright.cli.batch import make_batch
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
+from scenewright.cli.check import check_installation
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     ReaderGoneError,
@@ -69,10 +70,12 @@ from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.cli.planner import planner
 from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
+from scenewright.cli.sweep import sweep
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
 from scenewright.errors import InputError
+from scenewright.scene.plan_file import is_plan_file
 from scenewright.time_limit import DEFAULT_LIMIT
 
 LOOPS = 180
@@ -89,6 +92,8 @@ intersections = typer.Typer(
     name="intersections", help="The intersections that scenes can be made at."
 )
 app.command("batch")(make_batch)
+app.command()(sweep)
+app.command("check")(check_installation)
 evals.command("satisfaction")(score_satisfaction)
 evals.command("tables")(print_tables)
 app.command("agent")(run_agent)
@@ -126,7 +131,9 @@ def _start(
 
 @app.command()
 def make(
-    text: Annotated[str, typer.Argument(help="What shall happen; `-` reads it from stdin.")],
+    text: Annotated[
+        str, typer.Argument(help="What shall happen, or a plan as a .yaml file; `-` is stdin.")
+    ],
     intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
     backend: BackendNames = None,
     base_url: BaseUrl = None,
@@ -169,11 +176,11 @@ def make(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Make a verified scene from an instruction and write it to a folder."""
-    from scenewright.cli.make import MakeOptions, make_scene, read_instruction
+    """Make a verified scene from an instruction or a plan and write it to a folder."""
+    from scenewright.cli.make import MakeOptions, make_scene, read_request
 
     request = MakeOptions(
-        text=read_instruction(text),
+        text=read_request(text),
         intersection=intersection,
         backend=load_named_backend(backend, base_url=base_url, record=record, timeout=timeout),
         seed=seed,
@@ -237,7 +244,12 @@ def warm(quiet: Quiet = False, as_json: Json = False) -> None:
 
 @app.command()
 def plan(
-    rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows; `-` is stdin.")],
+    rows: Annotated[
+        str,
+        typer.Argument(
+            metavar="IN", help="Rows (.jsonl; `-` is stdin), a plan to check (.yaml), or a text."
+        ),
+    ] = "-",
     out: Annotated[
         str, typer.Option(help="File to write; `-` is stdout.", callback=try_file)
     ] = "-",
@@ -248,16 +260,44 @@ def plan(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    as_yaml: Annotated[
+        bool, typer.Option("--yaml", help="Write the plan of a text as a file to edit and make.")
+    ] = False,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Write the JSON Schema of plan files, for editors.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Read instructions, one JSON row each, and write what was understood, one row each."""
+    """Read instructions, one JSON row each, and write what was understood, one row each.
+
+    Or write the plan of one text as YAML, or check such a file.
+    """
     from scenewright.backends import Call
     from scenewright.cli.plan import plan_all, read_rows, sum_costs, write_rows
     from scenewright.intersections import load_map
 
-    if as_json and out == "-":
+    if as_json and out == "-" and not is_plan_file(rows):
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    if schema or as_yaml:
+        from scenewright.cli.plan import format_plan_of_text, format_plan_schema, write_text
+
+        made = (
+            format_plan_schema()
+            if schema
+            else format_plan_of_text(rows, chosen_backend, intersection)
+        )
+        write_text(out, made)
+        return
+    if is_plan_file(rows):
+        from scenewright.cli.plan import check_plan_file
+
+        checked = check_plan_file(rows, intersection)
+        if as_json:
+            write_json({"ok": True, **checked})
+        else:
+            write_stdout(f"{checked['file']}: {checked['summary']}\n")
+        return
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
     planned = plan_all(read_rows(rows), chosen_backend, calls, intersection_map=intersection_map)

@@ -14,6 +14,7 @@ from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
 from scenewright.cli.views import ViewKind, add_views, write_view
 from scenewright.errors import InputError
+from scenewright.scene.plan_file import PlanFile, is_plan_file, read_plan
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
@@ -28,9 +29,9 @@ OFFERED = 8
 
 @dataclass(frozen=True)
 class MakeOptions:
-    """What `make` was asked for."""
+    """What `make` was asked for; `text` is the instruction, or the plan of a file."""
 
-    text: str
+    text: str | PlanFile
     intersection: str
     backend: str | Backend
     seed: int
@@ -73,6 +74,15 @@ class MakeResult:
             "intersection": record.meta.intersection,
             "warnings": list(self.warnings),
         }
+
+
+def read_request(text: str) -> str | PlanFile:
+    """The plan where the text names a plan file, else the instruction.
+
+    Raises:
+        InputError: it is not UTF-8, or no plan.
+    """
+    return read_plan(text) if is_plan_file(text) else read_instruction(text)
 
 
 def read_instruction(text: str) -> str:

@@ -74,7 +74,8 @@ def build_server(served: ServerOptions) -> MCPServer[Any]:
     server: MCPServer[Any] = MCPServer("scenewright", instructions=_GUIDE, log_level="WARNING")
     desk = _ClientState(served)
     for tool in (
-        desk.make_scene, desk.edit_scene, desk.edit_by_hand, desk.undo, desk.redo, desk.branch,
+        desk.make_scene, desk.make_planned_scene, desk.edit_scene, desk.edit_by_hand,
+        desk.undo, desk.redo, desk.branch,
         desk.show_scene, desk.list_versions, desk.list_threads, desk.open_thread,
         desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
         desk.start_scene, desk.ground_plan, desk.draw_candidates, desk.check_program, desk.solve,
@@ -129,6 +130,37 @@ class _ClientState:
     def make_scene(self, instruction: str) -> dict[str, Any]:
         """A new scene from an instruction, such as "A car yields to a pedestrian at 8 am"."""
         return self._act("make", instruction)
+
+    def make_planned_scene(self, plan: dict[str, Any], seed: int = 0) -> dict[str, Any]:
+        """A scene from a plan, without words, apart from the conversation.
+
+        `plan` has the fields of a plan file (docs/plan-files.md), such as {"agents": [{"id":
+        "vehicle-1"}, {"id": "pedestrian-1"}], "relations": [{"type": "yield_to", "from":
+        "vehicle-1", "to": "pedestrian-1"}]}.
+        """
+        from scenewright.cli.errors import to_cli_error
+        from scenewright.errors import ScenewrightError
+        from scenewright.graph.run import synthesize
+        from scenewright.scene.plan_file import read_plan
+
+        served = self._served
+        try:
+            with self._take_turn():
+                made = synthesize(
+                    read_plan(plan),
+                    intersection=served.intersection,
+                    backend=served.backend,
+                    seed=seed,
+                    lawful=served.lawful,
+                    time_limit=served.time_limit,
+                )
+        except ScenewrightError as error:
+            fault = to_cli_error(error)
+            return _build_refusal(fault.code, fault.reason)
+        account = [each.model_dump(mode="json") for each in made.proof.account]
+        events = made.record.to_json()["events"]
+        return {"ok": True, **made.proof.build_verdict(), "events": events, "account": account,
+                "folder": self._keep(made.record, made.proof)}  # fmt: skip
 
     def edit_scene(self, words: str) -> dict[str, Any]:
         """Changes the scene as the words say, such as "now have it be a collision"."""

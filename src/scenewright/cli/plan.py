@@ -289,16 +289,75 @@ def _build_question(
     )
 
 
+def format_plan_of_text(text: str, backend: Backend, intersection: str | None) -> str:
+    """The plan of an instruction as a file; as `make` plans it.
+
+    Raises:
+        InputError, Unsatisfiable, BackendFault: as `synthesize`.
+    """
+    from scenewright.cli.make import read_request
+    from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
+    from scenewright.scene.plan_file import PlanFile, format_plan
+
+    words = read_request(text)
+    if isinstance(words, PlanFile):
+        return format_plan(words.plan, words.text if words.as_read else "")
+    place = intersection or DEFAULT_INTERSECTION
+    return format_plan(plan_instruction(words, intersection=place, backend=backend), words)
+
+
+def format_plan_schema() -> str:
+    """The JSON Schema of plan files."""
+    from scenewright.scene.plan_file import build_plan_schema
+
+    return json.dumps(build_plan_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
+    """What a plan file says, with the middle of what it leaves open.
+
+    Raises:
+        InputError: it is no plan, or the place has no way for an agent; names line and field.
+    """
+    from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
+    from scenewright.scene.phrasing import describe_graph
+    from scenewright.scene.plan_file import format_path, read_logical_plan
+
+    logical = read_logical_plan(path)
+    middle = {at: spread.compute_value(0.5) for at, spread in logical.spreads.items()}
+    given = logical.settle(middle)
+    try:
+        check_plan(given.plan, intersection=intersection or DEFAULT_INTERSECTION)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    open_ = [format_path(at) for at in logical.spreads]
+    left = f" Left open: {', '.join(open_)}." if open_ else ""
+    return {
+        "file": path,
+        "summary": describe_graph(given.plan) + left,
+        "as_read": given.as_read,
+        "open": open_,
+    }
+
+
 def write_rows(path: str, rows: list[dict[str, Any]]) -> None:
     """The rows as lines of JSON, the file whole or not at all; `-` is stdout.
 
     Raises:
         InputError: the file cannot be written.
     """
+    write_text(path, "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows))
+
+
+def write_text(path: str, text: str) -> None:
+    """The text as a file, whole or not at all; `-` is stdout.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     from scenewright.files import write_atomically
 
-    lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
-    data = lines.encode("utf-8", "backslashreplace")
+    data = text.encode("utf-8", "backslashreplace")
     if path == "-":
         write_stdout(data.decode("utf-8"))
     else:

@@ -13,6 +13,7 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -24,6 +25,7 @@ from scenewright.errors import (
     BackendFault,
     InputError,
     OutOfTime,
+    Rejected,
     ScenewrightError,
     Unsatisfiable,
 )
@@ -35,11 +37,14 @@ from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.prompts import LONGEST_REQUEST, ExampleRetriever, recall_nothing
+from scenewright.nodes.scene_planner import PlannerReads, plan_scene
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
 from scenewright.scene.bounds import find_excess
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
+from scenewright.scene.plan_fields import word_plan
+from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, Stage
 from scenewright.scene.relations import get_pattern
@@ -54,6 +59,7 @@ from scenewright.time_limit import (
 from scenewright.tools.account import prove
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.gmm_sampler import load_priors
+from scenewright.tools.map_grounding.grounding import ground_graph
 from scenewright.tools.solver.select import Mode
 from scenewright.work_limit import MOST_WORK, WorkLimitReachedError, limit_work
 
@@ -67,6 +73,8 @@ DEFAULT_REFINER = "trajnet"
 MAX_SEED = 2**63 - 1
 _PAPER_LACKS = {"intersection", "step", "duration", "heading", "length", "width"}
 
+_ASKED = 3
+"""How often a model is asked for a plan that can be read."""
 Profile = Literal["full", "paper"]
 ProgressCallback = Callable[[str, str], None]
 
@@ -108,7 +116,7 @@ class Scene:
 
 
 def synthesize(
-    instruction: str,
+    instruction: str | SocialGraph | PlanFile,
     *,
     intersection: str = DEFAULT_INTERSECTION,
     backend: Named | Backend = "builtin",
@@ -127,9 +135,10 @@ def synthesize(
     time_limit: float | None = DEFAULT_LIMIT,
     log: ProgressCallback | None = None,
 ) -> Scene:
-    """A verified scene for an instruction in plain language.
+    """A verified scene for an instruction in plain language, or for a plan.
 
     Args:
+        instruction: the words; or a plan, whose fields are then what must be seen.
         intersection: name of a bundle; see `scenewright intersections list`.
         backend: name of the backend that plans and reasons, or one already made; or one per stage,
             such as {"planner": "openai:MODEL"} (docs/backends.md).
@@ -168,16 +177,22 @@ def synthesize(
         if log is not None:
             log(stage, line)
 
+    if isinstance(instruction, SocialGraph):
+        instruction = PlanFile(instruction)
+    # A plan with one field changed is drawn as its text was, so that little else changes.
+    drawn = instruction.text if isinstance(instruction, PlanFile) else instruction
+    check_length(drawn)
+    if isinstance(instruction, PlanFile):
+        instruction, planned = word_plan(instruction)
     refiner = choose_refiner(refiner)
     check_arguments(seed, refiner)
-    check_length(instruction)
     check_time_limit(time_limit)
     context = RunContext(
         backend=_load_backend(backend, base_url),
         ground=ground_of(intersection),
         priors=load_priors(intersection),
         seed=seed,
-        entropy=zlib.crc32(instruction.encode("utf-8", "surrogatepass")),
+        entropy=zlib.crc32((drawn or instruction).encode("utf-8", "surrogatepass")),
         refiner=cast(RefinerName, refiner),
         learned=_load_refiner(intersection) if refiner == "trajnet" else None,
         selection=selection,
@@ -211,6 +226,50 @@ def synthesize(
         {"models": models} if models else {}
     )
     return Scene(state["scene"], state["proof"], provenance, state, tuple(messages))
+
+
+def plan_instruction(
+    instruction: str,
+    *,
+    intersection: str = DEFAULT_INTERSECTION,
+    backend: Named | Backend = "builtin",
+) -> SocialGraph:
+    """The plan that `synthesize` begins with, which its scene need not show in the end.
+
+    Raises:
+        InputError, Unsatisfiable, BackendFault: as `synthesize`.
+    """
+    check_length(instruction)
+    context = RunContext(
+        backend=_load_backend(backend, None),
+        ground=ground_of(intersection),
+        priors=load_priors(intersection),
+        seed=0,
+    )
+    rule = get_backend_of_task(context.backend, "plan").deterministic
+    rejections: list[Rejection] = []
+    for _ in range(1 if rule else _ASKED):
+        state: PlannerReads = {
+            "instruction": instruction, "previous": None, "planned": None, "pinned": None,
+            "rejections": rejections,
+        }  # fmt: skip
+        try:
+            return plan_scene(state, runtime=SimpleNamespace(context=context))["social_graph"]
+        except Rejected as error:
+            rejections = [*rejections, error.rejection]
+    raise _build_refusal({"rejections": rejections}, rule=rule)
+
+
+def check_plan(plan: SocialGraph, *, intersection: str = DEFAULT_INTERSECTION) -> None:
+    """Bind a plan to a map.
+
+    Raises:
+        InputError: no such map; or it has no way for an agent of the plan.
+    """
+    try:
+        ground_graph(plan, intersection_map=load_map(intersection))
+    except Rejected as error:
+        raise InputError(error.rejection.detail) from error
 
 
 def verify(

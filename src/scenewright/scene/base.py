@@ -38,6 +38,14 @@ class Model(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, defer_build=True)
 
 
+class FieldError(ValueError):
+    """A fault of the field at a path below the model that finds it; pydantic keeps it."""
+
+    def __init__(self, message: str, *at: str | int) -> None:
+        super().__init__(message)
+        self.at = at
+
+
 def frozen(array: FloatArray) -> FloatArray:
     """The array as read-only float64; raises ValueError unless every entry is finite."""
     result = np.ascontiguousarray(array, dtype=np.float64)

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, model_validator
 
-from scenewright.scene.base import AgentId, Model
+from scenewright.scene.base import AgentId, FieldError, Model
 
 MeasureKind = Literal[
     "speed", "line_speed", "contact_speed", "braking", "acceleration", "wait", "line_distance",
@@ -55,6 +55,8 @@ UNITS: dict[MeasureKind, MeasureUnit] = {
 }
 
 
+_UNIT_HELP = ", ".join(f"{kind} [{each.unit}]" for kind, each in UNITS.items())
+
 _MEASURE_OF = {"kept_speed": "speed", "time_headway": "headway"}
 """Measures by clauses that are called otherwise."""
 
@@ -69,20 +71,23 @@ def get_unit(clause: str) -> str:
 class Measure(Model):
     """A figure of one agent, or between two, that lies in [low, high]; units as in `UNITS`."""
 
-    kind: MeasureKind
+    kind: MeasureKind = Field(description=_UNIT_HELP)
     agent: AgentId
-    other: AgentId | None = None
-    low: float = Field(ge=0, le=100)
-    high: float = Field(ge=0, le=100)
+    other: AgentId | None = Field(default=None, description="of what is measured between two")
+    low: float = Field(ge=0, le=100, description="least, in the unit of the kind")
+    high: float = Field(ge=0, le=100, description="most, in the unit of the kind")
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
         if self.low > self.high:
-            raise ValueError(f"{self.kind}: range [{self.low:g}, {self.high:g}] is empty")
+            message = f"{self.kind}: range [{self.low:g}, {self.high:g}] is empty"
+            raise FieldError(message, "high")
         if UNITS[self.kind].of_two != (self.other is not None):
-            raise ValueError(f"{self.kind} is measured of {1 + UNITS[self.kind].of_two} agents")
+            count = 1 + UNITS[self.kind].of_two
+            raise FieldError(f"{self.kind} is measured of {count} agents", "other")
         if self.agent == self.other:
-            raise ValueError(f"{self.kind} needs two different agents, got {self.agent} twice")
+            message = f"{self.kind} needs two different agents, got {self.agent} twice"
+            raise FieldError(message, "other")
         return self
 
 

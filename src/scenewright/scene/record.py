@@ -26,6 +26,7 @@ from scenewright.scene.social import (
     ImpactPoint,
     Manoeuvre,
     PedestrianMotion,
+    SocialGraph,
     VehicleMotion,
 )
 
@@ -40,6 +41,7 @@ class SceneMeta(Model):
             nobody stands without a reason, too; older scenes have none and are held to the rules
             that they were made by.
         driven_by: the policy that drove one of its agents; what its prompt says need not happen.
+        plan: what it was made from, where that was no text; the prompt lists its fields.
     """
 
     scene_id: str
@@ -55,6 +57,7 @@ class SceneMeta(Model):
     seed: int
     driven_by: str | None = Field(default=None, exclude_if=is_left_out)
     rules: Literal[2, 3] | None = Field(default=None, exclude_if=is_left_out)
+    plan: SocialGraph | None = Field(default=None, exclude_if=is_left_out)
 
     @property
     def texts(self) -> tuple[str, ...]:

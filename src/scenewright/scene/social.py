@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, JsonValue, model_validator
 
 from scenewright.scene.account import SaidSpan
-from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement, is_left_out
+from scenewright.scene.base import (
+    AgentClass,
+    AgentId,
+    Compass,
+    FieldError,
+    Model,
+    Movement,
+    is_left_out,
+)
 from scenewright.scene.measures import Measure
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
@@ -59,81 +68,101 @@ MOST_BACKGROUND = 60
 """Background agents of a class that a request may ask for."""
 
 
+SECONDS: dict[str, JsonValue] = {"unit": "s"}
+"""Marks fields of times, in the schema too."""
+
+
 class AgentNode(Model):
     """A vertex of the social graph (paper 3.1). None means: left free."""
 
-    id: AgentId
+    id: AgentId = Field(description="class and number, such as vehicle-1")
     type: AgentClass
-    subtype: Subtype | None = None
+    subtype: Subtype | None = Field(default=None, description="of a vehicle")
     entry: Compass | None = Field(default=None, description="side the agent comes from")
     exit: Compass | None = Field(default=None, description="side the agent leaves towards")
-    movement: Movement | None = None
+    movement: Movement | None = Field(default=None, description="turn, or way across the road")
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
-    runs_red: bool = Field(default=False, description="the text says it ignores a red light")
-    reaction: AskedReaction | None = Field(default=None, exclude_if=is_left_out)
-    motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
+    runs_red: bool = Field(default=False, description="whether it ignores a red light")
+    reaction: AskedReaction | None = Field(
+        default=None, exclude_if=is_left_out, description="what it does about a threat"
+    )
+    motion: PedestrianMotion | VehicleMotion | None = Field(
+        default=None, exclude_if=is_left_out, description="how it crosses or drives"
+    )
     members: int | None = Field(
-        default=None, ge=2, le=8, exclude_if=is_left_out, description="of a group that walks as one"
+        default=None,
+        ge=2,
+        le=8,
+        exclude_if=is_left_out,
+        description="number of a group walking as one",
     )
 
     @model_validator(mode="after")
     def _check_name(self) -> Self:
         if not self.id.startswith(self.type):
-            raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
+            raise FieldError(f"{self.id} is of type {self.type}; an id begins with its type", "id")
         if self.motion in get_args(PedestrianMotion) and self.type != "pedestrian":
-            raise ValueError(f"{self.id} is no pedestrian; only one of those {self.motion}")
+            raise FieldError(
+                f"{self.id} is no pedestrian; only one of those {self.motion}", "motion"
+            )
         if self.motion in get_args(VehicleMotion) and self.type == "pedestrian":
-            raise ValueError(f"{self.id} is no vehicle; only one of those {self.motion}")
+            raise FieldError(f"{self.id} is no vehicle; only one of those {self.motion}", "motion")
         if self.reaction in get_args(EvasionOnFoot) and self.type != "pedestrian":
-            raise ValueError(f"{self.id} is no pedestrian; only one of those {self.reaction}")
+            raise FieldError(
+                f"{self.id} is no pedestrian; only one of those {self.reaction}", "reaction"
+            )
         if self.reaction == "swerves" and self.type == "pedestrian":
-            raise ValueError(f"{self.id} is no vehicle; only one of those swerves")
+            raise FieldError(f"{self.id} is no vehicle; only one of those swerves", "reaction")
         if self.members is not None and self.type != "pedestrian":
-            raise ValueError(f"{self.id} is no pedestrian; only those walk in groups")
+            raise FieldError(f"{self.id} is no pedestrian; only those walk in groups", "members")
         return self
 
 
 class RelationEdge(Model):
-    """A directed edge of the social graph; `from` gives way, follows, or strikes.
-
-    Attributes:
-        kind: collision kind, where the text names one (T-bone = angle, ...).
-        cause: how it comes about, where the text says so.
-        braker: the vehicle that brakes hard or late, where the cause is `late_brake`.
-        manoeuvre: how it comes about in one lane, where the text says so.
-        pattern: id of the one relation file that may play it, where the text uses its phrase.
-        target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
-        point_from, point_to: where on either vehicle a collision strikes, where the text says so.
-        first: the agent that leaves the two's conflict zone first; in a collision, enters it first.
-        strikes: the agent that strikes the other, where the text says so.
-    """
+    """A directed edge of the social graph; `from` gives way, follows, or strikes."""
 
     type: RelationType
-    from_: AgentId = Field(alias="from")
-    to: AgentId
-    kind: CollisionKind | None = None
-    cause: Cause | None = None
-    braker: AgentId | None = None
-    manoeuvre: Manoeuvre | None = Field(default=None, exclude_if=is_left_out)
-    pattern: str | None = Field(default=None, max_length=64)
-    target_pet: float | None = Field(default=None, ge=0, le=8)
-    target_ttc: float | None = Field(default=None, ge=0, le=8)
-    impact_speed: float | None = Field(default=None, gt=0, le=20)
-    point_from: ImpactPoint | None = None
-    point_to: ImpactPoint | None = None
-    first: AgentId | None = Field(default=None, exclude_if=is_left_out)
-    strikes: AgentId | None = Field(default=None, exclude_if=is_left_out)
+    from_: AgentId = Field(alias="from", description="agent that gives way, follows or strikes")
+    to: AgentId = Field(description="the other agent")
+    kind: CollisionKind | None = Field(default=None, description="kind of collision")
+    cause: Cause | None = Field(default=None, description="how it comes about")
+    braker: AgentId | None = Field(
+        default=None, description="vehicle that brakes hard or late, where the cause is late_brake"
+    )
+    manoeuvre: Manoeuvre | None = Field(
+        default=None, exclude_if=is_left_out, description="how it comes about in one lane"
+    )
+    pattern: str | None = Field(
+        default=None, max_length=64, description="id of the one relation file that may play it"
+    )
+    target_pet: float | None = Field(
+        default=None, ge=0, le=8, description="post-encroachment time", json_schema_extra=SECONDS
+    )
+    target_ttc: float | None = Field(
+        default=None, ge=0, le=8, description="least time to collision", json_schema_extra=SECONDS
+    )
+    impact_speed: float | None = Field(
+        default=None, gt=0, le=20, description="at contact", json_schema_extra={"unit": "m/s"}
+    )
+    point_from: ImpactPoint | None = Field(default=None, description="where `from` is touched")
+    point_to: ImpactPoint | None = Field(default=None, description="where `to` is touched")
+    first: AgentId | None = Field(
+        default=None,
+        exclude_if=is_left_out,
+        description="agent leaving the conflict zone first; in a collision, entering it first",
+    )
+    strikes: AgentId | None = Field(
+        default=None, exclude_if=is_left_out, description="agent that strikes the other"
+    )
 
     @model_validator(mode="after")
     def _check_two_agents(self) -> Self:
         if self.from_ == self.to:
-            raise ValueError(f"{self.type} needs two different agents, got {self.to} twice")
-        if self.braker not in (None, self.from_, self.to):
-            raise ValueError(f"braker must be {self.from_} or {self.to}, got {self.braker}")
-        if self.first not in (None, self.from_, self.to):
-            raise ValueError(f"first must be {self.from_} or {self.to}, got {self.first}")
-        if self.strikes not in (None, self.from_, self.to):
-            raise ValueError(f"strikes must be {self.from_} or {self.to}, got {self.strikes}")
+            message = f"{self.type} needs two different agents, got {self.to} twice"
+            raise FieldError(message, "to")
+        for name in ("braker", "first", "strikes"):
+            if (own := getattr(self, name)) not in (None, self.from_, self.to):
+                raise FieldError(f"{name} must be {self.from_} or {self.to}, got {own}", name)
         return self
 
     @property
@@ -156,13 +185,13 @@ class EntryTie(Model):
     """Where a vehicle comes from as seen by another one, where the text says that."""
 
     agent: _VehicleId
-    of: _VehicleId
+    of: _VehicleId = Field(description="agent from whose entry the side is seen")
     side: EntrySide
 
     @model_validator(mode="after")
     def _check_two_agents(self) -> Self:
         if self.agent == self.of:
-            raise ValueError(f"an entry is tied to another agent's, got {self.of} twice")
+            raise FieldError(f"an entry is tied to another agent's, got {self.of} twice", "of")
         return self
 
 
@@ -190,82 +219,101 @@ FIGURES: dict[Encounter, tuple[str, str, float, float]] = {
 }
 """What may be asked of each: the figure that the checker measures, its unit, least and most."""
 
+_FIGURE_HELP = ", ".join(f"{how}: {what} [{unit}]" for how, (what, unit, *_) in FIGURES.items())
+
 ObjectId = Annotated[str, Field(pattern=r"^object-[1-9][0-9]*$", max_length=32)]
 STANDING_VEHICLES = ("parked", "double_parked", "stalled", "bus_stop")
 
 
-def _check_figure(name: str, how: Encounter, figure: tuple[float, float] | None) -> None:
-    what, unit, least, most = FIGURES[how]
-    if figure is not None and not least <= figure[1] <= most + 1.0:
-        raise ValueError(f"{name}: {what} of who {how} must be {least:g} to {most:g} {unit}")
-    if figure is not None and figure[0] >= figure[1]:
-        raise ValueError(f"{name}: {what} must be two rising numbers, in {unit}")
-
-
 class Meeting(Model):
-    """One more agent that meets an object, after those before it.
-
-    Attributes:
-        figure: range of the figure of `FIGURES`, where one is asked for.
-    """
+    """One more agent that meets an object, after those before it."""
 
     agent: _VehicleId
     encounter: Encounter
-    figure: tuple[float, float] | None = Field(default=None, exclude_if=is_left_out)
+    figure: tuple[float, float] | None = Field(
+        default=None, exclude_if=is_left_out, description="least and most; " + _FIGURE_HELP
+    )
+
+
+def _check_figure(name: str, each: Meeting, *at: str | int) -> None:
+    how, figure = each.encounter, each.figure
+    what, unit, least, most = FIGURES[how]
+    if figure is not None and not least <= figure[1] <= most + 1.0:
+        raise FieldError(f"{name}: {what} of who {how} must be {least:g} to {most:g} {unit}", *at)
+    if figure is not None and figure[0] >= figure[1]:
+        raise FieldError(f"{name}: {what} must be two rising numbers, in {unit}", *at)
 
 
 class ObjectNode(Model):
-    """Something that stands all the time and takes no part (SEMANTICS 8).
+    """Something that stands all the time and takes no part (SEMANTICS 8)."""
 
-    Attributes:
-        subtype: of a vehicle; a car where the text leaves it open, a bus at a bus stop.
-        leg: the arm it stands on; side: that of the approach (`entry`) or of the exit; lane: the
-            outermost one on that side, as the traffic there sees it.
-        hides: the pedestrian or rider that it hides from the vehicle `hidden_from`, up to `lead`
-            before what the two do.
-        lead: least and most seconds between the first free line of sight and the event.
-        beyond: the object that hides a pedestrian stepping out between it and this one.
-        met_by: whose way it is in, and `encounter` what that one does about it, with a `figure`
-            in that range (`FIGURES`); others: others that meet it, one after the other.
-    """
-
-    id: ObjectId
+    id: ObjectId = Field(description="such as object-1")
     kind: ObjectKind
-    subtype: Subtype | None = None
-    leg: Compass | None = None
-    side: Literal["entry", "exit"] | None = None
-    lane: Literal["left", "right"] | None = Field(default=None, exclude_if=is_left_out)
-    hides: AgentId | None = None
-    hidden_from: AgentId | None = None
-    lead: tuple[float, float] | None = None
-    beyond: ObjectId | None = Field(default=None, exclude_if=is_left_out)
-    met_by: _VehicleId | None = Field(default=None, exclude_if=is_left_out)
-    encounter: Encounter | None = Field(default=None, exclude_if=is_left_out)
-    figure: tuple[float, float] | None = Field(default=None, exclude_if=is_left_out)
-    others: tuple[Meeting, ...] = Field(default=(), max_length=3, exclude_if=is_left_out)
+    subtype: Subtype | None = Field(
+        default=None, description="of a vehicle; left open a car, at a bus stop a bus"
+    )
+    leg: Compass | None = Field(default=None, description="arm it stands on")
+    side: Literal["entry", "exit"] | None = Field(
+        default=None, description="that of the approach or of the exit"
+    )
+    lane: Literal["left", "right"] | None = Field(
+        default=None,
+        exclude_if=is_left_out,
+        description="outermost one on that side, as the traffic there sees it",
+    )
+    hides: AgentId | None = Field(default=None, description="pedestrian or rider that it hides")
+    hidden_from: AgentId | None = Field(default=None, description="vehicle that cannot see it")
+    lead: tuple[float, float] | None = Field(
+        default=None,
+        description="least and most time between the first free line of sight and the event",
+        json_schema_extra=SECONDS,
+    )
+    beyond: ObjectId | None = Field(
+        default=None,
+        exclude_if=is_left_out,
+        description="object that hides a pedestrian stepping out between it and this one",
+    )
+    met_by: _VehicleId | None = Field(
+        default=None, exclude_if=is_left_out, description="agent whose way it is in"
+    )
+    encounter: Encounter | None = Field(
+        default=None, exclude_if=is_left_out, description="what that one does about it"
+    )
+    figure: tuple[float, float] | None = Field(
+        default=None, exclude_if=is_left_out, description="least and most; " + _FIGURE_HELP
+    )
+    others: tuple[Meeting, ...] = Field(
+        default=(), max_length=3, exclude_if=is_left_out, description="agents that meet it after"
+    )
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
         if self.subtype is not None and self.kind not in STANDING_VEHICLES:
-            raise ValueError(f"{self.id}: a {self.kind} has no subtype")
+            raise FieldError(f"{self.id}: a {self.kind} has no subtype", "subtype")
         if (self.hides is None) != (self.hidden_from is None):
-            raise ValueError(f"{self.id}: hides and hidden_from go together")
+            raise FieldError(f"{self.id}: hides and hidden_from go together", "hides")
         if self.lead is not None and not 0 <= self.lead[0] < self.lead[1] <= 10:
-            raise ValueError(f"{self.id}: lead must be two rising numbers of seconds up to 10")
+            raise FieldError(
+                f"{self.id}: lead must be two rising numbers of seconds up to 10", "lead"
+            )
         if (self.met_by is None) != (self.encounter is None):
-            raise ValueError(f"{self.id}: met_by and encounter go together")
+            raise FieldError(f"{self.id}: met_by and encounter go together", "encounter")
         if self.encounter is not None and self.kind not in STANDING_VEHICLES:
-            raise ValueError(f"{self.id}: a {self.kind} is in no agent's way")
+            raise FieldError(f"{self.id}: a {self.kind} is in no agent's way", "encounter")
         if self.encounter is None and (self.figure is not None or self.others):
-            raise ValueError(f"{self.id}: figure and others need met_by")
+            raise FieldError(f"{self.id}: figure and others need met_by", "figure")
         if self.encounter == "doored" and self.kind != "parked":
-            raise ValueError(f"{self.id}: only a parked vehicle opens a door, not a {self.kind}")
+            raise FieldError(
+                f"{self.id}: only a parked vehicle opens a door, not a {self.kind}", "encounter"
+            )
         if self.encounter == "queues":
-            raise ValueError(f"{self.id}: the first behind it waits_behind, the others queue")
+            raise FieldError(
+                f"{self.id}: the first behind it waits_behind, the others queue", "encounter"
+            )
         if self.lane is not None and self.kind not in ("stalled", "double_parked"):
-            raise ValueError(f"{self.id}: a {self.kind} stands in no lane")
-        for each in self.list_meetings():
-            _check_figure(self.id, each.encounter, each.figure)
+            raise FieldError(f"{self.id}: a {self.kind} stands in no lane", "lane")
+        for n, each in enumerate(self.list_meetings()):
+            _check_figure(self.id, each, *(("others", n - 1) if n else ()), "figure")
         return self
 
     def describe(self) -> str:
@@ -287,97 +335,137 @@ DEFAULT_LEAD = (1.0, 2.0)
 class Background(Model):
     """Explicit numbers of background agents; None where the text leaves a class free."""
 
-    vehicles: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND)
-    pedestrians: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND)
+    vehicles: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND, description="how many")
+    pedestrians: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND, description="how many")
 
 
 class SceneContext(Model):
     """Global context C of the social graph (paper 3.1, SEMANTICS section 3)."""
 
-    density: Density | None = None
-    time_of_day: TimeOfDay | None = None
-    background: Background | None = None
+    density: Density | None = Field(default=None, description="of the traffic around")
+    time_of_day: TimeOfDay | None = Field(
+        default=None, description='clock time such as "08:00", or a span, "07:00-09:30"'
+    )
+    background: Background | None = Field(default=None, description="numbers of the others")
+
+
+def _check_unique(names: Sequence[str], where: str) -> None:
+    for n, name in enumerate(names):
+        if name in names[:n]:
+            message = f"{where.removesuffix('s')} ids must be unique; {name} is there twice"
+            raise FieldError(message, where, n, "id")
 
 
 class SocialGraph(Model):
-    """G = (V, E, C). No relations means a normal scene.
+    """G = (V, E, C). No relations means a normal scene."""
 
-    Attributes:
-        ties: entries that the text fixes by one another, such as those of oncoming vehicles.
-        objects: what stands on the road or the sidewalk; hides or blocks the way.
-        measures: figures that the text asks for beside the severity of relations.
-        said: what the words of the instruction became.
-    """
-
-    agents: tuple[AgentNode, ...] = Field(max_length=MOST_AGENTS)
-    relations: tuple[RelationEdge, ...] = Field(default=(), max_length=MOST_RELATIONS)
-    ties: tuple[EntryTie, ...] = Field(default=(), max_length=66)
+    agents: tuple[AgentNode, ...] = Field(
+        max_length=MOST_AGENTS, description="who takes part; the traffic around is no part of it"
+    )
+    relations: tuple[RelationEdge, ...] = Field(
+        default=(), max_length=MOST_RELATIONS, description="what happens between two of them"
+    )
+    ties: tuple[EntryTie, ...] = Field(
+        default=(),
+        max_length=66,
+        description="entries fixed by one another, such as those of oncoming vehicles",
+    )
     context: SceneContext = SceneContext()
     objects: tuple[ObjectNode, ...] = Field(
-        default=(), max_length=MOST_OBJECTS, exclude_if=is_left_out
+        default=(),
+        max_length=MOST_OBJECTS,
+        exclude_if=is_left_out,
+        description="what stands on the road or the sidewalk; hides or blocks the way",
     )
-    measures: tuple[Measure, ...] = Field(default=(), max_length=24, exclude_if=is_left_out)
-    said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
+    measures: tuple[Measure, ...] = Field(
+        default=(),
+        max_length=24,
+        exclude_if=is_left_out,
+        description="figures asked for beside the severity of relations",
+    )
+    said: tuple[SaidSpan, ...] = Field(
+        default=(), max_length=500, description="what the words of the instruction became"
+    )
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
         ids = [agent.id for agent in self.agents]
-        if len(set(ids)) != len(ids):
-            raise ValueError("agent ids must be unique")
-        for edge in self.relations:
-            for name in (edge.from_, edge.to):
+        _check_unique(ids, "agents")
+        known = ", ".join(ids) or "none"
+        for n, edge in enumerate(self.relations):
+            for field, name in (("from", edge.from_), ("to", edge.to)):
                 if name not in ids:
-                    known = ", ".join(ids) or "none"
-                    raise ValueError(f"{edge.type}: {name} is not among the agents, {known}")
+                    message = f"{edge.type}: {name} is not among the agents, {known}"
+                    raise FieldError(message, "relations", n, field)
         self._check_chains()
-        for tie in self.ties:
-            if not {tie.agent, tie.of} <= set(ids):
-                raise ValueError("a tie of entries names an agent that is not in the scene")
+        for n, tie in enumerate(self.ties):
+            for field, name in (("agent", tie.agent), ("of", tie.of)):
+                if name not in ids:
+                    message = f"a tie of entries names {name}; the agents are {known}"
+                    raise FieldError(message, "ties", n, field)
         self._check_objects()
-        for each in self.measures:
-            if not {each.agent, each.other or each.agent} <= set(ids):
-                raise ValueError(f"{each.kind} is asked of an agent that is not in the scene")
+        for n, each in enumerate(self.measures):
+            for field, asked in (("agent", each.agent), ("other", each.other)):
+                if asked not in (None, *ids):
+                    message = f"{each.kind} is asked of {asked}; the agents are {known}"
+                    raise FieldError(message, "measures", n, field)
         return self
 
     def _check_chains(self) -> None:
         """Check that who is pushed into another vehicle is struck by a third."""
         struck = {edge.to for edge in self.relations if edge.type == "collide_at"}
-        for edge in self.relations:
+        for n, edge in enumerate(self.relations):
             if edge.manoeuvre == "pushed" and edge.from_ not in struck:
-                raise ValueError(f"{edge.from_} is pushed into {edge.to}, but no agent strikes it")
+                message = f"{edge.from_} is pushed into {edge.to}, but no agent strikes it"
+                raise FieldError(message, "relations", n, "manoeuvre")
 
     def _check_objects(self) -> None:
-        names = [each.id for each in self.objects]
-        if len(set(names)) != len(names):
-            raise ValueError("object ids must be unique")
+        _check_unique([each.id for each in self.objects], "objects")
         bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
         hiding = {each.id for each in self.objects if each.hides is not None}
-        for each in self.objects:
+        for n, each in enumerate(self.objects):
             if each.beyond is not None and each.beyond not in hiding - {each.id}:
-                raise ValueError(f"{each.id} is beyond {each.beyond}, which hides no agent")
+                raise FieldError(
+                    f"{each.id} is beyond {each.beyond}, which hides no agent",
+                    "objects",
+                    n,
+                    "beyond",
+                )
             pair = frozenset((each.hides, each.hidden_from))
             if each.hides is not None and pair not in bound:
-                raise ValueError(
+                raise FieldError(
                     f"{each.id} hides {each.hides} from {each.hidden_from}, but no relation binds "
-                    "the two"
+                    "the two",
+                    "objects",
+                    n,
+                    "hides",
                 )
             if each.hides is not None and each.hides.startswith("vehicle"):
-                raise ValueError(f"{each.id} can hide a pedestrian or rider, not {each.hides}")
+                raise FieldError(
+                    f"{each.id} can hide a pedestrian or rider, not {each.hides}",
+                    "objects",
+                    n,
+                    "hides",
+                )
         self._check_encounters()
 
     def _check_encounters(self) -> None:
         """Check that agents meeting an object exist, meet one only, and pass it only on the way
         to another relation."""
-        met = [(own, each) for own in self.objects for each in own.list_meetings()]
+        met = [
+            (("objects", n, *(("others", k - 1, "agent") if k else ("met_by",))), own, each)
+            for n, own in enumerate(self.objects)
+            for k, each in enumerate(own.list_meetings())
+        ]
         busy = {name for edge in self.relations for name in (edge.from_, edge.to)}
         ids = {agent.id for agent in self.agents}
-        for own, each in met:
+        for at, own, each in met:
             if each.agent not in ids:
-                raise ValueError(f"{own.id} is met by {each.agent}, which is not in the scene")
-            if sum(other.agent == each.agent for _, other in met) > 1:
-                raise ValueError(f"{each.agent} can meet one object only")
+                raise FieldError(f"{own.id} is met by {each.agent}, which is not in the scene", *at)
+            if sum(other.agent == each.agent for *_, other in met) > 1:
+                raise FieldError(f"{each.agent} can meet one object only", *at)
             if each.encounter != "goes_round" and each.agent in busy:
-                raise ValueError(f"{each.agent} stops at {own.id}, so no relation can bind it")
+                raise FieldError(f"{each.agent} stops at {own.id}, so no relation can bind it", *at)
 
     def agent(self, agent_id: str) -> AgentNode:
         """The vertex with this id; KeyError if there is none."""

@@ -14,7 +14,8 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from scenewright.errors import InputError
-from scenewright.scene.base import Model
+from scenewright.scene.base import Model, is_left_out
+from scenewright.scene.plan_file import PlanFile, compute_digest, read_plan
 from scenewright.scene.social import Background, Density, TimeOfDay
 
 MOST_LINE = 1 << 20
@@ -68,10 +69,15 @@ class Overrides(Model):
 
 
 class DatasetRow(Model):
-    """One line of the input; `voice` names the manner or author of the text, if its author does."""
+    """One line of the input; `voice` names the manner or author of the text, if its author does.
+
+    Attributes:
+        plan: in place of `text`: a plan, or the name of its file, from the input's folder on.
+    """
 
     id: str = Field(min_length=1, max_length=2000)
-    text: str
+    text: str = ""
+    plan: str | dict[str, Any] | None = Field(default=None, exclude_if=is_left_out)
     voice: str | None = Field(default=None, min_length=1, max_length=80)
     seed: int | None = Field(default=None, ge=0, le=2**63 - 1, strict=True)
     overrides: Overrides = Overrides()
@@ -79,9 +85,14 @@ class DatasetRow(Model):
 
 @dataclass(frozen=True)
 class Named:
-    """A row with its place: `number` counts rows from 0, `line` lines of the file from 1."""
+    """A row with its place: `number` counts rows from 0, `line` lines of the file from 1.
+
+    Attributes:
+        plan: what the row has in place of a text.
+    """
 
     row: DatasetRow
+    plan: PlanFile | None
     number: int
     line: int
     folder: str
@@ -92,7 +103,8 @@ class RowSource:
     """An input that was read once from end to end and is in order.
 
     Attributes:
-        path: of the file; sha256: of its bytes; rows: how many there are.
+        path: of the file; sha256: of its bytes and those of the plans that it names; rows: how
+            many there are.
         clashing: names in lower case that more than one row's id has.
     """
 
@@ -103,7 +115,8 @@ class RowSource:
 
     def __iter__(self) -> Iterator[Named]:
         for number, (line, row) in enumerate(_read(self.path)):
-            yield Named(row, number, line, choose_folder(row.id, clashing=self.clashing))
+            folder = choose_folder(row.id, clashing=self.clashing)
+            yield Named(row, read_row_plan(row, self.path), number, line, folder)
 
 
 def choose_folder(identity: str, *, clashing: frozenset[str] = frozenset()) -> str:
@@ -138,14 +151,34 @@ def read_source(path: str | Path) -> RowSource:
     file = Path(path)
     if file.exists() and not file.is_file():
         raise InputError(f"cannot read {file}: rows are read more than once, so from a plain file")
-    keys, lines = bytearray(), 0
-    for _, row in _read(file):
+    keys, lines, plans = bytearray(), 0, hashlib.sha256()
+    for line, row in _read(file):
         keys += _hash_key(row.id.lower())
         lines += 1
+        try:
+            given = read_row_plan(row, file)
+        except InputError as error:
+            raise InputError(f"{file}, line {line}: {error}") from error
+        if given is not None and isinstance(row.plan, str):
+            plans.update(compute_digest(given.plan, f"{given.as_read} {given.text}").encode())
     if not lines:
         raise InputError(f"{file} holds no rows; each line is an object with 'id' and 'text'")
     clashing = _find_clashes(file, _find_duplicates(bytes(keys)))
-    return RowSource(file, _hash_file(file), lines, clashing)
+    named = hashlib.sha256(b"").digest() != plans.digest()
+    own = _hash_file(file)
+    sha256 = hashlib.sha256(f"{own} {plans.hexdigest()}".encode()).hexdigest() if named else own
+    return RowSource(file, sha256, lines, clashing)
+
+
+def read_row_plan(row: DatasetRow, file: Path) -> PlanFile | None:
+    """The plan of a row; None where it has a text.
+
+    Raises:
+        InputError: it is no plan; names the line and field of its file, or the field.
+    """
+    if row.plan is None or isinstance(row.plan, dict):
+        return None if row.plan is None else read_plan(row.plan)
+    return read_plan(file.parent / row.plan)
 
 
 def _hash_key(text: str) -> bytes:
@@ -207,6 +240,11 @@ def _parse_row(data: bytes, where: str) -> DatasetRow:
         row = DatasetRow.model_validate(value)
     except ValidationError as error:
         raise InputError(f"{where}: {_describe_fault(error)}") from None
+    if ("text" in value) == (row.plan is not None):
+        raise InputError(f"{where}: the row needs 'text' or 'plan', not both")
+    if row.plan is not None and row.overrides.context:
+        names = ", ".join(row.overrides.context)
+        raise InputError(f"{where}: overrides: {names}: say it in the plan")
     if any("\ud800" <= char <= "\udfff" for char in row.id + row.text + (row.voice or "")):
         raise InputError(f"{where}: half a surrogate pair in 'id', 'text' or 'voice'")
     return row

@@ -22,6 +22,8 @@ from scenewright.dataset.batch.answering import (
 from scenewright.dataset.batch.rows import Named, choose_seed
 from scenewright.dataset.tables.splits import Split
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
+from scenewright.scene.plan_fields import word_plan
+from scenewright.scene.plan_file import PlanFile
 from scenewright.time_limit import DEFAULT_LIMIT
 
 Status = Literal["made", "refused", "failed"]
@@ -87,6 +89,7 @@ class Job:
         wanted: patterns that may play the event asked for, none for normal scenes; a scene of
             another event or pattern is refused. None where anything goes.
         split: of the dataset, where it does not follow from the text.
+        plan: what the scene is made from in place of the text.
         asking: how questions are put, which changes no scene.
     """
 
@@ -110,6 +113,7 @@ class Job:
     wanted: tuple[str, ...] | None = None
     split: Split | None = None
     asking: Asking = PLAINLY
+    plan: PlanFile | None = None
 
 
 @dataclass(frozen=True)
@@ -140,7 +144,7 @@ def build_job(named: Named, options: Options, asking: Asking) -> Job:
         number=named.number,
         key=row.id,
         folder=named.folder,
-        text=row.text,
+        text=row.text if named.plan is None else word_plan(named.plan)[0],
         seed=choose_seed(row, seed=options.seed),
         intersection=own.intersection or options.intersection,
         backend=options.backend,
@@ -154,6 +158,7 @@ def build_job(named: Named, options: Options, asking: Asking) -> Job:
         lawful=options.lawful,
         time_limit=options.time_limit,
         asking=asking,
+        plan=named.plan,
     )
 
 
@@ -196,7 +201,7 @@ def _make_scene(job: Job) -> Outcome:
 
     backend = _load_backend(job.backend, job.base_url, job.asking)
     scene = synthesize(
-        job.text,
+        job.text if job.plan is None else job.plan,
         intersection=job.intersection,
         backend=_Overriding(backend, job.context) if job.context else backend,
         seed=job.seed,

@@ -14,6 +14,7 @@ from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import EncounterRecord, SightRecord
+from scenewright.scene.plan_fields import join_fields, list_fields
 from scenewright.scene.record import (
     AgentRecord,
     MeasureRecord,
@@ -135,7 +136,17 @@ def _build_meta(
         density=graph.context.density,
         seed=seed,
         rules=3,
+        plan=_find_plan(instruction, graph),
     )
+
+
+def _find_plan(instruction: str, graph: SocialGraph) -> SocialGraph | None:
+    """The plan, where the instruction is but the text of its fields; stages may close accounts."""
+    fields = list_fields(graph)
+    if instruction != join_fields(fields):
+        return None
+    said = [each.value for each in fields if each.section == "said"]
+    return graph.model_copy(update={"said": tuple(said)})
 
 
 def compute_scene_id(instruction: str, intersection: str, seed: int) -> str:

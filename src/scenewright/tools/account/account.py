@@ -9,10 +9,12 @@ from typing import NamedTuple
 from scenewright.scene.account import AccountEntry, WordState
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.plan_fields import join_fields, list_fields
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.account.binding import bind_mentions
 from scenewright.tools.account.claims import Binding, Claim, Result
 from scenewright.tools.account.facts import SceneFacts
+from scenewright.tools.account.field_claims import account_fields
 from scenewright.tools.account.mentions import Mention, find_mentions
 from scenewright.tools.account.sense_readers import read_claims
 from scenewright.tools.account.talk import is_talk
@@ -77,7 +79,7 @@ def prove(
 def write_account(
     scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap | None
 ) -> Proof:
-    """The proof with a state for each content word of the scene's texts.
+    """The proof with a state for each content word of the scene's texts, or field of its plan.
 
     A contradicted word, or an event that was made though no word asks for it, is a finding.
     """
@@ -85,11 +87,17 @@ def write_account(
         return proof
     texts = scene.meta.texts
     facts = SceneFacts(scene, proof, intersection_map)
-    entries = _drop_replaced(
-        [each for turn, text in enumerate(texts) for each in _account_text(text, turn, facts)],
-        texts,
-    )
+    if scene.meta.plan is None:
+        words = [e for turn, text in enumerate(texts) for e in _account_text(text, turn, facts)]
+        entries = _drop_replaced(words, texts)
+    else:
+        entries = list(
+            account_fields(scene.meta.plan, facts, lambda text: _account_text(text, 0, facts))
+        )
     false = tuple(_report(each) for each in entries if each.state == "contradicted")
+    if (plan := scene.meta.plan) and scene.meta.user_prompt != join_fields(list_fields(plan)):
+        detail = "the prompt does not list the fields of the plan"
+        false += (Finding(rule="metadata_contradicted", agents=(), detail=detail),)
     return proof.model_copy(
         update={
             "account": tuple(entries),

@@ -43,6 +43,8 @@ _STANDSTILL = 0.5
 """Who gives way and stops is no faster than this at the slowest [m/s]."""
 LEAST_STANDSTILL = 0.4
 """Who stands for a shorter time has not stopped [s]."""
+LEAST_TURN = 0.08
+"""How far who turns has turned at least before its track ends [rad]; a right hook ends early."""
 _PACES = {
     "vehicle": (7.0, 11.2), "pedestrian": (1.25, 1.9), "cyclist": (4.2, 6.2), "scooter": (3.8, 5.3),
 }  # fmt: skip

@@ -194,12 +194,21 @@ class SceneFacts:
 
     def find_leg(self, name: str) -> str | None:
         """The leg whose lane is nearest to a standing object."""
+        return self._find_lane(name, ("approach", "exit", "parking"), "leg")
+
+    def find_side(self, name: str) -> str | None:
+        """The side of a leg, `entry` or `exit`, whose lane is nearest to a standing object."""
+        sides = {"approach": "entry", "exit": "exit", None: None}
+        return sides[self._find_lane(name, ("approach", "exit"), "kind")]
+
+    def _find_lane(self, name: str, kinds: Sequence[str], field: str) -> str | None:
+        """A field of the lane of these kinds that is nearest to a standing object."""
         each = next(o for o in self.scene.objects if o.id == name)
         lanes = self.intersection_map.lanelets if self.intersection_map else ()
         away = [
-            (min(math.dist((each.x, each.y), point) for point in lane.centreline), lane.leg)
+            (min(math.dist((each.x, each.y), point) for point in lane.centreline), value)
             for lane in lanes
-            if lane.leg is not None
+            if lane.kind in kinds and (value := getattr(lane, field)) is not None
         ]
         return min(away)[1] if away else None
 

@@ -25,8 +25,6 @@ _HARD_BRAKING = 3.0
 """How hard who brakes hard brakes at least [m/s²]."""
 _NO_BRAKING = 1.0
 """How hard who does not brake may slow at most [m/s²]."""
-_LEAST_TURN = 0.08
-"""How far who turns has turned at least before its track ends [rad]; a right hook ends early."""
 _CROSSING = 2.0
 """Who crosses gets at least this far [m]."""
 _TIMES = {"once": 1, "twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4}
@@ -280,7 +278,7 @@ def _read_movement(*movements: str, kinds: str = "vehicle") -> Reader:
             own = facts.agents[number].movement
             turns = own in ("left", "right", "uturn")
             return own in movements and (
-                not turns or abs(facts.compute_turn(number)) >= _LEAST_TURN
+                not turns or abs(facts.compute_turn(number)) >= tests.LEAST_TURN
             )
 
         value = "/".join(movements)

@@ -1,0 +1,81 @@
+"""`scenewright sweep`: a plan that leaves values open, made at many points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from scenewright.cli.backend_options import Lawful, MaxAgents, TimeLimit
+from scenewright.cli.batch import (
+    Out,
+    Place,
+    Refiner,
+    RowTimeout,
+    Workers,
+    build_options,
+    build_summary_object,
+    check_row_timeout,
+    count_cores,
+    log_summary,
+    show_batch_progress,
+)
+from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.console import write_json, write_stdout
+from scenewright.time_limit import DEFAULT_LIMIT
+
+
+def sweep(
+    plan: Annotated[str, typer.Argument(metavar="PLAN.yaml", help="A plan with open values.")],
+    out: Out,
+    n: Annotated[int, typer.Option("--n", help="Points; a grid or its corners may be fewer.")] = 50,
+    sampling: Annotated[
+        Literal["grid", "lhs", "sobol", "boundary"],
+        typer.Option(help="How points are spread; boundary takes the corners alone."),
+    ] = "sobol",
+    seed: Annotated[int, typer.Option(help="Of the points, and of every scene.")] = 0,
+    intersection: Place = "amsterdam_120",
+    refiner: Refiner = None,
+    max_agents: MaxAgents = None,
+    lawful: Lawful = False,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
+    row_timeout: RowTimeout = None,
+    workers: Workers = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make scenes of a plan with ranges, distributions or lists in place of values.
+
+    points.csv has the values of each point and what became of it: a point that physics or the
+    place does not allow is a result, with the reason. The same command goes on where it was.
+    """
+    from scenewright.dataset.batch.run import Request
+    from scenewright.dataset.batch.sweep import TABLE, run_sweep
+    from scenewright.scene.plan_file import read_logical_plan
+
+    request = Request(
+        source=Path(plan),
+        out=Path(out),
+        options=build_options(
+            intersection=intersection,
+            backend=None,
+            refiner=refiner,
+            seed=seed,
+            max_agents=max_agents,
+            lawful=lawful,
+            time_limit=time_limit,
+        ),
+        workers=workers or count_cores(),
+        row_timeout=check_row_timeout(row_timeout),
+    )
+    logical = read_logical_plan(plan)
+    with show_batch_progress(quiet=quiet, out=out) as log:
+        summary = run_sweep(logical, request, n=n, sampling=sampling, log=log)
+    if not quiet:
+        log_summary(summary)
+    if as_json:
+        write_json({"ok": True, "out": out, "table": f"{out}/{TABLE}",
+                    **build_summary_object(summary)})  # fmt: skip
+    else:
+        write_stdout(f"{out}/{TABLE}\n")

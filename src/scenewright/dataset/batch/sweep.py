@@ -1,0 +1,162 @@
+"""Logical scenarios: a plan that leaves values open, as rows of a batch and a table of points."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+from scipy.stats import qmc
+
+from scenewright.dataset.batch.carry_out import ProgressCallback
+from scenewright.dataset.batch.journal import Journal
+from scenewright.dataset.batch.rows import read_source
+from scenewright.dataset.batch.run import (
+    Request,
+    Summary,
+    build_batch_header,
+    check_request,
+    run_batch,
+)
+from scenewright.errors import InputError
+from scenewright.files import write_atomically
+from scenewright.graph.run import make_folder
+from scenewright.scene.base import FloatArray
+from scenewright.scene.plan_file import LogicalPlan, format_path
+from scenewright.scene.spread import Spread
+
+Sampling = Literal["grid", "lhs", "sobol", "boundary"]
+SCENES, POINTS, TABLE = "scenes", "points.jsonl", "points.csv"
+"""What a sweep's folder holds: the dataset, its rows, and the table of all points."""
+MOST_POINTS = 100_000
+
+
+@dataclass(frozen=True)
+class Point:
+    """Values for what a plan leaves open, by path; `fault` says why they are no plan."""
+
+    name: str
+    values: Mapping[tuple[str | int, ...], Any]
+    fault: str | None = None
+
+
+def draw_shares(spreads: Sequence[Spread], n: int, *, sampling: Sampling, seed: int) -> FloatArray:
+    """Points in the unit cube, [n, spreads]; a grid and the corners may be fewer.
+
+    A grid has as many steps for each number as fit; lists are gone through as a whole.
+    """
+    count = len(spreads)
+    if sampling == "lhs":
+        return np.asarray(qmc.LatinHypercube(count, rng=seed).random(n))
+    if sampling == "sobol":
+        drawn = qmc.Sobol(count, rng=seed).random_base2(math.ceil(math.log2(n)) if n > 1 else 0)
+        return np.asarray(drawn[:n])
+    listed = [len(each.values) for each in spreads if each.kind == "list"]
+    free = count - len(listed)
+    fits = (n / math.prod(listed)) ** (1 / free) + 1e-9 if free else 2
+    steps = 2 if sampling == "boundary" else max(int(fits), 2)
+    axes = [
+        (np.arange(len(s.values)) + 0.5) / len(s.values)
+        if s.kind == "list"
+        else np.linspace(0, 1, steps)
+        for s in spreads
+    ]
+    if (whole := math.prod(map(len, axes))) > MOST_POINTS:
+        raise InputError(f"{whole:,} points are too many; leave less open, or sample by sobol")
+    points = np.array(list(product(*axes)))
+    if len(points) > n:  # evenly, as the first n would all have the same first value
+        points = points[np.linspace(0, len(points) - 1, n).round().astype(int)]
+    return points
+
+
+def build_points(plan: LogicalPlan, n: int, *, sampling: Sampling, seed: int) -> list[Point]:
+    """The points of a sweep; one that is no plan says why.
+
+    Raises:
+        InputError: nothing is left open, or no number of points.
+    """
+    if not plan.spreads:
+        raise InputError(f"{plan.name} leaves nothing open; write a range such as 0.4 .. 1.2 s")
+    if not 1 <= n <= MOST_POINTS:
+        raise InputError(f"--n is a number from 1 to {MOST_POINTS:,}, got {n}")
+    paths, spreads = list(plan.spreads), list(plan.spreads.values())
+    found = []
+    for number, shares in enumerate(draw_shares(spreads, n, sampling=sampling, seed=seed)):
+        values = [
+            spread.compute_value(float(share))
+            for spread, share in zip(spreads, shares, strict=True)
+        ]
+        point = Point(f"point-{number:05d}", dict(zip(paths, values, strict=True)))
+        try:
+            plan.settle(point.values)
+        except InputError as error:
+            point = Point(point.name, point.values, str(error))
+        found.append(point)
+    return found
+
+
+def run_sweep(
+    plan: LogicalPlan,
+    request: Request,
+    *,
+    n: int,
+    sampling: Sampling,
+    log: ProgressCallback = lambda _: None,
+) -> Summary:
+    """Make a scene of each point that is a plan, and write the table of all points.
+
+    Args:
+        request: how scenes are made; `out` is the folder of the sweep.
+
+    Raises:
+        InputError: the plan leaves nothing open, or the folder cannot be used.
+    """
+    out = request.out
+    check_request(request)
+    points = build_points(plan, n, sampling=sampling, seed=request.options.seed)
+    sound = [each for each in points if each.fault is None]
+    if not sound:
+        raise InputError(f"no point is a plan; the first: {points[0].fault}")
+    make_folder(out)
+    rows = [
+        {"id": each.name, "plan": plan.settle_data(each.values), "seed": request.options.seed}
+        for each in sound
+    ]
+    lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
+    if (out / POINTS).exists() and (out / POINTS).read_bytes() != lines.encode():
+        raise InputError(f"{out} holds another sweep; choose another --out")
+    write_atomically(out / POINTS, lines.encode())
+    request = Request(**{**vars(request), "source": out / POINTS, "out": out / SCENES})
+    summary = run_batch(request, log=log)
+    write_atomically(out / TABLE, _format_table(plan, points, request).encode())
+    return summary
+
+
+def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) -> str:
+    """The table: each point's values, and what became of it."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    names = list(map(format_path, plan.spreads))
+    table.writerow(["point", *names, "status", "code", "reason", "folder"])
+    header = build_batch_header(read_source(request.source), request.options)
+    with Journal(request.out, name=None, header=header) as journal:
+        number = 0
+        for each in points:
+            end = ["infeasible", "no_plan", each.fault, ""]
+            if each.fault is None:
+                entry = journal.get_entry(number)
+                number += 1
+                end = ["left", "", "", ""]
+                if entry is not None:
+                    made, status = entry.status == "made", entry.status
+                    folder = f"{SCENES}/{entry.folder}" if made else ""
+                    status = "infeasible" if status == "refused" else status
+                    end = [status, entry.code or "", entry.reason or "", folder]
+            table.writerow([each.name, *each.values.values(), *end])
+    return text.getvalue()

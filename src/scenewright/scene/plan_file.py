@@ -1,0 +1,534 @@
+"""The plan as a file: YAML that people write by hand, and what is wrong with it, line by line."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import yaml
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FieldError, Model
+from scenewright.scene.measures import UNITS
+from scenewright.scene.social import (
+    FIGURES,
+    AgentNode,
+    ObjectNode,
+    RelationEdge,
+    SocialGraph,
+)
+from scenewright.scene.spread import Spread, find_fault, read_number, read_spread
+
+ENDINGS = (".yaml", ".yml")
+MOST_BYTES = 1 << 18
+"""Longest plan file."""
+_WHOLE = ("members", "vehicles", "pedestrians")
+"""Fields that count."""
+_LISTS = ("agents", "relations", "ties", "objects", "measures", "said", "others", "lead", "figure")
+"""Fields that hold lists; a list in any other field offers values to choose from."""
+_HEAD = """\
+# A plan: what shall happen, as the solver gets it. Change it, then
+#   scenewright plan FILE   checks it,
+#   scenewright make FILE   makes the scene.
+# A field in a comment is left free. Numbers may have a unit: 30 km/h, 1.5 s, 12 ft.
+"""
+_TEXT_HELP = "the words it was read from; once a field is changed, the fields alone count"
+_READ_HELP = "digest of the fields as they were read"
+_SAID_HELP = """\
+# What the words became. Entries that became constraint or behavior hold what no field above does,
+# and always count; the others belong to the text and change nothing.
+"""
+Path_ = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class PlanFile:
+    """A plan with what its file says of it.
+
+    Attributes:
+        text: words that it was read from; "" where there were none.
+        as_read: no field was changed since, so the words say what shall happen.
+    """
+
+    plan: SocialGraph
+    text: str = ""
+    as_read: bool = False
+
+
+@dataclass(frozen=True)
+class LogicalPlan:
+    """A plan that leaves values open.
+
+    Attributes:
+        data: the fields as plain data, as the file has them; spreads: what is left open, by path.
+    """
+
+    name: str
+    data: dict[str, Any]
+    lines: Mapping[Path_, int] = field(default_factory=dict)
+    spreads: Mapping[Path_, Spread] = field(default_factory=dict)
+
+    def settle(self, values: Mapping[Path_, Any]) -> PlanFile:
+        """The plan with a value for each field that was left open.
+
+        Raises:
+            InputError: it is no plan; names the line and the field.
+        """
+        return _build_plan(self.settle_data(values), self.name, self.lines)
+
+    def settle_data(self, values: Mapping[Path_, Any]) -> dict[str, Any]:
+        """The fields as plain data, with a value for each that was left open."""
+        data: dict[str, Any] = json.loads(json.dumps(self.data))
+        for path, value in values.items():
+            target: Any = data
+            for step in path[:-1]:
+                target = target[step]
+            target[path[-1]] = value
+        return data
+
+
+def is_plan_file(text: str) -> bool:
+    """Whether a word of the command line names a plan file; no instruction ends like that."""
+    return text.lower().endswith(ENDINGS) and "\n" not in text
+
+
+def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
+    """The plan in a file or a mapping, its open values read but not settled.
+
+    Raises:
+        InputError: unreadable, or no plan; names the line and the field.
+    """
+    if isinstance(source, Mapping):
+        name, data, lines = "plan", _copy_plain(source), dict[Path_, int]()
+    else:
+        name = str(source)
+        data, lines = _parse_yaml(_read_text(Path(source)), name)
+    if not isinstance(data, dict):
+        what = "is empty" if data is None else "holds no fields such as 'agents: ...'"
+        raise _fault(name, lines, (), f"{what}; `scenewright plan TEXT --yaml` writes one to begin")
+    spreads: dict[Path_, Spread] = {}
+    _read_values(data, (), name, lines, spreads)
+    return LogicalPlan(name, data, lines, spreads)
+
+
+def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
+    """The plan in a file or a mapping.
+
+    Raises:
+        InputError: unreadable, or no plan; names the line and the field.
+    """
+    logical = read_logical_plan(source)
+    for path in logical.spreads:
+        what = "several values; `scenewright sweep` makes scenes of them, `make` needs one"
+        raise _fault(logical.name, logical.lines, path, what)
+    return logical.settle({})
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"cannot read {path}: a plan is a file")
+        with path.open("rb") as stream:
+            data = stream.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise InputError(f"{path} is longer than {MOST_BYTES:,} bytes; no plan is")
+        return data.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot read {path}: {reason}") from error
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML of plain values: 17:30 and `no` are words, and nothing stands for something else."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - the name is yaml's
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark
+            raise yaml.composer.ComposerError(None, None, "an alias; write it out", mark)
+        return super().compose_node(parent, index)
+
+
+for _tag, _pattern, _first in (
+    ("null", r"(?:~|null|)", ["~", "n", ""]),
+    ("bool", r"(?:true|false)", ["t", "f"]),
+    ("int", r"[-+]?\d+", list("-+0123456789")),
+    ("float", r"[-+]?\d+\.\d*(?:e[-+]?\d+)?|[-+]?\d+e[-+]?\d+", list("-+0123456789")),
+):
+    _Loader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), _first
+    )
+
+
+def _parse_yaml(text: str, name: str) -> tuple[Any, dict[Path_, int]]:
+    """The values of a file, and the line of each by its path."""
+    lines: dict[Path_, int] = {}
+    try:
+        node = _Loader(text).get_single_node()
+        return (None if node is None else _build_plain(node, (), name, lines)), lines
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        problem = error.problem or "not YAML"
+        if "end of stream" in problem and error.context_mark:
+            mark, problem = error.context_mark, "it is opened here and closed nowhere"
+        if "\\t" in problem or "\t" in text.split("\n")[mark.line]:
+            problem = "a tab; indent with spaces"
+        raise _build_syntax_error(text, mark.line, name, problem) from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, int(error.position))
+        raise _build_syntax_error(text, line, name, "a character that YAML forbids") from error
+    except RecursionError as error:
+        raise InputError(f"{name}: nested too deeply") from error
+
+
+def _build_syntax_error(text: str, line: int, name: str, problem: str) -> InputError:
+    """The error at a line (from 0), with the last key up to there."""
+    for above in reversed(text.split("\n")[: line + 1]):
+        if key := re.match(r"[\s-]*([\w-]+)\s*:", above):
+            return InputError(f"{name}, line {line + 1}, {key[1]}: {problem}")
+    return InputError(f"{name}, line {line + 1}: {problem}")
+
+
+def _build_plain(node: yaml.Node, path: Path_, name: str, lines: dict[Path_, int]) -> Any:
+    """Plain data of a node; the line of every field goes to `lines`."""
+    lines.setdefault(path, node.start_mark.line + 1)
+    kind = node.tag.removeprefix("tag:yaml.org,2002:")
+    if isinstance(node, yaml.MappingNode) and kind == "map":
+        found: dict[str, Any] = {}
+        for key, value in node.value:
+            at = (*path, str(key.value) if isinstance(key, yaml.ScalarNode) else "?")
+            line = key.start_mark.line + 1
+            if at[-1] in found:
+                first = lines[at]
+                raise _fault(name, {at: line}, at, f"is there twice, first in line {first}")
+            lines[at] = line
+            found[str(at[-1])] = _build_plain(value, at, name, lines)
+        return found
+    if isinstance(node, yaml.SequenceNode) and kind == "seq":
+        return [_build_plain(each, (*path, n), name, lines) for n, each in enumerate(node.value)]
+    if isinstance(node, yaml.ScalarNode) and kind in ("str", "null", "bool", "int", "float"):
+        try:
+            return _CONVERT[kind](node.value)
+        except ValueError as error:
+            raise _fault(name, lines, path, "too long a number") from error
+    raise _fault(name, lines, path, f"the tag {node.tag} is not read; write plain values")
+
+
+_CONVERT: dict[str, Any] = {
+    "str": str, "null": lambda _: None, "bool": "true".__eq__, "int": int, "float": float,
+}  # fmt: skip
+
+
+def _copy_plain(value: Any) -> Any:
+    """A copy of plain data that JSON can hold."""
+    try:
+        return json.loads(json.dumps(value))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"plan: {error}") from error
+
+
+def _fault(name: str, lines: Mapping[Path_, int], path: Path_, what: str) -> InputError:
+    """The error of a field, with the line of it or of what holds it."""
+    held = next((path[:n] for n in range(len(path), -1, -1) if path[:n] in lines), None)
+    line = "" if held is None else f", line {lines[held]}"
+    where = format_path(path)
+    return InputError(f"{name}{line}{', ' if where else ''}{where}: {what}")
+
+
+def format_path(path: Path_) -> str:
+    """A field as people write it, such as `relations[0].target_pet`."""
+    parts = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    return "".join(parts).removeprefix(".")
+
+
+def _read_values(
+    data: Any, path: Path_, name: str, lines: Mapping[Path_, int], spreads: dict[Path_, Spread]
+) -> None:
+    """Turn numbers with a unit into SI, in place, and collect the fields that are left open."""
+    items = data.items() if isinstance(data, dict) else enumerate(data)
+    for key, value in list(items):
+        at = (*path, key)
+        field_name = key if isinstance(key, str) else path[-1] if path else ""
+        if isinstance(value, dict) or (isinstance(value, list) and field_name in _LISTS):
+            _read_values(value, at, name, lines, spreads)
+            continue
+        if field_name in ("text", "read_as") or (path and path[0] == "said"):
+            continue
+        unit = _find_unit(str(field_name), data)
+        try:
+            if isinstance(value, list):
+                spreads[at] = Spread("list", tuple(read_number(v, unit) for v in value))
+            elif isinstance(value, str) and (unit or field_name in _WHOLE):
+                spread = read_spread(value, unit, whole=field_name in _WHOLE)
+                if spread is None:
+                    data[key] = read_number(value, unit)
+                else:
+                    spreads[at] = spread
+        except ValueError as error:
+            raise _fault(name, lines, at, str(error)) from error
+        if at in spreads and (fault := find_fault(spreads[at])):
+            raise _fault(name, lines, at, fault)
+
+
+def _find_unit(name: str, holder: Any) -> str | None:
+    """The unit of a field; that of a figure depends on what is asked for."""
+    if name in ("low", "high", "value") and isinstance(holder, dict):
+        kind = holder.get("kind")
+        return UNITS[kind].unit if isinstance(kind, str) and kind in UNITS else None
+    if name == "figure":
+        return "any"
+    return _UNIT_OF.get(name)
+
+
+_UNIT_OF = {
+    name: str(extra["unit"])
+    for model in (RelationEdge, ObjectNode)
+    for name, info in model.model_fields.items()
+    if isinstance(extra := info.json_schema_extra, dict)
+}
+
+
+def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> PlanFile:
+    text, digest = data.pop("text", None), data.pop("read_as", None)
+    for key, value in (("text", text), ("read_as", digest)):
+        if not isinstance(value, str | None):
+            raise _fault(name, lines, (key,), "must be words")
+    _complete(data, name, lines)
+    try:
+        plan = SocialGraph.model_validate(data)
+    except ValidationError as error:
+        raise _describe_fault(error, name, lines) from error
+    except RecursionError as error:
+        raise InputError(f"{name}: nested too deeply") from error
+    return PlanFile(plan, text or "", bool(text) and digest == compute_digest(plan, text))
+
+
+def _complete(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> None:
+    """Fill in what is plain from the rest: sections without content, classes, bounds of a value."""
+    for key in [key for key, value in data.items() if value is None]:
+        del data[key]
+    data.setdefault("agents", [])
+    agents, measures = data.get("agents"), data.get("measures")
+    for agent in agents if isinstance(agents, list) else ():
+        if isinstance(agent, dict) and isinstance(agent.get("id"), str):
+            agent.setdefault("type", agent["id"].partition("-")[0])
+    for n, each in enumerate(measures if isinstance(measures, list) else ()):
+        if isinstance(each, dict) and "value" in each:
+            at, value, kind = ("measures", n, "value"), each.pop("value"), each.get("kind")
+            if not isinstance(value, int | float) or {"low", "high"} & each.keys():
+                raise _fault(name, lines, at, "is one number, and stands in place of low and high")
+            slack = UNITS[kind].tolerance if isinstance(kind, str) and kind in UNITS else 0.0
+            each.update(low=max(value - slack, 0.0), high=value + slack)
+
+
+def _describe_fault(error: ValidationError, name: str, lines: Mapping[Path_, int]) -> InputError:
+    """The first fault of a plan, with its line, its field and what would do."""
+    # A field that nobody knows explains why another one is missing.
+    faults = error.errors(include_url=False)
+    first = next((each for each in faults if each["type"] == "extra_forbidden"), faults[0])
+    path: Path_ = tuple(first["loc"])
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, FieldError):
+        path = (*path, *cause.at)
+    what = first["msg"].removeprefix("Value error, ")
+    given = first["input"]
+    if first["type"] == "extra_forbidden":
+        known = _list_fields_at(path[:-1])
+        near = get_close_matches(str(path[-1]), known, 1)
+        meant = f"; is {near[0]} meant?" if near else f"; there are {', '.join(known)}"
+        what = f"there is no such field{meant}"
+    elif first["type"] == "missing":
+        what = "is missing"
+    elif first["type"] == "literal_error":
+        what = f"must be {first['ctx']['expected']}, not {_quote(given)}"
+    elif path and path[-1] == "time_of_day":
+        what = f'a clock time such as "08:00" or a span "07:00-09:30", not {_quote(given)}'
+    elif first["type"] == "string_pattern_mismatch":
+        what = f"a name such as {_EXAMPLES.get(str(path[-1]), 'vehicle-1')}, not {_quote(given)}"
+    elif not isinstance(cause, FieldError):
+        unit = _UNIT_OF.get(str(path[-1]), "") if path else ""
+        what = f"{what[0].lower()}{what[1:]}, not {_quote(given)} {unit}".rstrip()
+    return _fault(name, lines, path, what)
+
+
+_EXAMPLES = {"id": "vehicle-1, pedestrian-1 or object-1", "beyond": "object-1"}
+
+
+def _quote(value: Any) -> str:
+    text = repr(value) if not isinstance(value, dict | list | tuple) else "a list or mapping"
+    return text if len(text) <= 60 else f"{text[:60]}..."
+
+
+def _list_fields_at(path: Path_) -> list[str]:
+    """The fields of what stands at a path."""
+    model: type[Model] = SocialGraph
+    for step in path:
+        if isinstance(step, str):
+            info = next(i for n, i in model.model_fields.items() if (i.alias or n) == step)
+            model = find_model(info.annotation) or model
+    names = [info.alias or name for name, info in model.model_fields.items()]
+    return names if path else ["text", *names]
+
+
+def find_model(annotation: Any) -> type[Model] | None:
+    """The model in a type such as `tuple[AgentNode, ...]`; None where there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, Model):
+        return annotation
+    return next(filter(None, map(find_model, get_args(annotation))), None)
+
+
+def compute_digest(plan: SocialGraph, text: str) -> str:
+    """What changes with any field of a plan, or with its words."""
+    data = plan.model_dump_json(by_alias=True, exclude_defaults=True)
+    return hashlib.sha256(f"{text}\n{data}".encode("utf-8", "surrogatepass")).hexdigest()[:12]
+
+
+# --- writing
+
+
+def format_plan(plan: SocialGraph, text: str = "") -> str:
+    """The plan as commented YAML, which `read_plan` reads back as it is."""
+    lines = []
+    if text:
+        lines += [f"text: {_format(text)}  # {_TEXT_HELP}"]
+        lines += [f"read_as: {_format(compute_digest(plan, text))}  # {_READ_HELP}"]
+    told: set[tuple[type[Model], str]] = set()
+    for name, info in SocialGraph.model_fields.items():
+        value = getattr(plan, name)
+        if name == "said":
+            lines += _format_said(plan)
+        elif isinstance(value, Model):
+            lines += ["", f"{name}:", *_format_model(value, "  ", told)]
+        elif value:
+            lines += ["", f"{name}:  # {info.description}", *_format_items(value, "  ", told)]
+        else:
+            lines += ["", f"# {name}:  # {info.description}"]
+            lines += [f"#   {each}" for each in _format_free(find_model(info.annotation))]
+    return _HEAD + "\n".join(lines) + "\n"
+
+
+def _format_said(plan: SocialGraph) -> Iterator[str]:
+    if plan.said:
+        yield f"\n{_SAID_HELP}said:"
+    for each in plan.said:
+        fields = each.model_dump(exclude_defaults=True).items()
+        yield f"  - {{{', '.join(f'{key}: {_format(value)}' for key, value in fields)}}}"
+
+
+def _format_items(
+    items: Sequence[Model], indent: str, told: set[tuple[type[Model], str]]
+) -> Iterator[str]:
+    for item in items:
+        first, *rest = _format_model(item, f"{indent}  ", told)
+        yield from (f"{indent}- {first.lstrip()}", *rest)
+
+
+def _format_model(model: Model, indent: str, told: set[tuple[type[Model], str]]) -> Iterator[str]:
+    """The fields of a model; help, and fields that are free, the first time only."""
+    for name, info in type(model).model_fields.items():
+        value, key = getattr(model, name), info.alias or name
+        new = (type(model), name) not in told
+        told.add((type(model), name))
+        note = f"  # {_describe_field(info)}" if new and _describe_field(info) else ""
+        if value is None or value == ():
+            if new:
+                yield f"{indent}# {key}:{note}"
+        elif isinstance(value, Model):
+            yield from (f"{indent}{key}:{note}", *_format_model(value, f"{indent}  ", told))
+        elif isinstance(value, tuple) and isinstance(value[0], Model):
+            yield from (f"{indent}{key}:{note}", *_format_items(value, f"{indent}  ", told))
+        else:
+            yield f"{indent}{key}: {_format(value, _find_written_unit(model, name))}{note}"
+
+
+def _find_written_unit(model: Any, name: str) -> str:
+    """The unit that numbers of a field are written with, after a blank; "" for none."""
+    if name == "figure" and model.figure is not None:
+        how = model.encounter
+        return f" {FIGURES[how][1]}"
+    unit = _find_unit(name, {"kind": getattr(model, "kind", None)})
+    return f" {unit}" if unit and unit != "any" else ""
+
+
+def _format_free(model: type[Model] | None) -> Iterator[str]:
+    for n, (name, info) in enumerate(model.model_fields.items() if model else ()):
+        yield f"{'  ' if n else '- '}{info.alias or name}:  # {_describe_field(info)}"
+
+
+def _describe_field(info: FieldInfo) -> str:
+    """What a field is, its unit and bounds, and the values there are."""
+    extra = info.json_schema_extra
+    unit = f"[{extra['unit']}]" if isinstance(extra, dict) else ""
+    bounds = [f"{each.ge:g}" for each in info.metadata if hasattr(each, "ge")]
+    bounds += [f"{each.le:g}" for each in info.metadata if hasattr(each, "le")]
+    span = " to ".join(bounds) if len(bounds) == 2 else ""
+    values = " | ".join(dict.fromkeys(map(str, _list_values(info.annotation))))
+    about = " ".join(filter(None, (info.description, unit)))
+    return "; ".join(filter(None, (about, span, values)))
+
+
+def _list_values(annotation: Any) -> Iterator[Any]:
+    """The values that the literals in a type allow."""
+    if get_origin(annotation) is Literal:
+        yield from get_args(annotation)
+    elif find_model(annotation) is None:
+        for each in get_args(annotation):
+            yield from _list_values(each)
+
+
+def _format(value: Any, unit: str = "") -> str:
+    """A value as YAML on one line."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(_format(each, unit) for each in value)}]"
+    if isinstance(value, str):
+        if re.fullmatch(r"[A-Za-z][\w-]*", value, re.ASCII) and value.lower() not in _NO_WORDS:
+            return value
+        shown = (c if c.isprintable() and c not in '"\\' else f"\\U{ord(c):08x}" for c in value)
+        return f'"{"".join(shown)}"'
+    return f"{json.dumps(value)}{unit}"
+
+
+_NO_WORDS = ("true", "false", "null", "yes", "no", "on", "off", "y", "n")
+
+
+def build_plan_schema() -> dict[str, Any]:
+    """The JSON Schema of a plan file, for editors: values with units, and those left open."""
+    schema = SocialGraph.model_json_schema(by_alias=True)
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "Plan of a scene"
+    for words, help_ in (("text", _TEXT_HELP), ("read_as", _READ_HELP)):
+        schema["properties"][words] = {"type": "string", "description": help_}
+    open_: dict[str, Any] = {
+        "type": "string",
+        "pattern": r"^\s*(normal\(|lognormal\()?\s*[-+]?[0-9.]+",
+    }
+    choices: dict[str, Any] = {"type": "array"}
+    for model in schema["$defs"].values():
+        for name, own in model.get("properties", {}).items():
+            types = {each.get("type") for each in (own, *own.get("anyOf", ()))}
+            if types & {"number", "integer"} and name not in ("start", "end"):
+                kept = {key: own.pop(key) for key in ("description", "unit") if key in own}
+                model["properties"][name] = {**kept, "anyOf": [own, open_, choices]}
+            elif name in ("lead", "figure"):
+                ends = {"type": "array", "items": {"type": ["number", "string"]}}
+                model["properties"][name] = {"description": own["description"], **ends}
+            elif "const" not in own and "array" not in types and name not in ("id", "background"):
+                kept = {key: own.pop(key) for key in ("description",) if key in own}
+                model["properties"][name] = {**kept, "anyOf": [own, choices]}
+    agent = schema["$defs"][AgentNode.__name__]
+    agent["required"] = ["id"]
+    schema["$defs"]["Measure"]["properties"]["value"] = {
+        "type": ["number", "string", "array"],
+        "description": "in place of low and high: so much, within the tolerance of its kind",
+    }
+    schema["$defs"]["Measure"]["required"] = ["kind", "agent"]
+    return schema

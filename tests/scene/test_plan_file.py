@@ -1,0 +1,161 @@
+"""Plans as files: what is written is read back, and a mistake is named by line and field."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from scenewright.backends import load_backend
+from scenewright.errors import InputError
+from scenewright.graph.run import plan_instruction
+from scenewright.scene.plan_file import (
+    build_plan_schema,
+    format_plan,
+    read_logical_plan,
+    read_plan,
+)
+from scenewright.scene.social import SocialGraph
+
+EXAMPLES = (
+    (Path(__file__).parents[2] / "examples" / "instructions.txt").read_text("utf-8").splitlines()
+)
+GOOD = """\
+agents:
+  - id: vehicle-1
+    subtype: car
+    entry: south
+  - id: pedestrian-1
+relations:
+  - type: collide_at
+    from: vehicle-1
+    to: pedestrian-1
+    impact_speed: 30 km/h
+context:
+  time_of_day: "08:00"
+"""
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    file = folder / "scene.yaml"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+@pytest.mark.parametrize("text", EXAMPLES[:24])
+def test_plans_of_texts_are_read_back_as_they_were(tmp_path: Path, text: str) -> None:
+    plan = plan_instruction(text)
+    found = read_plan(write(tmp_path, format_plan(plan, text)))
+    assert found.plan == plan
+    assert found.as_read
+    assert found.text == text
+
+
+def test_any_characters_of_a_text_are_read_back(tmp_path: Path) -> None:
+    plan = SocialGraph.model_validate({"agents": [{"id": "vehicle-1", "type": "vehicle"}]})
+    text = 'a "quote", é, 🚗, a\\b\ttab\nline\u2028 end \x7f\ufeff # no: comment'
+    assert read_plan(write(tmp_path, format_plan(plan, text))).text == text
+
+
+def test_a_change_makes_the_fields_count(tmp_path: Path) -> None:
+    text = "A car hits a pedestrian"
+    written = format_plan(plan_instruction(text), text).replace("subtype: car", "subtype: bus")
+    assert not read_plan(write(tmp_path, written)).as_read
+
+
+def test_units_and_what_follows_from_names(tmp_path: Path) -> None:
+    plan = read_plan(write(tmp_path, GOOD)).plan
+    assert plan.relations[0].impact_speed == pytest.approx(30 / 3.6)
+    assert [agent.type for agent in plan.agents] == ["vehicle", "pedestrian"]
+
+
+MISTAKES = {
+    "unknown field": ("entry: south", "entree: south", 4, "agents[0].entree", "is entry meant"),
+    "wrong value": ("entry: south", "entry: up", 4, "agents[0].entry", "'north'"),
+    "wrong type": ('time_of_day: "08:00"', "density: 3", 12, "context.density", "'low'"),
+    "unknown agent": ("to: pedestrian-1", "to: pedestrian-7", 9, "relations[0].to", "vehicle-1"),
+    "bad unit": ("30 km/h", "30 knots", 10, "relations[0].impact_speed", "km/h"),
+    "no number": ("30 km/h", "fast", 10, "relations[0].impact_speed", "a number in m/s"),
+    "out of bounds": ("30 km/h", "300 km/h", 10, "relations[0].impact_speed", "20"),
+    "duplicated key": ("entry: south", "subtype: bus", 4, "agents[0].subtype", "line 3"),
+    "tab": ("    entry: south", "\tentry: south", 4, "entry", "spaces"),
+    "empty": (GOOD, "", None, "", "is empty"),
+    "list for mapping": (GOOD, "- id: vehicle-1\n", 1, "", "agents"),
+    "mapping for list": ("agents:\n  - id: vehicle-1", "agents:\n    id: vehicle-1", None, "", ""),
+    "agent twice": ("id: pedestrian-1", "id: vehicle-1", 5, "agents[1].id", "twice"),
+    "impossible hour": ("08:00", "25:00", 12, "context.time_of_day", "07:00-09:30"),
+    "itself": ("to: pedestrian-1", "to: vehicle-1", 9, "relations[0].to", "two different"),
+    "bad name": ("id: pedestrian-1", "id: walker", 5, "agents[1].id", "vehicle-1"),
+    "missing": ("    to: pedestrian-1\n", "", 7, "relations[0].to", "is missing"),
+    "code": ("entry: south", "entry: !!python/name:os.system", 4, "agents[0].entry", "tag"),
+    "alias": ("entry: south", "entry: *south", 4, "entry", "alias"),
+    "unclosed": ('"08:00"', '"08:00', 12, "time_of_day", ""),
+    "range": ("30 km/h", "20 .. 30 km/h", 10, "relations[0].impact_speed", "sweep"),
+    "walker turns": ("id: pedestrian-1", "id: pedestrian-1\n    motion: blocks_junction", 6,
+                     "agents[1].motion", "no vehicle"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_named_by_line_and_field(tmp_path: Path, name: str) -> None:
+    good, bad, line, field, help_ = MISTAKES[name]
+    assert good in GOOD
+    with pytest.raises(InputError) as caught:
+        read_plan(write(tmp_path, GOOD.replace(good, bad)))
+    said = str(caught.value)
+    assert said.startswith(str(tmp_path / "scene.yaml"))
+    assert line is None or f"line {line}" in said
+    assert f"{field}:" in said
+    assert help_ in said
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"\xff\xfe\x00", b"a: \x00", b"[" * 60_000, b"{a: 1" * 9_000, b"a: " + b"9" * 20_000,
+     b"? [1, 2]\n: 3", b"--- 1\n--- 2", b"agents: 3", b"agents: [[1], null, vehicle-1]",
+     b"agents: [{id: 3}]", b"relations: [{from: [a]}]\nagents: []", b"measures: [{value: [1, {}]}]",
+     b"agents: []\nsaid: [3]", b"context: []", b"text: [a]\nagents: []", b"objects: {a: {b: c}}",
+     b"x" * 300_000, b"agents: &a [*a]", b"measures: [{kind: [1], low: a}]"],
+    ids=range(19),
+)  # fmt: skip
+def test_no_bytes_bring_out_a_bug(tmp_path: Path, data: bytes) -> None:
+    with pytest.raises(InputError):
+        read_plan(write(tmp_path, data))
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "none.yaml"):
+        with pytest.raises(InputError, match="cannot read"):
+            read_plan(path)
+
+
+def test_values_are_left_open(tmp_path: Path) -> None:
+    open_ = GOOD.replace("30 km/h", "18 .. 36 km/h").replace("car", "[car, bus]")
+    logical = read_logical_plan(write(tmp_path, open_))
+    kinds = {path[-1]: (each.kind, each.values) for path, each in logical.spreads.items()}
+    assert kinds == {"impact_speed": ("range", (5.0, 10.0)), "subtype": ("list", ("car", "bus"))}
+    middle = {path: each.compute_value(0.5) for path, each in logical.spreads.items()}
+    plan = logical.settle(middle).plan
+    assert plan.relations[0].impact_speed == 7.5
+    assert plan.agents[0].subtype == "bus"
+
+
+def test_the_schema_is_one_and_names_units() -> None:
+    schema = json.loads(json.dumps(build_plan_schema()))
+    speed = schema["$defs"]["RelationEdge"]["properties"]["impact_speed"]
+    assert speed["unit"] == "m/s"
+    assert {"agents", "relations", "context", "text", "read_as"} <= schema["properties"].keys()
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(schema)
+    good = {"agents": [{"id": "vehicle-1", "entry": "south"}, {"id": "vehicle-2"}],
+            "relations": [{"type": "near_miss", "from": "vehicle-1", "to": "vehicle-2",
+                           "target_pet": "0.4 .. 1.2 s"}]}  # fmt: skip
+    jsonschema.validate(good, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**good, "agent": 1}, schema)
+
+
+def test_the_builtin_planner_is_asked_as_make_asks_it() -> None:
+    text = EXAMPLES[0]
+    assert plan_instruction(text, backend=load_backend("builtin")) == plan_instruction(text)
