@@ -58,33 +58,22 @@ def evaluate(
     Raises:
         InputError: the weights cannot be used, or a scene has no primary.
     """
-    found = [
-        _evaluate_predictor(recordings, predict_constant_velocity, "constant velocity", "none", log)
-    ]
+
+    def run(predictor: Predictor, name: str, goals: Goals) -> Evaluated:
+        predicted, scores = [], []
+        for recording in recordings:
+            with_goals = "" if goals == "none" else f", given the {goals}"
+            log(f"{recording.name}: {name}{with_goals}")
+            predicted.append(predict_scenes(recording, predictor, goals=goals))
+            scores += score_scenes(recording, predicted[-1])
+        return Evaluated(name, goals, predicted, build_table(scores))
+
+    straight = run(predict_constant_velocity, "constant velocity", "none")
     if weights is None:
-        return found
+        return [straight]
     from scenewright.tools.trajnet_refiner.model import Refiner
     from scenewright.tools.trajnet_refiner.store import read_refiner
 
     net = Refiner.from_weights(*read_refiner(weights, task="benchmark"))
-    kinds = KINDS_OF_GOALS if net.config.goals and found[0].rows else KINDS_OF_GOALS[:1]
-    return found + [
-        _evaluate_predictor(recordings, Refining(net), "refiner", goals, log) for goals in kinds
-    ]
-
-
-def _evaluate_predictor(
-    recordings: Sequence[BenchmarkRecording],
-    predictor: Predictor,
-    name: str,
-    goals: Goals,
-    log: Callable[[str], None],
-) -> Evaluated:
-    predicted, scores = [], []
-    for recording in recordings:
-        with_goals = "" if goals == "none" else f", given the {goals}"
-        log(f"{recording.name}: {name}{with_goals}")
-        scenes = predict_scenes(recording, predictor, goals=goals)
-        predicted.append(scenes)
-        scores += score_scenes(recording, scenes)
-    return Evaluated(name, goals, predicted, build_table(scores) if scores else [])
+    kinds = KINDS_OF_GOALS if net.config.goals and straight.rows else KINDS_OF_GOALS[:1]
+    return [straight, *(run(Refining(net), "refiner", goals) for goals in kinds)]
