@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from time import perf_counter
+from dataclasses import dataclass
 
 from scenewright.backends import Backend
 from scenewright.errors import InputError
@@ -51,13 +50,12 @@ def find_method(name: str, *, intersection: str, backend: Backend | None = None)
             f"{', '.join(METHODS)}"
         )
     if name == "oracle":
-        return Method(name, _measure_time(predict_with_routes))
+        return Method(name, predict_with_routes)
     if name == "oracle_seen":
-        return Method(name, _measure_time(predict_with_events))
+        return Method(name, predict_with_events)
     settings = _choose_settings(name, intersection, backend)
     shown = f"agent ({settings.backend.name})" if settings.backend is not None else name
-    predict = _measure_time(lambda row, _: understand(row, settings))
-    return Method(shown, predict, settings.predictor or None)
+    return Method(shown, lambda row, _: understand(row, settings), settings.predictor or None)
 
 
 def _choose_settings(name: str, intersection: str, backend: Backend | None) -> MethodSettings:
@@ -78,11 +76,3 @@ def _choose_settings(name: str, intersection: str, backend: Backend | None) -> M
     return MethodSettings(
         "posterior", "language_model", *predictor, require_language_model(backend)
     )  # fmt: skip
-
-
-def _measure_time(predict: Predict) -> Predict:
-    def predict_measured(row: ObservationRow, case: SceneCase) -> ScenePrediction:
-        before = perf_counter()
-        return replace(predict(row, case), seconds=perf_counter() - before)
-
-    return predict_measured
