@@ -11,11 +11,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.scene.base import FloatArray
-from scenewright.tools.relation_checker import RoadUser
 
 
 def match_windows(
@@ -32,38 +30,27 @@ def match_windows(
     taken = np.zeros(len(windows), dtype=np.intp)
     found = []
     for scene in [*scenes] * -(-least // len(scenes)):
-        length, vehicles = _get_length(scene), len(_list_starts(scene))
-        number = _find_nearest(starts, length, vehicles, taken)
+        length = max((user.track.end for user in scene.users), default=0.0)
+        seen = np.array([np.searchsorted(each, length) for each in starts])
+        number = int(np.lexsort((taken, np.abs(seen - len(_list_starts(scene)))))[0])
         taken[number] += 1
         found.append(shorten_scene(windows[number], length))
     return found
 
 
-def _find_nearest(
-    starts: Sequence[FloatArray], length: float, vehicles: int, taken: NDArray[np.intp]
-) -> int:
-    seen = np.array([np.searchsorted(each, length) for each in starts])
-    return int(np.lexsort((taken, np.abs(seen - vehicles)))[0])
-
-
 def shorten_scene(scene: SceneTracks, length: float) -> SceneTracks:
     """Cut a scene to its first seconds; agents with less than two samples are left out."""
-    users = (_shorten_user(user, length) for user in scene.users)
-    return replace(scene, users=tuple(user for user in users if len(user.track.xy) > 1))
-
-
-def _shorten_user(user: RoadUser, length: float) -> RoadUser:
-    track = user.track
-    kept = max(int(np.floor((length - track.start) / track.step + 1e-6)) + 1, 0)
-    cut = replace(track, xy=track.xy[:kept], heading=track.heading[:kept])
-    return replace(user, track=cut)
+    users = []
+    for user in scene.users:
+        track = user.track
+        kept = int(np.floor((length - track.start) / track.step + 1e-6)) + 1
+        if kept > 1 and len(track.xy) > 1:
+            cut = replace(track, xy=track.xy[:kept], heading=track.heading[:kept])
+            users.append(replace(user, track=cut))
+    return replace(scene, users=tuple(users))
 
 
 def _list_starts(scene: SceneTracks) -> FloatArray:
     """List when each vehicle is first seen [s], sorted."""
     first = [user.track.start for user in scene.users if user.shape.type == "vehicle"]
     return np.sort(np.array(first, dtype=np.float64))
-
-
-def _get_length(scene: SceneTracks) -> float:
-    return max((user.track.end for user in scene.users), default=0.0)

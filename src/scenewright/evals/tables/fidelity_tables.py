@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from scenewright.evals.tables.likelihood import (
     Gap,
     Reading,
     Role,
-    UnscoredAgents,
+    Unscored,
     compute_gap,
     compute_mean_nll,
     get_event_group,
@@ -68,14 +70,15 @@ class Fidelity:
 
     references: tuple[NormalScenes, ...]
     cells: tuple[FidelityCell, ...]
-    left: UnscoredAgents
+    left: Mapping[Unscored, int]
     mixed: int
 
 
 def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
     """Scores every agent and compares events with normal scenes, of whichever backend those are."""
     scores: dict[str, list[AgentScore]] = {name: [] for name in dataset.backends}
-    left, mixed = UnscoredAgents(), 0
+    left: Counter[Unscored] = Counter({"assumed": 0, "standing": 0, "riders": 0})
+    mixed = 0
     for number, scene in dataset.read_scenes(dataset.rows):
         group = get_event_group(scene)
         if group is None:
@@ -84,46 +87,29 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
         priors = load_priors(scene.meta.intersection)
         found, without = score_scene(scene, priors, number=number, group=group)
         scores[dataset.rows[number].backend] += found
-        left += without
+        left.update(without)
     scores_of_all = [score for each in scores.values() for score in each]
     rng = np.random.default_rng(seed)
-    return Fidelity(
-        tuple(_compute_references(scores_of_all, draws, rng)),
-        tuple(_compute_cells(scores, scores_of_all, draws, rng)),
-        left,
-        mixed,
-    )
-
-
-def _compute_references(
-    scores: Sequence[AgentScore], draws: int, rng: np.random.Generator
-) -> Iterator[NormalScenes]:
-    for reading in READINGS:
-        for kind in CLASSES:
-            normal = list(select_scores(scores, group="normal", role=None, kind=kind))
-            found = compute_mean_nll(normal, reading, draws=draws, rng=rng)
-            if found is not None:
-                scenes = len({each.scene for each in normal})
-                median = float(np.median([each.nll[reading] for each in normal]))
-                yield NormalScenes(kind, reading, scenes, len(normal), *found, median)
-
-
-def _compute_cells(
-    scores: dict[str, list[AgentScore]],
-    scores_of_all: Sequence[AgentScore],
-    draws: int,
-    rng: np.random.Generator,
-) -> Iterator[FidelityCell]:
     normal = {
         kind: list(select_scores(scores_of_all, group="normal", role=None, kind=kind))
         for kind in CLASSES
     }
+    references = []
+    for reading, kind in product(READINGS, CLASSES):
+        mean = compute_mean_nll(normal[kind], reading, draws=draws, rng=rng)
+        if mean.value is not None and mean.low is not None and mean.high is not None:
+            scenes = len({each.scene for each in normal[kind]})
+            median = float(np.median([each.nll[reading] for each in normal[kind]]))
+            interval = (mean.low, mean.high)
+            references.append(
+                NormalScenes(kind, reading, scenes, mean.n, mean.value, interval, median)
+            )
+    cells = []
     for backend, mine in scores.items():
-        present = [event for event in EVENTS if any(each.group == event for each in mine)]
-        for event in present:
-            for role in ROLES:
-                for kind in CLASSES:
-                    agents = list(select_scores(mine, group=event, role=role, kind=kind))
-                    for reading in READINGS:
-                        found = compute_gap(agents, normal[kind], reading, draws=draws, rng=rng)
-                        yield FidelityCell(backend, event, role, kind, reading, found)
+        present = {each.group for each in mine}
+        for event, role, kind in product((e for e in EVENTS if e in present), ROLES, CLASSES):
+            agents = list(select_scores(mine, group=event, role=role, kind=kind))
+            for reading in READINGS:
+                gap = compute_gap(agents, normal[kind], reading, draws=draws, rng=rng)
+                cells.append(FidelityCell(backend, event, role, kind, reading, gap))
+    return Fidelity(tuple(references), tuple(cells), left, mixed)

@@ -12,6 +12,7 @@ not run from one end of its route to the other:
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -19,15 +20,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.bootstrap import compute_interval
+from scenewright.evals.bootstrap import (
+    Figure,
+    compute_interval,
+    compute_ratio,
+    draw_resamples,
+    resample_ratio,
+)
 from scenewright.geometry.polyline import measure_arc_lengths, resample_to_count
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.record import AgentRecord, SceneRecord
-from scenewright.tools.gmm_sampler import (
-    Priors,
-    compute_waypoint_nll,
-)
+from scenewright.tools.gmm_sampler import Priors, compute_waypoint_nll
 
 Reading = Literal["track", "path"]
 READINGS: tuple[Reading, ...] = ("track", "path")
@@ -59,25 +63,9 @@ class AgentScore:
     nll: Mapping[Reading, float]
 
 
-@dataclass(frozen=True)
-class UnscoredAgents:
-    """Agents without a score.
-
-    Attributes:
-        assumed: on routes without tracks in the corpus; standing: that stand all along.
-        riders: on bicycles and e-scooters, on routes whose prior is that of cars or pedestrians.
-    """
-
-    assumed: int = 0
-    standing: int = 0
-    riders: int = 0
-
-    def __add__(self, other: UnscoredAgents) -> UnscoredAgents:
-        return UnscoredAgents(
-            self.assumed + other.assumed,
-            self.standing + other.standing,
-            self.riders + other.riders,
-        )
+Unscored = Literal["assumed", "standing", "riders"]
+"""Why an agent has no score: on a route without tracks in the corpus; standing all along; on a
+bicycle or an e-scooter, on routes whose prior is that of cars or pedestrians."""
 
 
 @dataclass(frozen=True)
@@ -104,25 +92,23 @@ class Gap:
 
 def score_scene(
     scene: SceneRecord, priors: Priors, *, number: int, group: str
-) -> tuple[list[AgentScore], UnscoredAgents]:
-    """The likelihood of every agent of a scene."""
-    scores, left = [], UnscoredAgents()
+) -> tuple[list[AgentScore], Counter[Unscored]]:
+    """The likelihood of every agent of a scene, and how many have none."""
+    scores, left = [], Counter[Unscored]()
     for agent in scene.agents:
-        if agent.type not in CLASSES:
-            left += UnscoredAgents(riders=1)
-            continue
         prior = priors.waypoints.get(agent.route)
-        if prior is None or prior.tracks == 0:
-            left += UnscoredAgents(assumed=1)
-            continue
         driven = resample_waypoints(np.array(agent.trajectory))
-        if driven is None:
-            left += UnscoredAgents(standing=1)
-            continue
-        both = np.stack([driven, find_passed_waypoints(agent)])
-        values = compute_waypoint_nll(prior, both)
-        nll: dict[Reading, float] = dict(zip(READINGS, map(float, values), strict=True))
-        scores.append(AgentScore(number, group, agent.role, agent.type, nll))
+        if agent.type not in CLASSES:
+            left["riders"] += 1
+        elif prior is None or prior.tracks == 0:
+            left["assumed"] += 1
+        elif driven is None:
+            left["standing"] += 1
+        else:
+            both = np.stack([driven, find_passed_waypoints(agent)])
+            values = compute_waypoint_nll(prior, both).tolist()
+            nll: dict[Reading, float] = dict(zip(READINGS, values, strict=True))
+            scores.append(AgentScore(number, group, agent.role, agent.type, nll))
     return scores, left
 
 
@@ -174,9 +160,13 @@ def compute_gap(
     ours, reference = _sum_by_scene(scores, reading), _sum_by_scene(normal, reading)
     if not len(ours) or not len(reference):
         return None
-    nll, base = _compute_mean(ours), _compute_mean(reference)
-    again = _resample_means(ours, draws, rng)
-    against = _resample_means(reference, draws, rng)
+    (nll, again), (base, against) = (
+        (
+            total.sum() / count.sum(),
+            resample_ratio(total, count, draw_resamples(len(count), draws=draws, seed=rng)),
+        )
+        for total, count in (ours.T, reference.T)
+    )
     return Gap(
         agents=len(scores),
         scenes=len(ours),
@@ -192,12 +182,10 @@ def compute_gap(
 
 def compute_mean_nll(
     scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
-) -> tuple[float, tuple[float, float]] | None:
-    """Compute the mean NLL and its 95 % interval over scenes; None without agents."""
-    sums = _sum_by_scene(scores, reading)
-    if not len(sums):
-        return None
-    return float(_compute_mean(sums)), compute_interval(_resample_means(sums, draws, rng))
+) -> Figure:
+    """Compute the mean NLL and its 95 % interval over scenes."""
+    total, count = _sum_by_scene(scores, reading).T
+    return compute_ratio(total, count, draw_resamples(max(len(count), 1), draws=draws, seed=rng))
 
 
 def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
@@ -206,18 +194,6 @@ def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
     for each in scores:
         found.setdefault(each.scene, []).append(each.nll[reading])
     return np.array([[sum(values), len(values)] for values in found.values()]).reshape(-1, 2)
-
-
-def _compute_mean(sums: FloatArray) -> float:
-    total = sums.sum(axis=0)
-    return float(total[0] / total[1])
-
-
-def _resample_means(sums: FloatArray, draws: int, rng: np.random.Generator) -> FloatArray:
-    """[draws] means with scenes drawn anew."""
-    weights = rng.multinomial(len(sums), np.full(len(sums), 1 / len(sums)), size=draws)
-    total = weights @ sums
-    return np.asarray(total[:, 0] / total[:, 1])
 
 
 def get_event_group(scene: SceneRecord) -> str | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from scenewright.evals.planning import PlanningShare
@@ -28,31 +27,23 @@ class RobustnessRate:
 
 def compute_robustness(dataset: Dataset) -> tuple[RobustnessRate, ...]:
     """A rate for each backend and event; retries of an order count too."""
-    return tuple(rate for backend in dataset.backends for rate in _compute_rates(dataset, backend))
-
-
-def _compute_rates(dataset: Dataset, backend: str) -> Iterator[RobustnessRate]:
-    given = [row for row in dataset.rows if row.backend == backend]
-    mine = [row for row in given if row.scope]
-    events = dict.fromkeys(row.event or "unknown" for row in mine)
-    for event in events:
-        rows = [row for row in mine if (row.event or "unknown") == event]
-        yield RobustnessRate(
-            backend, event, PlanningShare(sum(row.verified for row in rows), len(rows))
-        )
-    rare = [row for row in mine if row.event in RARE]
-    if rare:
-        yield RobustnessRate(
-            backend, "overall", PlanningShare(sum(row.verified for row in rare), len(rare))
-        )
-    if mine:
-        yield RobustnessRate(
-            backend, "all", PlanningShare(sum(row.verified for row in mine), len(mine))
-        )
-    if len(given) > len(mine):
-        yield RobustnessRate(
-            backend, "given", PlanningShare(sum(row.verified for row in given), len(given))
-        )
+    found = []
+    for backend in dataset.backends:
+        given = [row for row in dataset.rows if row.backend == backend]
+        mine = [row for row in given if row.scope]
+        groups = {
+            event: [row for row in mine if (row.event or "unknown") == event]
+            for event in dict.fromkeys(row.event or "unknown" for row in mine)
+        }
+        groups["overall"] = [row for row in mine if row.event in RARE]
+        groups["all"] = mine
+        groups["given"] = given if len(given) > len(mine) else []
+        found += [
+            RobustnessRate(backend, event, PlanningShare(sum(r.verified for r in rows), len(rows)))
+            for event, rows in groups.items()
+            if rows
+        ]
+    return tuple(found)
 
 
 def count_out_of_scope(dataset: Dataset) -> int:
