@@ -22,8 +22,8 @@ from scenewright.errors import InputError
 
 if TYPE_CHECKING:
     from scenewright.evals.realism.assessment import Assessment
-    from scenewright.evals.trajnet.evaluate import Evaluated
     from scenewright.evals.trajnet.recording import BenchmarkRecording
+    from scenewright.evals.trajnet.score import Evaluated
 
 evals = typer.Typer(name="evals", help="Benchmarks of the parts on data of your own.")
 
@@ -53,7 +53,7 @@ def score_trajnet(
     The refiner predicts without goals, given each pedestrian's destination, and given where it is
     at the end of the scene. Files without the future are predicted but not scored.
     """
-    from scenewright.evals.trajnet.evaluate import evaluate
+    from scenewright.evals.trajnet.score import evaluate
     from scenewright.extras import require_extra
 
     if weights is not None:

@@ -29,23 +29,17 @@ class SceneTracks:
     Attributes:
         users: all agents, in time of the scene; signals: its lights.
         asked: pairs of ids that a relation binds, `from` first.
-        foreground: ids of the agents that the request names; empty in a scene cut from a corpus.
     """
 
     users: tuple[RoadUser, ...]
     signals: tuple[SignalRecord, ...] = ()
     asked: tuple[tuple[int, int], ...] = ()
-    foreground: frozenset[int] = frozenset()
 
 
 def convert_scene(scene: SceneRecord) -> SceneTracks:
     """Convert a generated scene."""
-    return SceneTracks(
-        read_users(scene),
-        scene.signals,
-        tuple((relation.from_, relation.to) for relation in scene.relations),
-        frozenset(agent.id for agent in scene.agents if agent.role == "foreground"),
-    )
+    asked = tuple((relation.from_, relation.to) for relation in scene.relations)
+    return SceneTracks(read_users(scene), scene.signals, asked)
 
 
 def cut_scenes(

@@ -20,7 +20,7 @@ vehicles. The ratio to its windows as they are, rush hours and all, stands besid
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,7 @@ import numpy as np
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.evals.tables.likelihood import find_nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
 from scenewright.geometry.kinematics import compute_kinematics
@@ -256,3 +257,43 @@ def _compare_spread(
 def _compute_deviation(values: FloatArray) -> float:
     """Root of the summed variances of all columns."""
     return float(np.sqrt(values.var(axis=0, ddof=1).sum()))
+
+
+def match_windows(
+    scenes: Sequence[SceneTracks], windows: Sequence[SceneTracks], *, least: int
+) -> list[SceneTracks]:
+    """Find for every scene a window with as many vehicles, cut to the scene's length.
+
+    Where no window has as many, one whose number is nearest; of several, the one that was taken
+    least often. Few scenes get several windows each, so that there are at least `least` in all.
+    """
+    if not (scenes and windows):
+        return []
+    starts = [_list_starts(window) for window in windows]
+    taken = np.zeros(len(windows), dtype=np.intp)
+    found = []
+    for scene in [*scenes] * -(-least // len(scenes)):
+        length = max((user.track.end for user in scene.users), default=0.0)
+        seen = np.array([np.searchsorted(each, length) for each in starts])
+        number = int(np.lexsort((taken, np.abs(seen - len(_list_starts(scene)))))[0])
+        taken[number] += 1
+        found.append(shorten_scene(windows[number], length))
+    return found
+
+
+def shorten_scene(scene: SceneTracks, length: float) -> SceneTracks:
+    """Cut a scene to its first seconds; agents with less than two samples are left out."""
+    users = []
+    for user in scene.users:
+        track = user.track
+        kept = int(np.floor((length - track.start) / track.step + 1e-6)) + 1
+        if kept > 1 and len(track.xy) > 1:
+            cut = replace(track, xy=track.xy[:kept], heading=track.heading[:kept])
+            users.append(replace(user, track=cut))
+    return replace(scene, users=tuple(users))
+
+
+def _list_starts(scene: SceneTracks) -> FloatArray:
+    """List when each vehicle is first seen [s], sorted."""
+    first = [user.track.start for user in scene.users if user.shape.type == "vehicle"]
+    return np.sort(np.array(first, dtype=np.float64))

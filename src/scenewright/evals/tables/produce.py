@@ -9,15 +9,15 @@ from typing import Any
 
 from scenewright.errors import InputError
 from scenewright.evals.realism.scenes import SceneTracks, convert_scene, cut_scenes
-from scenewright.evals.tables.beside import match_windows
 from scenewright.evals.tables.diversity import (
     CorpusWindows,
     Spread,
     compare_events,
     compare_lateral_positions,
     compare_speeds,
+    match_windows,
 )
-from scenewright.evals.tables.fidelity_tables import Fidelity, compute_fidelity
+from scenewright.evals.tables.likelihood import Fidelity, compute_fidelity
 from scenewright.evals.tables.nearness import (
     ReferenceDistance,
     compare_with_reference,
@@ -26,11 +26,13 @@ from scenewright.evals.tables.nearness import (
     measure_scenes,
     observe_scenes,
 )
-from scenewright.evals.tables.reading import Dataset, find_commit, read_dataset
-from scenewright.evals.tables.robustness import (
+from scenewright.evals.tables.reading import (
+    Dataset,
     RobustnessRate,
     compute_robustness,
     count_out_of_scope,
+    find_commit,
+    read_dataset,
 )
 from scenewright.intersections import load_map
 from scenewright.tools.track_io import Recording, load_recordings

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import Figure, compute_mean, draw_resamples
 from scenewright.evals.trajnet.categories import SUBTYPE_NAMES, TYPE_NAMES, categorise
-from scenewright.evals.trajnet.metrics import compute_displacement, find_collisions
-from scenewright.evals.trajnet.predictors import Predictor
+from scenewright.evals.trajnet.predictors import Predictor, Refining, predict_constant_velocity
 from scenewright.evals.trajnet.recording import (
     OBSERVED,
     PREDICTED,
@@ -28,6 +28,10 @@ Goals = Literal["none", "destination", "horizon"]
 benchmark's definition; or where it is at the end of the scene, and that it is there then."""
 MEASURES = ("ade", "fde", "col1", "col2")
 _RESAMPLES = 1000
+TOUCHING = 0.2
+"""Two pedestrians collide at this distance or less [m]: twice the benchmark's radius of 0.1 m."""
+PARTS = 2
+"""Sub-intervals of a step at whose ends distances are taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +120,44 @@ def _extend_gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     move = np.nan_to_num(at - past[seen_places, np.maximum(last - 1, 0)])
     steps = (OBSERVED - last)[:, None] + np.arange(PREDICTED)
     return seen_places, at[:, None] + steps[..., None] * move[:, None]
+
+
+def compute_displacement(predicted: FloatArray, truth: FloatArray) -> tuple[float, float]:
+    """Mean (ADE) and last (FDE) distance between two paths [P, 2], in metres."""
+    distance = np.linalg.norm(predicted - truth, axis=-1)
+    return float(distance.mean()), float(distance[-1])
+
+
+def find_collisions(primary: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
+    """Which of the others the primary collides with.
+
+    Distances are taken at the steps and at the ends of `PARTS` equal parts between them, as if
+    all agents moved straight and evenly within a step. What lies before the first predicted step
+    is not looked at. As in the benchmark, steps at which the other is unseen are left out, its
+    next one follows directly, and a single common step is no collision.
+
+    Args:
+        primary: [P, 2]; others: [M, P, 2], NaN where unseen [m].
+
+    Returns:
+        [M]
+    """
+    offset = others - primary
+    seen: NDArray[np.bool_] = np.asarray(~np.isnan(offset).any(axis=-1))
+    hit = _is_touching(offset)
+    for m in np.flatnonzero(~seen.all(axis=1)):
+        hit[m] = bool(_is_touching(offset[m : m + 1, seen[m]])[0])
+    return hit
+
+
+def _is_touching(offset: FloatArray) -> NDArray[np.bool_]:
+    """[M] of offsets [M, P, 2] that are nowhere NaN; NaN counts as far away."""
+    if offset.shape[1] < 2:
+        return np.zeros(len(offset), dtype=np.bool_)
+    share = np.linspace(0.0, 1.0, PARTS + 1)[:, None, None]
+    between = offset[:, None, :-1] * (1 - share) + offset[:, None, 1:] * share
+    distance = np.linalg.norm(between, axis=-1)
+    return np.asarray((distance <= TOUCHING).any(axis=(1, 2)))
 
 
 def score_scenes(
@@ -207,3 +249,64 @@ def build_table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[ScoreRow
                 figures[measure] = compute_mean(x, whose, draws)
             rows.append(ScoreRow(name, len(group), len(people), figures))
     return rows
+
+
+KINDS_OF_GOALS: tuple[Goals, ...] = ("none", "destination", "horizon")
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """One predictor over all recordings.
+
+    Attributes:
+        predictor: its name; goals: those it was given.
+        predicted: of each recording its scenes, in order.
+        rows: the scores; empty where no file holds what really happened.
+    """
+
+    predictor: str
+    goals: Goals
+    predicted: list[list[PredictedScene]]
+    rows: list[ScoreRow]
+
+    def to_json(self) -> dict[str, Any]:
+        """For a report, without the predictions."""
+        rows = [row.to_json() for row in self.rows]
+        return {"predictor": self.predictor, "goals": self.goals, "rows": rows}
+
+
+def evaluate(
+    recordings: Sequence[BenchmarkRecording],
+    *,
+    weights: Path | None,
+    log: Callable[[str], None] = lambda _: None,
+) -> list[Evaluated]:
+    """Constant velocity, then the refiner without and with goals, over all scenes together.
+
+    Goals come from the future, so a file that does not hold it is predicted without.
+
+    Args:
+        weights: of the refiner; None leaves it out.
+
+    Raises:
+        InputError: the weights cannot be used, or a scene has no primary.
+    """
+
+    def run(predictor: Predictor, name: str, goals: Goals) -> Evaluated:
+        predicted, scores = [], []
+        for recording in recordings:
+            with_goals = "" if goals == "none" else f", given the {goals}"
+            log(f"{recording.name}: {name}{with_goals}")
+            predicted.append(predict_scenes(recording, predictor, goals=goals))
+            scores += score_scenes(recording, predicted[-1])
+        return Evaluated(name, goals, predicted, build_table(scores))
+
+    straight = run(predict_constant_velocity, "constant velocity", "none")
+    if weights is None:
+        return [straight]
+    from scenewright.tools.trajnet_refiner.model import Refiner
+    from scenewright.tools.trajnet_refiner.store import read_refiner
+
+    net = Refiner.from_weights(*read_refiner(weights, task="benchmark"))
+    kinds = KINDS_OF_GOALS if net.config.goals and straight.rows else KINDS_OF_GOALS[:1]
+    return [straight, *(run(Refining(net), "refiner", goals) for goals in kinds)]

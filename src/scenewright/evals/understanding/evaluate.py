@@ -20,8 +20,8 @@ from scenewright.evals.understanding.cases import (
     read_case,
 )
 from scenewright.evals.understanding.clips import cut_clips, read_source
-from scenewright.evals.understanding.methods import find_method
 from scenewright.evals.understanding.observation import WINDOWS, ObservationRow, observe
+from scenewright.evals.understanding.pipeline import find_method
 from scenewright.evals.understanding.predictions import (
     PredictionRow,
     ScenePrediction,

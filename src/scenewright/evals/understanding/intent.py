@@ -62,10 +62,6 @@ class RoutePosterior:
         """[M] posterior of the components kept."""
         return np.asarray(np.exp(self.log))
 
-    def sum_exits(self, sides: tuple[str, ...]) -> FloatArray:
-        """[E] posterior of the exits."""
-        return np.asarray(self.weights @ self.components.match_exits(sides)[self.kept])
-
 
 def infer_routes(observation: ObservedScene) -> dict[str, RoutePosterior]:
     """Compute the posterior of every observed agent."""
@@ -77,7 +73,14 @@ def infer_routes(observation: ObservedScene) -> dict[str, RoutePosterior]:
 
 
 def _infer_route(agent: ObservedAgent, components: RouteComponents, hour: int) -> RoutePosterior:
-    kept, samples = _find_nearby(components, agent), _pick_samples(agent)
+    # Components that pass the agent's position in its direction, or the nearest ones.
+    facing = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
+    normal = components.normal
+    along = np.stack([normal[..., 1], -normal[..., 0]], axis=-1) @ facing
+    apart = np.square(components.curve - agent.xy[-1]).sum(axis=-1) + 400.0 * (along < 0.0)
+    least = np.sqrt(apart.min(axis=1))
+    kept = np.flatnonzero(least < max(_NEARBY, float(least.min()) + 1.0))
+    samples = _pick_samples(agent)
     xy, heading = agent.xy[samples], agent.heading[samples]
     nearest, rows = _find_nearest(components, kept, xy, heading), kept[:, None]
     away, normal = xy - components.curve[rows, nearest], components.normal[rows, nearest]
@@ -103,16 +106,6 @@ def _infer_route(agent: ObservedAgent, components: RouteComponents, hour: int) -
     log = np.logaddexp(log, share + _UNEXPLAINED - 0.5 * np.abs(lateral).mean(axis=1))
     log = log - np.logaddexp.reduce(log)
     return RoutePosterior(components, kept, log, share, nearest[:, -1], seen, off, noise)
-
-
-def _find_nearby(components: RouteComponents, agent: ObservedAgent) -> IntArray:
-    """Components that pass the agent's position in its direction, or the nearest ones."""
-    facing = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
-    normal = components.normal
-    along = np.stack([normal[..., 1], -normal[..., 0]], axis=-1) @ facing
-    apart = np.square(components.curve - agent.xy[-1]).sum(axis=-1) + 400.0 * (along < 0.0)
-    least = np.sqrt(apart.min(axis=1))
-    return np.flatnonzero(least < max(_NEARBY, float(least.min()) + 1.0))
 
 
 def _pick_samples(agent: ObservedAgent) -> IntArray:

@@ -1,4 +1,4 @@
-"""The agentic pipeline of Section 5, of the tools that make scenes.
+"""The agentic pipeline of Section 5, of the tools that make scenes, and the methods by name.
 
     observe -> intend -> predict -> describe -> judge -> report
 
@@ -9,6 +9,7 @@ when its attempts are spent, the statistical model and the rule checker answer i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,8 +17,9 @@ import numpy as np
 from tenacity import Retrying, retry_if_exception, stop_after_attempt, wait_random_exponential
 
 from scenewright.backends import Backend
-from scenewright.errors import BackendFault, Rejected
+from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.evals.understanding.calibration import predict_relations
+from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.exit_model import weigh_exits
 from scenewright.evals.understanding.forecast import forecast_scene
 from scenewright.evals.understanding.intent import (
@@ -25,17 +27,20 @@ from scenewright.evals.understanding.intent import (
     find_nearest_waypoints,
     infer_routes,
 )
-from scenewright.evals.understanding.language_model import ask_about_scene
+from scenewright.evals.understanding.language_model import ask_about_scene, require_language_model
 from scenewright.evals.understanding.observation import ObservationRow, to_arrays
+from scenewright.evals.understanding.oracle import predict_with_events, predict_with_routes
 from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.evals.understanding.rule_baseline import (
     TrackPredictor,
     check_predicted_tracks,
+    load_trajnet,
+    predict_constant_velocity,
     to_relations,
 )
 from scenewright.evals.understanding.scene_description import describe_scene
-from scenewright.intersections import load_map
+from scenewright.intersections import load_map, ships_refiner
 
 ATTEMPTS = 3
 """How often a language model is asked about one scene."""
@@ -106,3 +111,65 @@ def understand(row: ObservationRow, settings: MethodSettings) -> ScenePrediction
         except Rejected as error:
             rejections.append(error.rejection.detail)
     return by_rules
+
+
+METHODS = (
+    "gmm", "gmm_waypoints", "trajnet", "constant_velocity", "reasoner", "agent", "oracle",
+    "oracle_seen",
+)  # fmt: skip
+
+Predict = Callable[[ObservationRow, SceneCase], ScenePrediction]
+"""Only oracles look at the case."""
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """A prediction method.
+
+    Attributes:
+        name: for tables; predictor: whose tracks the rule checker sees, if it does.
+    """
+
+    name: str
+    predict: Predict
+    predictor: str | None = None
+
+
+def find_method(name: str, *, intersection: str, backend: Backend | None = None) -> Method:
+    """Find a method by name.
+
+    Raises:
+        InputError: no such method, or it lacks its refiner or its backend.
+    """
+    if name not in METHODS:
+        raise InputError(
+            f"there is no method {name!r}; name a file of predictions (.jsonl) or one of: "
+            f"{', '.join(METHODS)}"
+        )
+    if name == "oracle":
+        return Method(name, predict_with_routes)
+    if name == "oracle_seen":
+        return Method(name, predict_with_events)
+    settings = _choose_settings(name, intersection, backend)
+    shown = f"agent ({settings.backend.name})" if settings.backend is not None else name
+    return Method(shown, lambda row, _: understand(row, settings), settings.predictor or None)
+
+
+def _choose_settings(name: str, intersection: str, backend: Backend | None) -> MethodSettings:
+    if name == "gmm":
+        return MethodSettings("nearest", "none")
+    if name == "gmm_waypoints":
+        return MethodSettings("waypoints", "none")
+    if name == "reasoner":
+        return MethodSettings("posterior", "futures")
+    if name == "agent" and backend is None:
+        raise InputError("the method agent needs --backend: the language model to ask")
+    if name == "trajnet" or (name == "agent" and ships_refiner(intersection)):
+        predictor = (load_trajnet(intersection), "TrajNet++")
+    else:
+        predictor = (predict_constant_velocity, "constant velocity")
+    if name != "agent" or backend is None:
+        return MethodSettings("none", "rules", *predictor)
+    return MethodSettings(
+        "posterior", "language_model", *predictor, require_language_model(backend)
+    )  # fmt: skip

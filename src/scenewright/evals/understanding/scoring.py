@@ -22,6 +22,7 @@ from scenewright.scene.base import AgentClass, FloatArray
 KINDS = ("normal", *RELATIONS)
 PAPER = ("normal", "collision", "yielding")
 """The kinds of the paper, of which `macro` is the mean."""
+_MEANS = {"macro": PAPER, "macro 4": KINDS}
 AGENT_CLASSES: tuple[AgentClass, ...] = get_args(AgentClass)
 LEADS = ((0.0, 2.0), (2.0, 4.0), (4.0, 6.0), (6.0, 10.0), (10.0, np.inf))
 """How long before an event the window ends [s]."""
@@ -43,7 +44,8 @@ class SceneCounts:
     """Counts of one scene after one window.
 
     Attributes:
-        exits: [C, 2] per class: right, all; None without exits.
+        exits: [C, 3] per class: right, wrong, wrong again, so that F1 is the share of the right;
+            None without exits.
         items: [4, 3] per kind: true and false positives, false negatives; strict: the same with
             events that cannot be seen yet; None without relations.
         leads: [3, L, 2] per relation and lead: found, all.
@@ -107,10 +109,10 @@ def count_scene(labels: Labels, prediction: ScenePrediction, *, window: float) -
     truth = {r.key for r in labels.relations if {r.from_, r.to} <= seen}
     exits, relations = prediction.exits, prediction.relations
     found = {r.key for r in relations or ()}
-    counts = np.zeros((len(AGENT_CLASSES), 2))
+    counts = np.zeros((len(AGENT_CLASSES), 3))
     for agent in seen if exits is not None else ():
         right = exits.get(agent) == labels.exits[agent] if exits else False
-        counts[AGENT_CLASSES.index(labels.types[agent])] += (right, 1)
+        counts[AGENT_CLASSES.index(labels.types[agent])] += (right, not right, not right)
     items, strict = (
         count_items(labels, truth, found, seen, strict=strict) for strict in (False, True)
     )
@@ -174,52 +176,40 @@ def summarise(
         unseen=sum(each.unseen for each in counts),
         later=sum(each.later for each in counts),
         seconds=seconds,
-        intent=_summarise_exits(exits, draws),
-        relations=_summarise_items(items, draws),
-        strict=_summarise_items(strict, draws),
+        intent=_summarise_kinds(exits, draws, AGENT_CLASSES, {}, pooled="overall"),
+        relations=_summarise_kinds(items, draws, KINDS, _MEANS, pooled="micro"),
+        strict=_summarise_kinds(strict, draws, KINDS, _MEANS, pooled="micro"),
         leads=found if items[0] is not None else {},
     )
 
 
-def _summarise_exits(counts: Sequence[FloatArray | None], draws: FloatArray) -> dict[str, Figure]:
-    if any(each is None for each in counts):
-        return {}
-    table = np.array(counts)
-    pooled = np.concatenate([table, table.sum(axis=1, keepdims=True)], axis=1)
-    total, drawn = pooled.sum(axis=0), np.einsum("bs,scx->bcx", draws, pooled)
-    share, drawn_share = (_divide(each[..., 0], each[..., 1]) for each in (total, drawn))
-    return {
-        name: _to_figure(share[c], drawn_share[:, c], total[c, 1])
-        for c, name in enumerate((*AGENT_CLASSES, "overall"))
-    }
-
-
-def _summarise_items(counts: Sequence[FloatArray | None], draws: FloatArray) -> dict[str, Figure]:
+def _summarise_kinds(
+    counts: Sequence[FloatArray | None],
+    draws: FloatArray,
+    kinds: Sequence[str],
+    means: Mapping[str, Sequence[str]],
+    *,
+    pooled: str,
+) -> dict[str, Figure]:
+    """F1 by kind, its mean over some kinds, and that of all items together."""
     if any(each is None for each in counts):
         return {}
     table = np.array(counts)
     total, drawn = table.sum(axis=0), np.einsum("bs,skx->bkx", draws, table)
     f1, drawn_f1, n = compute_f1(total), compute_f1(drawn), total[:, 0] + total[:, 2]
-    found = {name: _to_figure(f1[k], drawn_f1[:, k], n[k]) for k, name in enumerate(KINDS)}
-    for name, which in (
-        ("macro", [KINDS.index(k) for k in PAPER]),
-        ("macro 4", list(range(len(KINDS)))),
-    ):
-        means = f1[which].mean(), drawn_f1[:, which].mean(axis=1)
-        found[name] = _to_figure(*means, n[which].sum())
-    pooled = compute_f1(total.sum(axis=0)), compute_f1(drawn.sum(axis=1))
-    return {**found, "micro": _to_figure(*pooled, n.sum())}
+    found = {name: _to_figure(f1[k], drawn_f1[:, k], n[k]) for k, name in enumerate(kinds)}
+    for name, of in means.items():
+        which = [kinds.index(kind) for kind in of]
+        found[name] = _to_figure(f1[which].mean(), drawn_f1[:, which].mean(axis=1), n[which].sum())
+    together = compute_f1(total.sum(axis=0)), compute_f1(drawn.sum(axis=1))
+    return {**found, pooled: _to_figure(*together, n.sum())}
 
 
 def compute_f1(counts: FloatArray) -> FloatArray:
     """Compute F1 of counts [..., 3]; NaN where there is nothing to find and nothing was found."""
     hits = 2 * counts[..., 0]
-    return _divide(hits, hits + counts[..., 1] + counts[..., 2])
-
-
-def _divide(part: FloatArray, whole: FloatArray) -> FloatArray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(part / whole)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(hits / (hits + counts[..., 1] + counts[..., 2]))
 
 
 def _to_figure(value: FloatArray, drawn: FloatArray, n: float) -> Figure:
