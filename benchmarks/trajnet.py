@@ -25,6 +25,7 @@ import numpy as np
 
 from lab.trajnet.training import build_own_recipe, build_polishing_recipe, train_on
 from lab.trajnet.windows import BENDING, cut_training_windows
+from scenewright.evals.bootstrap import compute_mean
 from scenewright.evals.trajnet.predictors import (
     Predictor,
     Refining,
@@ -39,7 +40,6 @@ from scenewright.evals.trajnet.recording import (
 from scenewright.evals.trajnet.score import (
     Goals,
     SceneScore,
-    compute_mean_with_interval,
     predict_scenes,
     score_scenes,
 )
@@ -316,12 +316,9 @@ def format_pooled(column: tuple[str, str], folds: list[str], scores: Scores) -> 
     cells = []
     for measure in ("ade", "fde", "col1", "col2"):
         scale, digits = (100, 1) if measure.startswith("col") else (1, 3)
-        given = [getattr(s, measure) for s in mine]
-        x = np.array([np.nan if v is None else scale * float(v) for v in given])
-        mean, interval = compute_mean_with_interval(x, whose, draws)
-        assert mean is not None
-        assert interval is not None
-        cells.append(f"{mean:.{digits}f} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})")
+        x = np.array([scale * float(getattr(s, measure)) for s in mine])
+        pattern = f"{{0:.{digits}f}} ({{1:.{digits}f}} to {{2:.{digits}f}})"
+        cells.append(compute_mean(x, whose, draws).format(pattern))
     sums = [np.bincount(whose, [s.ade for s in part], minlength=len(people))
             for part in (mine, straight)]  # fmt: skip
     ratios = (draws @ sums[0]) / (draws @ sums[1])

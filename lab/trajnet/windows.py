@@ -16,8 +16,14 @@ from scenewright.evals.trajnet.categories import (
     STRAIGHT,
     filter_path,
 )
-from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, STEPS, BenchmarkRecording
-from scenewright.evals.trajnet.timing import compute_times_around_now, interpolate_at_times
+from scenewright.evals.trajnet.recording import (
+    OBSERVED,
+    PREDICTED,
+    STEPS,
+    BenchmarkRecording,
+    compute_times_around_now,
+    interpolate_at_times,
+)
 from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.windows import Window
 

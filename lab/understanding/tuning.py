@@ -26,8 +26,15 @@ from numpy.typing import NDArray
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval, draw_resamples
 from scenewright.evals.understanding.calibration import (
+    PAIR_CLASSES,
+    SIZE,
+    SWAPPED,
     Calibration,
+    apply_scene_model,
+    compute_scene_features,
+    mirror_scene_features,
     select_relations,
+    to_relation,
 )
 from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.evaluate import load_cases
@@ -41,15 +48,6 @@ from scenewright.evals.understanding.pair_features import (
     mirror_features,
 )
 from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.reasoner import to_relation
-from scenewright.evals.understanding.scene_model import (
-    PAIR_CLASSES,
-    SIZE,
-    SWAPPED,
-    apply_scene_model,
-    compute_scene_features,
-    mirror_scene_features,
-)
 from scenewright.evals.understanding.scoring import DRAWS, KINDS, PAPER, count_scene
 from scenewright.scene.base import FloatArray
 

@@ -24,8 +24,7 @@ from scenewright.evals.tables.likelihood import (
     resample_waypoints,
     score_scene,
 )
-from scenewright.evals.tables.reading import Dataset, InstructionRow
-from scenewright.evals.tables.robustness import compute_robustness
+from scenewright.evals.tables.reading import Dataset, InstructionRow, compute_robustness
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints

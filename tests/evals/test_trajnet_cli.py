@@ -13,8 +13,8 @@ from lab.trajnet.training import check_split
 from lab.trajnet.windows import BENDING, Weights, cut_training_windows
 from scenewright.cli.main import main
 from scenewright.errors import InputError
+from scenewright.evals.bootstrap import Figure, compute_mean
 from scenewright.evals.trajnet.recording import read_recording
-from scenewright.evals.trajnet.score import compute_mean_with_interval
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 
 SHIPPED_WEIGHTS = str(find_bundle_folder("amsterdam_120") / REFINER_WEIGHTS)
@@ -170,10 +170,11 @@ def test_intervals_are_over_people_not_scenes() -> None:
     """Ten people with ten equal scenes each know no more than with one scene each."""
     x = np.arange(10.0)
     draws = np.random.default_rng(0).multinomial(10, np.full(10, 0.1), size=4000)
-    once = compute_mean_with_interval(x, np.arange(10), draws)
-    often = compute_mean_with_interval(np.repeat(x, 10), np.repeat(np.arange(10), 10), draws)
-    assert once == (pytest.approx(often[0]), pytest.approx(often[1]))
-    assert once[1] is not None
+    once = compute_mean(x, np.arange(10), draws)
+    often = compute_mean(np.repeat(x, 10), np.repeat(np.arange(10), 10), draws)
+    assert (once.value, once.low, once.high) == pytest.approx((often.value, often.low, often.high))
+    assert once.low is not None
+    assert once.high is not None
     expected = 1.96 * np.std(x) / np.sqrt(10)
-    assert (once[1][1] - once[1][0]) / 2 == pytest.approx(expected, rel=0.1)
-    assert compute_mean_with_interval(np.full(10, np.nan), np.arange(10), draws) == (None, None)
+    assert (once.high - once.low) / 2 == pytest.approx(expected, rel=0.1)
+    assert compute_mean(np.full(10, np.nan), np.arange(10), draws) == Figure(None, None, None, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenewright.evals.trajnet.metrics import compute_displacement, find_collisions
+from scenewright.evals.trajnet.score import compute_displacement, find_collisions
 
 STEPS = np.arange(12)[:, None]
 NAN = np.full((12, 2), np.nan)

@@ -68,7 +68,7 @@ def test_the_benchmarks_own_collision_file(tmp_path: Path) -> None:
     recording = read_recording(written(tmp_path / "collision_test.ndjson", rows))
     predicted = predict_scenes(recording, predict_constant_velocity)
     assert score_scenes(recording, predicted) == []  # the future is not in the file
-    from scenewright.evals.trajnet.metrics import find_collisions
+    from scenewright.evals.trajnet.score import find_collisions
 
     assert find_collisions(predicted[0].xy[0], predicted[0].xy[1:]).tolist() == [True]
 

@@ -22,9 +22,8 @@ from scenewright.errors import InputError
 
 if TYPE_CHECKING:
     from scenewright.evals.realism.assessment import Assessment
-    from scenewright.evals.trajnet.evaluate import Evaluated
     from scenewright.evals.trajnet.recording import BenchmarkRecording
-    from scenewright.evals.trajnet.score import ScoreRow
+    from scenewright.evals.trajnet.score import Evaluated
 
 evals = typer.Typer(name="evals", help="Benchmarks of the parts on data of your own.")
 
@@ -54,7 +53,7 @@ def score_trajnet(
     The refiner predicts without goals, given each pedestrian's destination, and given where it is
     at the end of the scene. Files without the future are predicted but not scored.
     """
-    from scenewright.evals.trajnet.evaluate import evaluate
+    from scenewright.evals.trajnet.score import evaluate
     from scenewright.extras import require_extra
 
     if weights is not None:
@@ -132,17 +131,13 @@ def format_scores(evaluated: Evaluated) -> str:
     for title in ("n", "people", "ADE [m]", "FDE [m]", "Col-I [%]", "Col-II [%]"):
         page.add_column(Text(title), justify="right", no_wrap=True)
     for row in evaluated.rows:
-        cells = [_format_cell(row, measure) for measure in ("ade", "fde", "col1", "col2")]
+        digits = {"ade": 2, "fde": 2, "col1": 1, "col2": 1}
+        cells = [
+            row.figures[measure].format(f"{{0:.{n}f}} ({{1:.{n}f}} to {{2:.{n}f}})", "none")
+            for measure, n in digits.items()
+        ]
         page.add_row(row.name, str(row.scenes), str(row.people), *cells)
     return format_one_line(f"{evaluated.predictor}{given}") + "\n" + render_table(page)
-
-
-def _format_cell(row: ScoreRow, measure: str) -> str:
-    value, interval = row.values[measure], row.intervals[measure]
-    if value is None or interval is None:
-        return "none"
-    digits = 1 if measure.startswith("col") else 2
-    return f"{value:.{digits}f} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
 
 
 @evals.command("realism")

@@ -55,46 +55,35 @@ def enter_leaderboard(
     Raises:
         InputError: the file is no board.
     """
-    content = _read_board(board)
+    content: dict[SectionKey, dict[str, Any]] = {key: {} for key in SECTIONS}
+    try:
+        found = json.loads(board.read_bytes()) if board.exists() else content
+        if not SECTIONS.keys() & found.keys():
+            raise KeyError("entries")
+        for key, each in SECTIONS.items():
+            content[key] = dict(found.get(key, {}))
+            _ = [
+                entry[column]["rate"] for entry in content[key].values() for column in each.columns
+            ]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{board} is no leaderboard; name another file for --board") from error
     content[section][name] = dict(figures)
     filled = {key: entries for key, entries in content.items() if entries}
     data = json.dumps({"schema_version": 1, **filled}, ensure_ascii=False, indent=1)
     write_atomically(board, (data + "\n").encode("utf-8"))
-    page = board.with_suffix(".md")
-    write_atomically(page, _draw_page(content).encode("utf-8"))
-    return page
-
-
-def _read_board(board: Path) -> dict[SectionKey, dict[str, Any]]:
-    """The submissions of each section."""
-    if not board.exists():
-        return {key: {} for key in SECTIONS}
-    try:
-        found = json.loads(board.read_bytes())
-        if not SECTIONS.keys() & found.keys():
-            raise KeyError("entries")
-        content = {key: dict(found.get(key, {})) for key in SECTIONS}
-        for key, section in SECTIONS.items():
-            for each in content[key].values():
-                _ = [each[column]["rate"] for column in section.columns]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{board} is no leaderboard; name another file for --board") from error
-    return content
-
-
-def _draw_page(content: Mapping[SectionKey, Mapping[str, Any]]) -> str:
     parts = ["# Leaderboard"]
-    for key, section in SECTIONS.items():
-        if content[key]:
-            parts += [f"## {section.title}", _draw_table(section, content[key])]
-            parts.append("\n".join(f"- *{name}*: {what}" for name, what in section.columns.items()))
-    return "\n\n".join(parts) + "\n"
-
-
-def _draw_table(section: Section, entries: Mapping[str, Any]) -> str:
-    ordered = sorted(entries.items(), key=lambda each: -(each[1][section.best]["rate"] or 0.0))
-    rows = [
-        [escape_markdown(name, longest=80), *(format_share(each[key]) for key in section.columns)]
-        for name, each in ordered
-    ]
-    return format_table(["submission", *section.columns], rows)
+    for key, entries in filled.items():
+        each = SECTIONS[key]
+        best = sorted(entries.items(), key=lambda entry: -(entry[1][each.best]["rate"] or 0.0))
+        rows = [
+            [
+                escape_markdown(who, longest=80),
+                *(format_share(got[column]) for column in each.columns),
+            ]
+            for who, got in best
+        ]
+        parts += [f"## {each.title}", format_table(["submission", *each.columns], rows)]
+        parts.append("\n".join(f"- *{title}*: {what}" for title, what in each.columns.items()))
+    page = board.with_suffix(".md")
+    write_atomically(page, ("\n\n".join(parts) + "\n").encode("utf-8"))
+    return page

@@ -62,6 +62,12 @@ def seen(*agents: ObservedAgent, now: float = 4.0) -> ObservedScene:
     return ObservedScene("00ff00ff00ff00ff", PLACE, now, 12, agents, ())
 
 
+def sum_exits(agent: ObservedAgent, sides: tuple[str, ...]) -> np.ndarray:
+    """The posterior of each exit."""
+    found = infer_routes(seen(agent))[agent.id]
+    return found.weights @ found.components.match_exits(sides)[found.kept]
+
+
 @pytest.mark.parametrize(
     ("route", "exit_"),
     [("vehicle:north>east:left", "east"), ("vehicle:south>east:right", "east"),
@@ -70,7 +76,7 @@ def seen(*agents: ObservedAgent, now: float = 4.0) -> ObservedScene:
 def test_the_exit_is_certain_well_into_a_turn(route: str, exit_: str) -> None:
     sides = list_sides(load_map(PLACE))
     agent = driven(route, way=60.0)
-    chances = infer_routes(seen(agent))[agent.id].sum_exits(sides)
+    chances = sum_exits(agent, sides)
     assert chances.sum() == pytest.approx(1.0)
     assert chances[sides.index(exit_)] > 0.95
     assert find_nearest_mean(agent, intersection=PLACE) == exit_
@@ -79,7 +85,7 @@ def test_the_exit_is_certain_well_into_a_turn(route: str, exit_: str) -> None:
 def test_before_a_turn_the_lane_and_frequencies_decide() -> None:
     sides = list_sides(load_map(PLACE))
     agent = driven("vehicle:north>south:straight", way=12.0)
-    chances = infer_routes(seen(agent))[agent.id].sum_exits(sides)
+    chances = sum_exits(agent, sides)
     assert chances[sides.index("north")] == pytest.approx(0.0)
     assert 0.3 < chances[sides.index("south")] < 0.99
 
@@ -94,7 +100,7 @@ def test_slowing_without_a_red_light_makes_a_turn_likelier() -> None:
     assert v[-1] < 8.0
     slowed = replace(free, speed=v)
     here = sides.index("north")
-    straight = [infer_routes(seen(a))[a.id].sum_exits(sides)[here] for a in (free, slowed)]
+    straight = [sum_exits(a, sides)[here] for a in (free, slowed)]
     assert straight[1] < straight[0]
 
 

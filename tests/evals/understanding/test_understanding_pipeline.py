@@ -13,9 +13,14 @@ from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError
 from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.language_model import TASK, require_language_model
-from scenewright.evals.understanding.methods import METHODS, find_method
 from scenewright.evals.understanding.observation import ObservationRow, observe
-from scenewright.evals.understanding.pipeline import ATTEMPTS, MethodSettings, understand
+from scenewright.evals.understanding.pipeline import (
+    ATTEMPTS,
+    METHODS,
+    MethodSettings,
+    find_method,
+    understand,
+)
 from scenewright.evals.understanding.rule_baseline import predict_constant_velocity
 from scenewright.evals.understanding.scene_description import name_agents
 from scripted import build_scripted_backend

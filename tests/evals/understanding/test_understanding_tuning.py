@@ -11,13 +11,15 @@ import pytest
 from lab.understanding import tuning
 from scenewright.errors import InputError
 from scenewright.evals.understanding.calibration import (
+    PAIR_CLASSES,
+    SIZE,
+    apply_scene_model,
     load_calibration,
     select_relations,
 )
 from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.labels import Labels, PairRelation
 from scenewright.evals.understanding.pair_features import NAMES
-from scenewright.evals.understanding.scene_model import PAIR_CLASSES, SIZE, apply_scene_model
 
 LIMITS = np.array([9.0, 0.3, 0.3, 0.3, 0.3])
 

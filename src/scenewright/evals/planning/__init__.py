@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import permutations
-from math import sqrt
 from typing import Any, Literal
 
 Row = Mapping[str, Any]
@@ -31,13 +30,13 @@ class PlanningShare:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Wilson score interval (Wilson 1927), z = 1.96."""
+        """Wilson score interval (Wilson 1927)."""
         if not self.n:
             return None
-        z2, p = 1.96**2, self.right / self.n
-        middle = (p + z2 / (2 * self.n)) / (1 + z2 / self.n)
-        half = 1.96 * sqrt(p * (1 - p) / self.n + z2 / (4 * self.n**2)) / (1 + z2 / self.n)
-        return max(0.0, middle - half), min(1.0, middle + half)
+        from scipy.stats import binomtest  # type: ignore[attr-defined]  # scipy has no types
+
+        found = binomtest(self.right, self.n).proportion_ci(method="wilson")
+        return float(found.low), float(found.high)
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,10 @@ def score(rows: Sequence[Row], predictions: Sequence[Row]) -> PlanningScore:
         raise ValueError(f"no prediction for {', '.join(missing[:5])}")
     verdicts = {row["id"]: compare(row["expected"], by_id[row["id"]]) for row in rows}
     names = dict.fromkeys(name for verdict in verdicts.values() for name in verdict)
+    fields = {name: [v[name] for v in verdicts.values() if name in v] for name in names}
     return PlanningScore(
         all_fields=PlanningShare(sum(all(v.values()) for v in verdicts.values()), len(verdicts)),
-        fields={name: _share(name, verdicts.values()) for name in names},
+        fields={name: PlanningShare(sum(known), len(known)) for name, known in fields.items()},
         wrong={
             key: tuple(name for name, right in verdict.items() if not right)
             for key, verdict in verdicts.items()
@@ -92,7 +92,12 @@ def compare(expected: Row, predicted: Row) -> dict[str, bool]:
     refused = bool(expected["refused"])
     if refused or predicted["refused"]:
         return {"refused": refused == bool(predicted["refused"])}
-    context = _compare_context(expected["context"], predicted["context"])
+    theirs, ours = expected["context"], predicted["context"]
+    context = {
+        "density": theirs["density"] == ours["density"],
+        "time_of_day": does_time_fit(theirs["time_of_day"], ours["time_of_day"]),
+        "background": _get_counts(theirs["background"]) == _get_counts(ours["background"]),
+    }
     candidates = [
         _compare_agents(expected, predicted, names)
         for names in _list_renamings(expected, predicted)
@@ -100,11 +105,6 @@ def compare(expected: Row, predicted: Row) -> dict[str, bool]:
     fallback = {"agents": False, **dict.fromkeys(_AGENT_FIELDS, False), "relations": False}
     best = max(candidates, key=lambda fields: sum(fields.values()), default=fallback)
     return {"refused": True, **best, **context}
-
-
-def _share(name: str, verdicts: Any) -> PlanningShare:
-    seen = [verdict[name] for verdict in verdicts if name in verdict]
-    return PlanningShare(sum(seen), len(seen))
 
 
 def _list_renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
@@ -146,14 +146,6 @@ def _normalize_edge(edge: Row, names: Mapping[str, str]) -> tuple[Any, ...]:
         return ("normal",)
     ends = (names[edge["from"]], names[edge["to"]])
     return (edge["type"], *(sorted(ends) if edge["type"] in _SYMMETRIC else ends))
-
-
-def _compare_context(expected: Row, predicted: Row) -> dict[str, bool]:
-    return {
-        "density": expected["density"] == predicted["density"],
-        "time_of_day": does_time_fit(expected["time_of_day"], predicted["time_of_day"]),
-        "background": _get_counts(expected["background"]) == _get_counts(predicted["background"]),
-    }
 
 
 def _get_counts(background: Row | None) -> tuple[int | None, int | None]:

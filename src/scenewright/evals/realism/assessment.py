@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.evals.bootstrap import Figure
 from scenewright.evals.markdown import format_table
 from scenewright.evals.realism.likelihood import FEATURES, measure_features, score_likelihood
 from scenewright.evals.realism.motion_windows import Windows, cut_windows, find_constant_speed
 from scenewright.evals.realism.sources import TrackSource
 from scenewright.evals.realism.street_measures import (
     MEASURES,
-    MeanShare,
     compute_count_ranks,
     compute_share,
     find_reactions,
@@ -61,7 +61,7 @@ class MeasuredDistance:
     source: str
     name: str
     part: str
-    share: MeanShare
+    share: Figure
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,34 @@ class Assessment:
 
     def format_markdown(self) -> str:
         """The tables."""
-        notes = [f"- {name}: {line}" for name, lines in self.notes.items() for line in lines]
-        parts = [_format_tests(self.tests), _format_measures(self.measures)]
-        parts += [_format_likelihoods(self.likelihoods), "\n".join(notes)]
+        head = ("class", "separated", "part", "from", "situation", "AUC", "95 %", "n a side",
+                "groups")  # fmt: skip
+        tests = [
+            (t.type, t.one, t.part, t.other, t.situation, f"{t.separability.auc:.3f}",
+             f"{t.separability.low:.3f}–{t.separability.high:.3f}", t.separability.n,
+             t.separability.groups)
+            for t in self.tests
+        ]  # fmt: skip
+        sources = list(dict.fromkeys(m.source for m in self.measures))
+        pattern = "{0:.3f} [{1:.3f}, {2:.3f}], n = {3}"
+        cells = {(m.source, m.name, m.part): m.share.format(pattern) for m in self.measures}
+        measures = [
+            (name, part, *(cells.get((source, name, part), "–") for source in sources))
+            for name, part in dict.fromkeys((m.name, m.part) for m in self.measures)
+        ]
+        names = ("all", *FEATURES)
+        likelihoods = [
+            (each.type, each.reference, each.source,
+             *(f"{each.scores[name]:.3f}" if name in each.scores else "–" for name in names))
+            for each in self.likelihoods
+        ]  # fmt: skip
+        parts = [
+            f"### Two-sample test\n\n{format_table(head, tests)}",
+            f"### On the street\n\n{format_table(('measure', 'part', *sources), measures)}",
+            "### Likelihood of the reference\n\n"
+            + format_table(("class", "reference", "under", *names), likelihoods),
+            "\n".join(f"- {name}: {line}" for name, own in self.notes.items() for line in own),
+        ]
         return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -154,28 +179,15 @@ def _run_tests(
             yield from _run_test(
                 kind, source.name, other.name, (own, cut[other.name]), part=part, seed=seed
             )
-    if kind == "vehicle":
-        yield from _run_jittered_tests(sets, beside, cut, seed=seed, log=log)
-
-
-def _run_jittered_tests(
-    sets: Sequence[TrackSource],
-    beside: Sequence[TrackSource],
-    cut: Mapping[str, Windows],
-    *,
-    seed: int,
-    log: ProgressLog,
-) -> Iterator[SeparationTest]:
-    """Compare vehicles once more, those of the sets with the jitter of the other's tracking."""
-    for other in beside:
-        jitter = measure_tracking_jitter(other)
-        if jitter is None:
-            continue
-        for source in sets:
+    jitters = {each.name: measure_tracking_jitter(each) for each in beside if kind == "vehicle"}
+    for other, source in product(beside, sets):
+        # Vehicles once more, those of the set with the jitter of the other's tracking.
+        jitter = jitters.get(other.name)
+        if jitter is not None:
             log(f"vehicles: {source.name}, with the jitter of {other.name}")
-            own = cut_windows(add_jitter(source, jitter, seed=seed), "vehicle")
+            own = cut_windows(add_jitter(source, jitter, seed=seed), kind)
             pair = (own, cut[other.name])
-            yield from _run_test("vehicle", source.name, other.name, pair, part=JITTERED, seed=seed)
+            yield from _run_test(kind, source.name, other.name, pair, part=JITTERED, seed=seed)
 
 
 def _select_part(windows: Windows, part: str) -> Windows:
@@ -201,39 +213,32 @@ def _run_test(
 def _compute_measures(
     source: TrackSource, mass_of: Callable[[str, int], FloatArray] | None, seed: int
 ) -> Iterator[MeasuredDistance]:
+    def share(name: str, parts: Any, part: str = "all") -> MeasuredDistance:
+        return MeasuredDistance(source.name, name, part, compute_share(parts, seed=seed))
+
     for kind in CLASSES:
         windows = cut_windows(source, kind)
         for part in PARTS if windows.foreground.any() else PARTS[:1]:
             own = _select_part(windows, part)
-            parts = [
-                find_constant_speed(own.select(own.group == name)) for name in np.unique(own.group)
-            ]
-            name = f"{kind}s: 3 s at one speed"
-            yield MeasuredDistance(source.name, name, part, compute_share(parts, seed=seed))
+            groups = (own.select(own.group == name) for name in np.unique(own.group))
+            yield share(f"{kind}s: 3 s at one speed", list(map(find_constant_speed, groups)), part)
     for name, measure in MEASURES.items():
-        shares = [measure(stretch) for stretch in source.stretches]
-        yield MeasuredDistance(source.name, name, "all", compute_share(shares, seed=seed))
-    yield from _measure_reactions(source, seed)
-    if mass_of is not None:
-        for kind, values in compute_count_ranks(source.stretches, mass_of, seed=seed).items():
-            if values:
-                name = f"{kind}s in 30 s: place in p_tod, mean"
-                yield MeasuredDistance(source.name, name, "all", compute_share(values, seed=seed))
-
-
-def _measure_reactions(source: TrackSource, seed: int) -> Iterator[MeasuredDistance]:
+        yield share(name, [measure(stretch) for stretch in source.stretches])
     found = [find_reactions(stretch) for stretch in source.stretches]
     for event in ("collision", "near_miss"):
         pairs = [[pair for pair in own if pair[0].event == event] for own in found]
         word = event.replace("_", " ")
-        either = [[one.reacts or two.reacts for one, two in own] for own in pairs]
-        yield MeasuredDistance(
-            source.name, f"{word}: a party reacts", "all", compute_share(either, seed=seed)
+        yield share(
+            f"{word}: a party reacts",
+            [[one.reacts or two.reacts for one, two in own] for own in pairs],
         )
         for kind in CLASSES:
-            own = [[p.reacts for pair in each for p in pair if p.kind == kind] for each in pairs]
-            name = f"{word}: {kind}s that react"
-            yield MeasuredDistance(source.name, name, "all", compute_share(own, seed=seed))
+            reacts = [[p.reacts for pair in own for p in pair if p.kind == kind] for own in pairs]
+            yield share(f"{word}: {kind}s that react", reacts)
+    if mass_of is not None:
+        for kind, values in compute_count_ranks(source.stretches, mass_of, seed=seed).items():
+            if values:
+                yield share(f"{kind}s in 30 s: place in p_tod, mean", values)
 
 
 def _score_likelihoods(
@@ -242,10 +247,13 @@ def _score_likelihoods(
     kind: AgentClass,
     ground_of: Callable[[str], Any] | None,
 ) -> Iterator[Likelihood]:
-    features = {
-        each.name: measure_features(each.stretches, kind, ground=_find_ground(each, ground_of))
-        for each in (*sets, *beside)
-    }
+    features = {}
+    for each in (*sets, *beside):
+        places = {stretch.place for stretch in each.stretches}
+        # A map is asked about sources alone that lie all at one intersection.
+        place = places.pop() if len(places) == 1 else None
+        ground = None if place is None or ground_of is None else ground_of(place)
+        features[each.name] = measure_features(each.stretches, kind, ground=ground)
     for reference in beside:
         asked = features[reference.name][1::2]
         oracle = score_likelihood(features[reference.name][::2], asked, kind)
@@ -255,49 +263,3 @@ def _score_likelihoods(
             scores = score_likelihood(features[source.name], asked, kind)
             if source.name != reference.name and scores:
                 yield Likelihood(source.name, reference.name, kind, scores)
-
-
-def _find_ground(source: TrackSource, ground_of: Callable[[str], Any] | None) -> Any:
-    """Return the map of a source whose stretches all lie at one intersection."""
-    places = {each.place for each in source.stretches}
-    place = places.pop() if len(places) == 1 else None
-    return None if place is None or ground_of is None else ground_of(place)
-
-
-def _format_tests(tests: Sequence[SeparationTest]) -> str:
-    rows = [
-        [t.type, t.one, t.part, t.other, t.situation, f"{t.separability.auc:.3f}",
-         f"{t.separability.low:.3f}–{t.separability.high:.3f}", t.separability.n,
-         t.separability.groups]
-        for t in tests
-    ]  # fmt: skip
-    head = ("class", "separated", "part", "from", "situation", "AUC", "95 %", "n a side", "groups")
-    return "### Two-sample test\n\n" + format_table(head, rows)
-
-
-def _format_measures(measures: Sequence[MeasuredDistance]) -> str:
-    sources = list(dict.fromkeys(m.source for m in measures))
-    names = list(dict.fromkeys((m.name, m.part) for m in measures))
-    cells = {(m.source, m.name, m.part): _format_share(m.share) for m in measures}
-    rows = [
-        [name, part, *(cells.get((source, name, part), "–") for source in sources)]
-        for name, part in names
-    ]
-    return "### On the street\n\n" + format_table(("measure", "part", *sources), rows)
-
-
-def _format_share(share: MeanShare) -> str:
-    if share.value is None:
-        return "–"
-    return f"{share.value:.3f} [{share.low:.3f}, {share.high:.3f}], n = {share.n}"
-
-
-def _format_likelihoods(likelihoods: Sequence[Likelihood]) -> str:
-    names = ("all", *FEATURES)
-    rows = [
-        [each.type, each.reference, each.source,
-         *(f"{each.scores[name]:.3f}" if name in each.scores else "–" for name in names)]
-        for each in likelihoods
-    ]  # fmt: skip
-    head = ("class", "reference", "under", *names)
-    return "### Likelihood of the reference\n\n" + format_table(head, rows)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from scenewright.evals.bootstrap import compute_interval
+from scenewright.evals.bootstrap import compute_interval, draw_resamples
 from scenewright.scene.base import FloatArray
 
 CELLS = 2048
@@ -90,46 +90,23 @@ def compute_distance(
     value = compute_wasserstein(sample.values, reference.values)
     if value is None:
         return None
-    again = resample_distances(sample, reference, draws=draws, rng=rng)
-    low, high = compute_interval(again)
-    return Distance(
-        value, low, high, len(sample), len(reference),
-        len(np.unique(sample.cluster)),
-    )  # fmt: skip
+    interval = compute_interval(resample_distances(sample, reference, draws=draws, rng=rng))
+    clusters = len(np.unique(sample.cluster))
+    return Distance(value, *interval, len(sample), len(reference), clusters)
 
 
 def resample_distances(
     sample: ClusterSample, reference: ClusterSample, *, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """Compute [draws] distances of samples whose clusters are drawn with replacement."""
-    edges = _compute_edges(sample.values, reference.values)
-    one, two = (_resample_cumulated(each, edges, draws, rng) for each in (sample, reference))
-    return np.asarray(np.abs(one - two).sum(axis=1) * (edges[1] - edges[0]))
-
-
-def _compute_edges(*values: FloatArray) -> FloatArray:
-    low = min(float(each.min()) for each in values)
-    high = max(float(each.max()) for each in values)
-    return np.linspace(low, max(high, low + 1e-9), CELLS + 1)
-
-
-def _resample_cumulated(
-    sample: ClusterSample, edges: FloatArray, draws: int, rng: np.random.Generator
-) -> FloatArray:
-    """Compute [draws, CELLS] distribution functions of resampled clusters."""
-    table = _count_histograms(sample, edges)
-    weights = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=draws)
-    return _compute_cumulated(weights @ table)
-
-
-def _count_histograms(sample: ClusterSample, edges: FloatArray) -> FloatArray:
-    """Count the values of each non-empty cluster in each cell: [C, CELLS]."""
-    used, number = np.unique(sample.cluster, return_inverse=True)
-    cell = np.clip(np.searchsorted(edges, sample.values, side="right") - 1, 0, CELLS - 1)
-    flat = np.bincount(number * CELLS + cell, minlength=len(used) * CELLS)
-    return flat.reshape(len(used), CELLS).astype(np.float64)
-
-
-def _compute_cumulated(counts: FloatArray) -> FloatArray:
-    """Compute [draws, CELLS] distribution functions of histograms."""
-    return np.asarray(np.cumsum(counts, axis=1) / counts.sum(axis=1, keepdims=True))
+    both = np.concatenate([sample.values, reference.values])
+    low, high = both.min(), max(both.max(), both.min() + 1e-9)
+    edges = np.linspace(low, high, CELLS + 1)
+    cumulated = []
+    for each in (sample, reference):
+        used, number = np.unique(each.cluster, return_inverse=True)
+        cell = np.clip(np.searchsorted(edges, each.values, side="right") - 1, 0, CELLS - 1)
+        table = np.bincount(number * CELLS + cell, minlength=len(used) * CELLS)
+        drawn = draw_resamples(len(used), draws=draws, seed=rng) @ table.reshape(len(used), CELLS)
+        cumulated.append(np.cumsum(drawn, axis=1) / drawn.sum(axis=1, keepdims=True))
+    return np.asarray(np.abs(cumulated[0] - cumulated[1]).sum(axis=1) * (edges[1] - edges[0]))

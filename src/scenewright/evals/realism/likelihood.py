@@ -10,7 +10,7 @@ of a class, not of one agent's futures (Montali et al. 2023).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,11 @@ from scenewright.evals.realism.motion_windows import SMOOTHING, TRIMMED
 from scenewright.evals.realism.sources import Stretch
 from scenewright.geometry.kinematics import smooth
 from scenewright.geometry.map_areas import geos
+from scenewright.geometry.polyline import interpolate_points
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker import RoadUser
 
 EVERY = 4
 """Samples from value to value: 0.4 s."""
@@ -53,7 +55,30 @@ def measure_features(
         ground: the map in whose frame positions are; without one there are no features of it.
     """
     areas = None if ground is None else _GroundAreas(ground)
-    return [_measure_stretch(stretch, kind, areas) for stretch in stretches]
+    found: list[Values] = []
+    for stretch in stretches:
+        parts: dict[str, list[FloatArray]] = {}
+        for user in stretch.users:
+            if user.shape.type != kind or len(user.track.xy) < 2 * TRIMMED + 8:
+                continue
+            xy = smooth(user.track.xy, SMOOTHING)
+            kept = slice(TRIMMED, len(xy) - TRIMMED, EVERY)
+            velocity = np.asarray(np.gradient(xy, STEP, axis=0), dtype=np.float64)
+            motion = _compute_kinematic_features(velocity)
+            rows = {name: values[kept] for name, values in motion.items()}
+            rows |= _compute_interactive_features(
+                stretch, user, user.track.times[kept], xy[kept], velocity[kept]
+            )
+            if areas is not None:
+                inside = areas.measure_inside(kind, xy[kept])
+                rows |= {
+                    "distance to the edge": inside,
+                    "off the road": np.where(inside < 0.0, 1.0, 0.0),
+                }
+            for name, values in rows.items():
+                parts.setdefault(name, []).append(values)
+        found.append({name: np.concatenate(own) for name, own in parts.items()})
+    return found
 
 
 class _GroundAreas:
@@ -78,42 +103,6 @@ class _GroundAreas:
         return np.asarray(np.where(geos.contains(area, points), away, -away))
 
 
-def _measure_stretch(stretch: Stretch, kind: AgentClass, areas: _GroundAreas | None) -> Values:
-    found: dict[str, list[FloatArray]] = {}
-    for user in stretch.users:
-        if user.shape.type != kind or len(user.track.xy) < 2 * TRIMMED + 8:
-            continue
-        xy = smooth(user.track.xy, SMOOTHING)
-        kept = slice(TRIMMED, len(xy) - TRIMMED, EVERY)
-        velocity = np.asarray(np.gradient(xy, STEP, axis=0), dtype=np.float64)
-        rows = {
-            name: values[kept] for name, values in _compute_kinematic_features(velocity).items()
-        }
-        seen = _MotionSamples(
-            user.id, user.shape.width, user.track.times[kept], xy[kept], velocity[kept]
-        )
-        rows |= _compute_interactive_features(stretch, seen)
-        if areas is not None:
-            inside = areas.measure_inside(kind, xy[kept])
-            rows |= {
-                "distance to the edge": inside,
-                "off the road": np.where(inside < 0.0, 1.0, 0.0),
-            }
-        for name, values in rows.items():
-            found.setdefault(name, []).append(values)
-    return {name: np.concatenate(parts) for name, parts in found.items()}
-
-
-class _MotionSamples(NamedTuple):
-    """One agent at some times: [T] [s], [T, 2] [m] and [T, 2] [m/s]."""
-
-    id: int
-    width: float
-    times: FloatArray
-    xy: FloatArray
-    velocity: FloatArray
-
-
 def _compute_kinematic_features(velocity: FloatArray) -> dict[str, FloatArray]:
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     moving = speed > _MOVES
@@ -127,38 +116,35 @@ def _compute_kinematic_features(velocity: FloatArray) -> dict[str, FloatArray]:
     }
 
 
-def _compute_interactive_features(stretch: Stretch, own: _MotionSamples) -> dict[str, FloatArray]:
-    """Compute nearest distance, time to contact and contact; agents are discs of their width."""
-    nearest, contact = np.full(len(own.xy), np.inf), np.full(len(own.xy), np.inf)
+def _compute_interactive_features(
+    stretch: Stretch, own: RoadUser, times: FloatArray, xy: FloatArray, velocity: FloatArray
+) -> dict[str, FloatArray]:
+    """Compute nearest distance, time to contact and contact; agents are discs of their width.
+
+    Args:
+        times, xy, velocity: [T] [s], [T, 2] [m] and [T, 2] [m/s] of the agent `own`.
+    """
+    nearest, contact = np.full(len(xy), np.inf), np.full(len(xy), np.inf)
     for other in stretch.users:
         track = other.track
-        k = np.flatnonzero((own.times >= track.start - 1e-6) & (own.times <= track.end + 1e-6))
+        k = np.flatnonzero((times >= track.start - 1e-6) & (times <= track.end + 1e-6))
         if other.id == own.id or not len(k):
             continue
-        place, soon = (
-            np.stack([np.interp(own.times[k] + t, track.times, track.xy[:, a]) for a in (0, 1)], 1)
-            for t in (0.0, STEP)
-        )
-        off, closing = place - own.xy[k], own.velocity[k] - (soon - place) / STEP
-        radius = (own.width + other.shape.width) / 2.0
+        place, soon = (interpolate_points(times[k] + t, track.times, track.xy) for t in (0.0, STEP))
+        off, closing = place - xy[k], velocity[k] - (soon - place) / STEP
+        radius = (own.shape.width + other.shape.width) / 2.0
         nearest[k] = np.minimum(nearest[k], np.hypot(off[:, 0], off[:, 1]) - radius)
-        contact[k] = np.minimum(contact[k], _compute_time_to_contact(off, closing, radius))
+        # Two discs at constant velocity touch where |off - closing t| = radius, if they ever do.
+        a = np.maximum((closing**2).sum(axis=1), 1e-9)
+        b = (off * closing).sum(axis=1)
+        root = b**2 - a * ((off**2).sum(axis=1) - radius**2)
+        when = np.maximum((b - np.sqrt(np.maximum(root, 0.0))) / a, 0.0)
+        contact[k] = np.minimum(contact[k], np.where((root > 0.0) & (b > 0.0), when, np.inf))
     return {
         "distance": nearest,
         "time to contact": np.minimum(contact, _LATEST),
         "contact": np.where(nearest <= 0.0, 1.0, 0.0),
     }
-
-
-def _compute_time_to_contact(off: FloatArray, closing: FloatArray, radius: float) -> FloatArray:
-    """Return the [T] times until two discs touch at constant velocity [s]; inf if they never do."""
-    a = np.maximum((closing**2).sum(axis=1), 1e-9)
-    b = (off * closing).sum(axis=1)
-    c = (off**2).sum(axis=1) - radius**2
-    root = b**2 - a * c
-    with np.errstate(invalid="ignore"):
-        when = (b - np.sqrt(root)) / a
-    return np.where((root > 0.0) & (b > 0.0), np.maximum(when, 0.0), np.inf)
 
 
 def score_likelihood(
@@ -169,27 +155,20 @@ def score_likelihood(
     for group, ranges in FEATURES.items():
         own = []
         for name, span in ranges.items():
-            within = _FOR_PEDESTRIANS.get(name, span) if kind == "pedestrian" else span
-            made, real = (_concatenate(side, name) for side in (source, reference))
+            low, high = _FOR_PEDESTRIANS.get(name, span) if kind == "pedestrian" else span
+            cells = 2 if span == (0.0, 1.0) else CELLS
+            made, real = (
+                np.clip(
+                    (np.clip(values, low, high) - low) / (high - low) * cells, 0, cells - 1
+                ).astype(int)
+                for side in (source, reference)
+                for values in [np.concatenate([np.zeros(0), *(p[name] for p in side if name in p)])]
+            )
             if len(made) and len(real):
-                scores[name] = _compute_likelihood(made, real, within)
+                count = np.bincount(made, minlength=cells) + 0.1
+                scores[name] = float(np.exp(np.log(count / count.sum())[real].mean()))
                 own.append(scores[name])
         if own:
             scores[group] = float(np.mean(own))
     groups = [scores[group] for group in FEATURES if group in scores]
     return scores | ({"all": float(np.mean(groups))} if groups else {})
-
-
-def _concatenate(parts: Sequence[Values], name: str) -> FloatArray:
-    return np.concatenate([np.zeros(0), *(part[name] for part in parts if name in part)])
-
-
-def _compute_likelihood(made: FloatArray, real: FloatArray, span: tuple[float, float]) -> float:
-    low, high = span
-    cells = 2 if span == (0.0, 1.0) else CELLS
-    place = [
-        np.clip(((np.minimum(v, high) - low) / (high - low) * cells).astype(int), 0, cells - 1)
-        for v in (made, real)
-    ]
-    count = np.bincount(place[0], minlength=cells) + 0.1
-    return float(np.exp(np.log(count / count.sum())[place[1]].mean()))

@@ -16,7 +16,7 @@ from scenewright.scene.record import SceneRecord, SignalRecord
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.track_io import Recording, RecordingWindow, cut_windows
+from scenewright.tools.track_io import Recording, cut_windows
 
 LENGTH = 30.0
 """Of the scenes cut from a corpus [s]: that of the longest scenes we make."""
@@ -29,58 +29,38 @@ class SceneTracks:
     Attributes:
         users: all agents, in time of the scene; signals: its lights.
         asked: pairs of ids that a relation binds, `from` first.
-        foreground: ids of the agents that the request names; empty in a scene cut from a corpus.
     """
 
     users: tuple[RoadUser, ...]
     signals: tuple[SignalRecord, ...] = ()
     asked: tuple[tuple[int, int], ...] = ()
-    foreground: frozenset[int] = frozenset()
 
 
 def convert_scene(scene: SceneRecord) -> SceneTracks:
     """Convert a generated scene."""
-    return SceneTracks(
-        read_users(scene),
-        scene.signals,
-        tuple((relation.from_, relation.to) for relation in scene.relations),
-        frozenset(agent.id for agent in scene.agents if agent.role == "foreground"),
-    )
+    asked = tuple((relation.from_, relation.to) for relation in scene.relations)
+    return SceneTracks(read_users(scene), scene.signals, asked)
 
 
 def cut_scenes(
     recordings: Iterable[Recording], *, intersection_map: IntersectionMap, length: float = LENGTH
 ) -> Iterator[tuple[str, SceneTracks]]:
     """Cut scenes of equal length, end to end, each with the name of its recording."""
-    steps = round(length / STEP) + 1
+    steps, program = round(length / STEP) + 1, intersection_map.signals
     for recording in recordings:
         for window in cut_windows(recording, steps=steps, every=1, stride=steps - 1, least_whole=0):
-            yield recording.name, _convert_window(window, recording, intersection_map)
-
-
-def _convert_window(
-    window: RecordingWindow, recording: Recording, intersection_map: IntersectionMap
-) -> SceneTracks:
-    users = (
-        RoadUser(number, track, recording.agents[member].shape)
-        for number, (member, track) in enumerate(
-            zip(window.members, _cut_tracks(window), strict=True)
-        )
-    )
-    signals: Sequence[SignalRecord] = ()
-    if intersection_map.signals is not None and recording.signal_time is not None:
-        offset = (recording.signal_time + window.start) % intersection_map.signals.cycle
-        until = window.step * (window.present.shape[1] - 1)
-        signals = build_signal_records(
-            SignalClock(intersection_map.signals, offset),
-            intersection_map=intersection_map,
-            until=until,
-        )
-    return SceneTracks(tuple(user for user in users if len(user.track.xy) > 1), tuple(signals))
-
-
-def _cut_tracks(window: RecordingWindow) -> Iterator[Track]:
-    """Cut each agent's track to the time of the window; recorded tracks have no gaps."""
-    for xy, heading, present in zip(window.xy, window.heading, window.present, strict=True):
-        first = int(np.argmax(present))
-        yield Track(xy[present], heading[present], round(first * window.step, 1))
+            users = []
+            cut = zip(window.members, window.xy, window.heading, window.present, strict=True)
+            for number, (member, xy, heading, present) in enumerate(cut):
+                if present.sum() > 1:  # recorded tracks have no gaps
+                    start = round(int(np.argmax(present)) * window.step, 1)
+                    track = Track(xy[present], heading[present], start)
+                    users.append(RoadUser(number, track, recording.agents[member].shape))
+            signals: Sequence[SignalRecord] = ()
+            if program is not None and recording.signal_time is not None:
+                offset = (recording.signal_time + window.start) % program.cycle
+                until = window.step * (window.present.shape[1] - 1)
+                signals = build_signal_records(
+                    SignalClock(program, offset), intersection_map=intersection_map, until=until
+                )
+            yield recording.name, SceneTracks(tuple(users), tuple(signals))

@@ -7,7 +7,7 @@ of a track does not separate them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,14 +19,13 @@ from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.scene.track import (
     PEDESTRIAN,
     STEP,
-    Shape,
     Track,
     get_rider_shape,
     get_vehicle_shape,
 )
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.track_io import Recording, load_recordings
-from scenewright.tools.track_io.track_files import FileTracks, read_track_files
+from scenewright.tools.track_io import load_recordings
+from scenewright.tools.track_io.track_files import read_track_files
 
 LENGTH = 30.0
 """Of a stretch [s]: that of the longest scenes."""
@@ -87,10 +86,27 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
     if path.is_dir() and next(path.rglob("scene.json"), None) is not None:
         return TrackSource(name, tuple(read_scenes(path)))
     if path.suffix == ".npz":
-        return TrackSource(name, tuple(_cut_corpus(path, place)))
+        recordings = load_recordings(path, split="test")
+        if not recordings:
+            raise InputError(f"{path} holds no test hours")
+        every: list[Stretch] = []
+        for recording in recordings:
+            kept = [agent for agent in recording.agents if agent.subtype != "bicycle"]
+            users = [RoadUser(k, agent.track, agent.shape) for k, agent in enumerate(kept)]
+            every += _cut(recording.name, users, place)
+        return TrackSource(
+            name, tuple(every[:: max(len(every) // MOST_STRETCHES, 1)][:MOST_STRETCHES])
+        )
     pixels = path.suffix == ".txt" or (path.is_dir() and any(path.rglob("DJI_*.txt")))
     files = read_track_files([path], scale=scale if pixels else None)
-    stretches = [each for file in files for each in _cut(_read_file_users(file), place)]
+    stretches: list[Stretch] = []
+    for file in files:
+        shapes = {"pedestrian": PEDESTRIAN, "bicycle": get_rider_shape("cyclist")}
+        users = [
+            RoadUser(k, track, shapes.get(word) or get_vehicle_shape(word))
+            for k, (word, track) in enumerate(file.tracks)
+        ]
+        stretches += _cut(file.name, users, place)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     if not stretches:
         raise InputError(f"{path} holds no tracks that can be believed")
@@ -118,42 +134,8 @@ def convert_scene(scene: SceneRecord, name: str) -> Stretch:
     )
 
 
-def _cut_corpus(file: Path, place: str | None) -> list[Stretch]:
-    recordings = load_recordings(file, split="test")
-    if not recordings:
-        raise InputError(f"{file} holds no test hours")
-    every = [
-        each
-        for recording in recordings
-        for each in _cut((recording.name, _list_users(recording)), place)
-    ]
-    return every[:: max(len(every) // MOST_STRETCHES, 1)][:MOST_STRETCHES]
-
-
-def _list_users(recording: Recording) -> list[RoadUser]:
-    return [
-        RoadUser(k, agent.track, agent.shape)
-        for k, agent in enumerate(recording.agents)
-        if agent.subtype != "bicycle"
-    ]
-
-
-def _read_file_users(file: FileTracks) -> tuple[str, list[RoadUser]]:
-    shown = [(subtype, track) for subtype, track in file.tracks]
-    return file.name, [
-        RoadUser(k, track, _find_shape(word)) for k, (word, track) in enumerate(shown)
-    ]
-
-
-def _find_shape(subtype: str) -> Shape:
-    if subtype == "pedestrian":
-        return PEDESTRIAN
-    return get_rider_shape("cyclist") if subtype == "bicycle" else get_vehicle_shape(subtype)
-
-
-def _cut(recording: tuple[str, Iterable[RoadUser]], place: str | None) -> Iterator[Stretch]:
+def _cut(name: str, users: Sequence[RoadUser], place: str | None) -> Iterator[Stretch]:
     """Cut a recording into stretches of 30 s, end to end; the last may be shorter."""
-    name, users = recording[0], list(recording[1])
     begin = min((user.track.start for user in users), default=0.0)
     end = max((user.track.end for user in users), default=0.0)
     for k in range(int(np.ceil(max(end - begin, 0.0) / LENGTH))):

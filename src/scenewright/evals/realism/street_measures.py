@@ -5,15 +5,16 @@ Each measure gives values by stretch, so that intervals can draw whole stretches
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from scenewright.evals.bootstrap import compute_interval, draw_resamples
+from scenewright.evals.bootstrap import Figure, compute_ratio, draw_resamples
 from scenewright.evals.realism.sources import Stretch
 from scenewright.geometry.kinematics import compute_kinematics
+from scenewright.geometry.polyline import interpolate_points, measure_arc_lengths, measure_length
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker import RoadUser, find_events
@@ -40,56 +41,26 @@ _TURNS_AWAY = 0.3
 """Change of course from which a party counts as reacting [rad]."""
 
 
-@dataclass(frozen=True)
-class MeanShare:
-    """A mean of values with its interval.
-
-    Attributes:
-        value: mean; low, high: 95 %, stretches drawn anew; n: values; None where there are none.
-    """
-
-    value: float | None
-    low: float | None
-    high: float | None
-    n: int
-
-
-def compute_share(parts: Sequence[Sequence[float] | Sequence[bool]], *, seed: int = 0) -> MeanShare:
-    """Compute the mean of all values, one sequence for each stretch."""
+def compute_share(parts: Sequence[Sequence[float] | Sequence[bool]], *, seed: int = 0) -> Figure:
+    """Compute the mean of all values, one sequence for each stretch; stretches are drawn anew."""
     count = np.array([len(part) for part in parts], dtype=np.float64)
     total = np.array([float(np.sum(part)) for part in parts])
-    if not count.sum():
-        return MeanShare(None, None, None, 0)
-    drawn = draw_resamples(len(parts), draws=500, seed=seed)
-    whole = drawn @ count
-    low, high = compute_interval((drawn @ total)[whole > 0] / whole[whole > 0])
-    return MeanShare(float(total.sum() / count.sum()), low, high, int(count.sum()))
+    return compute_ratio(total, count, draw_resamples(max(len(parts), 1), draws=500, seed=seed))
 
 
 def find_close_followers(stretch: Stretch) -> list[bool]:
     """Return for each vehicle that drives 10 m whether it passes a place within 2 s of another."""
-    vehicles = [
-        u
-        for u in stretch.users
-        if u.shape.type == "vehicle" and _compute_path_length(u) > _LEAST_WAY
-    ]
+    drives = [u for u in stretch.users if u.shape.type == "vehicle"]
+    vehicles = [u for u in drives if measure_length(u.track.xy) > _LEAST_WAY]
     return [
-        any(
-            _compute_headway(user, other) < SHORT_HEADWAY
-            for other in vehicles
-            if other.id != user.id
-        )
-        for user in vehicles
+        any(_compute_headway(u, other) < SHORT_HEADWAY for other in vehicles if other.id != u.id)
+        for u in vehicles
     ]
-
-
-def _compute_path_length(user: RoadUser) -> float:
-    return float(np.hypot(*np.diff(user.track.xy, axis=0).T).sum())
 
 
 def _compute_headway(user: RoadUser, other: RoadUser) -> float:
     """Compute the least time at which a vehicle passes a place after another vehicle [s]."""
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(user.track.xy, axis=0).T))])
+    s = measure_arc_lengths(user.track.xy)
     least = np.inf
     for part in _PLACES:
         k = int(np.searchsorted(s, part * s[-1]))
@@ -105,14 +76,13 @@ def _compute_headway(user: RoadUser, other: RoadUser) -> float:
 
 def find_accompanied(stretch: Stretch) -> list[bool]:
     """Return for each walking pedestrian whether another keeps within 1.5 m for 3 s or longer."""
+    people = [u for u in stretch.users if u.shape.type == "pedestrian"]
     walkers = [
-        u for u in stretch.users if u.shape.type == "pedestrian" and _compute_mean_speed(u) > _WALKS
+        u
+        for u in people
+        if measure_length(u.track.xy) > _WALKS * max((len(u.track.xy) - 1) * u.track.step, 1e-9)
     ]
     return [any(_is_companion(u, other) for other in walkers if other.id != u.id) for u in walkers]
-
-
-def _compute_mean_speed(user: RoadUser) -> float:
-    return _compute_path_length(user) / max((len(user.track.xy) - 1) * user.track.step, 1e-9)
 
 
 def _is_companion(user: RoadUser, other: RoadUser) -> bool:
@@ -121,15 +91,21 @@ def _is_companion(user: RoadUser, other: RoadUser) -> bool:
     if last - first < _TOGETHER:
         return False
     times = np.arange(first, last, 0.4)
-    places = [np.stack([np.interp(times, t.times, t.xy[:, a]) for a in (0, 1)]) for t in (one, two)]
-    return float(np.hypot(*(places[0] - places[1])).mean()) <= COMPANION
+    places = [interpolate_points(times, t.times, t.xy) for t in (one, two)]
+    return float(np.hypot(*(places[0] - places[1]).T).mean()) <= COMPANION
 
 
 def find_common_starts(stretch: Stretch) -> list[bool]:
     """Return for each pedestrian that sets off whether another nearby does so within 1.5 s."""
-    starts = [
-        each for u in stretch.users if u.shape.type == "pedestrian" for each in _find_starts(u)
-    ]
+    starts: list[tuple[float, FloatArray]] = []
+    for track in (u.track for u in stretch.users if u.shape.type == "pedestrian"):
+        done = compute_kinematics(track.xy, smoothing=0.3)
+        if len(done):  # who walks off after standing for a second sets off
+            still = np.convolve(done.speed <= _STANDS, np.ones(10), mode="full")[: len(done)] >= 10
+            for k in np.flatnonzero(still[:-1] & ~still[1:]):
+                if (done.speed[k : k + 20] > _WALKS).any():
+                    at = k + done.first
+                    starts.append((float(track.times[at]), track.xy[at]))
     return [
         any(
             k != j
@@ -139,18 +115,6 @@ def find_common_starts(stretch: Stretch) -> list[bool]:
         )
         for k, (t, xy) in enumerate(starts)
     ]
-
-
-def _find_starts(user: RoadUser) -> Iterator[tuple[float, FloatArray]]:
-    """Find the times and places at which a pedestrian walks off after standing for a second."""
-    done = compute_kinematics(user.track.xy, smoothing=0.3)
-    if not len(done):
-        return
-    still = np.convolve(done.speed <= _STANDS, np.ones(10), mode="full")[: len(done)] >= 10
-    for k in np.flatnonzero(still[:-1] & ~still[1:]):
-        if (done.speed[k : k + 20] > _WALKS).any():
-            at = k + done.first
-            yield float(user.track.times[at]), user.track.xy[at]
 
 
 def compute_count_ranks(

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.evals.realism.sources import Stretch, TrackSource
+from scenewright.evals.realism.sources import TrackSource
 from scenewright.geometry.kinematics import smooth
 from scenewright.scene.base import FloatArray
-from scenewright.scene.track import STEP, Track
+from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker import RoadUser
 
 _STANDS = 0.15
@@ -39,10 +39,14 @@ class TrackingJitter:
 
 def measure_tracking_jitter(source: TrackSource) -> TrackingJitter | None:
     """Measure how positions of standing vehicles jitter; None with too few of them."""
-    found = [_correlate(part) for part in _list_standstills(source)]
+    found = []
+    for part in _list_standstills(source):
+        away = part - part.mean(axis=0)
+        n = len(away)  # below: the mean autocovariance of both coordinates [m^2], by lag
+        found.append([(away[: n - k] * away[k:]).mean() for k in range(_LAGS)])
     if len(found) < _FEWEST:
         return None
-    middle = np.median([each.mean(axis=1) for each in found], axis=0)
+    middle = np.median(found, axis=0)
     if middle[0] <= 0.0:
         return None
     below = np.flatnonzero(middle < 0.5 * middle[0])
@@ -66,31 +70,19 @@ def _list_standstills(source: TrackSource) -> Iterator[FloatArray]:
                     yield user.track.xy[inside] - even[inside]
 
 
-def _correlate(part: FloatArray) -> FloatArray:
-    """[_LAGS, 2] autocovariance of both coordinates [m^2]."""
-    away = part - part.mean(axis=0)
-    n = len(away)
-    return np.stack([(away[: n - k] * away[k:]).mean(axis=0) for k in range(_LAGS)])
-
-
 def add_jitter(source: TrackSource, jitter: TrackingJitter, *, seed: int) -> TrackSource:
     """Let the positions of a source's vehicles jitter as a recording's do."""
     rng = np.random.default_rng(seed)
-
-    def blur(stretch: Stretch) -> Stretch:
-        users = (_blur_user(u, jitter, rng) for u in stretch.users)
-        return replace(stretch, users=tuple(users))
-
-    return replace(source, stretches=tuple(blur(each) for each in source.stretches))
-
-
-def _blur_user(user: RoadUser, jitter: TrackingJitter, rng: np.random.Generator) -> RoadUser:
-    track = user.track
-    if user.shape.type != "vehicle":
-        return user
     reach = max(int(np.ceil(3.0 * jitter.lasts / STEP)), 1)
     kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * STEP / jitter.lasts))
     kernel *= jitter.spread / np.sqrt(np.square(kernel).sum())
-    white = rng.standard_normal((2, len(track.xy) + 2 * reach))
-    away = np.stack([np.convolve(each, kernel, mode="valid") for each in white], axis=1)
-    return replace(user, track=Track(track.xy + away, track.heading, track.start, track.step))
+
+    def blur(user: RoadUser) -> RoadUser:
+        if user.shape.type != "vehicle":
+            return user
+        white = rng.standard_normal((2, len(user.track.xy) + 2 * reach))
+        away = np.stack([np.convolve(each, kernel, mode="valid") for each in white], axis=1)
+        return replace(user, track=replace(user.track, xy=user.track.xy + away))
+
+    stretches = (replace(s, users=tuple(blur(u) for u in s.users)) for s in source.stretches)
+    return replace(source, stretches=tuple(stretches))

@@ -9,7 +9,6 @@ traffic (Lopez-Paz & Oquab 2017).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,20 +46,29 @@ def compare_windows(one: Windows, other: Windows, *, seed: int = 0) -> dict[str,
 
     Empty where too few windows can be matched.
     """
+    from sklearn import ensemble, model_selection
+
     rng = np.random.default_rng(seed)
     first, second = _match_windows(one, other, rng)
-    if min(len(first), len(second)) < FEWEST:
+    label = np.repeat([0, 1], [len(first), len(second)])
+    names = [
+        f"{k} {name}" for k, side in enumerate((first, second)) for name in side.group.tolist()
+    ]
+    group = np.unique(names, return_inverse=True)[1]
+    few = min(len(np.unique(group[label == k])) for k in (0, 1)) < _FOLDS
+    if few or min(len(first), len(second)) < FEWEST:
         return {}
     features = np.concatenate([first.features, second.features])
-    label = np.repeat([0, 1], [len(first), len(second)])
-    names = np.concatenate([
-        np.char.add("0 ", first.group.astype(np.str_)),
-        np.char.add("1 ", second.group.astype(np.str_)),
-    ])  # fmt: skip
-    group = np.unique(names, return_inverse=True)[1]
-    score = _predict_out_of_fold(features, label, group, seed)
-    if score is None:
-        return {}
+    # Scores of boosted trees that were not trained on the window's scene.
+    score = np.zeros(len(label))
+    folds = model_selection.StratifiedGroupKFold(_FOLDS, shuffle=True, random_state=seed)
+    for seen, asked in folds.split(features, label, group):
+        trees = ensemble.HistGradientBoostingClassifier(
+            max_iter=80, max_leaf_nodes=15, min_samples_leaf=15, early_stopping=False,
+            random_state=seed,
+        )  # fmt: skip
+        trees.fit(features[seen], label[seen])
+        score[asked] = trees.predict_proba(features[asked])[:, 1]
     situation = np.concatenate([first.situation, second.situation])
     kinds = {"all": np.ones(len(label), dtype=np.bool_)}
     kinds |= {str(each): situation == each for each in np.unique(situation)}
@@ -101,29 +109,6 @@ def _match_windows(
     )  # type: ignore[return-value]
 
 
-def _predict_out_of_fold(
-    features: FloatArray, label: NDArray[np.int64], group: NDArray[np.int64], seed: int
-) -> FloatArray | None:
-    """Return [W] scores of boosted trees not trained on the window's scene; None with too few."""
-    from sklearn.ensemble import HistGradientBoostingClassifier
-    from sklearn.model_selection import StratifiedGroupKFold
-
-    if min(len(np.unique(group[label == k])) for k in (0, 1)) < _FOLDS:
-        return None
-    score = np.zeros(len(label))
-    folds: Any = StratifiedGroupKFold  # scikit-learn has no types
-    folds = folds(n_splits=_FOLDS, shuffle=True, random_state=seed)
-    for seen, asked in folds.split(features, label, group):
-        make: Any = HistGradientBoostingClassifier
-        trees = make(
-            max_iter=80, max_leaf_nodes=15, min_samples_leaf=15, early_stopping=False,
-            random_state=seed,
-        )  # fmt: skip
-        trees.fit(features[seen], label[seen])
-        score[asked] = trees.predict_proba(features[asked])[:, 1]
-    return score
-
-
 def _judge_scores(
     score: FloatArray, label: NDArray[np.int64], group: NDArray[np.int64], seed: int
 ) -> Separability:
@@ -131,9 +116,8 @@ def _judge_scores(
     units = int(number.max()) + 1
     draws = draw_resamples(units, draws=_DRAWS, seed=seed)
     again = [compute_auc(score, label, drawn[number].astype(np.float64)) for drawn in draws]
-    low, high = compute_interval(np.array([each for each in again if np.isfinite(each)]))
     auc = compute_auc(score, label, np.ones(len(label)))
-    return Separability(auc, low, high, int((label == 0).sum()), units)
+    return Separability(auc, *compute_interval(np.array(again)), int((label == 0).sum()), units)
 
 
 def compute_auc(score: FloatArray, label: NDArray[np.int64], weight: FloatArray) -> float:
@@ -142,8 +126,9 @@ def compute_auc(score: FloatArray, label: NDArray[np.int64], weight: FloatArray)
     Args:
         score, label, weight: [W]; label 0 or 1. NaN where one kind has no weight.
     """
-    levels, place = np.unique(score, return_inverse=True)
-    one, two = (np.bincount(place, weight * (label == k), minlength=len(levels)) for k in (0, 1))
-    below = np.cumsum(one) - 0.5 * one
-    whole = one.sum() * two.sum()
-    return float((two * below).sum() / whole) if whole > 0 else float("nan")
+    from sklearn import metrics
+
+    kept = weight > 0
+    if len(np.unique(label[kept])) < 2:
+        return float("nan")
+    return float(metrics.roc_auc_score(label[kept], score[kept], sample_weight=weight[kept]))

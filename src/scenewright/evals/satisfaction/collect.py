@@ -26,32 +26,23 @@ def read_submission(folder: Path, identity: str, *, intersection: str) -> Submis
     """
     name = choose_folder(identity)
     if (folder / name / "scene.json").is_file():
-        return _read_scene(folder / name)
+        # A scene of ours: its tracks, and whether its proof and its account of words hold.
+        record, proof, fault = load_scene(folder / name), verify(folder / name), None
+        if not proof.verified:
+            fault = "the checker does not confirm the scene"
+        elif proof.verdict == "partly":
+            fault = proof.describe_verdict()
+        agents = see_agents(read_users(record), load_map(record.meta.intersection))
+        events = (*proof.events, *proof.incidental)
+        return Submission(agents, events, record.meta.time_of_day, fault)
     files = sorted(path for path in folder.glob(f"{name}.*") if path.is_file())
     if len(files) > 1:
         raise InputError(f"{files[0]} and {files[1]} are both for {identity}; keep one")
-    return _read_tracks(files[0], intersection) if files else None
-
-
-def _read_scene(folder: Path) -> Submission:
-    """A scene of ours: its tracks, and whether its proof and its account of words hold."""
-    record, fault = load_scene(folder), None
-    proof = verify(folder)
-    if not proof.verified:
-        fault = "the checker does not confirm the scene"
-    elif proof.verdict == "partly":
-        fault = proof.describe_verdict()
-    users = read_users(record)
-    agents = see_agents(users, load_map(record.meta.intersection))
-    events = (*proof.events, *proof.incidental)
-    return Submission(agents, events, record.meta.time_of_day, fault)
-
-
-def _read_tracks(file: Path, intersection: str) -> Submission:
-    """Tracks made by any program; what cannot be read speaks against them."""
+    if not files:
+        return None
     try:
-        tracks = load_tracks(file)
-    except InputError as error:
+        tracks = load_tracks(files[0])
+    except InputError as error:  # what cannot be read speaks against it
         return Submission((), (), fault=f"cannot be read: {error}")
     agents = see_agents(tracks.users, load_map(intersection))
     return Submission(agents, verify_tracks(tracks, intersection=intersection))

@@ -60,27 +60,27 @@ def _find_fault(label: Label, submission: Submission) -> str | None:
     relations = [each for each in label["relations"] if each["type"] != "normal"]
     missing = "what was asked for does not happen between such agents"
     for bound, pairs in _list_bindings(relations, label, submission, {}, frozenset()):
-        stray = _find_unasked(submission.events, pairs, frozenset(bound.values()))
-        if stray is not None:
-            missing = f"unasked {stray.type} of {stray.from_} and {stray.to} at {stray.time:.1f} s"
+        named = frozenset(bound.values())
+        # What the certificate of no other interaction forbids (SEMANTICS 4).
+        stray = [
+            event
+            for event in submission.events
+            if event.type != "follow"
+            and _pair(event) not in pairs
+            and (
+                event.type == "collision"
+                or float(event.evidence.get("pet", 0.0)) <= _BACKGROUND_PET
+                or _pair(event) & named
+            )
+        ]
+        if stray:
+            first = stray[0]
+            missing = f"unasked {first.type} of {first.from_} and {first.to} at {first.time:.1f} s"
         elif _has_other_agents(label, submission, bound):
             return None
         else:
             missing = "an agent that was asked for is not there"
     return missing
-
-
-def _find_unasked(
-    events: Sequence[Event], asked: frozenset[frozenset[int]], bound: frozenset[int]
-) -> Event | None:
-    """An event that the certificate of no other interaction forbids (SEMANTICS 4); None if none."""
-    for event in events:
-        if event.type == "follow" or _pair(event) in asked:
-            continue
-        close = float(event.evidence.get("pet", 0.0)) <= _BACKGROUND_PET
-        if event.type == "collision" or close or _pair(event) & bound:
-            return event
-    return None
 
 
 def _list_bindings(
@@ -95,6 +95,8 @@ def _list_bindings(
         yield bound, pairs
         return
     first, *rest = relations
+    wanted = {each["id"]: each for each in label["agents"]}
+    seen = {each.id: each for each in submission.agents}
     for event in submission.events:
         if event.type != first["type"]:
             continue
@@ -104,28 +106,18 @@ def _list_bindings(
             ends.append((event.to, event.from_))
         for pair in ends:
             named = dict(zip((first["from"], first["to"]), pair, strict=True))
-            if _is_consistent(named, bound) and _fit(named, label, submission):
-                yield from _list_bindings(
-                    rest, label, submission, bound | named, pairs | {_pair(event)}
-                )
+            both = {**bound, **named}
+            # Names and tracks stay one to one.
+            if len({*both.values()}) == len(both) and all(
+                bound.get(name, n) == n and is_like(wanted[name], seen[n])
+                for name, n in named.items()
+            ):
+                more = pairs | {_pair(event)}
+                yield from _list_bindings(rest, label, submission, both, more)
 
 
 def _pair(event: Event) -> frozenset[int]:
     return frozenset((event.from_, event.to))
-
-
-def _is_consistent(named: Mapping[str, int], bound: Mapping[str, int]) -> bool:
-    """Whether names and tracks stay one to one."""
-    both = {**bound, **named}
-    return len({*both.values()}) == len(both) and all(
-        bound.get(name, n) == n for name, n in named.items()
-    )
-
-
-def _fit(named: Mapping[str, int], label: Label, submission: Submission) -> bool:
-    wanted = {each["id"]: each for each in label["agents"]}
-    seen = {each.id: each for each in submission.agents}
-    return all(is_like(wanted[name], seen[number]) for name, number in named.items())
 
 
 def is_like(wanted: Mapping[str, Any], seen: SeenAgent) -> bool:

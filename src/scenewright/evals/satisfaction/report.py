@@ -47,18 +47,16 @@ def to_markdown(shares: Mapping[str, PlanningShare], verdicts: Sequence[Verdict]
     """The figures, and why scenes are wrong."""
     rows = [[RATES[name], f"{s.right} / {s.n}", format_share(_to_figure(s))]
             for name, s in shares.items()]  # fmt: skip
-    reasons = Counter(_sort_of(each.reason) for each in verdicts if each.outcome == "wrong")
+    reasons = Counter[str]()
+    for each in verdicts:
+        if each.outcome == "wrong":  # counted without numbers, names and quotes
+            words = (each.reason or "").split()
+            reasons[" ".join(words[: 2 if words[:1] == ["unasked"] else 4])] += 1
     parts = [format_table(["figure", "count", "share [95 %]"], rows)]
     if reasons:
         parts.append(format_table(["why scenes are wrong", "scenes"],
                                   [[k, str(n)] for k, n in reasons.most_common()]))  # fmt: skip
     return "\n\n".join(parts) + "\n"
-
-
-def _sort_of(reason: str | None) -> str:
-    """The reason without its numbers, names and quotes."""
-    words = (reason or "").split()
-    return " ".join(words[:2] if words[:1] == ["unasked"] else words[:4])
 
 
 def format_share(figure: Mapping[str, Any]) -> str:

@@ -49,20 +49,17 @@ class SeenAgent:
 
 def see_agents(users: Iterable[RoadUser], intersection: IntersectionMap) -> list[SeenAgent]:
     """Every road user of a scene, as the map lets its track be read."""
-    return [
-        _see_pedestrian(user, intersection)
-        if user.shape.type == "pedestrian"
-        else _see_vehicle(user, intersection)
-        for user in users
-    ]
-
-
-def _see_vehicle(user: RoadUser, intersection: IntersectionMap) -> SeenAgent:
-    xy = user.track.xy
-    entry, leaving = _find_leg(xy, intersection), _find_leg(xy[::-1], intersection)
+    found = []
     turns = {(each.entry, each.exit): each.turn for each in intersection.movements}
-    movement = turns.get((entry, leaving)) if entry and leaving else None
-    return SeenAgent(user.id, user.shape.type, entry, leaving, movement, frozenset())
+    for user in users:
+        if user.shape.type == "pedestrian":
+            found.append(_see_pedestrian(user, intersection))
+            continue
+        xy = user.track.xy
+        entry, leaving = _find_leg(xy, intersection), _find_leg(xy[::-1], intersection)
+        movement = turns.get((entry, leaving)) if entry and leaving else None
+        found.append(SeenAgent(user.id, user.shape.type, entry, leaving, movement, frozenset()))
+    return found
 
 
 def _find_leg(xy: FloatArray, intersection: IntersectionMap) -> Compass | None:

@@ -19,9 +19,8 @@ vehicles. The ratio to its windows as they are, rush hours and all, stands besid
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +28,11 @@ import numpy as np
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.evals.tables.likelihood import find_nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
 from scenewright.geometry.kinematics import compute_kinematics
+from scenewright.geometry.polyline import compute_normals
 from scenewright.intersections import find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.record import SceneRecord
@@ -41,8 +42,6 @@ FEWEST = 5
 """Agents of a route, or events of a kind, below which a spread says nothing."""
 ASKED_AT = (6.0, 20.0)
 UNIMPEDED = {"vehicle": 3.0, "pedestrian": 0.5}
-_Values = tuple[FloatArray, FloatArray, FloatArray]
-"""Of the dataset, of windows beside its scenes, of whole windows."""
 _TOP = 0.9
 _LONG = 10
 """Samples that a quantile of a speed needs."""
@@ -58,14 +57,6 @@ class CorpusWindows:
 
     beside: Sequence[ObservedTracks]
     whole: Sequence[ObservedTracks]
-
-    def compute_values(
-        self,
-        ours: Sequence[ObservedTracks],
-        values: Callable[[Sequence[ObservedTracks]], FloatArray],
-    ) -> _Values:
-        """Values of the dataset, of the windows beside it, and of the whole windows."""
-        return values(ours), values(self.beside), values(self.whole)
 
 
 @dataclass(frozen=True)
@@ -122,8 +113,30 @@ def compare_lateral_positions(
                 off = np.where(passed, ((place - mean) * normal).sum(axis=1), np.nan)
                 ours.setdefault(agent.route, []).append(off)
     kept = {route: np.array(rows) for route, rows in ours.items() if len(rows) >= FEWEST}
-    found = (_compare_lateral_position(kind, kept, held, draws, seed) for kind in CLASSES)
-    return [each for each in found if each is not None]
+    found = []
+    for kind in CLASSES:
+        mine = {route: rows for route, rows in kept.items() if route.startswith(kind)}
+        if not mine:
+            continue
+        # Every route weighs as much on both sides: as many agents as it has in the dataset.
+        agents = sum(map(len, mine.values()))
+        weights = [len(rows) / agents for rows in mine.values()]
+        known = [held[route].offsets for route in mine]
+        spread, corpus = _pool_deviations(mine.values(), weights), _pool_deviations(known, weights)
+        rng = np.random.default_rng(seed)
+        again = [
+            _pool_deviations([_resample_rows(rows, rng) for rows in mine.values()], weights)
+            for _ in range(draws)
+        ]
+        # Drawing anew from few agents repeats some and narrows; the mean of the draws shows how
+        # much.
+        level = spread / max(float(np.mean(again)), 1e-9)
+        interval = compute_interval(np.array(again) * level / corpus)
+        count = sum(map(len, known))
+        found.append(
+            Spread("lateral position", kind, "m", spread, corpus, agents, count, *interval)
+        )
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,57 +165,29 @@ def load_held_out(bundle: str | Path) -> dict[str, HeldOutTracks]:
         routes = [str(name) for name in stored["routes"]]
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(f"cannot read the held-out tracks {file}: {fault}") from None
-    return {r: _build_held_out(t) for r, t in zip(routes, tracks, strict=True) if len(t) >= FEWEST}
-
-
-def _build_held_out(tracks: FloatArray) -> HeldOutTracks:
-    mean = tracks.mean(axis=0)
-    along = np.gradient(mean, axis=0)
-    along /= np.maximum(np.hypot(*along.T)[:, None], 1e-9)
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    return HeldOutTracks(mean, normal, ((tracks - mean) * normal).sum(axis=2))
-
-
-def _compare_lateral_position(
-    kind: AgentClass,
-    ours: Mapping[str, FloatArray],
-    held: Mapping[str, HeldOutTracks],
-    draws: int,
-    seed: int,
-) -> Spread | None:
-    routes = [route for route in ours if route.startswith(kind)]
-    if not routes:
-        return None
-    # Every route weighs as much on both sides: as many agents as it has in the dataset.
-    agents = sum(len(ours[route]) for route in routes)
-    weights = [len(ours[route]) / agents for route in routes]
-    spread = _pool_deviations([_compute_variance(ours[r]) for r in routes], weights)
-    corpus = _pool_deviations([_compute_variance(held[r].offsets) for r in routes], weights)
-    rng = np.random.default_rng(seed)
-    again = [
-        _pool_deviations([_compute_variance(_resample_rows(ours[r], rng)) for r in routes], weights)
-        for _ in range(draws)
-    ]
-    # Drawing anew from few agents repeats some and narrows; the mean of the draws shows how much.
-    level = spread / max(float(np.mean(again)), 1e-9)
-    low, high = compute_interval(np.array(again) * level / corpus)
-    count = sum(len(held[r].offsets) for r in routes)
-    return Spread("lateral position", kind, "m", spread, corpus, agents, count, low, high)
+    found = {}
+    for route, own in zip(routes, tracks, strict=True):
+        if len(own) >= FEWEST:
+            mean = own.mean(axis=0)
+            normal = compute_normals(mean)
+            found[route] = HeldOutTracks(mean, normal, ((own - mean) * normal).sum(axis=2))
+    return found
 
 
 def _resample_rows(rows: FloatArray, rng: np.random.Generator) -> FloatArray:
     return np.asarray(rows[rng.integers(len(rows), size=len(rows))])
 
 
-def _compute_variance(offsets: FloatArray) -> float:
-    """Mean over the K stations of the variance there; stations that fewer than three pass aside."""
-    passed = (~np.isnan(offsets)).sum(axis=0) >= 3
-    if not passed.any():
-        return 0.0
-    return float(np.nanvar(offsets[:, passed], axis=0, ddof=1).mean())
+def _pool_deviations(parts: Iterable[FloatArray], weights: Sequence[float]) -> float:
+    """Root of the weighed mean over routes of the variance of their offsets [n, K] to the left.
 
-
-def _pool_deviations(variances: Sequence[float], weights: Sequence[float]) -> float:
+    Of a route it is the mean over the K stations, without those that fewer than three pass.
+    """
+    variances = []
+    for offsets in parts:
+        passed = (~np.isnan(offsets)).sum(axis=0) >= 3
+        known = np.nanvar(offsets[:, passed], axis=0, ddof=1) if passed.any() else np.zeros(1)
+        variances.append(float(known.mean()))
     return float(np.sqrt(np.dot(variances, weights)))
 
 
@@ -213,25 +198,21 @@ def compare_speeds(
     found = []
     for kind in CLASSES:
         for what, least in (("speed", 0.0), ("speed of who is never slow", UNIMPEDED[kind])):
-            parts = corpus.compute_values(ours, partial(_list_top_speeds, kind=kind, least=least))
-            found += _compare_spread(what, kind, "m/s", parts, draws, seed)
+            values = [_list_top_speeds(s, kind, least) for s in (ours, corpus.beside, corpus.whole)]
+            found += _compare_spread(what, kind, "m/s", values, draws, seed)
     return found
 
 
 def _list_top_speeds(
-    scenes: Sequence[ObservedTracks], *, kind: AgentClass, least: float
+    scenes: Sequence[ObservedTracks], kind: AgentClass, least: float
 ) -> FloatArray:
-    parts = [_compute_top_speeds(each, kind, least) for each in scenes]
-    return np.concatenate([np.zeros(0), *parts])[:, None]
-
-
-def _compute_top_speeds(watched: ObservedTracks, kind: AgentClass, least: float) -> FloatArray:
-    done = (
-        compute_kinematics(u.track.xy).speed for u in watched.scene.users if u.shape.type == kind
-    )
+    """[n, 1] the 90 % quantile of each agent's speed while it moves [m/s]."""
+    users = (u for each in scenes for u in each.scene.users if u.shape.type == kind)
+    done = (compute_kinematics(user.track.xy).speed for user in users)
     kept = (speed for speed in done if len(speed) >= _LONG and speed.min() >= least)
     moving = (speed[speed > STANDING] for speed in kept)
-    return np.array([np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG])
+    top = [np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG]
+    return np.array(top, dtype=np.float64).reshape(-1, 1)
 
 
 def compare_events(
@@ -239,64 +220,80 @@ def compare_events(
 ) -> list[Spread]:
     """Spread of where and when events happen; kinds that the corpus does not know are left out."""
     found = []
-    within = f"time of events, {ASKED_AT[0]:g} to {ASKED_AT[1]:g} s"
+    first, last = ASKED_AT
     for kind in ("yielding", "near_miss", "follow"):
-        for what, unit, part in (
-            ("place of events", "m", _list_event_places),
-            ("time of events", "s", _list_event_times),
-            (within, "s", _list_requested_times),
+        # [n, 3] x, y [m] and time [s] of every event of the kind, asked for or not.
+        rows = []
+        for scenes in (ours, corpus.beside, corpus.whole):
+            events = (e for each in scenes for e in each.seen.events if e.type == kind)
+            own = [(*event.location, event.time) for event in events]
+            rows.append(np.array(own, dtype=np.float64).reshape(-1, 3))
+        times = [each[:, 2:] for each in rows]
+        asked = [each[(each[:, 0] >= first) & (each[:, 0] <= last)] for each in times]
+        for what, unit, values in (
+            ("place of events", "m", [each[:, :2] for each in rows]),
+            ("time of events", "s", times),
+            (f"time of events, {first:g} to {last:g} s", "s", asked),
         ):
-            parts = corpus.compute_values(ours, partial(part, kind=kind))
-            found += _compare_spread(what, kind, unit, parts, draws, seed)
+            found += _compare_spread(what, kind, unit, values, draws, seed)
     return found
 
 
-def _list_event_places(scenes: Sequence[ObservedTracks], *, kind: str) -> FloatArray:
-    """[n, 2] places of the events of a kind [m]."""
-    return _list_events(scenes, kind)[:, :2]
-
-
-def _list_event_times(scenes: Sequence[ObservedTracks], *, kind: str) -> FloatArray:
-    """[n, 1] their times [s]."""
-    return _list_events(scenes, kind)[:, 2:]
-
-
-def _list_requested_times(scenes: Sequence[ObservedTracks], *, kind: str) -> FloatArray:
-    """[n, 1] times of those that lie where events that are asked for do [s]."""
-    times = _list_event_times(scenes, kind=kind)
-    inside = (times[:, 0] >= ASKED_AT[0]) & (times[:, 0] <= ASKED_AT[1])
-    return np.asarray(times[inside])
-
-
-def _list_events(scenes: Sequence[ObservedTracks], kind: str) -> FloatArray:
-    """[n, 3] x, y [m] and time [s] of every event of a kind, asked for or not."""
-    rows = [
-        (*event.location, event.time)
-        for each in scenes
-        for event in each.seen.events
-        if event.type == kind
-    ]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
-
-
 def _compare_spread(
-    what: str, group: str, unit: str, values: _Values, draws: int, seed: int
+    what: str, group: str, unit: str, values: Sequence[FloatArray], draws: int, seed: int
 ) -> list[Spread]:
+    """The ratio of values [n, D] of the dataset, windows beside its scenes, and whole windows."""
     ours, beside, whole = values
     if min(len(ours), len(beside)) < FEWEST:
         return []
     rng = np.random.default_rng(seed)
-    base = _compute_deviation(beside)
+    spread, base = _compute_deviation(ours), _compute_deviation(beside)
     again = [_compute_deviation(_resample_rows(ours, rng)) / base for _ in range(draws)]
-    low, high = compute_interval(np.array(again))
-    return [
-        Spread(
-            what, group, unit, _compute_deviation(ours), base, len(ours), len(beside),
-            low, high, _compute_deviation(whole) if len(whole) >= FEWEST else None,
-        )
-    ]  # fmt: skip
+    interval = compute_interval(np.array(again))
+    of_whole = _compute_deviation(whole) if len(whole) >= FEWEST else None
+    return [Spread(what, group, unit, spread, base, len(ours), len(beside), *interval, of_whole)]
 
 
 def _compute_deviation(values: FloatArray) -> float:
     """Root of the summed variances of all columns."""
     return float(np.sqrt(values.var(axis=0, ddof=1).sum()))
+
+
+def match_windows(
+    scenes: Sequence[SceneTracks], windows: Sequence[SceneTracks], *, least: int
+) -> list[SceneTracks]:
+    """Find for every scene a window with as many vehicles, cut to the scene's length.
+
+    Where no window has as many, one whose number is nearest; of several, the one that was taken
+    least often. Few scenes get several windows each, so that there are at least `least` in all.
+    """
+    if not (scenes and windows):
+        return []
+    starts = [_list_starts(window) for window in windows]
+    taken = np.zeros(len(windows), dtype=np.intp)
+    found = []
+    for scene in [*scenes] * -(-least // len(scenes)):
+        length = max((user.track.end for user in scene.users), default=0.0)
+        seen = np.array([np.searchsorted(each, length) for each in starts])
+        number = int(np.lexsort((taken, np.abs(seen - len(_list_starts(scene)))))[0])
+        taken[number] += 1
+        found.append(shorten_scene(windows[number], length))
+    return found
+
+
+def shorten_scene(scene: SceneTracks, length: float) -> SceneTracks:
+    """Cut a scene to its first seconds; agents with less than two samples are left out."""
+    users = []
+    for user in scene.users:
+        track = user.track
+        kept = int(np.floor((length - track.start) / track.step + 1e-6)) + 1
+        if kept > 1 and len(track.xy) > 1:
+            cut = replace(track, xy=track.xy[:kept], heading=track.heading[:kept])
+            users.append(replace(user, track=cut))
+    return replace(scene, users=tuple(users))
+
+
+def _list_starts(scene: SceneTracks) -> FloatArray:
+    """List when each vehicle is first seen [s], sorted."""
+    first = [user.track.start for user in scene.users if user.shape.type == "vehicle"]
+    return np.sort(np.array(first, dtype=np.float64))

@@ -12,22 +12,28 @@ not run from one end of its route to the other:
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.bootstrap import compute_interval
+from scenewright.evals.bootstrap import (
+    Figure,
+    compute_interval,
+    compute_ratio,
+    draw_resamples,
+    resample_ratio,
+)
+from scenewright.evals.tables.reading import Dataset
 from scenewright.geometry.polyline import measure_arc_lengths, resample_to_count
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.record import AgentRecord, SceneRecord
-from scenewright.tools.gmm_sampler import (
-    Priors,
-    compute_waypoint_nll,
-)
+from scenewright.tools.gmm_sampler import Priors, compute_waypoint_nll, load_priors
 
 Reading = Literal["track", "path"]
 READINGS: tuple[Reading, ...] = ("track", "path")
@@ -59,25 +65,9 @@ class AgentScore:
     nll: Mapping[Reading, float]
 
 
-@dataclass(frozen=True)
-class UnscoredAgents:
-    """Agents without a score.
-
-    Attributes:
-        assumed: on routes without tracks in the corpus; standing: that stand all along.
-        riders: on bicycles and e-scooters, on routes whose prior is that of cars or pedestrians.
-    """
-
-    assumed: int = 0
-    standing: int = 0
-    riders: int = 0
-
-    def __add__(self, other: UnscoredAgents) -> UnscoredAgents:
-        return UnscoredAgents(
-            self.assumed + other.assumed,
-            self.standing + other.standing,
-            self.riders + other.riders,
-        )
+Unscored = Literal["assumed", "standing", "riders"]
+"""Why an agent has no score: on a route without tracks in the corpus; standing all along; on a
+bicycle or an e-scooter, on routes whose prior is that of cars or pedestrians."""
 
 
 @dataclass(frozen=True)
@@ -104,25 +94,23 @@ class Gap:
 
 def score_scene(
     scene: SceneRecord, priors: Priors, *, number: int, group: str
-) -> tuple[list[AgentScore], UnscoredAgents]:
-    """The likelihood of every agent of a scene."""
-    scores, left = [], UnscoredAgents()
+) -> tuple[list[AgentScore], Counter[Unscored]]:
+    """The likelihood of every agent of a scene, and how many have none."""
+    scores, left = [], Counter[Unscored]()
     for agent in scene.agents:
-        if agent.type not in CLASSES:
-            left += UnscoredAgents(riders=1)
-            continue
         prior = priors.waypoints.get(agent.route)
-        if prior is None or prior.tracks == 0:
-            left += UnscoredAgents(assumed=1)
-            continue
         driven = resample_waypoints(np.array(agent.trajectory))
-        if driven is None:
-            left += UnscoredAgents(standing=1)
-            continue
-        both = np.stack([driven, find_passed_waypoints(agent)])
-        values = compute_waypoint_nll(prior, both)
-        nll: dict[Reading, float] = dict(zip(READINGS, map(float, values), strict=True))
-        scores.append(AgentScore(number, group, agent.role, agent.type, nll))
+        if agent.type not in CLASSES:
+            left["riders"] += 1
+        elif prior is None or prior.tracks == 0:
+            left["assumed"] += 1
+        elif driven is None:
+            left["standing"] += 1
+        else:
+            both = np.stack([driven, find_passed_waypoints(agent)])
+            values = compute_waypoint_nll(prior, both).tolist()
+            nll: dict[Reading, float] = dict(zip(READINGS, values, strict=True))
+            scores.append(AgentScore(number, group, agent.role, agent.type, nll))
     return scores, left
 
 
@@ -174,9 +162,13 @@ def compute_gap(
     ours, reference = _sum_by_scene(scores, reading), _sum_by_scene(normal, reading)
     if not len(ours) or not len(reference):
         return None
-    nll, base = _compute_mean(ours), _compute_mean(reference)
-    again = _resample_means(ours, draws, rng)
-    against = _resample_means(reference, draws, rng)
+    (nll, again), (base, against) = (
+        (
+            total.sum() / count.sum(),
+            resample_ratio(total, count, draw_resamples(len(count), draws=draws, seed=rng)),
+        )
+        for total, count in (ours.T, reference.T)
+    )
     return Gap(
         agents=len(scores),
         scenes=len(ours),
@@ -192,12 +184,10 @@ def compute_gap(
 
 def compute_mean_nll(
     scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
-) -> tuple[float, tuple[float, float]] | None:
-    """Compute the mean NLL and its 95 % interval over scenes; None without agents."""
-    sums = _sum_by_scene(scores, reading)
-    if not len(sums):
-        return None
-    return float(_compute_mean(sums)), compute_interval(_resample_means(sums, draws, rng))
+) -> Figure:
+    """Compute the mean NLL and its 95 % interval over scenes."""
+    total, count = _sum_by_scene(scores, reading).T
+    return compute_ratio(total, count, draw_resamples(max(len(count), 1), draws=draws, seed=rng))
 
 
 def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
@@ -206,18 +196,6 @@ def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
     for each in scores:
         found.setdefault(each.scene, []).append(each.nll[reading])
     return np.array([[sum(values), len(values)] for values in found.values()]).reshape(-1, 2)
-
-
-def _compute_mean(sums: FloatArray) -> float:
-    total = sums.sum(axis=0)
-    return float(total[0] / total[1])
-
-
-def _resample_means(sums: FloatArray, draws: int, rng: np.random.Generator) -> FloatArray:
-    """[draws] means with scenes drawn anew."""
-    weights = rng.multinomial(len(sums), np.full(len(sums), 1 / len(sums)), size=draws)
-    total = weights @ sums
-    return np.asarray(total[:, 0] / total[:, 1])
 
 
 def get_event_group(scene: SceneRecord) -> str | None:
@@ -235,3 +213,91 @@ def select_scores(
     for each in scores:
         if each.group == group and each.type == kind and role in (None, each.role):
             yield each
+
+
+ROLES: tuple[Role, ...] = ("foreground", "background")
+EVENTS = ("collision", "yielding", "near_miss", "follow")
+
+
+@dataclass(frozen=True)
+class NormalScenes:
+    """NLL of normal scenes: the first row of Table 1.
+
+    Attributes:
+        nll: mean, as in the paper; median: of the agents, which a few cut tracks do not rule.
+    """
+
+    type: AgentClass
+    reading: Reading
+    scenes: int
+    agents: int
+    nll: float
+    interval: tuple[float, float]
+    median: float
+
+
+@dataclass(frozen=True)
+class FidelityCell:
+    """One cell; None where no such agent is in the dataset."""
+
+    backend: str
+    event: str
+    role: Role
+    type: AgentClass
+    reading: Reading
+    gap: Gap | None
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """All of it.
+
+    Attributes:
+        left: agents without a score; mixed: scenes with several kinds of events, left out.
+    """
+
+    references: tuple[NormalScenes, ...]
+    cells: tuple[FidelityCell, ...]
+    left: Mapping[Unscored, int]
+    mixed: int
+
+
+def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
+    """Scores every agent and compares events with normal scenes, of whichever backend those are."""
+    scores: dict[str, list[AgentScore]] = {name: [] for name in dataset.backends}
+    left: Counter[Unscored] = Counter({"assumed": 0, "standing": 0, "riders": 0})
+    mixed = 0
+    for number, scene in dataset.read_scenes(dataset.rows):
+        group = get_event_group(scene)
+        if group is None:
+            mixed += 1
+            continue
+        priors = load_priors(scene.meta.intersection)
+        found, without = score_scene(scene, priors, number=number, group=group)
+        scores[dataset.rows[number].backend] += found
+        left.update(without)
+    scores_of_all = [score for each in scores.values() for score in each]
+    rng = np.random.default_rng(seed)
+    normal = {
+        kind: list(select_scores(scores_of_all, group="normal", role=None, kind=kind))
+        for kind in CLASSES
+    }
+    references = []
+    for reading, kind in product(READINGS, CLASSES):
+        mean = compute_mean_nll(normal[kind], reading, draws=draws, rng=rng)
+        if mean.value is not None and mean.low is not None and mean.high is not None:
+            scenes = len({each.scene for each in normal[kind]})
+            median = float(np.median([each.nll[reading] for each in normal[kind]]))
+            interval = (mean.low, mean.high)
+            references.append(
+                NormalScenes(kind, reading, scenes, mean.n, mean.value, interval, median)
+            )
+    cells = []
+    for backend, mine in scores.items():
+        present = {each.group for each in mine}
+        for event, role, kind in product((e for e in EVENTS if e in present), ROLES, CLASSES):
+            agents = list(select_scores(mine, group=event, role=role, kind=kind))
+            for reading in READINGS:
+                gap = compute_gap(agents, normal[kind], reading, draws=draws, rng=rng)
+                cells.append(FidelityCell(backend, event, role, kind, reading, gap))
+    return Fidelity(tuple(references), tuple(cells), left, mixed)

@@ -92,8 +92,7 @@ def measure_scenes(scenes: Sequence[ObservedTracks], *, smoothing: float = 0.0) 
     found["headway", "vehicle"] = ClusterSample.join_parts(
         [compute_headways(each.seen) for each in scenes]
     )
-    pairs = ("vehicle-vehicle", "vehicle-pedestrian")
-    for pair in pairs:
+    for pair in ("vehicle-vehicle", "vehicle-pedestrian"):
         found["PET", pair] = ClusterSample.join_parts(
             [list_pets(each.seen, pair) for each in scenes]
         )
@@ -106,9 +105,15 @@ def measure_motion(
     """Speed, acceleration and jerk alone."""
     found = {}
     for kind in CLASSES:
-        parts = [_measure_agent_motion(scene, kind, smoothing) for scene in scenes]
-        for k, measure in enumerate(_MOTION):
-            found[measure, str(kind)] = ClusterSample.join_parts([part[k] for part in parts])
+        parts: dict[str, list[FloatArray]] = {measure: [] for measure in _MOTION}
+        for scene in scenes:
+            own = [user.track.xy for user in scene.users if user.shape.type == kind]
+            done = [compute_kinematics(xy, smoothing=smoothing) for xy in own]
+            for measure, values in parts.items():
+                moving = (getattr(each, measure)[each.speed > STANDING] for each in done)
+                values.append(np.concatenate([np.zeros(0), *moving]))
+        for measure, values in parts.items():
+            found[measure, str(kind)] = ClusterSample.join_parts(values)
     return found
 
 
@@ -120,23 +125,6 @@ def isolate_agents(recordings: Iterable[Recording]) -> list[SceneTracks]:
         for agent in recording.agents
         if agent.subtype != "bicycle" and len(agent.track.xy) > 1
     ]
-
-
-def _measure_agent_motion(
-    scene: SceneTracks, kind: AgentClass, smoothing: float
-) -> tuple[FloatArray, ...]:
-    done = [
-        compute_kinematics(user.track.xy, smoothing=smoothing)
-        for user in scene.users
-        if user.shape.type == kind
-    ]
-    moving = [each.speed > STANDING for each in done]
-    return tuple(
-        np.concatenate(
-            [np.zeros(0), *(getattr(each, m)[go] for each, go in zip(done, moving, strict=True))]
-        )
-        for m in _MOTION
-    )
 
 
 def compute_headways(seen: SceneObservation) -> FloatArray:

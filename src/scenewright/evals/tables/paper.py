@@ -7,42 +7,23 @@ Table 1 shows sizes of gaps, in an unknown unit of length; 56.83 in Table 2 shou
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 
 NORMAL_NLL: Mapping[str, float] = {"pedestrian": 96.8, "vehicle": 170.9}
 """Table 1, first row: mean NLL of 100 normal scenes."""
 
+_CELLS = tuple(
+    product(("collision", "yielding"), ("foreground", "background"), ("pedestrian", "vehicle"))
+)
 GAPS: Mapping[str, Mapping[tuple[str, str, str], str]] = {
-    "Claude3.5-Sonnet (Table 1)": {
-        ("collision", "foreground", "pedestrian"): "0.43",
-        ("collision", "foreground", "vehicle"): "0.01",
-        ("collision", "background", "pedestrian"): "0.02",
-        ("collision", "background", "vehicle"): "< 0.01",
-        ("yielding", "foreground", "pedestrian"): "0.65",
-        ("yielding", "foreground", "vehicle"): "2.19",
-        ("yielding", "background", "pedestrian"): "0.03",
-        ("yielding", "background", "vehicle"): "< 0.01",
-    },
-    "Qwen2.5-7B (Table 4)": {
-        ("collision", "foreground", "pedestrian"): "–",
-        ("collision", "foreground", "vehicle"): "< 0.01",
-        ("collision", "background", "pedestrian"): "0.02",
-        ("collision", "background", "vehicle"): "< 0.01",
-        ("yielding", "foreground", "pedestrian"): "0.72",
-        ("yielding", "foreground", "vehicle"): "0.14",
-        ("yielding", "background", "pedestrian"): "0.02",
-        ("yielding", "background", "vehicle"): "< 0.01",
-    },
-    "Qwen2.5-3B (Table 5)": {
-        ("collision", "foreground", "pedestrian"): "–",
-        ("collision", "foreground", "vehicle"): "0.12",
-        ("collision", "background", "pedestrian"): "0.06",
-        ("collision", "background", "vehicle"): "0.01",
-        ("yielding", "foreground", "pedestrian"): "0.32",
-        ("yielding", "foreground", "vehicle"): "0.12",
-        ("yielding", "background", "pedestrian"): "< 0.01",
-        ("yielding", "background", "vehicle"): "< 0.01",
-    },
-}
+    backend: dict(zip(_CELLS, cells, strict=True))
+    for backend, *cells in (
+        ("Claude3.5-Sonnet (Table 1)", "0.43", "0.01", "0.02", "< 0.01", "0.65", "2.19", "0.03",
+         "< 0.01"),
+        ("Qwen2.5-7B (Table 4)", "–", "< 0.01", "0.02", "< 0.01", "0.72", "0.14", "0.02", "< 0.01"),
+        ("Qwen2.5-3B (Table 5)", "–", "0.12", "0.06", "0.01", "0.32", "0.12", "< 0.01", "< 0.01"),
+    )
+}  # fmt: skip
 """|S2R| by backend, then (event, role, class)."""
 
 SATISFIED: Mapping[str, Mapping[str, str]] = {

@@ -1,4 +1,4 @@
-"""A dataset as the tables need it: its rows, and its scenes one after the other."""
+"""A dataset as the tables need it, and Table 2: how often an instruction becomes a scene."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 from scenewright.dataset.batch.manifest import read_manifest
 from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import InputError
+from scenewright.evals.planning import PlanningShare
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import SceneRecord
 
@@ -93,3 +94,47 @@ def find_commit() -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip() or None
+
+
+RARE = ("collision", "yielding")
+"""What the paper's overall rate is over."""
+
+
+@dataclass(frozen=True)
+class RobustnessRate:
+    """ISR of one backend: verified scenes / instructions given (SEMANTICS section 6).
+
+    Attributes:
+        event: `overall` is collisions and yields, `all` every instruction in scope, `given` those
+            out of scope, or not understood, as well.
+    """
+
+    backend: str
+    event: str
+    share: PlanningShare
+
+
+def compute_robustness(dataset: Dataset) -> tuple[RobustnessRate, ...]:
+    """A rate for each backend and event; retries of an order count too."""
+    found = []
+    for backend in dataset.backends:
+        given = [row for row in dataset.rows if row.backend == backend]
+        mine = [row for row in given if row.scope]
+        groups = {
+            event: [row for row in mine if (row.event or "unknown") == event]
+            for event in dict.fromkeys(row.event or "unknown" for row in mine)
+        }
+        groups["overall"] = [row for row in mine if row.event in RARE]
+        groups["all"] = mine
+        groups["given"] = given if len(given) > len(mine) else []
+        found += [
+            RobustnessRate(backend, event, PlanningShare(sum(r.verified for r in rows), len(rows)))
+            for event, rows in groups.items()
+            if rows
+        ]
+    return tuple(found)
+
+
+def count_out_of_scope(dataset: Dataset) -> int:
+    """Instructions that were refused as no request for a scene; they count under `given` alone."""
+    return sum(not row.scope for row in dataset.rows)

@@ -10,11 +10,9 @@ from typing import Any
 from scenewright.evals.markdown import format_table
 from scenewright.evals.tables import paper
 from scenewright.evals.tables.diversity import BAR, Spread
-from scenewright.evals.tables.fidelity_tables import FidelityCell
-from scenewright.evals.tables.likelihood import READINGS, Gap
+from scenewright.evals.tables.likelihood import READINGS
 from scenewright.evals.tables.nearness import UNITS, ReferenceDistance
 from scenewright.evals.tables.produce import INTENT_AT, RELATION_AT, Tables
-from scenewright.evals.tables.robustness import RobustnessRate
 from scenewright.scene.candidates import K
 
 _READ = {
@@ -44,10 +42,20 @@ def to_json(tables: Tables) -> dict[str, Any]:
         "fidelity": {
             "references": [asdict(each) for each in tables.fidelity.references],
             "cells": [asdict(each) for each in tables.fidelity.cells],
-            "agents without a score": asdict(tables.fidelity.left),
+            "agents without a score": dict(tables.fidelity.left),
             "scenes of several kinds": tables.fidelity.mixed,
         },
-        "robustness": [_rate_json(rate) for rate in tables.rates],
+        "robustness": [
+            {
+                "backend": each.backend,
+                "event": each.event,
+                "verified": each.share.right,
+                "n": each.share.n,
+                "rate": each.share.rate,
+                "interval": each.share.interval,
+            }
+            for each in tables.rates
+        ],
         "understanding": dict(tables.understanding),
         "nearness": [{**asdict(each), "unit": UNITS[each.measure]} for each in tables.near],
         "diversity": [
@@ -71,17 +79,6 @@ def to_json(tables: Tables) -> dict[str, Any]:
     }
 
 
-def _rate_json(rate: RobustnessRate) -> dict[str, Any]:
-    return {
-        "backend": rate.backend,
-        "event": rate.event,
-        "verified": rate.share.right,
-        "n": rate.share.n,
-        "rate": rate.share.rate,
-        "interval": rate.share.interval,
-    }
-
-
 def format_markdown(tables: Tables) -> str:
     """One page."""
     parts = [
@@ -99,17 +96,11 @@ def format_markdown(tables: Tables) -> str:
 def _format_about(tables: Tables) -> Iterator[str]:
     lines = []
     for key, value in tables.about.items():
-        text = (
-            ", ".join(f"{k} {_cut(str(v))}" for k, v in value.items())
-            if isinstance(value, dict)
-            else value
-        )
-        lines.append(f"- {key}: {'–' if text is None else text}")
+        parts = value if isinstance(value, dict) else {}
+        short = {k: v if len(str(v)) <= 60 else f"{str(v)[:12]}…" for k, v in parts.items()}
+        text = ", ".join(f"{k} {v}" for k, v in short.items())
+        lines.append(f"- {key}: {text or ('–' if value is None else value)}")
     yield "\n".join(lines)
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:12]}…"
 
 
 def _format_fidelity(tables: Tables) -> Iterator[str]:
@@ -137,44 +128,35 @@ def _format_fidelity(tables: Tables) -> Iterator[str]:
     )
     yield _UNITS
     for backend in dict.fromkeys(cell.backend for cell in found.cells):
-        cells = [cell for cell in found.cells if cell.backend == backend]
+        rows = []
+        for cell in (each for each in found.cells if each.backend == backend):
+            key, gap = (cell.event, cell.role, cell.type), cell.gap
+            theirs = [
+                each.get(key, "–") if cell.reading == "path" else "" for each in paper.GAPS.values()
+            ]
+            role = {"foreground": "FG", "background": "BG"}[cell.role]
+            figures = ["0", *["–"] * 5] if gap is None else [
+                f"{gap.agents} / {gap.scenes}", f"{gap.nll:.2f}", f"{gap.median:.2f}",
+                f"{gap.s2r:+.3f} {_format_interval(gap.s2r_interval, 3)}", f"{abs(gap.s2r):.3f}",
+                f"{gap.delta:+.3f} {_format_interval(gap.delta_interval, 3)}",
+            ]  # fmt: skip
+            rows.append([cell.event, role, cell.type, cell.reading, *figures, *theirs])
         yield f"### Backend `{backend}`"
         yield format_table(
             ["event", "agents", "class", "reading", "agents / scenes", "NLL", "median",
              "S2R, signed", "size of S2R", "ΔNLL", *(f"paper: {name}" for name in paper.GAPS)],
-            [_format_cell(cell) for cell in cells],
+            rows,
         )  # fmt: skip
+    left = found.left
     yield (
-        f"Without a score: {found.left.assumed} agents on routes whose prior is assumed "
-        f"(jaywalking), {found.left.standing} that stand all along, {found.left.riders} on "
+        f"Without a score: {left['assumed']} agents on routes whose prior is assumed "
+        f"(jaywalking), {left['standing']} that stand all along, {left['riders']} on "
         "bicycles and e-scooters, whom the corpus does not have; "
         f"{found.mixed} scenes with events of several kinds are left out."
     )
 
 
-def _format_cell(cell: FidelityCell) -> list[str]:
-    key = (cell.event, cell.role, cell.type)
-    theirs = [gaps.get(key, "–") if cell.reading == "path" else "" for gaps in paper.GAPS.values()]
-    role = {"foreground": "FG", "background": "BG"}[cell.role]
-    return [cell.event, role, cell.type, cell.reading, *_format_gap(cell.gap), *theirs]
-
-
-def _format_gap(gap: Gap | None) -> list[str]:
-    if gap is None:
-        return ["0"] + ["–"] * 5
-    return [
-        f"{gap.agents} / {gap.scenes}",
-        f"{gap.nll:.2f}",
-        f"{gap.median:.2f}",
-        f"{gap.s2r:+.3f} {_format_interval(gap.s2r_interval, 3)}",
-        f"{abs(gap.s2r):.3f}",
-        f"{gap.delta:+.3f} {_format_interval(gap.delta_interval, 3)}",
-    ]
-
-
-def _format_interval(interval: tuple[float, float] | None, digits: int = 2) -> str:
-    if interval is None:
-        return ""
+def _format_interval(interval: tuple[float, float], digits: int = 2) -> str:
     return f"[{interval[0]:.{digits}f}, {interval[1]:.{digits}f}]"
 
 
@@ -189,8 +171,8 @@ def _format_robustness(tables: Tables) -> Iterator[str]:
     rows = [
         [
             rate.backend, rate.event, f"{rate.share.right} / {rate.share.n}",
-            "–" if rate.share.rate is None else f"{100 * rate.share.rate:.2f}",
-            _format_percent(rate),
+            f"{100 * (rate.share.rate or 0.0):.2f}",
+            "[{:.1f}, {:.1f}]".format(*(100 * each for each in rate.share.interval or ())),
         ]
         for rate in tables.rates
     ]  # fmt: skip
@@ -200,11 +182,6 @@ def _format_robustness(tables: Tables) -> Iterator[str]:
         for event, value in rates.items()
     ]
     yield format_table(["backend", "event", "verified / given", "ISR [%]", "95 %"], rows)
-
-
-def _format_percent(rate: RobustnessRate) -> str:
-    found = rate.share.interval
-    return "" if found is None else f"[{100 * found[0]:.1f}, {100 * found[1]:.1f}]"
 
 
 def _format_understanding(tables: Tables) -> Iterator[str]:
@@ -236,31 +213,23 @@ def _format_distances(near: Sequence[ReferenceDistance]) -> Iterator[str]:
         "First Wasserstein distances, 95 % over resampled scenes; *halves* is the distance between "
         "two halves of the reference. Against real tracks both sides are smoothed over 1 s."
     )
-    rows = [_format_distance(each) for each in near]
+    rows = []
+    for each in near:
+        d, spans = each.distance, (each.quantiles, each.reference_quantiles)
+        figures = ["–"] * 3 if d is None else [
+            f"{d.value:.3f} {UNITS[each.measure]}", _format_interval((d.low, d.high), 3),
+            f"{d.n} / {d.n_reference}",
+        ]  # fmt: skip
+        rows.append([
+            each.measure, each.group, each.reference, *figures,
+            "–" if each.halves is None else f"{each.halves:.3f}",
+            *("–" if v is None else f"{v[1]:.2f}, {v[0]:.2f}–{v[2]:.2f}" for v in spans),
+        ])  # fmt: skip
     yield format_table(
         ["measure", "whose", "against", "W1", "95 %", "n / reference", "halves",
          "median, 5–95 %", "reference"],
         rows,
     )  # fmt: skip
-
-
-def _format_distance(each: ReferenceDistance) -> list[str]:
-    d = each.distance
-    return [
-        each.measure,
-        each.group,
-        each.reference,
-        "–" if d is None else f"{d.value:.3f} {UNITS[each.measure]}",
-        "–" if d is None else _format_interval((d.low, d.high), 3),
-        "–" if d is None else f"{d.n} / {d.n_reference}",
-        "–" if each.halves is None else f"{each.halves:.3f}",
-        _format_quantiles(each.quantiles),
-        _format_quantiles(each.reference_quantiles),
-    ]
-
-
-def _format_quantiles(values: tuple[float, ...] | None) -> str:
-    return "–" if values is None else f"{values[1]:.2f}, {values[0]:.2f}–{values[2]:.2f}"
 
 
 def _format_diversity(spreads: Sequence[Spread]) -> Iterator[str]:

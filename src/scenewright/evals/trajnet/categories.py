@@ -44,9 +44,18 @@ def categorise(primary: FloatArray, others: FloatArray) -> tuple[int, tuple[int,
     last = filter_path(primary[:OBSERVED], steps=PREDICTED)[-1]
     if np.linalg.norm(primary[-1] - last) < STRAIGHT:
         return LINEAR, ()
-    place, motion, distance = _compute_relative_motion(primary, others)
-    ahead = _is_within(place, 0.0, _CONE) & (distance < _NEAR)
-    group = _is_grouped(primary, others, place, distance)
+    # Where others are and which way they move, [M, 12] against the way the primary moves [degrees].
+    way = _compute_angle(primary[OBSERVED:] - primary[OBSERVED - _STRIDE : -_STRIDE])
+    offset = others[:, OBSERVED:] - primary[OBSERVED:]
+    moved = others[:, OBSERVED:] - others[:, OBSERVED - _STRIDE : -_STRIDE]
+    place, motion = (_compute_angle(offset) - way) % 360, (_compute_angle(moved) - way) % 360
+    near = np.linalg.norm(offset, axis=-1) < _NEAR
+    ahead = _is_within(place, 0.0, _CONE) & near
+    # In a group are those at the primary's side once and close to it all along.
+    side = _is_within(place, 90.0, _SIDE) | _is_within(place, 270.0, _SIDE)
+    apart = np.linalg.norm(others - primary, axis=-1)
+    close = (apart.mean(axis=1) < _GROUP_DISTANCE) & (apart.std(axis=1) < _GROUP_DEVIATION)
+    group = (side & near).any(axis=1) & close
     if not (ahead.any() or group.any()):
         return OTHER, ()
     following = (ahead & _is_within(motion, 0.0, _CONE)).sum(axis=1) >= _FOLLOWING
@@ -81,20 +90,6 @@ def filter_path(observed: FloatArray, *, steps: int) -> FloatArray:
     return np.asarray(mean[0] + ahead * mean[1])
 
 
-def _compute_relative_motion(
-    primary: FloatArray, others: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """[M, 12] over the predicted steps, from the primary and against the way it moves.
-
-    Where others are and which way they move [degrees, 0 to 360], and how far they are [m].
-    """
-    way = _compute_angle(primary[OBSERVED:] - primary[OBSERVED - _STRIDE : -_STRIDE])
-    offset = others[:, OBSERVED:] - primary[OBSERVED:]
-    moved = others[:, OBSERVED:] - others[:, OBSERVED - _STRIDE : -_STRIDE]
-    distance = np.linalg.norm(offset, axis=-1)
-    return (_compute_angle(offset) - way) % 360, (_compute_angle(moved) - way) % 360, distance
-
-
 def _compute_angle(vector: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(np.arctan2(vector[..., 1], vector[..., 0])))
 
@@ -103,14 +98,3 @@ def _is_within(angle: FloatArray, centre: float, reach: float) -> NDArray[np.boo
     """Whether an angle lies above centre - reach and at most at centre + reach; NaN does not."""
     off = (angle - centre + 180.0) % 360.0 - 180.0
     return np.asarray((off > -reach) & (off <= reach))
-
-
-def _is_grouped(
-    primary: FloatArray, others: FloatArray, place: FloatArray, distance: FloatArray
-) -> NDArray[np.bool_]:
-    """Return [M] whether each other is at the primary's side once and close to it all along."""
-    side = _is_within(place, 90.0, _SIDE) | _is_within(place, 270.0, _SIDE)
-    beside = (side & (distance < _NEAR)).any(axis=1)
-    apart = np.linalg.norm(others - primary, axis=-1)
-    close = (apart.mean(axis=1) < _GROUP_DISTANCE) & (apart.std(axis=1) < _GROUP_DEVIATION)
-    return np.asarray(beside & close)

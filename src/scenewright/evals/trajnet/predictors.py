@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED
-from scenewright.evals.trajnet.timing import compute_times_around_now, interpolate_at_times
+from scenewright.evals.trajnet.recording import (
+    OBSERVED,
+    PREDICTED,
+    compute_times_around_now,
+    interpolate_at_times,
+)
 from scenewright.scene.base import FloatArray
 
 if TYPE_CHECKING:
@@ -100,48 +104,31 @@ class Refining:
         steps: int,
     ) -> list[FloatArray]:
         """[N, steps, 2] of each scene at the network's step, scenes of like size together."""
+        import torch
+
+        from scenewright.tools.trajnet_refiner.model import Scenes, predict
         from scenewright.tools.trajnet_refiner.windows import group_by_size
 
         found: dict[int, FloatArray] = {}
         sizes = [len(past) for past in pasts]
+        device = next(self.net.parameters()).device
         for group in group_by_size(sizes, agents=self.agents, rng=np.random.default_rng(0)):
             chosen = [int(i) for i in group]
-            given = None if goals is None else [goals[i] for i in chosen]
-            results = self._predict_batch([pasts[i] for i in chosen], given, due, steps)
-            found.update(zip(chosen, results, strict=True))
+            most = max(sizes[i] for i in chosen)
+            xy = np.full((len(chosen), most, OBSERVED, 2), np.nan)
+            goal = np.full((len(chosen), most, 2), np.nan)
+            centres = [pasts[i][:, -1].mean(axis=0) for i in chosen]
+            for b, (i, centre) in enumerate(zip(chosen, centres, strict=True)):
+                xy[b, : sizes[i]] = pasts[i] - centre
+                if goals is not None:
+                    goal[b, : sizes[i]] = goals[i] - centre
+            scenes = Scenes(
+                torch.from_numpy(xy.astype(np.float32)),
+                torch.zeros(xy.shape[:2], dtype=torch.long),
+                torch.from_numpy(goal.astype(np.float32)),
+                torch.full(xy.shape[:2], torch.nan if due is None else float(due)),
+            )
+            ahead = predict(self.net, scenes.to(device), steps=steps).xy.cpu().numpy()
+            for b, (i, centre) in enumerate(zip(chosen, centres, strict=True)):
+                found[i] = ahead[b, : sizes[i]].astype(np.float64) + centre
         return [found[i] for i in range(len(pasts))]
-
-    def _predict_batch(
-        self,
-        pasts: Sequence[FloatArray],
-        goals: Sequence[FloatArray] | None,
-        due: float | None,
-        steps: int,
-    ) -> list[FloatArray]:
-        """[N, steps, 2] of each scene; see `Predictor`."""
-        import torch
-
-        from scenewright.tools.trajnet_refiner.model import Scenes, predict
-
-        most = max(len(past) for past in pasts)
-        xy = np.full((len(pasts), most, OBSERVED, 2), np.nan)
-        goal = np.full((len(pasts), most, 2), np.nan)
-        centres = [past[:, -1].mean(axis=0) for past in pasts]
-        for b, (past, centre) in enumerate(zip(pasts, centres, strict=True)):
-            xy[b, : len(past)] = past - centre
-            if goals is not None:
-                goal[b, : len(past)] = goals[b] - centre
-        device = next(self.net.parameters()).device
-        scenes = Scenes(
-            torch.from_numpy(xy.astype(np.float32)),
-            torch.zeros(xy.shape[:2], dtype=torch.long),
-            torch.from_numpy(goal.astype(np.float32)),
-            torch.full(xy.shape[:2], torch.nan if due is None else float(due)),
-        )
-        ahead = (
-            predict(self.net, scenes.to(device), steps=steps).xy.cpu().numpy().astype(np.float64)
-        )
-        return [
-            ahead[b, : len(past)] + centre
-            for b, (past, centre) in enumerate(zip(pasts, centres, strict=True))
-        ]

@@ -8,8 +8,6 @@ frame s to frame e, with all agents that have rows in it. Predictions are rows w
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -91,36 +89,43 @@ def read_recording(path: Path) -> BenchmarkRecording:
     def refuse(line: int, reason: str) -> NoReturn:
         raise InputError(f"{path}, line {line}: not a TrajNet++ row: {reason}")
 
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file") from error
     for line, kind, values in iterate_trajnet_rows(
-        _read_lines(path), predictions="first as tracks", refuse=refuse
+        lines, predictions="first as tracks", refuse=refuse
     ):
         try:
             if kind == "scene":
                 scenes.append(_parse_scene(values))
-            else:
-                rows[int(values["p"]), int(values["f"])] = _parse_position(values)
+                continue
+            place = float(values["x"]), float(values["y"])
+            if not np.isfinite(place).all():
+                raise ValueError("a position must be finite")
+            rows[int(values["p"]), int(values["f"])] = place
         except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             why = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else str(error)
             refuse(line, why)
     if not scenes or not rows:
         raise InputError(f"{path}: a TrajNet++ file holds scenes and tracks; found "
                          f"{len(scenes)} scenes and {len(rows)} rows of tracks")  # fmt: skip
-    return _build_recording(path, tuple(scenes), rows)
-
-
-def _read_lines(path: Path) -> Iterator[str]:
-    try:
-        with path.open(encoding="utf-8") as file:
-            yield from file
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file") from error
-
-
-def _parse_position(track: Mapping[str, Any]) -> tuple[float, float]:
-    xy = float(track["x"]), float(track["y"])
-    if not np.isfinite(xy).all():
-        raise ValueError("a position must be finite")
-    return xy
+    strides = {((s.end - s.start) // (STEPS - 1), s.fps) for s in scenes}
+    if len(strides) > 1:
+        raise InputError(f"{path}: scenes of different steps (frames, fps): {sorted(strides)}")
+    stride, fps = strides.pop()
+    keys = np.array(sorted(rows, key=lambda key: (key[1], key[0])))
+    xy = np.array([rows[p, f] for p, f in keys.tolist()])
+    ids, index = np.unique(keys[:, 0], return_inverse=True)
+    frames, begins = np.unique(keys[:, 1], return_index=True)
+    parts = zip(np.split(index, begins[1:]), np.split(xy, begins[1:]), strict=True)
+    first, last = np.empty((len(ids), 2)), np.empty((len(ids), 2))
+    last[index] = xy  # rows are in the order of time, so each pedestrian's last one stays
+    first[index[::-1]] = xy[::-1]
+    by_frame = dict(zip(frames.tolist(), parts, strict=True))
+    return BenchmarkRecording(
+        path.stem, tuple(scenes), stride, 1.0 / fps, ids, by_frame, first, last
+    )
 
 
 def _parse_scene(entry: dict[str, Any]) -> SceneRow:
@@ -140,43 +145,23 @@ def _parse_scene(entry: dict[str, Any]) -> SceneRow:
     )  # fmt: skip
 
 
-def _build_recording(
-    path: Path, scenes: tuple[SceneRow, ...], rows: dict[tuple[int, int], tuple[float, float]]
-) -> BenchmarkRecording:
-    strides = {((s.end - s.start) // (STEPS - 1), s.fps) for s in scenes}
-    if len(strides) > 1:
-        raise InputError(f"{path}: scenes of different steps (frames, fps): {sorted(strides)}")
-    stride, fps = strides.pop()
-    keys = np.array(sorted(rows, key=lambda key: (key[1], key[0])))
-    xy = np.array([rows[p, f] for p, f in keys.tolist()])
-    ids, index = np.unique(keys[:, 0], return_inverse=True)
-    frames, begins = np.unique(keys[:, 1], return_index=True)
-    parts = zip(np.split(index, begins[1:]), np.split(xy, begins[1:]), strict=True)
-    first, last = np.empty((len(ids), 2)), np.empty((len(ids), 2))
-    last[index] = xy  # rows are in the order of time, so each pedestrian's last one stays
-    first[index[::-1]] = xy[::-1]
-    by_frame = dict(zip(frames.tolist(), parts, strict=True))
-    return BenchmarkRecording(path.stem, scenes, stride, 1.0 / fps, ids, by_frame, first, last)
-
-
-def format_prediction(
-    row: SceneRow, *, stride: int, ids: Iterable[int], xy: FloatArray
-) -> Iterator[str]:
-    """The lines of one predicted scene, the primary first.
+def interpolate_at_times(xy: FloatArray, given: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Positions in between, on straight lines.
 
     Args:
-        ids: of the predicted, the primary first; xy: [M, 12, 2] [m].
+        xy: [N, T, 2] positions [m], NaN where unseen; given: [T] their times [s], ascending.
+        wanted: [W] times [s] within those given.
+
+    Returns:
+        [N, W, 2]; NaN between two positions of which one is unseen.
     """
-    scene = {"id": row.id, "p": row.primary, "s": row.start, "e": row.end, "fps": row.fps, "tag": 0}
-    yield json.dumps({"scene": scene})
-    for index, track in zip(ids, xy, strict=True):
-        for k, (x, y) in enumerate(track):
-            entry = {
-                "f": row.start + (OBSERVED + k) * stride,
-                "p": int(index),
-                "x": round(float(x), 2),
-                "y": round(float(y), 2),
-                "prediction_number": 0,
-                "scene_id": row.id,
-            }
-            yield json.dumps({"track": entry})
+    low = np.clip(np.searchsorted(given, wanted + 1e-9) - 1, 0, len(given) - 2)
+    share = ((wanted - given[low]) / (given[low + 1] - given[low]))[:, None]
+    first, second = xy[:, low], xy[:, low + 1]
+    between = np.where(share < 1e-6, first, (1.0 - share) * first + share * second)
+    return np.asarray(np.where(share > 1.0 - 1e-6, second, between))
+
+
+def compute_times_around_now(count: int, *, before: int, step: float) -> FloatArray:
+    """[count] times [s] of samples every `step`, of which sample `before` is now."""
+    return np.asarray(step * (np.arange(count) - before), dtype=np.float64)

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
-from scenewright.evals.bootstrap import compute_interval, draw_resamples
+from scenewright.evals.bootstrap import Figure, compute_mean, draw_resamples
 from scenewright.evals.trajnet.categories import SUBTYPE_NAMES, TYPE_NAMES, categorise
-from scenewright.evals.trajnet.metrics import compute_displacement, find_collisions
-from scenewright.evals.trajnet.predictors import Predictor
+from scenewright.evals.trajnet.predictors import Predictor, Refining, predict_constant_velocity
 from scenewright.evals.trajnet.recording import (
     OBSERVED,
     PREDICTED,
     BenchmarkRecording,
     SceneRow,
-    format_prediction,
 )
 from scenewright.scene.base import FloatArray
 
@@ -28,6 +28,10 @@ Goals = Literal["none", "destination", "horizon"]
 benchmark's definition; or where it is at the end of the scene, and that it is there then."""
 MEASURES = ("ade", "fde", "col1", "col2")
 _RESAMPLES = 1000
+TOUCHING = 0.2
+"""Two pedestrians collide at this distance or less [m]: twice the benchmark's radius of 0.1 m."""
+PARTS = 2
+"""Sub-intervals of a step at whose ends distances are taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +93,22 @@ def predict_scenes(
         due=PREDICTED if goals == "horizon" else None,
         step=recording.step,
     )
-    all_futures = [
-        (np.concatenate((seen_places, left)), np.concatenate((xy, beyond)), len(seen_places))
-        for seen_places, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
-    ]
-    by_start = dict(zip(starts, all_futures, strict=True))
-    return [_build_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
+    futures = {
+        start: (np.concatenate((seen_places, left)), np.concatenate((xy, beyond)), len(seen_places))
+        for start, seen_places, xy, (left, beyond) in zip(starts, places, ahead, gone, strict=True)
+    }
+    found = []
+    for row in recording.scenes:
+        seen_places, xy, present = futures[row.start]
+        is_primary = recording.ids[seen_places] == row.primary
+        if not is_primary[:present].any():
+            raise InputError(
+                f"{recording.name}.ndjson: the primary of scene {row.id}, pedestrian "
+                f"{row.primary}, is not there at the ninth step"
+            )
+        order = np.argsort(~is_primary, kind="stable")
+        found.append(PredictedScene(row, seen_places[order], xy[order].round(2)))
+    return found
 
 
 def _extend_gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
@@ -108,65 +122,85 @@ def _extend_gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     return seen_places, at[:, None] + steps[..., None] * move[:, None]
 
 
-def _build_scene(
-    recording: BenchmarkRecording,
-    row: SceneRow,
-    seen_places: NDArray[np.int64],
-    ahead: FloatArray,
-    present: int,
-) -> PredictedScene:
-    is_primary = recording.ids[seen_places] == row.primary
-    if not is_primary[:present].any():
-        raise InputError(
-            f"{recording.name}.ndjson: the primary of scene {row.id}, pedestrian {row.primary}, "
-            "is not there at the ninth step"
-        )
-    order = np.argsort(~is_primary, kind="stable")
-    return PredictedScene(row, seen_places[order], ahead[order].round(2))
+def compute_displacement(predicted: FloatArray, truth: FloatArray) -> tuple[float, float]:
+    """Mean (ADE) and last (FDE) distance between two paths [P, 2], in metres."""
+    distance = np.linalg.norm(predicted - truth, axis=-1)
+    return float(distance.mean()), float(distance[-1])
+
+
+def find_collisions(primary: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
+    """Which of the others the primary collides with.
+
+    Distances are taken at the steps and at the ends of `PARTS` equal parts between them, as if
+    all agents moved straight and evenly within a step. What lies before the first predicted step
+    is not looked at. As in the benchmark, steps at which the other is unseen are left out, its
+    next one follows directly, and a single common step is no collision.
+
+    Args:
+        primary: [P, 2]; others: [M, P, 2], NaN where unseen [m].
+
+    Returns:
+        [M]
+    """
+    offset = others - primary
+    seen: NDArray[np.bool_] = np.asarray(~np.isnan(offset).any(axis=-1))
+    hit = _is_touching(offset)
+    for m in np.flatnonzero(~seen.all(axis=1)):
+        hit[m] = bool(_is_touching(offset[m : m + 1, seen[m]])[0])
+    return hit
+
+
+def _is_touching(offset: FloatArray) -> NDArray[np.bool_]:
+    """[M] of offsets [M, P, 2] that are nowhere NaN; NaN counts as far away."""
+    if offset.shape[1] < 2:
+        return np.zeros(len(offset), dtype=np.bool_)
+    share = np.linspace(0.0, 1.0, PARTS + 1)[:, None, None]
+    between = offset[:, None, :-1] * (1 - share) + offset[:, None, 1:] * share
+    distance = np.linalg.norm(between, axis=-1)
+    return np.asarray((distance <= TOUCHING).any(axis=(1, 2)))
 
 
 def score_scenes(
     recording: BenchmarkRecording, scenes: Sequence[PredictedScene]
 ) -> list[SceneScore]:
     """Scores of all scenes whose primary's future is in the file."""
-    real = {start: recording.stretch(start) for start in {s.row.start for s in scenes}}
-    found = (_score(recording, scene, real[scene.row.start]) for scene in scenes)
-    return [score for score in found if score is not None]
-
-
-def _score(
-    recording: BenchmarkRecording, scene: PredictedScene, real: FloatArray
-) -> SceneScore | None:
-    truth = real[scene.places[0], OBSERVED:]
-    if np.isnan(truth).any():
-        return None
-    others = np.delete(real, scene.places[0], axis=0)
-    others = others[~np.isnan(others[..., 0]).all(axis=1)]
-    observed = others[~np.isnan(others[:, :OBSERVED, 0]).all(axis=1)]
-    kind, parts = scene.row.type, scene.row.subtypes
-    if kind is None:
-        kind, parts = categorise(real[scene.places[0]], others)
-    ade, fde = compute_displacement(scene.xy[0], truth)
-    neighbours = scene.xy[1:]
-    return SceneScore(
-        (recording.name, scene.row.primary),
-        kind,
-        parts,
-        ade,
-        fde,
-        bool(find_collisions(scene.xy[0], neighbours).any()),
-        bool(find_collisions(scene.xy[0], observed[:, OBSERVED:]).any()),
-    )
+    stretches = {start: recording.stretch(start) for start in {s.row.start for s in scenes}}
+    found = []
+    for scene in scenes:
+        real, primary, row = stretches[scene.row.start], scene.places[0], scene.row
+        truth = real[primary, OBSERVED:]
+        if np.isnan(truth).any():
+            continue
+        others = np.delete(real, primary, axis=0)
+        others = others[~np.isnan(others[..., 0]).all(axis=1)]
+        observed = others[~np.isnan(others[:, :OBSERVED, 0]).all(axis=1)]
+        kind, parts = row.type, row.subtypes
+        if kind is None:
+            kind, parts = categorise(real[primary], others)
+        hits = (
+            bool(find_collisions(scene.xy[0], each).any())
+            for each in (scene.xy[1:], observed[:, OBSERVED:])
+        )
+        person, errors = (recording.name, row.primary), compute_displacement(scene.xy[0], truth)
+        found.append(SceneScore(person, kind, parts, *errors, *hits))
+    return found
 
 
 def format_predictions(
     recording: BenchmarkRecording, scenes: Iterable[PredictedScene]
 ) -> Iterable[str]:
-    """The predictions in the benchmark's own format, line by line."""
-    for scene in scenes:
-        yield from format_prediction(
-            scene.row, stride=recording.stride, ids=recording.ids[scene.places], xy=scene.xy
-        )
+    """The predictions in the benchmark's own format, line by line, each primary first."""
+    for each in scenes:
+        row = each.row
+        names = {"id": row.id, "p": row.primary, "s": row.start, "e": row.end, "fps": row.fps}
+        yield json.dumps({"scene": {**names, "tag": 0}})
+        for person, track in zip(recording.ids[each.places].tolist(), each.xy, strict=True):
+            for k, (x, y) in enumerate(track.tolist(), start=OBSERVED):
+                place = {"p": person, "x": round(x, 2), "y": round(y, 2)}
+                more = {"prediction_number": 0, "scene_id": row.id}
+                yield json.dumps(
+                    {"track": {"f": row.start + k * recording.stride, **place, **more}}
+                )
 
 
 @dataclass(frozen=True)
@@ -175,62 +209,104 @@ class ScoreRow:
 
     Attributes:
         name: of the type or subtype; scenes, people: how many.
-        values: measure -> mean, collisions in percent; None where there is no scene to count.
-        intervals: measure -> 95 % interval, from drawing people anew with all their scenes.
+        figures: measure -> mean, collisions in percent; people are drawn anew with all scenes.
     """
 
     name: str
     scenes: int
     people: int
-    values: dict[str, float | None]
-    intervals: dict[str, tuple[float, float] | None]
+    figures: Mapping[str, Figure]
 
     def to_json(self) -> dict[str, Any]:
         """For a report."""
+        known = {
+            key: None if f.value is None else [f.low, f.high] for key, f in self.figures.items()
+        }
         return {
-            "name": self.name, "scenes": self.scenes, "people": self.people, **self.values,
-            "intervals": {key: pair and list(pair) for key, pair in self.intervals.items()},
+            "name": self.name, "scenes": self.scenes, "people": self.people,
+            **{key: figure.value for key, figure in self.figures.items()}, "intervals": known,
         }  # fmt: skip
 
 
 def build_table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[ScoreRow]:
     """All scenes, then each type and each subtype of which there are scenes."""
-    groups = [("all", list(scores))]
-    for k, name in TYPE_NAMES.items():
-        groups.append((f"{k} {name}", [s for s in scores if s.type == k]))
-    for k, name in SUBTYPE_NAMES.items():
-        groups.append((f"3.{k} {name}", [s for s in scores if k in s.subtypes]))
-    return [_build_row(name, group, seed) for name, group in groups if group]
+    groups = {
+        "all": list(scores),
+        **{f"{k} {name}": [s for s in scores if s.type == k] for k, name in TYPE_NAMES.items()},
+        **{f"3.{k} {name}": [s for s in scores if k in s.subtypes]
+           for k, name in SUBTYPE_NAMES.items()},
+    }  # fmt: skip
+    rows = []
+    for name, group in groups.items():
+        people = {person: k for k, person in enumerate(sorted({s.person for s in group}))}
+        if people:
+            whose = np.array([people[s.person] for s in group])
+            draws = draw_resamples(len(people), draws=_RESAMPLES, seed=seed)
+            figures = {}
+            for measure in MEASURES:
+                x = np.array([getattr(s, measure) for s in group], dtype=np.float64)
+                x = 100 * x if measure.startswith("col") else x
+                figures[measure] = compute_mean(x, whose, draws)
+            rows.append(ScoreRow(name, len(group), len(people), figures))
+    return rows
 
 
-def _build_row(name: str, scores: Sequence[SceneScore], seed: int) -> ScoreRow:
-    people = sorted({s.person for s in scores})
-    place = {person: k for k, person in enumerate(people)}
-    groups = np.array([place[s.person] for s in scores])
-    draws = draw_resamples(len(people), draws=_RESAMPLES, seed=seed)
-    values, intervals = {}, {}
-    for measure in MEASURES:
-        given = [getattr(s, measure) for s in scores]
-        x = np.array([np.nan if v is None else float(v) for v in given])
-        x = 100 * x if measure.startswith("col") else x
-        values[measure], intervals[measure] = compute_mean_with_interval(x, groups, draws)
-    return ScoreRow(name, len(scores), len(people), values, intervals)
+KINDS_OF_GOALS: tuple[Goals, ...] = ("none", "destination", "horizon")
 
 
-def compute_mean_with_interval(
-    x: FloatArray, groups: NDArray[np.int64], draws: NDArray[np.int64]
-) -> tuple[float | None, tuple[float, float] | None]:
-    """Mean of the values and its 95 % interval; None without any.
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """One predictor over all recordings.
+
+    Attributes:
+        predictor: its name; goals: those it was given.
+        predicted: of each recording its scenes, in order.
+        rows: the scores; empty where no file holds what really happened.
+    """
+
+    predictor: str
+    goals: Goals
+    predicted: list[list[PredictedScene]]
+    rows: list[ScoreRow]
+
+    def to_json(self) -> dict[str, Any]:
+        """For a report, without the predictions."""
+        rows = [row.to_json() for row in self.rows]
+        return {"predictor": self.predictor, "goals": self.goals, "rows": rows}
+
+
+def evaluate(
+    recordings: Sequence[BenchmarkRecording],
+    *,
+    weights: Path | None,
+    log: Callable[[str], None] = lambda _: None,
+) -> list[Evaluated]:
+    """Constant velocity, then the refiner without and with goals, over all scenes together.
+
+    Goals come from the future, so a file that does not hold it is predicted without.
 
     Args:
-        x: [S] one value per scene; NaN is left out; groups: [S] its person.
-        draws: [R, people] how often each person was drawn, R times.
+        weights: of the refiner; None leaves it out.
+
+    Raises:
+        InputError: the weights cannot be used, or a scene has no primary.
     """
-    known = ~np.isnan(x)
-    if not known.any():
-        return None, None
-    total = np.bincount(groups[known], x[known], minlength=draws.shape[1])
-    count = np.bincount(groups[known], minlength=draws.shape[1])
-    counted = draws @ count
-    means = (draws @ total)[counted > 0] / counted[counted > 0]
-    return float(x[known].mean()), compute_interval(means)
+
+    def run(predictor: Predictor, name: str, goals: Goals) -> Evaluated:
+        predicted, scores = [], []
+        for recording in recordings:
+            with_goals = "" if goals == "none" else f", given the {goals}"
+            log(f"{recording.name}: {name}{with_goals}")
+            predicted.append(predict_scenes(recording, predictor, goals=goals))
+            scores += score_scenes(recording, predicted[-1])
+        return Evaluated(name, goals, predicted, build_table(scores))
+
+    straight = run(predict_constant_velocity, "constant velocity", "none")
+    if weights is None:
+        return [straight]
+    from scenewright.tools.trajnet_refiner.model import Refiner
+    from scenewright.tools.trajnet_refiner.store import read_refiner
+
+    net = Refiner.from_weights(*read_refiner(weights, task="benchmark"))
+    kinds = KINDS_OF_GOALS if net.config.goals and straight.rows else KINDS_OF_GOALS[:1]
+    return [straight, *(run(Refining(net), "refiner", goals) for goals in kinds)]

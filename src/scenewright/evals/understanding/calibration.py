@@ -1,55 +1,101 @@
-"""The calibration: from the features of a pair to relation probabilities, by boosted trees.
+"""The reasoner without a language model: from the features of all pairs of a scene to relations.
 
-It is fitted by `tuning` on development halves alone and shipped as plain arrays, which load under
-any version of scikit-learn and run no code of a pickle.
+Boosted trees look at every pair by itself. On top of their probabilities, a linear model looks at
+all pairs of the scene: little of what may happen does, and no agent has two events at once. So a
+pair next to a likelier one is less likely to have a relation than it looks, and one that stands
+alone is likelier. Both are fitted by `lab.understanding.tuning` on development halves alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import softmax
+from scipy.special import logit, softmax
 
-from scenewright.compiled import compiled
-from scenewright.errors import InputError
-from scenewright.evals.understanding.pair_features import NAMES, mirror_features
-from scenewright.evals.understanding.scene_model import (
-    PAIR_CLASSES,
-    apply_scene_model,
-    average_mirrored,
+from scenewright.evals.understanding.boosted_trees import BoostedTrees, IntArray
+from scenewright.evals.understanding.forecast import SceneForecast
+from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.pair_features import (
+    NAMES,
+    compute_pair_features,
+    mirror_features,
 )
-from scenewright.evals.understanding.time_gaps import IntArray
 from scenewright.scene.base import FloatArray
 
 _SHIPPED = Path(__file__).with_name("calibration.npz")
+PAIR_CLASSES = ("none", "collision", "near_miss", "gives_a", "gives_b")
+"""The relation of a pair: none, a collision, a near miss, or that a, or b, gives way."""
+SWAPPED = np.array((0, 1, 2, 4, 3))
+"""The classes with a and b swapped."""
+SIZE = 20
+"""Features of a pair: its own log odds, and log odds and probabilities of the others."""
+_LEAST = 1e-4
+
+
+def apply_scene_model(
+    likely: FloatArray, pairs: Sequence[tuple[str, str]], weights: FloatArray
+) -> FloatArray:
+    """Compute [N, C] class probabilities given all pairs of the scene.
+
+    Args:
+        likely: [N, C] of each pair by itself; pairs: [N] the two agents.
+        weights: [SIZE + 1, C], the constant last.
+    """
+    if not len(likely):
+        return likely
+    return average_mirrored(
+        lambda values: np.asarray(softmax(values @ weights[:-1] + weights[-1], axis=1)),
+        compute_scene_features(likely, pairs),
+        mirror_scene_features,
+    )
+
+
+def average_mirrored(
+    predict: Callable[[FloatArray], FloatArray],
+    values: FloatArray,
+    mirror: Callable[[FloatArray], FloatArray],
+) -> FloatArray:
+    """[N, C] mean over both orders of a and b, so that their order makes no difference."""
+    return np.asarray((predict(values) + predict(mirror(values))[:, SWAPPED]) / 2)
+
+
+def compute_scene_features(likely: FloatArray, pairs: Sequence[tuple[str, str]]) -> FloatArray:
+    """[N, SIZE] features of the model.
+
+    Of collisions, yields and near misses the likeliest among the pairs that share no agent with
+    this one, and among those that do; and the expected collisions and yields of all others.
+    """
+    events = np.stack([likely[:, 1], likely[:, 3] + likely[:, 4], likely[:, 2]], axis=1)
+    _, codes = np.unique(pairs, return_inverse=True)
+    ends = codes.reshape(-1, 2)
+    shares = (ends[:, None, :, None] == ends[None, :, None]).any(axis=(2, 3))
+    others = shares & ~np.eye(len(pairs), dtype=np.bool_)
+    most = [np.where(mask[..., None], events, 0.0).max(axis=1) for mask in (~shares, others)]
+    rest = events[:, :2].sum(axis=0) - events[:, :2]
+    around = np.concatenate([*most, rest], axis=1)
+    odds = logit(np.clip(np.concatenate([likely[:, 1:], around], axis=1), _LEAST, 1.0 - _LEAST))
+    return np.concatenate([odds, around], axis=1)
+
+
+def mirror_scene_features(values: FloatArray) -> FloatArray:
+    """[N, SIZE] with a and b swapped."""
+    return values[:, [0, 1, 3, 2, *range(4, SIZE)]]
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
-    """All trees, end to end, the scene model and the thresholds; names are those of the file.
+class Calibration(BoostedTrees):
+    """The trees, of which `start` has one entry a class, the scene model and the thresholds.
 
     Attributes:
-        start: [C] log odds before any tree; owner: [T] class that a tree contributes to; root: [T]
-            index of its first node.
-        feature: [N] feature tested, -1 in leaves; limit: [N] at or below it goes left; left, right:
-            [N] index of the next node; value: [N] of leaves.
-        together: [M + 1, C] weights of the scene model.
+        owner: [T] class that a tree contributes to; together: [M + 1, C] of the scene model.
         windows: [W] ascending [s]; threshold: [W, C] probability from which a relation is reported.
     """
 
-    start: FloatArray
-    owner: NDArray[np.intp]
-    root: NDArray[np.intp]
-    feature: NDArray[np.intp]
-    limit: FloatArray
-    left: NDArray[np.intp]
-    right: NDArray[np.intp]
-    value: FloatArray
+    owner: IntArray
     together: FloatArray
     windows: FloatArray
     threshold: FloatArray
@@ -69,27 +115,10 @@ class Calibration:
         return apply_scene_model(self.predict_pairs(values), pairs, self.together)
 
     def _run_trees(self, values: FloatArray) -> FloatArray:
-        node = find_leaves(values, self.root, self.feature, self.limit, self.left, self.right)
-        raw, leaves = np.tile(self.start, (len(values), 1)), self.value[node]
+        raw, leaves = np.tile(self.start, (len(values), 1)), self.find_values(values)
         for c in range(len(PAIR_CLASSES)):
             raw[:, c] += leaves[:, self.owner == c].sum(axis=1)
         return np.asarray(softmax(raw, axis=1))
-
-
-@compiled
-def find_leaves(
-    values: FloatArray, root: IntArray, feature: IntArray, limit: FloatArray, left: IntArray,
-    right: IntArray,
-) -> IntArray:  # fmt: skip
-    """[N, T] the leaf of every tree that each row of features [N, F] comes to."""
-    leaf = np.empty((len(values), len(root)), np.intp)
-    for n in range(len(values)):
-        for t in range(len(root)):
-            node = root[t]
-            while feature[node] >= 0:
-                node = left[node] if values[n, feature[node]] <= limit[node] else right[node]
-            leaf[n, t] = node
-    return leaf
 
 
 @lru_cache(maxsize=4)
@@ -99,18 +128,7 @@ def load_calibration(file: Path = _SHIPPED) -> Calibration:
     Raises:
         InputError: missing, damaged, or for other features.
     """
-    try:
-        with np.load(file, allow_pickle=False) as stored:
-            names = tuple(str(name) for name in stored["names"])
-            arrays = {key: stored[key] for key in Calibration.__dataclass_fields__}
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"cannot read the calibration {file}: {error}") from None
-    if names != NAMES:
-        raise InputError(f"the calibration {file} is for other features; tune it anew")
-    return Calibration(**{
-        key: array.astype(np.float64 if array.dtype.kind == "f" else np.intp)
-        for key, array in arrays.items()
-    })  # fmt: skip
+    return Calibration.load(file, names=NAMES, what="calibration")
 
 
 def select_relations(
@@ -134,3 +152,27 @@ def select_relations(
             selected.append((n, int(best[n])))
             busy.update(pairs[n])
     return selected
+
+
+def predict_relations(
+    forecast: SceneForecast, *, window: float, calibration: Calibration | None = None
+) -> tuple[PairRelation, ...]:
+    """Predict the relations that are likely enough, the likeliest first, one for each agent.
+
+    Args:
+        window: length of the observation [s]; calibration: the shipped one if None.
+    """
+    trees, features = calibration or load_calibration(), compute_pair_features(forecast, window)
+    if not features:
+        return ()
+    pairs = [(each.a, each.b) for each in features]
+    likely = trees.predict_scene(np.array([each.values for each in features]), pairs)
+    selected = select_relations(likely, trees.interpolate_thresholds(window), pairs)
+    return tuple(to_relation(*pairs[n], PAIR_CLASSES[c]) for n, c in selected)
+
+
+def to_relation(a: str, b: str, kind: str) -> PairRelation:
+    """Convert the class of a pair to a relation."""
+    if kind == "gives_b":
+        return PairRelation("yielding", b, a)
+    return PairRelation("yielding" if kind == "gives_a" else kind, a, b)

@@ -9,8 +9,9 @@ happens, and as many agents are to be seen. Neither lengths nor counts say which
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,6 @@ from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.graph.written_proof import read_proof
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event, Proof
-from scenewright.scene.record import AgentRecord, SignalRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker import (
     Trajectory,
@@ -73,7 +73,7 @@ class ClipSource:
     Attributes:
         events: collisions, near misses and yields of all agents; named: the gravest asked for.
         spans: [A, 2] when each agent is there [s]; classes: [A] its class.
-        near: [A, A, T] whether two are near one another at each `_GRID`-th sample.
+        near: ids of two, not both on foot, and at which `_GRID`-th samples they are near [s].
     """
 
     case: SceneCase
@@ -100,7 +100,14 @@ def read_source(folder: Path) -> ClipSource:
     asked = [e for e in events if e.event in proof.events]
     named = min(asked, key=lambda e: RELATIONS.index(e.event.type), default=None)
     spans = {k: (float(t.times[0]), float(t.times[-1])) for k, t in tracks.items()}
-    return ClipSource(case, proof, events, named, spans, _find_near_pairs(list(tracks.values())))
+    near = []
+    for one, two in combinations(tracks.values(), 2):
+        times = find_common_times(one, two)[::_GRID]
+        if len(times) and (one.is_vehicle or two.is_vehicle):
+            apart = np.hypot(*(one.at(times)[0] - two.at(times)[0]).T)
+            if (apart < NEAR).any():
+                near.append((one.id, two.id, times[apart < NEAR]))
+    return ClipSource(case, proof, events, named, spans, tuple(near))
 
 
 def find_decision_time(event: Event, one: Trajectory, two: Trajectory) -> float:
@@ -114,27 +121,23 @@ def find_decision_time(event: Event, one: Trajectory, two: Trajectory) -> float:
     return min(slows, event.time, float(times[near[0]]) if len(near) else event.time)
 
 
-def _find_near_pairs(tracks: Sequence[Trajectory]) -> tuple[tuple[int, int, FloatArray], ...]:
-    """Ids of two, not both on foot, and the times [s] at which they are `NEAR` one another."""
-    found = []
-    for n, one in enumerate(tracks):
-        for two in tracks[n + 1 :]:
-            times = find_common_times(one, two)[::_GRID]
-            if len(times) and (one.is_vehicle or two.is_vehicle):
-                apart = np.hypot(*(one.at(times)[0] - two.at(times)[0]).T)
-                if (apart < NEAR).any():
-                    found.append((one.id, two.id, times[apart < NEAR]))
-    return tuple(found)
-
-
 def list_event_starts(source: ClipSource) -> list[float]:
     """Times [s] at which a clip of the named event may begin, by samples."""
     if source.named is None:
         return []
     decided = source.named.decided
     last = min(decided - BEFORE[0], source.case.record.meta.duration - LENGTH)
-    starts = _list_times(max(decided - BEFORE[1], 0.0), last)
-    return [start for start in starts if all(_fits(each, source, start) for each in source.events)]
+    found = []
+    for start in _list_times(max(decided - BEFORE[1], 0.0), last):
+        inside = [each for each in source.events if not each.lies_outside(start)]
+        if all(
+            _are_in_view(source, (each.event.from_, each.event.to), start)
+            and each.decided >= start + BEFORE[0]
+            and start + SOONEST <= each.event.time <= start + LENGTH
+            for each in inside
+        ):
+            found.append(start)
+    return found
 
 
 def list_normal_starts(source: ClipSource) -> list[float]:
@@ -144,7 +147,11 @@ def list_normal_starts(source: ClipSource) -> list[float]:
         start
         for start in starts
         if all(each.lies_outside(start) for each in source.events)
-        and any(_is_meeting(source, pair, start) for pair in source.near)
+        and any(
+            _are_in_view(source, (one, two), start)
+            and ((times >= start + SOONEST) & (times <= start + LENGTH)).any()
+            for one, two, times in source.near
+        )
     ]
 
 
@@ -154,26 +161,9 @@ def _list_times(first: float, last: float) -> list[float]:
     return [round(STEP * k, 3) for k in range(low, high + 1)]
 
 
-def _fits(foreseen: ForeseenEvent, source: ClipSource, start: float) -> bool:
-    """Whether an event lies outside of the clip or can be foreseen in it."""
-    event = foreseen.event
-    if foreseen.lies_outside(start):
-        return True
-    seen = all(_is_in_view(source, agent, start) for agent in (event.from_, event.to))
-    soon = foreseen.decided < start + BEFORE[0] or event.time < start + SOONEST
-    return seen and not soon and event.time <= start + LENGTH
-
-
-def _is_meeting(source: ClipSource, pair: tuple[int, int, FloatArray], start: float) -> bool:
-    one, two, times = pair
-    if not (_is_in_view(source, one, start) and _is_in_view(source, two, start)):
-        return False
-    return bool(((times >= start + SOONEST) & (times <= start + LENGTH)).any())
-
-
-def _is_in_view(source: ClipSource, agent: int, start: float) -> bool:
-    first, last = source.spans[agent]
-    return first <= start + IN_VIEW + 1e-6 and last >= start + IN_VIEW
+def _are_in_view(source: ClipSource, agents: tuple[int, int], start: float) -> bool:
+    spans = [source.spans[agent] for agent in agents]
+    return all(first <= start + IN_VIEW + 1e-6 and last >= start + IN_VIEW for first, last in spans)
 
 
 def count_agents(source: ClipSource, start: float) -> FloatArray:
@@ -201,78 +191,60 @@ def cut_clips(sources: Iterable[ClipSource]) -> list[SceneCase]:
     other scene has one alike is left out.
     """
     listed = sorted(sources, key=lambda source: source.case.code)
-    normal = _NormalClips(listed)
+    # Clips in which nothing happens, of which each scene gives one.
+    normal = {
+        n: (source, starts, np.array([count_agents(source, start) for start in starts]))
+        for n, source in enumerate(listed)
+        if (starts := list_normal_starts(source))
+    }
     found = []
     for source in listed:
-        start = _pick(source.case.id, list_event_starts(source))
-        other = None if start is None else normal.take(count_agents(source, start))
-        if start is not None and other is not None and source.named is not None:
-            found += [cut_clip(source, start, named=source.named.event.type), cut_clip(*other)]
+        starts = list_event_starts(source)
+        if not starts or source.named is None or not normal:
+            continue
+        # One of them, by a hash of the scene's id.
+        start = starts[int(hash_scene(f"{source.case.id} begins")[:8], 16) % len(starts)]
+        counts = count_agents(source, start)
+        apart = {n: np.abs(known - counts).sum(axis=1) for n, (_, _, known) in normal.items()}
+        nearest = min(normal, key=lambda n: float(apart[n].min()))
+        k = int(apart[nearest].argmin())
+        if apart[nearest][k] <= _UNLIKE:
+            other, others, _ = normal.pop(nearest)
+            named = source.named.event.type
+            found += [cut_clip(source, start, named=named), cut_clip(other, others[k])]
     return sorted(found, key=lambda case: case.code)
-
-
-class _NormalClips:
-    """Clips in which nothing happens, of which each scene gives one."""
-
-    def __init__(self, sources: Sequence[ClipSource]) -> None:
-        self.left = {
-            n: (source, starts, np.array([count_agents(source, start) for start in starts]))
-            for n, source in enumerate(sources)
-            if (starts := list_normal_starts(source))
-        }
-
-    def take(self, counts: FloatArray) -> tuple[ClipSource, float] | None:
-        """Take the clip whose counts are nearest to these; None if no such is alike."""
-        best = None
-        for n, (_, _, known) in self.left.items():
-            apart = np.abs(known - counts).sum(axis=1)
-            k = int(apart.argmin())
-            if apart[k] <= _UNLIKE and (best is None or apart[k] < best[0]):
-                best = (float(apart[k]), n, k)
-        if best is None:
-            return None
-        source, starts, _ = self.left.pop(best[1])
-        return source, starts[best[2]]
-
-
-def _pick(name: str, starts: Sequence[float]) -> float | None:
-    """One of them, by a hash of the scene's id."""
-    return starts[int(hash_scene(f"{name} begins")[:8], 16) % len(starts)] if starts else None
 
 
 def cut_clip(source: ClipSource, start: float, named: str | None = None) -> SceneCase:
     """Cut the clip that begins at `start` [s]; its times count from there."""
     record, case = source.case.record, source.case
-    agents = tuple(a for each in record.agents if (a := _cut_agent(each, start)) is not None)
-    signals = tuple(
-        _shift_light(each, start)
-        for each in record.signals
-        if each.end > start and each.start < start + LENGTH
-    )
+    agents = []
+    for agent in record.agents:
+        first = max(int(np.ceil((start - agent.spawn_time) / STEP - 1e-6)), 0)
+        spawn = round(agent.spawn_time + STEP * first - start, 3)
+        last = first + int(np.floor((LENGTH - spawn) / STEP + 1e-6)) + 1
+        if first < len(agent.trajectory) and last > first:
+            kept = {
+                "trajectory": agent.trajectory[first:last],
+                "heading": agent.heading[first:last],
+            }
+            agents.append(agent.model_copy(update={"spawn_time": spawn, **kept}))
+    signals = []
+    for light in record.signals:
+        if light.end > start and light.start < start + LENGTH:
+            begins, ends = max(light.start - start, 0.0), min(light.end - start, LENGTH)
+            span = {"start": round(begins, 3), "end": round(ends, 3)}
+            signals.append(light.model_copy(update=span))
     meta = record.meta.model_copy(update={"duration": LENGTH})
     name = f"{case.id} from {start:.1f} s"
-    cut = record.model_copy(update={"meta": meta, "agents": agents, "signals": signals})
-    inside = [e for e in source.events if start <= e.event.time <= start + LENGTH]
+    cut = record.model_copy(
+        update={"meta": meta, "agents": tuple(agents), "signals": tuple(signals)}
+    )
     shifted = [
-        each.event.model_copy(update={"time": round(each.event.time - start, 3)}) for each in inside
+        each.event.model_copy(update={"time": round(each.event.time - start, 3)})
+        for each in source.events
+        if start <= each.event.time <= start + LENGTH
     ]
     proof = source.proof.model_copy(update={"events": tuple(shifted), "incidental": ()})
-    return replace(
-        case, id=name, record=cut, labels=extract_labels(cut, proof, scene=name), named=named
-    )
-
-
-def _cut_agent(agent: AgentRecord, start: float) -> AgentRecord | None:
-    """The agent as the clip shows it; None if it is not there."""
-    first = max(int(np.ceil((start - agent.spawn_time) / STEP - 1e-6)), 0)
-    spawn = round(agent.spawn_time + STEP * first - start, 3)
-    last = first + int(np.floor((LENGTH - spawn) / STEP + 1e-6)) + 1
-    if first >= len(agent.trajectory) or last <= first:
-        return None
-    kept = {"trajectory": agent.trajectory[first:last], "heading": agent.heading[first:last]}
-    return agent.model_copy(update={"spawn_time": spawn, **kept})
-
-
-def _shift_light(light: SignalRecord, start: float) -> SignalRecord:
-    begins, ends = max(light.start - start, 0.0), min(light.end - start, LENGTH)
-    return light.model_copy(update={"start": round(begins, 3), "end": round(ends, 3)})
+    labels = extract_labels(cut, proof, scene=name)
+    return replace(case, id=name, record=cut, labels=labels, named=named)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+from time import perf_counter
 from typing import Any
 
 from scenewright.backends import Backend
@@ -19,8 +20,8 @@ from scenewright.evals.understanding.cases import (
     read_case,
 )
 from scenewright.evals.understanding.clips import cut_clips, read_source
-from scenewright.evals.understanding.methods import find_method
 from scenewright.evals.understanding.observation import WINDOWS, ObservationRow, observe
+from scenewright.evals.understanding.pipeline import find_method
 from scenewright.evals.understanding.predictions import (
     PredictionRow,
     ScenePrediction,
@@ -67,38 +68,31 @@ def load_cases(
         InputError: no scenes, none that a clip can be cut from, or scenes of two intersections.
     """
     names = list_scenes(folder, split=split)
-    cases = _load_whole(folder, names, log) if whole else _load_clips(folder, names, log)
+    if whole:
+        read = [read_case(folder / name) for name in names]
+        cases = sorted(filter(is_foreseeable, read), key=lambda each: each.code)
+        if len(cases) < len(read):
+            first, last = EVENTS_AT
+            early = f"{len(read) - len(cases)} of {len(read)} scenes left out"
+            log(f"{early}: something happens before {first:g} or after {last:g} s")
+        nothing = " holds no scene in which all happens in time"
+    else:
+        sources = []
+        for n, name in enumerate(names, start=1):
+            sources.append(read_source(folder / name))
+            if n % 25 == 0:
+                log(f"scene {n} of {len(names)} read")
+        cases = cut_clips(sources)
+        log(f"{len(cases)} clips of {len(names)} scenes, half of them with an event")
+        nothing = (
+            f": no clip can be cut from {len(names)} scenes; there must be scenes with an event "
+            "and others like them without, or --whole to take scenes as they are"
+        )
+    if not cases:
+        raise InputError(f"{folder}{nothing}")
     places = sorted({case.record.meta.intersection for case in cases})
     if len(places) > 1:
         raise InputError(f"{folder} holds scenes of {' and '.join(places)}; score one at a time")
-    return cases
-
-
-def _load_whole(folder: Path, names: Sequence[str], log: ProgressLog) -> list[SceneCase]:
-    read = [read_case(folder / name) for name in names]
-    cases = sorted(filter(is_foreseeable, read), key=lambda each: each.code)
-    if len(cases) < len(read):
-        first, last = EVENTS_AT
-        early = f"{len(read) - len(cases)} of {len(read)} scenes left out"
-        log(f"{early}: something happens before {first:g} or after {last:g} s")
-    if not cases:
-        raise InputError(f"{folder} holds no scene in which all happens in time")
-    return cases
-
-
-def _load_clips(folder: Path, names: Sequence[str], log: ProgressLog) -> list[SceneCase]:
-    sources = []
-    for n, name in enumerate(names, start=1):
-        sources.append(read_source(folder / name))
-        if n % 25 == 0:
-            log(f"scene {n} of {len(names)} read")
-    cases = cut_clips(sources)
-    log(f"{len(cases)} clips of {len(names)} scenes, half of them with an event")
-    if not cases:
-        raise InputError(
-            f"{folder}: no clip can be cut from {len(names)} scenes; there must be scenes with an "
-            "event and others like them without, or --whole to take scenes as they are"
-        )
     return cases
 
 
@@ -129,44 +123,40 @@ def evaluate(
         InputError: no such method or file, or a file that does not fit the scenes.
         BackendFault: a language model failed for good.
     """
+    place = cases[0].record.meta.intersection
     if method.endswith((".jsonl", ".json")) or "/" in method:
-        return _evaluate_file(cases, Path(method), windows)
-    found = find_method(
-        method, intersection=cases[0].record.meta.intersection, backend=backend
-    )  # fmt: skip
-    predictions: list[tuple[SceneCase, ObservationRow, ScenePrediction]] = []
+        file, sides = Path(method), list_sides(load_map(place))
+        observed = {(row.scene, row.window): row for row in observe_cases(cases, windows)}
+        read = read_predictions(file, observed, sides=sides)
+        scores = tuple(
+            _score_window(window, [(case, read[case.code, window]) for case in cases], [])
+            for window in sorted({window for _, window in read})
+        )
+        return MethodScores(file.name, None, scores, ())
+    found = find_method(method, intersection=place, backend=backend)
+    rows: list[PredictionRow] = []
+    said: dict[float, list[tuple[SceneCase, ScenePrediction]]] = {each: [] for each in windows}
+    seconds: dict[float, list[float]] = {each: [] for each in windows}
     for n, case in enumerate(cases, start=1):
         for window in windows:
             row = observe(case.record, scene=case.id, window=window)
             if n == 1:
                 found.predict(row, case)  # loads what is loaded once, outside of the run time
-            predictions.append((case, row, found.predict(row, case)))
+            before = perf_counter()
+            prediction = found.predict(row, case)
+            seconds[window].append(perf_counter() - before)
+            said[window].append((case, prediction))
+            rows.append(to_row(row, prediction))
         if n % 10 == 0:
             log(f"{found.name}: scene {n} of {len(cases)}")
-    scores = tuple(
-        _score_window(window, [(c, p) for c, row, p in predictions if row.window == window])
-        for window in windows
-    )
-    rows = tuple(to_row(row, prediction) for _, row, prediction in predictions)
-    return MethodScores(found.name, found.predictor, scores, rows)
-
-
-def _evaluate_file(
-    cases: Sequence[SceneCase], file: Path, windows: Sequence[float]
-) -> MethodScores:  # fmt: skip
-    observed = {(row.scene, row.window): row for row in observe_cases(cases, windows)}
-    sides = list_sides(load_map(cases[0].record.meta.intersection))
-    found = read_predictions(file, observed, sides=sides)
-    scores = tuple(
-        _score_window(window, [(case, found[case.code, window]) for case in cases])
-        for window in sorted({window for _, window in found})
-    )
-    return MethodScores(file.name, None, scores, ())
+    scores = tuple(_score_window(each, said[each], seconds[each]) for each in windows)
+    return MethodScores(found.name, found.predictor, scores, tuple(rows))
 
 
 def _score_window(
-    window: float, predictions: Sequence[tuple[SceneCase, ScenePrediction]]
+    window: float,
+    predictions: Sequence[tuple[SceneCase, ScenePrediction]],
+    seconds: Sequence[float],
 ) -> WindowScores:
     counts = [count_scene(case.labels, each, window=window) for case, each in predictions]
-    seconds = [each.seconds for _, each in predictions if each.seconds is not None]
     return summarise(counts, window=window, seconds=median(seconds) if seconds else None)

@@ -11,18 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from scenewright.arrays import read_arrays
-from scenewright.errors import InputError
-from scenewright.evals.understanding.calibration import find_leaves
+from scenewright.evals.understanding.boosted_trees import BoostedTrees
 from scenewright.evals.understanding.intent import RoutePosterior
 from scenewright.evals.understanding.observation import ObservedAgent
-from scenewright.evals.understanding.time_gaps import IntArray
 from scenewright.scene.base import AgentClass, FloatArray
 
 _SHIPPED = Path(__file__).with_name("exits.npz")
@@ -55,29 +52,12 @@ class ExitCandidates:
     values: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class ExitModel:
-    """All trees, end to end; names are those of the file.
-
-    Attributes:
-        start: [1] log odds before any tree; root: [T] index of each tree's first node.
-        feature, limit, left, right, value: [N] as in `Calibration`.
-    """
-
-    start: FloatArray
-    root: IntArray
-    feature: IntArray
-    limit: FloatArray
-    left: IntArray
-    right: IntArray
-    value: FloatArray
+class ExitModel(BoostedTrees):
+    """The trees, of which `start` has one entry."""
 
     def weigh(self, values: FloatArray) -> FloatArray:
         """[N] probabilities of the exits of one agent, which sum to one."""
-        leaves = find_leaves(
-            values, self.root, self.feature, self.limit, self.left, self.right
-        )  # fmt: skip
-        odds = expit(self.start[0] + self.value[leaves].sum(axis=1))
+        odds = expit(self.start[0] + self.find_values(values).sum(axis=1))
         return np.asarray(odds / odds.sum())
 
 
@@ -95,8 +75,13 @@ def describe_exits(
     log = np.log(chances[found])
     rows = np.array([_describe_exit(posterior, possible[:, e]) for e in found])
     lead = np.sort(log)[::-1]
+    speed, heading = agent.speed, agent.heading
     own = [
-        *_describe_motion(agent), float(chances.max()),
+        float(get_args(AgentClass).index(agent.type)), float(speed[-1]), float(speed.max()),
+        float(speed.min()), *(agent.measure_acceleration(count) for count in (5, 8, 20)),
+        agent.standstill, 0.1 * len(speed), agent.length, float(agent.left),
+        float(np.hypot(*agent.xy[-1])), float(heading[-1] - heading[0]),
+        float(heading[-1] - heading[-min(6, len(heading))]), float(chances.max()),
         float(lead[0] - lead[1]) if len(lead) > 1 else -np.log(_LEAST), float(len(found)), window,
     ]  # fmt: skip
     values = np.column_stack([log, log - log.max(), rows, np.tile(own, (len(found), 1))])
@@ -118,24 +103,6 @@ def _describe_exit(posterior: RoutePosterior, mine: NDArray[np.bool_]) -> list[f
         *(float(movement == each) for each in ("straight", "left", "right", "uturn")),
         *ahead.tolist(),
     ]  # fmt: skip
-
-
-def _describe_motion(agent: ObservedAgent) -> list[float]:
-    """`class` to `turned_lately` of `OF_AGENT`."""
-    speed, heading = agent.speed, agent.heading
-    moving = np.flatnonzero(speed > 0.3)
-    return [
-        float(get_args(AgentClass).index(agent.type)), float(speed[-1]), float(speed.max()),
-        float(speed.min()), *(_measure_gain(speed, count) for count in (5, 8, 20)),
-        0.1 * (len(speed) - 1 - (int(moving[-1]) if len(moving) else -1)), 0.1 * len(speed),
-        agent.length, float(agent.left), float(np.hypot(*agent.xy[-1])),
-        float(heading[-1] - heading[0]), float(heading[-1] - heading[-min(6, len(heading))]),
-    ]  # fmt: skip
-
-
-def _measure_gain(speed: FloatArray, count: int) -> float:
-    last = speed[-count:]
-    return float(last[-1] - last[0]) / (0.1 * max(len(last) - 1, 1))
 
 
 def weigh_exits(
@@ -164,11 +131,4 @@ def load_exit_model(file: Path = _SHIPPED) -> ExitModel:
     Raises:
         InputError: missing, damaged, or for other features.
     """
-    stored = read_arrays(file, what=f"the exit model {file}")
-    if tuple(map(str, stored.get("names", ()))) != NAMES:
-        raise InputError(f"the exit model {file} is for other features; tune it anew")
-    arrays: dict[str, Any] = {
-        key: stored[key].astype(np.float64 if stored[key].dtype.kind == "f" else np.intp)
-        for key in ExitModel.__dataclass_fields__
-    }
-    return ExitModel(**arrays)
+    return ExitModel.load(file, names=NAMES, what="exit model")

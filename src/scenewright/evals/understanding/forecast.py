@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
-from scenewright.evals.understanding.observation import LightRow, ObservedAgent, ObservedScene
+from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import (
     RouteComponents,
     brake_backwards,
@@ -168,30 +168,31 @@ def forecast_scene(
     drives = [_sample_drive(*each) for each in zip(agents, posteriors, rngs, strict=True)]
     lights = _Lights(intersection_map, _sample_offsets(intersection_map, observation))
     stops: dict[int, _Stops] = {}
-    found: dict[int, tuple[AgentForecast, AgentForecast, float]] = {}
-    for n in sorted(range(len(agents)), key=lambda n: _measure_distance_left(drives[n])):
+    futures: dict[int, AgentForecast] = {}
+    unslowed: dict[int, AgentForecast] = {}
+    delay: dict[int, float] = {}
+    # Agents ahead are forecast before those behind them.
+    order = [float(np.median(drive.line - drive.begins)) for drive in drives]
+    for n in sorted(range(len(agents)), key=order.__getitem__):
         stops[n] = _plan_stops(n, drives, stops, lights, observation.now, rngs[n])
-        found[n] = _forecast_agent(drives[n], stops[n], rngs[n])
-    ordered = [found[n] for n in range(len(agents))]
+        drive, plan = _ignore_stops(drives[n], stops[n], rngs[n])
+        squared = interpolate_rows(drive.begins[:, None], drive.s, drive.squared_limit)
+        future = _sample_track(drive, plan, np.sqrt(np.maximum(squared, 0))[:, 0])
+        futures[n], unslowed[n] = future, _forecast_unslowed(drive, future, plan)
+        lost = np.where(future.held, 0.0, future.free - drive.speed)
+        delay[n] = find_weighted_quantile(lost, future.weight, 0.5)
+    each = range(len(agents))
     return SceneForecast(
-        agents, posteriors, tuple(each[0] for each in ordered),
-        tuple(each[1] for each in ordered), np.array([each[2] for each in ordered]),
+        agents, posteriors, tuple(futures[n] for n in each), tuple(unslowed[n] for n in each),
+        np.array([delay[n] for n in each]),
     )  # fmt: skip
 
 
-def _measure_distance_left(drive: _DriveForecast) -> float:
-    """Median distance to the line [m]: agents ahead are forecast before those behind them."""
-    return float(np.median(drive.line - drive.begins))
-
-
-def _forecast_agent(
-    drive: _DriveForecast, plan: _Stops, rng: np.random.Generator
-) -> tuple[AgentForecast, AgentForecast, float]:
-    """The future, the one had it not slowed down, and the delay [m/s]."""
-    drive, plan = _ignore_stops(drive, plan, rng)
-    squared = interpolate_rows(drive.begins[:, None], drive.s, drive.squared_limit)
-    future = _sample_track(drive, plan, np.sqrt(np.maximum(squared, 0))[:, 0])
-    return future, _forecast_unslowed(drive, future, plan), _measure_delay(drive, future)
+def find_weighted_quantile(values: FloatArray, weight: FloatArray, share: float) -> float:
+    """The least of the values up to which lies so much of their weight, which sums to one."""
+    order = np.argsort(values)
+    at = int(np.searchsorted(np.cumsum(weight[order]), share))
+    return float(values[order[min(at, len(order) - 1)]])
 
 
 def _seed_rng(values: FloatArray) -> np.random.Generator:
@@ -201,17 +202,29 @@ def _seed_rng(values: FloatArray) -> np.random.Generator:
 def _sample_drive(
     agent: ObservedAgent, posterior: RoutePosterior, rng: np.random.Generator
 ) -> _DriveForecast:
+    """Routes, laws and limits of speed; the point of each route nearest to the agent now."""
     components = posterior.components
     picked, weight = _sample_components(posterior, rng)
     curve, component = _sample_curves(posterior, picked, rng), posterior.kept[picked]
     s = measure_arc_length(curve)
-    law = _sample_profiles(agent, components, component, rng)
+    median, spread = components.law[component], components.spread[component]
+    law = median * np.exp(spread * rng.standard_normal(median.shape))
+    law = np.clip(law, components.low[component], components.high[component])
+    desired = _find_desired_speed(agent)
+    if desired is None:
+        law[:, 0] = np.maximum(law[:, 0], float(agent.speed.max()))
+    else:
+        law[:, 0] = desired * np.exp(0.01 * rng.standard_normal(len(law)))
     lateral = law[:, 3:4] / np.maximum(np.abs(components.curvature[component]), 1e-3)
     limit = brake_backwards(s, np.minimum(law[:, :1] ** 2, lateral), law[:, 2:3])
     line = components.line[component] - (agent.length / 2 if agent.is_vehicle else 0.0)
+    k, apart = np.arange(SIZE), np.square(curve - agent.xy[-1]).sum(axis=-1)
+    i = np.clip(apart.argmin(axis=1), 1, curve.shape[1] - 2)
+    chord, length = curve[k, i + 1] - curve[k, i - 1], s[k, i + 1] - s[k, i - 1]
+    off = ((agent.xy[-1] - curve[k, i]) * chord).sum(axis=1) / np.maximum(length, 1e-6)
     return _DriveForecast(
         agent, components, component, weight, np.zeros(SIZE, dtype=np.bool_), curve, s, limit,
-        law, _project(curve, s, agent.xy[-1]), line, np.full(SIZE, np.inf),
+        law, s[k, i] + off, line, np.full(SIZE, np.inf),
     )  # fmt: skip
 
 
@@ -256,24 +269,6 @@ def _sample_curves(
     )  # fmt: skip
 
 
-def _sample_profiles(
-    agent: ObservedAgent,
-    components: RouteComponents,
-    component: NDArray[np.intp],
-    rng: np.random.Generator,
-) -> FloatArray:
-    """[K, 4] desired speed (the observed one if there is one), acceleration, braking, lateral."""
-    median, spread = components.law[component], components.spread[component]
-    law = median * np.exp(spread * rng.standard_normal(median.shape))
-    law = np.clip(law, components.low[component], components.high[component])
-    desired = _find_desired_speed(agent)
-    if desired is None:
-        law[:, 0] = np.maximum(law[:, 0], float(agent.speed.max()))
-    else:
-        law[:, 0] = desired * np.exp(0.01 * rng.standard_normal(len(law)))
-    return np.asarray(law)
-
-
 def _find_desired_speed(agent: ObservedAgent) -> float | None:
     """The speed that it kept for half a second or more [m/s], if it did."""
     if len(agent.speed) < 6:
@@ -281,16 +276,6 @@ def _find_desired_speed(agent: ObservedAgent) -> float | None:
     top = float(np.sort(agent.speed)[-4:].mean())
     steady = np.abs(agent.speed - top) < 0.12 + 0.01 * top
     return top if top > (2.0 if agent.is_vehicle else 0.5) and steady.sum() >= 6 else None
-
-
-def _project(curve: FloatArray, s: FloatArray, xy: FloatArray) -> FloatArray:
-    """[K] arc length of the point nearest to a position [m]."""
-    apart = np.square(curve - xy).sum(axis=-1)
-    k = np.arange(len(curve))
-    i = np.clip(apart.argmin(axis=1), 1, curve.shape[1] - 2)
-    chord = curve[k, i + 1] - curve[k, i - 1]
-    length = np.maximum(s[k, i + 1] - s[k, i - 1], 1e-6)
-    return np.asarray(s[k, i] + ((xy - curve[k, i]) * chord).sum(axis=1) / length)
 
 
 def _find_leader(n: int, drives: Sequence[_DriveForecast]) -> int | None:
@@ -318,29 +303,24 @@ def _sample_offsets(
     program = intersection_map.signals
     if program is None or not observation.lights:
         return None
+    lines = {movement.id: movement.stop_line for movement in intersection_map.movements}
+    groups: dict[tuple[str | None, str | None], str] = {}
+    for group in program.groups:
+        for movement in group.movements:
+            groups.setdefault((lines[movement], None), group.id)
+        for crosswalk in group.crosswalks:
+            groups.setdefault((None, crosswalk), group.id)
     tried = np.arange(0.0, program.cycle, 0.25)
     good = np.ones(len(tried), dtype=np.bool_)
     for light in observation.lights:
-        group = _find_signal_group(light, intersection_map, program)
-        if group is None:
+        name = groups.get((light.stop_line, light.crosswalk))
+        if name is None:
             continue
         times = np.arange(light.start + 0.05, max(light.end - 0.05, light.start + 0.06), 0.4)
         times = np.append(times, max(light.end - 0.05, light.start + 0.05))
-        good &= is_showing(program, group, tried[:, None] + times, (light.colour,)).all(axis=1)
+        good &= is_showing(program, name, tried[:, None] + times, (light.colour,)).all(axis=1)
     fits = tried[good]
     return _seed_rng(fits).choice(fits, size=SIZE) if len(fits) else None
-
-
-def _find_signal_group(
-    light: LightRow, intersection_map: IntersectionMap, program: SignalProgram
-) -> str | None:
-    lines = {movement.id: movement.stop_line for movement in intersection_map.movements}
-    for group in program.groups:
-        if light.crosswalk is not None and light.crosswalk in group.crosswalks:
-            return group.id
-        if light.stop_line is not None and light.stop_line in (lines[m] for m in group.movements):
-            return group.id
-    return None
 
 
 def _plan_stops(
@@ -355,32 +335,25 @@ def _plan_stops(
     drive, leader = drives[n], _find_leader(n, drives)
     gap = rng.uniform(*_LINE_GAP, SIZE) if drive.agent.is_vehicle else np.full(SIZE, 0.3)
     lag = rng.uniform(*_START_LAG, SIZE)
-    plan = _stop_at_red(drive, lights, now, gap, lag)
+    plan = _Stops(np.full(SIZE, np.inf), np.zeros(SIZE))
+    program = lights.intersection_map.signals
+    if program is not None and lights.offsets is not None:
+        place, release = plan
+        groups = [drive.components.group[c] for c in drive.component]
+        reaches = np.maximum(_compute_arrival(drive, plan, drive.line), 0.0)
+        moment = now + lights.offsets + np.minimum(reaches, 200.0)
+        before = drive.begins < drive.line + (_STOOD if drive.speed < _STANDS else 0.2)
+        for name in dict.fromkeys(group for group in groups if group is not None):
+            mine = np.array([group == name for group in groups])
+            green = is_showing(program, name, moment, ("green",))
+            at_red = mine & before & ~green & np.isfinite(reaches)
+            waits = reaches + _wait_for_green(program, name, moment) + lag
+            place = np.where(at_red, np.maximum(drive.line - gap, drive.begins), place)
+            release = np.where(at_red, waits, release)
+        plan = _Stops(place, release)
     if leader is None or leader not in earlier:
         return plan
     return _stop_in_queue(drive, drives[leader], earlier[leader], plan, lag)
-
-
-def _stop_at_red(
-    drive: _DriveForecast, lights: _Lights, now: float, gap: FloatArray, lag: FloatArray
-) -> _Stops:
-    plan, program = _Stops(np.full(SIZE, np.inf), np.zeros(SIZE)), lights.intersection_map.signals
-    if program is None or lights.offsets is None:
-        return plan
-    place, release = plan
-    groups = [drive.components.group[c] for c in drive.component]
-    reaches = np.maximum(_compute_arrival(drive, plan, drive.line), 0.0)
-    moment = now + lights.offsets + np.minimum(reaches, 200.0)
-    before = drive.begins < drive.line + (_STOOD if drive.speed < _STANDS else 0.2)
-    for name in dict.fromkeys(groups):
-        if name is None:
-            continue
-        mine = np.array([group == name for group in groups])
-        green = is_showing(program, name, moment, ("green",))
-        at_red = mine & before & ~green & np.isfinite(reaches)
-        place = np.where(at_red, np.maximum(drive.line - gap, drive.begins), place)
-        release = np.where(at_red, reaches + _wait_for_green(program, name, moment) + lag, release)
-    return _Stops(place, release)
 
 
 def _wait_for_green(program: SignalProgram, group: str, times: FloatArray) -> FloatArray:
@@ -418,19 +391,15 @@ def _ignore_stops(
     held, runs = np.isfinite(place), rng.random(len(place)) < _RUNS
     left = np.maximum(place - drive.begins, 0.0)
     late = (speed > _CRAWLS) & (speed**2 / (2.0 * (left + _SLACK)) > _LATE * drive.law[:, 2])
-    stopping = speed < _STANDS or _is_slowing(drive.agent)
+    last = drive.agent.speed[-6:]
+    slowing = len(last) > 2 and bool(last[0] - last[-1] > 0.08 * len(last))
+    stopping = speed < _STANDS or slowing
     share = np.where(late, 0.9, 0.004 if stopping else _HEEDLESS)
     factor = np.where(runs, share / _RUNS, (1.0 - share) / (1.0 - _RUNS))
     weight = np.where(held, drive.weight * factor, drive.weight)
     stop = np.where(held, left, np.inf)
     changed = replace(drive, weight=weight / weight.sum(), runs=held & runs, stop=stop)
     return changed, plan._replace(place=np.where(runs, np.inf, place))
-
-
-def _is_slowing(agent: ObservedAgent) -> bool:
-    """Whether it has been braking for the last half second."""
-    last = agent.speed[-6:]
-    return len(last) > 2 and bool(last[0] - last[-1] > 0.08 * len(last))
 
 
 def _compute_profile(drive: _DriveForecast, place: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -488,13 +457,6 @@ def _sample_track(
         interpolate_rows(s, drive.s, measure_headings(drive.curve)), ticks <= times[:, -1:], free,
         np.isfinite(plan.place), drive.runs, drive.component, drive.weight, drive.stop,
     )  # fmt: skip
-
-
-def _measure_delay(drive: _DriveForecast, future: AgentForecast) -> float:
-    """Weighted median of how much slower it is than its route and stops allow [m/s]."""
-    values = np.where(future.held, 0.0, future.free - drive.speed)
-    order = np.argsort(values)
-    return float(values[order[np.searchsorted(np.cumsum(future.weight[order]), 0.5)]])
 
 
 def _forecast_unslowed(drive: _DriveForecast, future: AgentForecast, plan: _Stops) -> AgentForecast:

@@ -10,18 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scenewright.evals.understanding.boosted_trees import IntArray
 from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import (
     RouteComponents,
     interpolate_rows,
     load_components,
 )
+from scenewright.geometry.polyline import interpolate_points
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
-
-IntArray = NDArray[np.intp]
 
 _SAMPLES = 6
 """At how many samples of the track the fit is measured."""
@@ -63,10 +62,6 @@ class RoutePosterior:
         """[M] posterior of the components kept."""
         return np.asarray(np.exp(self.log))
 
-    def sum_exits(self, sides: tuple[str, ...]) -> FloatArray:
-        """[E] posterior of the exits."""
-        return np.asarray(self.weights @ self.components.match_exits(sides)[self.kept])
-
 
 def infer_routes(observation: ObservedScene) -> dict[str, RoutePosterior]:
     """Compute the posterior of every observed agent."""
@@ -78,7 +73,14 @@ def infer_routes(observation: ObservedScene) -> dict[str, RoutePosterior]:
 
 
 def _infer_route(agent: ObservedAgent, components: RouteComponents, hour: int) -> RoutePosterior:
-    kept, samples = _find_nearby(components, agent), _pick_samples(agent)
+    # Components that pass the agent's position in its direction, or the nearest ones.
+    facing = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
+    normal = components.normal
+    along = np.stack([normal[..., 1], -normal[..., 0]], axis=-1) @ facing
+    apart = np.square(components.curve - agent.xy[-1]).sum(axis=-1) + 400.0 * (along < 0.0)
+    least = np.sqrt(apart.min(axis=1))
+    kept = np.flatnonzero(least < max(_NEARBY, float(least.min()) + 1.0))
+    samples = _pick_samples(agent)
     xy, heading = agent.xy[samples], agent.heading[samples]
     nearest, rows = _find_nearest(components, kept, xy, heading), kept[:, None]
     away, normal = xy - components.curve[rows, nearest], components.normal[rows, nearest]
@@ -91,22 +93,19 @@ def _infer_route(agent: ObservedAgent, components: RouteComponents, hour: int) -
     off = np.concatenate([lateral, turned], axis=1)
     noise = np.concatenate([np.full(len(samples), _NOISE), np.full(2, _TURN_NOISE)])
     share = components.share[hour][kept]
-    log = share + _compute_evidence(seen, off, noise) + _penalise_ends(past)
+    # Exact: what was measured is Gaussian in the waypoints.
+    chol = np.linalg.cholesky(np.einsum("cji,cki->cjk", seen, seen) + np.diag(noise**2))
+    white = np.linalg.solve(chol, off[..., None])[..., 0]
+    determinant = np.log(np.diagonal(chol, axis1=1, axis2=2)).sum(axis=1)
+    evidence = -0.5 * np.square(white).sum(axis=1) - determinant
+    # Samples before the beginning or behind the end of a curve speak against it.
+    outside = -0.5 * np.square(np.maximum(np.abs(past) - 1.0, 0.0)).sum(axis=1)
+    log = share + evidence + outside
     if agent.is_vehicle:
         log = log + _compute_speed_likelihood(agent, components, kept, nearest[:, -1])
     log = np.logaddexp(log, share + _UNEXPLAINED - 0.5 * np.abs(lateral).mean(axis=1))
     log = log - np.logaddexp.reduce(log)
     return RoutePosterior(components, kept, log, share, nearest[:, -1], seen, off, noise)
-
-
-def _find_nearby(components: RouteComponents, agent: ObservedAgent) -> IntArray:
-    """Components that pass the agent's position in its direction, or the nearest ones."""
-    facing = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
-    normal = components.normal
-    along = np.stack([normal[..., 1], -normal[..., 0]], axis=-1) @ facing
-    apart = np.square(components.curve - agent.xy[-1]).sum(axis=-1) + 400.0 * (along < 0.0)
-    least = np.sqrt(apart.min(axis=1))
-    return np.flatnonzero(least < max(_NEARBY, float(least.min()) + 1.0))
 
 
 def _pick_samples(agent: ObservedAgent) -> IntArray:
@@ -124,20 +123,6 @@ def _find_nearest(
     facing = np.cos(heading)[:, None], np.sin(heading)[:, None]
     against = normal[..., 1] * facing[0] - normal[..., 0] * facing[1] < 0.0
     return np.asarray((dx * dx + dy * dy + 400.0 * against).argmin(axis=-1))
-
-
-def _penalise_ends(past: FloatArray) -> FloatArray:
-    """[M] log factor of samples before the beginning or behind the end of a curve [m]."""
-    return np.asarray(-0.5 * np.square(np.maximum(np.abs(past) - 1.0, 0.0)).sum(axis=1))
-
-
-def _compute_evidence(seen: FloatArray, off: FloatArray, noise: FloatArray) -> FloatArray:
-    """[M] log density of what was measured."""
-    spread = np.einsum("cji,cki->cjk", seen, seen) + np.diag(noise**2)
-    chol = np.linalg.cholesky(spread)
-    white = np.linalg.solve(chol, off[..., None])[..., 0]
-    determinant = np.log(np.diagonal(chol, axis1=1, axis2=2)).sum(axis=1)
-    return np.asarray(-0.5 * np.square(white).sum(axis=1) - determinant)
 
 
 def _compute_speed_likelihood(
@@ -180,7 +165,7 @@ def find_nearest_waypoints(agent: ObservedAgent, *, intersection: str) -> str:
     """The same by ten points at equal arc length against the ten mean waypoints."""
     components = load_components(intersection, agent.type)
     wanted = np.linspace(0.0, agent.moved[-1], K)
-    xy = np.stack([np.interp(wanted, agent.moved, agent.xy[:, d]) for d in (0, 1)], axis=-1)
+    xy = interpolate_points(wanted, agent.moved, agent.xy)
     marks = components.curve[:, :: (components.curve.shape[1] - 1) // (K - 1)]
     apart = np.sqrt(np.square(marks - xy).sum(axis=-1)).mean(axis=1)
     return components.routes[int(apart.argmin())].exit

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
-from scenewright.evals.understanding.forecast import AgentForecast, BoolArray, SceneForecast
-from scenewright.evals.understanding.time_gaps import IntArray, TimeGaps, compute_time_gaps
+from scenewright.evals.understanding.boosted_trees import IntArray
+from scenewright.evals.understanding.forecast import AgentForecast, SceneForecast
+from scenewright.evals.understanding.time_gaps import TimeGaps, compute_time_gaps
 from scenewright.scene.base import FloatArray
 
 AgentPair = tuple[int, int]
@@ -46,35 +48,24 @@ class InteractionGraph:
 def build_interaction_graph(forecast: SceneForecast) -> InteractionGraph:
     """Build the graph of a scene; two pedestrians do not interact."""
     agents, futures, unslowed = forecast.agents, forecast.futures, forecast.unslowed
-    order = range(len(agents))
-    pairs = [
-        (i, j)
-        for i in order
-        for j in order
-        if i != j and (agents[i].is_vehicle or agents[j].is_vehicle)
-    ]
-    gaps = {
-        (i, j): compute_time_gaps((agents[i], futures[i]), (agents[j], futures[j]))
-        for i, j in pairs
-        if i < j
-    }
-    late = {
-        (i, j): compute_time_gaps((agents[i], unslowed[i]), (agents[j], futures[j]))
-        for i, j in pairs
-        if unslowed[i] is not futures[i]
-    }
-    known, late_known = ({p: g for p, g in each.items() if g is not None} for each in (gaps, late))
-    maneuvers = tuple(_number_maneuvers(forecast, n) for n in order)
-    return InteractionGraph(
-        known, late_known, maneuvers, _propagate_beliefs(futures, known, maneuvers)
-    )
-
-
-def _number_maneuvers(forecast: SceneForecast, n: int) -> IntArray:
-    future = forecast.futures[n]
-    exits = [route.exit for route in forecast.posteriors[n].components.routes]
-    _, codes = np.unique(exits, return_inverse=True)
-    return np.asarray(2 * codes[future.component] + future.runs)
+    gaps: dict[AgentPair, TimeGaps] = {}
+    late: dict[AgentPair, TimeGaps] = {}
+    for i, j in permutations(range(len(agents)), 2):
+        if not (agents[i].is_vehicle or agents[j].is_vehicle):
+            continue
+        for found, own, wanted in (
+            (gaps, futures[i], i < j), (late, unslowed[i], unslowed[i] is not futures[i])
+        ):  # fmt: skip
+            each = compute_time_gaps((agents[i], own), (agents[j], futures[j])) if wanted else None
+            if each is not None:
+                found[i, j] = each
+    maneuvers = []
+    for posterior, future in zip(forecast.posteriors, futures, strict=True):
+        exits = [route.exit for route in posterior.components.routes]
+        _, codes = np.unique(exits, return_inverse=True)
+        maneuvers.append(np.asarray(2 * codes[future.component] + future.runs))
+    beliefs = _propagate_beliefs(futures, gaps, tuple(maneuvers))
+    return InteractionGraph(gaps, late, tuple(maneuvers), beliefs)
 
 
 def _propagate_beliefs(
@@ -92,7 +83,9 @@ def _propagate_beliefs(
         for (i, j), close in near.items():
             for n, m in ((i, j), (j, i)):
                 weight = beliefs[m] / before.get((m, n), 1.0)
-                risk = _share_by_maneuver(maneuvers[n], weight, close)
+                # The share, by weight, of the futures of the same maneuver that are close.
+                part, whole = (np.bincount(maneuvers[n], x) for x in (weight * close, weight))
+                risk = (part / np.maximum(whole, 1e-12))[maneuvers[n]]
                 messages[n, m] = 1.0 - _AVOIDANCE * risk
     beliefs = [_collect(n, messages, future.weight) for n, future in enumerate(futures)]
     order = range(len(futures))
@@ -106,9 +99,3 @@ def _collect(n: int, messages: Mapping[AgentPair, FloatArray], weight: FloatArra
         if to == n:
             weight = weight * message
     return weight
-
-
-def _share_by_maneuver(maneuvers: IntArray, weight: FloatArray, inside: BoolArray) -> FloatArray:
-    """[K] share, by weight, of the futures of the same maneuver that are inside."""
-    part, whole = np.bincount(maneuvers, weight * inside), np.bincount(maneuvers, weight)
-    return np.asarray((part / np.maximum(whole, 1e-12))[maneuvers])

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, Colour, FloatArray, Model, Point, frozen
-from scenewright.scene.record import AgentRecord, SceneRecord, SignalRecord
+from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import STEP
 
 WINDOWS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
@@ -91,6 +91,17 @@ class ObservedAgent:
         """Whether it is on wheels, so that its footprint is a rectangle."""
         return self.type != "pedestrian"
 
+    @property
+    def standstill(self) -> float:
+        """For how long it has been stationary [s]."""
+        moving = np.flatnonzero(self.speed > 0.3)
+        return 0.1 * (len(self.speed) - 1 - (int(moving[-1]) if len(moving) else -1))
+
+    def measure_acceleration(self, count: int) -> float:
+        """Acceleration over the last samples [m/s^2]."""
+        last = self.speed[-count:]
+        return float(last[-1] - last[0]) / (0.1 * max(len(last) - 1, 1))
+
 
 @dataclass(frozen=True, eq=False)
 class ObservedScene:
@@ -146,57 +157,46 @@ def observe(record: SceneRecord, *, scene: str, window: float) -> ObservationRow
     if not STEP <= window <= record.meta.duration:
         raise InputError(f"a window is from {STEP} s to the length of the scene, got {window} s")
     codes = hash_agents(scene, (agent.id for agent in record.agents))
-    agents = (_cut_agent(agent, codes[agent.id], window) for agent in record.agents)
-    lights = (_cut_light(each, window) for each in record.signals if each.start < window)
+    agents = []
+    for agent in record.agents:
+        count = int(np.floor((window - agent.spawn_time) / STEP + 1e-6)) + 1
+        if count >= 1:
+            agents.append(AgentRow(
+                id=codes[agent.id], type=agent.type, start=agent.spawn_time,
+                trajectory=agent.trajectory[:count], heading=agent.heading[:count],
+                length=agent.length, width=agent.width, left=count > len(agent.trajectory),
+            ))  # fmt: skip
+    lights = [
+        LightRow(
+            stop_line=each.stop_line, crosswalk=each.crosswalk, start=each.start,
+            end=min(each.end, window), colour=each.colour,
+        )
+        for each in record.signals
+        if each.start < window
+    ]  # fmt: skip
     return ObservationRow(
         scene=hash_scene(scene),
         window=window,
         intersection=record.meta.intersection,
         hour=int(record.meta.timestamp // 3600) % 24,
-        agents=tuple(sorted((a for a in agents if a is not None), key=lambda a: a.id)),
+        agents=tuple(sorted(agents, key=lambda agent: agent.id)),
         lights=tuple(sorted(lights, key=lambda x: (x.stop_line or x.crosswalk or "", x.start))),
     )
 
 
-def _cut_agent(agent: AgentRecord, code: str, window: float) -> AgentRow | None:
-    count = int(np.floor((window - agent.spawn_time) / STEP + 1e-6)) + 1
-    if count < 1:
-        return None
-    return AgentRow(
-        id=code, type=agent.type, start=agent.spawn_time, trajectory=agent.trajectory[:count],
-        heading=agent.heading[:count], length=agent.length, width=agent.width,
-        left=count > len(agent.trajectory),
-    )  # fmt: skip
-
-
-def _cut_light(row: SignalRecord, window: float) -> LightRow:
-    return LightRow(
-        stop_line=row.stop_line, crosswalk=row.crosswalk, start=row.start,
-        end=min(row.end, window), colour=row.colour,
-    )  # fmt: skip
-
-
 def to_arrays(row: ObservationRow) -> ObservedScene:
-    """Convert a row to arrays."""
-    agents = tuple(_convert_agent(agent) for agent in row.agents)
+    """Convert a row to arrays; a speed is the mean of the steps on both sides."""
+    agents = []
+    for agent in row.agents:
+        xy = frozen(np.array(agent.trajectory, dtype=np.float64).reshape(-1, 2))
+        steps = np.hypot(*np.diff(xy, axis=0).T)
+        padded = np.concatenate([steps[:1], steps, steps[-1:]]) / STEP
+        speed = (padded[1:] + padded[:-1]) / 2 if len(steps) else np.zeros(1)
+        agents.append(ObservedAgent(
+            agent.id, agent.type, agent.start, xy,
+            frozen(np.unwrap(np.array(agent.heading, dtype=np.float64))), speed,
+            np.concatenate([[0.0], np.cumsum(steps)]), agent.length, agent.width, agent.left,
+        ))  # fmt: skip
     return ObservedScene(
-        row.scene, row.intersection, row.window, row.hour, agents, row.lights
-    )  # fmt: skip
-
-
-def _convert_agent(agent: AgentRow) -> ObservedAgent:
-    xy = frozen(np.array(agent.trajectory, dtype=np.float64).reshape(-1, 2))
-    steps = np.hypot(*np.diff(xy, axis=0).T)
-    return ObservedAgent(
-        agent.id, agent.type, agent.start, xy,
-        frozen(np.unwrap(np.array(agent.heading, dtype=np.float64))), _compute_speed(steps),
-        np.concatenate([[0.0], np.cumsum(steps)]), agent.length, agent.width, agent.left,
-    )  # fmt: skip
-
-
-def _compute_speed(steps: FloatArray) -> FloatArray:
-    """[T] mean of the T - 1 steps [m] on both sides, or of the only one at the ends."""
-    if not len(steps):
-        return np.zeros(1)
-    padded = np.concatenate([steps[:1], steps, steps[-1:]]) / STEP
-    return np.asarray((padded[1:] + padded[:-1]) / 2)
+        row.scene, row.intersection, row.window, row.hour, tuple(agents), row.lights
+    )

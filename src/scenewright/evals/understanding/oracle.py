@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from scenewright.evals.understanding.calibration import load_calibration
+from scenewright.evals.understanding.calibration import load_calibration, predict_relations
 from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.forecast import SceneForecast, forecast_scene
-from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
+from scenewright.evals.understanding.intent import infer_routes
 from scenewright.evals.understanding.observation import (
     ObservationRow,
     ObservedScene,
@@ -23,7 +23,6 @@ from scenewright.evals.understanding.observation import (
     to_arrays,
 )
 from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.reasoner import predict_relations
 
 _SHIPPED = Path(__file__).with_name("calibration_oracle.npz")
 _ELSEWHERE = -60.0
@@ -46,17 +45,12 @@ def forecast_with_routes(observation: ObservedScene, case: SceneCase) -> SceneFo
     codes = hash_agents(case.id, (agent.id for agent in case.record.agents))
     routes = {codes[agent.id]: agent.route for agent in case.record.agents}
     posteriors = infer_routes(observation)
-    return forecast_scene(
-        observation, {a: _condition(each, routes[a]) for a, each in posteriors.items()}
-    )
-
-
-def _condition(posterior: RoutePosterior, route: str) -> RoutePosterior:
-    """The posterior given the route."""
-    routes = posterior.components.routes
-    mine = np.array([routes[c].id == route for c in posterior.kept])
-    log = np.where(mine, posterior.log, posterior.log + _ELSEWHERE)
-    return replace(posterior, log=log - np.logaddexp.reduce(log))
+    for agent, each in posteriors.items():
+        known = each.components.routes
+        mine = np.array([known[c].id == routes[agent] for c in each.kept])
+        log = np.where(mine, each.log, each.log + _ELSEWHERE)
+        posteriors[agent] = replace(each, log=log - np.logaddexp.reduce(log))
+    return forecast_scene(observation, posteriors)
 
 
 def predict_with_events(row: ObservationRow, case: SceneCase) -> ScenePrediction:

@@ -13,6 +13,7 @@ from scenewright.evals.understanding.forecast import (
     AgentForecast,
     BoolArray,
     SceneForecast,
+    find_weighted_quantile,
 )
 from scenewright.evals.understanding.interaction_graph import (
     CLOSE,
@@ -155,7 +156,10 @@ def _describe_pair(scene: _SceneFeatures, pair: AgentPair) -> PairFeatures:
         worst.share_of_conflicts, worst.probability, worst.touch, wide.share_of_conflicts,
         wide.probability, min(wide.soon, 20.0), wide.angle, worst.score - others, scene.window,
     ]  # fmt: skip
-    shared, *in_zone = _describe_zone(scene, pair, wide if wide.score else worst)
+    most = (wide if wide.score else worst).maneuvers
+    mine = (graph.maneuvers[i] == most[0]) & (graph.maneuvers[j] == most[1])
+    one, two = ((forecast.agents[n], forecast.futures[n]) for n in pair)
+    shared, *in_zone = compute_zone_features(one, two, mine)
     a, b = (
         _describe_agent(scene, pair, which, sign * gap, weight, worst, wide)
         for which, sign in ((0, 1), (1, -1))
@@ -164,26 +168,23 @@ def _describe_pair(scene: _SceneFeatures, pair: AgentPair) -> PairFeatures:
     return PairFeatures(forecast.agents[i].id, forecast.agents[j].id, values)
 
 
-def _describe_zone(
-    scene: _SceneFeatures, pair: AgentPair, conflict: _Conflict
-) -> tuple[list[float], list[float], list[float]]:
-    (i, j), maneuvers = pair, scene.graph.maneuvers
-    mine = (maneuvers[i] == conflict.maneuvers[0]) & (maneuvers[j] == conflict.maneuvers[1])
-    one, two = ((scene.forecast.agents[n], scene.forecast.futures[n]) for n in pair)
-    return compute_zone_features(one, two, mine)
-
-
 def _describe_alone(forecast: SceneForecast, n: int) -> _AgentFeatures:
     future, agent = forecast.futures[n], forecast.agents[n]
     routes, v = forecast.posteriors[n].components.routes, float(agent.speed[-1])
     movement = np.array([route.movement for route in routes])[future.component]
+    least_delay = find_weighted_quantile(future.free, future.weight, 0.1) - v
     values = (
-        float(forecast.delay[n]), _measure_least_delay(future, v), v,
-        float(agent.speed.max()) - v, _measure_acceleration(agent, 8),
-        _measure_acceleration(agent, 20), _measure_standstill(agent), float(not agent.is_vehicle),
+        float(forecast.delay[n]), least_delay, v, float(agent.speed.max()) - v,
+        agent.measure_acceleration(8), agent.measure_acceleration(20), agent.standstill,
+        float(not agent.is_vehicle),
     )  # fmt: skip
     turns = {turn: movement == turn for turn in ("straight", "jaywalking", "left", "right")}
-    return _AgentFeatures(values, turns, _measure_line(future, v))
+    needs = np.where(np.isfinite(future.stop), v**2 / (2.0 * (future.stop + _SLACK)), 0.0)
+    line = (
+        float(np.minimum(needs, 12.0) @ future.weight),
+        float((needs > _BRAKES) @ future.weight),
+    )
+    return _AgentFeatures(values, turns, line)
 
 
 def _describe_agent(
@@ -237,31 +238,6 @@ def _share_within(gaps: TimeGaps | None, weight: FloatArray, limit: float) -> fl
     if gaps is None:
         return 0.0
     return float(weight[np.abs(gaps.gap) <= limit].sum() / weight.sum())
-
-
-def _measure_line(future: AgentForecast, speed: float) -> tuple[float, float]:
-    """Mean braking that stops it at its line, and the probability that this is unusual."""
-    needs = np.where(np.isfinite(future.stop), speed**2 / (2.0 * (future.stop + _SLACK)), 0.0)
-    return float(np.minimum(needs, 12.0) @ future.weight), float((needs > _BRAKES) @ future.weight)
-
-
-def _measure_acceleration(agent: ObservedAgent, count: int) -> float:
-    """Acceleration over the last samples [m/s^2]."""
-    last = agent.speed[-count:]
-    return float(last[-1] - last[0]) / (0.1 * max(len(last) - 1, 1))
-
-
-def _measure_standstill(agent: ObservedAgent) -> float:
-    """For how long it has been stationary [s]."""
-    moving = np.flatnonzero(agent.speed > 0.3)
-    return 0.1 * (len(agent.speed) - 1 - (int(moving[-1]) if len(moving) else -1))
-
-
-def _measure_least_delay(future: AgentForecast, speed: float) -> float:
-    """By how much slower it is than on the slowest tenth of its routes [m/s]."""
-    order = np.argsort(future.free)
-    at = int(np.searchsorted(np.cumsum(future.weight[order]), 0.1))
-    return float(future.free[order[min(at, len(order) - 1)]]) - speed
 
 
 def _find_conflict(

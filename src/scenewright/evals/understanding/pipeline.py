@@ -1,4 +1,4 @@
-"""The agentic pipeline of Section 5, a graph of its own over the tools that make scenes.
+"""The agentic pipeline of Section 5, of the tools that make scenes, and the methods by name.
 
     observe -> intend -> predict -> describe -> judge -> report
 
@@ -9,47 +9,38 @@ when its attempts are spent, the statistical model and the rule checker answer i
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from itertools import pairwise
-from typing import Annotated, Any, Literal, TypedDict
+from typing import Literal
 
 import numpy as np
-from langgraph.graph import END, START, StateGraph
-from langgraph.runtime import Runtime
-from langgraph.types import RetryPolicy
+from tenacity import Retrying, retry_if_exception, stop_after_attempt, wait_random_exponential
 
 from scenewright.backends import Backend
-from scenewright.errors import BackendFault, Rejected
+from scenewright.errors import BackendFault, InputError, Rejected
+from scenewright.evals.understanding.calibration import predict_relations
+from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.exit_model import weigh_exits
-from scenewright.evals.understanding.forecast import SceneForecast, forecast_scene
+from scenewright.evals.understanding.forecast import forecast_scene
 from scenewright.evals.understanding.intent import (
-    RoutePosterior,
     find_nearest_mean,
     find_nearest_waypoints,
     infer_routes,
 )
-from scenewright.evals.understanding.labels import PairRelation
-from scenewright.evals.understanding.language_model import ask_about_scene
-from scenewright.evals.understanding.observation import (
-    ObservationRow,
-    ObservedScene,
-    to_arrays,
-)
+from scenewright.evals.understanding.language_model import ask_about_scene, require_language_model
+from scenewright.evals.understanding.observation import ObservationRow, to_arrays
+from scenewright.evals.understanding.oracle import predict_with_events, predict_with_routes
 from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.reasoner import predict_relations
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.evals.understanding.rule_baseline import (
     TrackPredictor,
     check_predicted_tracks,
+    load_trajnet,
+    predict_constant_velocity,
     to_relations,
 )
-from scenewright.evals.understanding.scene_description import SceneDescription, describe_scene
-from scenewright.intersections import load_map
-from scenewright.scene.base import FloatArray
-from scenewright.scene.events import Event
+from scenewright.evals.understanding.scene_description import describe_scene
+from scenewright.intersections import load_map, ships_refiner
 
 ATTEMPTS = 3
 """How often a language model is asked about one scene."""
@@ -72,144 +63,113 @@ class MethodSettings:
     backend: Backend | None = None
 
 
-class UnderstandingState(TypedDict, total=False):
-    """Channels of a run; each is written by one node."""
-
-    row: ObservationRow
-    observation: ObservedScene
-    sides: tuple[str, ...]
-    posteriors: Mapping[str, RoutePosterior]
-    chances: Mapping[str, FloatArray]
-    exits: Mapping[str, str]
-    forecast: SceneForecast
-    events: tuple[Event, ...]
-    description: SceneDescription
-    relations: tuple[PairRelation, ...]
-    answered_exits: Mapping[str, str]
-    refused: bool
-    rejections: Annotated[list[str], operator.add]
-    prediction: ScenePrediction
-
-
-def observe_scene(state: UnderstandingState) -> UnderstandingState:
-    """Convert the row to arrays and list the sides of its map."""
-    observation = to_arrays(state["row"])
-    return {"observation": observation, "sides": list_sides(load_map(observation.intersection))}
-
-
-def predict_exits(
-    state: UnderstandingState, *, runtime: Runtime[MethodSettings]
-) -> UnderstandingState:
-    """Predict where all agents leave, by the statistical model."""
-    observed, model = state["observation"], runtime.context.exits
-    if model == "none":
-        return {}
-    if model != "posterior":
-        find = find_nearest_mean if model == "nearest" else find_nearest_waypoints
-        return {"exits": {a.id: find(a, intersection=observed.intersection)
-                          for a in observed.agents}}  # fmt: skip
-    posteriors, sides = infer_routes(observed), state["sides"]
-    chances = {
-        agent.id: weigh_exits(agent, posteriors[agent.id], sides, window=observed.now)
-        for agent in observed.agents
-    }
-    exits = {agent: sides[int(np.argmax(each))] for agent, each in chances.items()}
-    return {"posteriors": posteriors, "chances": chances, "exits": exits}
-
-
-def predict_tracks(
-    state: UnderstandingState, *, runtime: Runtime[MethodSettings]
-) -> UnderstandingState:
-    """Sample futures, or predict one track each and run the rule checker on them."""
-    if runtime.context.relations == "futures":
-        return {"forecast": forecast_scene(state["observation"], state["posteriors"])}
-    if runtime.context.predict is None:
-        return {"events": ()}
-    return {"events": check_predicted_tracks(state["observation"], runtime.context.predict)}
-
-
-def describe(state: UnderstandingState, *, runtime: Runtime[MethodSettings]) -> UnderstandingState:
-    """Describe the scene in words where a language model reads it."""
-    if runtime.context.relations != "language_model":
-        return {}
-    description = describe_scene(
-        state["observation"], state["chances"], state["sides"], state["events"],
-        runtime.context.predictor,
-    )  # fmt: skip
-    return {"description": description}
-
-
-def judge(state: UnderstandingState, *, runtime: Runtime[MethodSettings]) -> UnderstandingState:
-    """Predict the relations."""
-    model, observed = runtime.context.relations, state["observation"]
-    if model == "rules":
-        return {"relations": to_relations(state["events"], observed), "refused": False}
-    if model == "futures":
-        relations = predict_relations(state["forecast"], window=observed.now)
-        return {"relations": relations, "refused": False}
-    if model == "none":
-        return {"refused": False}
-    if runtime.context.backend is None:
-        raise TypeError("a language model needs a backend")
-    return _ask(state, runtime.context.backend)
-
-
-def _ask(state: UnderstandingState, backend: Backend) -> UnderstandingState:
-    if not state["description"].names:
-        return {"answered_exits": {}, "relations": (), "refused": False}
-    try:
-        exits, relations = ask_about_scene(
-            state["description"], state["sides"], backend, rejections=tuple(state["rejections"])
-        )
-    except Rejected as error:
-        rules = to_relations(state["events"], state["observation"])
-        return {"refused": True, "relations": rules, "rejections": [error.rejection.detail]}
-    return {"answered_exits": exits, "relations": relations, "refused": False}
-
-
-def route_after_judge(state: UnderstandingState) -> Literal["judge", "report"]:
-    """Return to the language model with the reason while there are attempts left."""
-    again = state["refused"] and len(state["rejections"]) < ATTEMPTS
-    return "judge" if again else "report"
-
-
-def report(state: UnderstandingState) -> UnderstandingState:
-    """Collect the prediction."""
-    exits = state.get("answered_exits", state.get("exits"))
-    return {"prediction": ScenePrediction(exits, state.get("relations"))}
-
-
-def _is_transient(error: Exception) -> bool:
-    """Whether a question is worth asking again."""
-    return isinstance(error, BackendFault) and not error.final
-
-
-@cache
-def _compile_graph() -> Any:
-    graph: StateGraph[UnderstandingState, MethodSettings, Any, Any] = StateGraph(
-        UnderstandingState, context_schema=MethodSettings
-    )
-    nodes: tuple[tuple[str, Any], ...] = (
-        ("observe", observe_scene), ("intend", predict_exits), ("predict", predict_tracks),
-        ("describe", describe), ("judge", judge), ("report", report),
-    )  # fmt: skip
-    retry = RetryPolicy(max_attempts=3, retry_on=_is_transient)
-    for name, node in nodes:
-        graph.add_node(name, node, retry_policy=retry if name == "judge" else None)
-    graph.add_edge(START, "observe")
-    for (one, _), (two, _) in pairwise(nodes[:5]):
-        graph.add_edge(one, two)
-    graph.add_conditional_edges("judge", route_after_judge)
-    graph.add_edge("report", END)
-    return graph.compile()
-
-
 def understand(row: ObservationRow, settings: MethodSettings) -> ScenePrediction:
-    """Run one scene through the graph.
+    """Predict one scene.
 
     Raises:
         BackendFault: a language model failed for good.
     """
-    state = _compile_graph().invoke({"row": row, "rejections": []}, context=settings)
-    prediction: ScenePrediction = state["prediction"]
-    return prediction
+    observed = to_arrays(row)
+    sides = list_sides(load_map(observed.intersection))
+    exits: dict[str, str] | None = None
+    chances, posteriors = {}, {}
+    if settings.exits == "posterior":
+        posteriors = infer_routes(observed)
+        chances = {
+            agent.id: weigh_exits(agent, posteriors[agent.id], sides, window=observed.now)
+            for agent in observed.agents
+        }
+        exits = {agent: sides[int(np.argmax(each))] for agent, each in chances.items()}
+    elif settings.exits != "none":
+        find = find_nearest_mean if settings.exits == "nearest" else find_nearest_waypoints
+        exits = {a.id: find(a, intersection=observed.intersection) for a in observed.agents}
+    if settings.relations == "none":
+        return ScenePrediction(exits, None)
+    if settings.relations == "futures":
+        forecast = forecast_scene(observed, posteriors)
+        return ScenePrediction(exits, predict_relations(forecast, window=observed.now))
+    events = check_predicted_tracks(observed, settings.predict) if settings.predict else ()
+    by_rules = ScenePrediction(exits, to_relations(events, observed))
+    if settings.relations == "rules":
+        return by_rules
+    if settings.backend is None:
+        raise TypeError("a language model needs a backend")
+    description = describe_scene(observed, chances, sides, events, settings.predictor)
+    if not description.names:
+        return ScenePrediction({}, ())
+    again = Retrying(
+        stop=stop_after_attempt(3), wait=wait_random_exponential(0.5), reraise=True,
+        retry=retry_if_exception(lambda e: isinstance(e, BackendFault) and not e.final),
+    )  # fmt: skip
+    rejections: list[str] = []
+    while len(rejections) < ATTEMPTS:
+        try:
+            said = again(
+                ask_about_scene, description, sides, settings.backend, rejections=tuple(rejections)
+            )
+            return ScenePrediction(*said)
+        except Rejected as error:
+            rejections.append(error.rejection.detail)
+    return by_rules
+
+
+METHODS = (
+    "gmm", "gmm_waypoints", "trajnet", "constant_velocity", "reasoner", "agent", "oracle",
+    "oracle_seen",
+)  # fmt: skip
+
+Predict = Callable[[ObservationRow, SceneCase], ScenePrediction]
+"""Only oracles look at the case."""
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """A prediction method.
+
+    Attributes:
+        name: for tables; predictor: whose tracks the rule checker sees, if it does.
+    """
+
+    name: str
+    predict: Predict
+    predictor: str | None = None
+
+
+def find_method(name: str, *, intersection: str, backend: Backend | None = None) -> Method:
+    """Find a method by name.
+
+    Raises:
+        InputError: no such method, or it lacks its refiner or its backend.
+    """
+    if name not in METHODS:
+        raise InputError(
+            f"there is no method {name!r}; name a file of predictions (.jsonl) or one of: "
+            f"{', '.join(METHODS)}"
+        )
+    if name == "oracle":
+        return Method(name, predict_with_routes)
+    if name == "oracle_seen":
+        return Method(name, predict_with_events)
+    settings = _choose_settings(name, intersection, backend)
+    shown = f"agent ({settings.backend.name})" if settings.backend is not None else name
+    return Method(shown, lambda row, _: understand(row, settings), settings.predictor or None)
+
+
+def _choose_settings(name: str, intersection: str, backend: Backend | None) -> MethodSettings:
+    if name == "gmm":
+        return MethodSettings("nearest", "none")
+    if name == "gmm_waypoints":
+        return MethodSettings("waypoints", "none")
+    if name == "reasoner":
+        return MethodSettings("posterior", "futures")
+    if name == "agent" and backend is None:
+        raise InputError("the method agent needs --backend: the language model to ask")
+    if name == "trajnet" or (name == "agent" and ships_refiner(intersection)):
+        predictor = (load_trajnet(intersection), "TrajNet++")
+    else:
+        predictor = (predict_constant_velocity, "constant velocity")
+    if name != "agent" or backend is None:
+        return MethodSettings("none", "rules", *predictor)
+    return MethodSettings(
+        "posterior", "language_model", *predictor, require_language_model(backend)
+    )  # fmt: skip

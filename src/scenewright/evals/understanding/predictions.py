@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -48,12 +48,11 @@ class ScenePrediction:
     """A checked prediction.
 
     Attributes:
-        exits, relations: as in `PredictionRow`; seconds: run time, None if not measured.
+        exits, relations: as in `PredictionRow`.
     """
 
     exits: Mapping[str, str] | None
     relations: tuple[PairRelation, ...] | None
-    seconds: float | None = None
 
 
 def to_row(observation: ObservationRow, prediction: ScenePrediction) -> PredictionRow:
@@ -77,8 +76,18 @@ def read_predictions(
         InputError: unreadable, unknown or missing scenes, agents or sides, or a row twice; names
             the line and what to mend.
     """
+    try:
+        if file.stat().st_size > MOST_BYTES:
+            raise InputError(f"{file} is larger than {MOST_BYTES // 10**6} MB")
+        lines = file.read_bytes().splitlines()
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
     found: dict[SceneWindow, ScenePrediction] = {}
-    for where, row in _read_rows(file):
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        where = f"{file}, line {number}"
+        row = _parse_row(line, where)
         key = (row.scene, row.window)
         if key not in observations:
             known = any(scene == row.scene for scene, _ in observations)
@@ -91,20 +100,6 @@ def read_predictions(
         raise InputError(f"{file} holds no predictions")
     _check_complete(file, found, observations)
     return found
-
-
-def _read_rows(file: Path) -> Iterator[tuple[str, PredictionRow]]:
-    """File and line, and row."""
-    try:
-        if file.stat().st_size > MOST_BYTES:
-            raise InputError(f"{file} is larger than {MOST_BYTES // 10**6} MB")
-        lines = file.read_bytes().splitlines()
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    for number, line in enumerate(lines, start=1):
-        if line.strip():
-            where = f"{file}, line {number}"
-            yield where, _parse_row(line, where)
 
 
 def _parse_row(line: bytes, where: str) -> PredictionRow:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from scenewright.evals.bootstrap import Figure
 from scenewright.evals.markdown import format_table
 from scenewright.evals.understanding.evaluate import MethodScores
 from scenewright.evals.understanding.scoring import (
@@ -11,7 +12,6 @@ from scenewright.evals.understanding.scoring import (
     DEFINITION,
     KINDS,
     LEADS,
-    ScoreFigure,
     WindowScores,
 )
 
@@ -47,7 +47,15 @@ def format_report(found: Sequence[MethodScores], *, scenes: int, split: str, whe
         parts += ["### Events count once both agents have been seen", _format_scores(
             related, _RELATIONS, lambda r: _format_figures(r.relations, _RELATIONS)
         )]  # fmt: skip
-        parts += ["### Found by how long before the event", _format_leads(related)]
+        heads = [f"{low:g} s and more" if high > 1e6 else f"{low:g} to {high:g} s"
+                 for low, high in LEADS]  # fmt: skip
+        rows = [
+            (_format_name(method), f"{row.window:g}", kind, *(f"{k} of {n}" for k, n in own))
+            for method, row in related
+            for kind, own in row.leads.items()
+        ]
+        table = format_table(("method", "window [s]", "relation", *heads), rows)
+        parts += ["### Found by how long before the event", table]
     return "\n\n".join([*parts, _PAPER]) + "\n"
 
 
@@ -58,27 +66,12 @@ def _format_scores(
     return format_table(("method", "window [s]", *columns), rows)
 
 
-def _format_leads(related: _Scored) -> str:
-    heads = [
-        f"{low:g} s and more" if high > 1e6 else f"{low:g} to {high:g} s" for low, high in LEADS
-    ]
-    rows = [
-        (_format_name(method), f"{row.window:g}", kind, *(f"{k} of {n}" for k, n in found))
-        for method, row in related
-        for kind, found in row.leads.items()
-    ]
-    return format_table(("method", "window [s]", "relation", *heads), rows)
-
-
 def _format_name(scores: MethodScores) -> str:
     return f"{scores.method} ({scores.predictor})" if scores.predictor else scores.method
 
 
-def _format_figures(figures: Mapping[str, ScoreFigure], names: Sequence[str]) -> list[str]:
-    return [
-        "none" if f.value is None else f"{f.value:.1f} [{f.low:.1f}, {f.high:.1f}]"
-        for f in map(figures.__getitem__, names)
-    ]
+def _format_figures(figures: Mapping[str, Figure], names: Sequence[str]) -> list[str]:
+    return [figures[name].format("{0:.1f} [{1:.1f}, {2:.1f}]", "none") for name in names]
 
 
 def _format_time(row: WindowScores) -> str:

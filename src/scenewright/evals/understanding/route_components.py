@@ -21,7 +21,7 @@ from scenewright.scene.candidates import Candidate, DrivingProfile, K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, get_vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
-from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior
+from scenewright.tools.gmm_sampler.priors import HOURS
 from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 
 _SPREAD = (-1.2, 0.0, 1.2)
@@ -91,17 +91,11 @@ def load_components(intersection: str, kind: AgentClass) -> RouteComponents:
     known = [each for each in ground.intersection_map.routes if each.id in priors.waypoints]
     if kind not in RIDERS:
         return _build_components([each for each in known if each.type == kind], priors, ground)
+    # Riders have priors on all these routes; few ride on crosswalks.
     routes = [r for r in known if r.type == "vehicle" or r.movement == "crossing"]
-    return _build_components(routes, _gather_rider_priors(priors, kind, routes, ground), ground)
-
-
-def _gather_rider_priors(
-    priors: Priors, kind: AgentClass, routes: list[Route], ground: MapAreas
-) -> Priors:
-    """The priors that riders of a class have on all these routes; few ride on crosswalks."""
     place = ground.intersection_map
     each = [build_rider_priors(priors, kind, route, intersection_map=place) for route in routes]
-    return replace(
+    of_riders = replace(
         priors,
         waypoints={name: prior for own in each for name, prior in own.waypoints.items()},
         driving_profiles={name: law for own in each for name, law in own.driving_profiles.items()},
@@ -111,6 +105,7 @@ def _gather_rider_priors(
             for route in routes
         },
     )
+    return _build_components(routes, of_riders, ground)
 
 
 def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> RouteComponents:
@@ -126,6 +121,16 @@ def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> 
     rows = np.einsum("pk,cpd->cpkd", knots, normal).reshape(*curve.shape[:2], 2 * K)
     across = np.einsum("cpi,cij->cpj", rows, cholesky)
     profiles = [priors.driving_profiles[route.id] for route in owners]
+    law = {
+        name: np.stack([getattr(each, name) for each in profiles])
+        for name in ("median", "spread", "low", "high")
+    }
+    # Speed that the curves ahead allow, from cautious to bold in braking and in curves.
+    off = np.array([(0.0, 0.0, x, y) for x in _SPREAD for y in _SPREAD])[None]
+    tried = law["median"][:, None] * np.exp(off * law["spread"][:, None])
+    tried = np.clip(tried, law["low"][:, None], law["high"][:, None])
+    limit = tried[..., 3:4] / np.maximum(np.abs(curvature), 1e-3)[:, None]
+    bend = np.sqrt(np.maximum(brake_backwards(s[:, None], limit, tried[..., 2:3]), 0.0))
     marks = [_find_stop(route, curve[c], ground) for c, route in enumerate(owners)]
     weights = np.concatenate([each.weights for each in sets])
     rates = [np.asarray(priors.frequency.get(r.id, np.zeros(HOURS))) for r in owners]
@@ -133,10 +138,8 @@ def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> 
         tuple(owners), np.log((np.stack(rates, axis=1) + 1e-3) * weights), curve, s, heading,
         curvature, normal, knots, across,
         np.gradient(across, axis=1) / np.gradient(s, axis=1)[..., None], cholesky,
-        np.array([line for line, _ in marks]), tuple(group for _, group in marks),
-        _limit_speed(s, curvature, profiles),
-        *(np.stack([getattr(each, name) for each in profiles])
-          for name in ("median", "spread", "low", "high")),
+        np.array([line for line, _ in marks]), tuple(group for _, group in marks), bend,
+        law["median"], law["spread"], law["low"], law["high"],
     )  # fmt: skip
 
 
@@ -203,21 +206,6 @@ def brake_backwards(s: FloatArray, squared: FloatArray, braking: FloatArray) -> 
     reach = squared + 2.0 * braking * s
     least = np.minimum.accumulate(reach[..., ::-1], axis=-1)[..., ::-1]
     return np.asarray(least - 2.0 * braking * s)
-
-
-def _limit_speed(
-    s: FloatArray, curvature: FloatArray, profiles: list[DrivingProfilePrior]
-) -> FloatArray:
-    """[C, D, P] from curvature [C, P]: cautious to bold in braking and in curves."""
-    off = np.array([(0.0, 0.0, x, y) for x in _SPREAD for y in _SPREAD])[None]
-    median, spread, low, high = (
-        np.stack([getattr(each, name) for each in profiles])[:, None]
-        for name in ("median", "spread", "low", "high")
-    )
-    law = np.clip(median * np.exp(off * spread), low, high)
-    lateral, braking = law[..., 3:4], law[..., 2:3]
-    limit = lateral / np.maximum(np.abs(curvature), 1e-3)[:, None]
-    return np.asarray(np.sqrt(np.maximum(brake_backwards(s[:, None], limit, braking), 0.0)))
 
 
 def _find_stop(route: Route, curve: FloatArray, ground: MapAreas) -> tuple[float, str | None]:

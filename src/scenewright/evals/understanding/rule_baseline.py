@@ -7,14 +7,14 @@ velocity is the reference for everything else.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.evals.understanding.labels import RELATIONS, PairRelation
-from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
+from scenewright.evals.understanding.observation import ObservedScene
+from scenewright.geometry.polyline import interpolate_points
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event
@@ -74,28 +74,20 @@ def predict_with_refiner(net: RefinerNetwork, observation: ObservedScene) -> lis
     past = min(net.config.observed, int(observation.now / step) + 1)
     known = np.full((len(fallback), past + steps, 2), np.nan)
     for n, agent in enumerate(observation.agents):
-        known[n, :past] = _resample_past(agent, observation.now, past, step)
+        times = observation.now - step * np.arange(past - 1.0, -1.0, -1.0)
+        seen = agent.start + STEP * np.arange(len(agent.xy), dtype=np.float64)
+        inside = (times >= seen[0] - 1e-6) & (times <= seen[-1] + 1e-6)
+        there = interpolate_points(times, seen, agent.xy)
+        known[n, :past] = np.where(inside[:, None], there, np.nan)
     kinds = ["vehicle" if agent.is_vehicle else "pedestrian" for agent in observation.agents]
     classes = np.array([CLASSES.index(kind) for kind in kinds])
     rolled = run_rollout(net, known, classes=classes)[:, past - 1 :]
-    wanted = STEP * np.arange(1, round(HORIZON / STEP) + 1)
-    times = step * np.arange(steps + 1)
+    wanted = STEP * np.arange(1.0, round(HORIZON / STEP) + 1)
+    times = step * np.arange(steps + 1.0)
     return [
-        _interpolate(wanted, times, xy) if np.isfinite(xy).all() else straight
+        interpolate_points(wanted, times, xy) if np.isfinite(xy).all() else straight
         for xy, straight in zip(rolled, fallback, strict=True)
     ]
-
-
-def _interpolate(wanted: NDArray[Any], times: NDArray[Any], xy: FloatArray) -> FloatArray:
-    return np.stack([np.interp(wanted, times, xy[:, d]) for d in (0, 1)], axis=-1)
-
-
-def _resample_past(agent: ObservedAgent, now: float, count: int, step: float) -> FloatArray:
-    """[count, 2] positions at the last `count` steps up to now; NaN where it was not there."""
-    times = now - step * np.arange(count - 1, -1, -1)
-    seen = agent.start + STEP * np.arange(len(agent.xy))
-    inside = (times >= seen[0] - 1e-6) & (times <= seen[-1] + 1e-6)
-    return np.where(inside[:, None], _interpolate(times, seen, agent.xy), np.nan)
 
 
 def check_predicted_tracks(
@@ -103,35 +95,27 @@ def check_predicted_tracks(
 ) -> tuple[Event, ...]:
     """Run the rule checker on observed and predicted tracks; ids are places in `agents`."""
     intersection_map = load_map(observation.intersection)
-    ahead = predict(observation)
-    users = [
-        user
-        for n, (agent, xy) in enumerate(zip(observation.agents, ahead, strict=True))
-        if (user := _build_road_user(n, agent, xy, intersection_map.extent)) is not None
-    ]
+    users = []
+    for n, (agent, ahead) in enumerate(
+        zip(observation.agents, predict(observation), strict=True)
+    ):  # to the edge of the map; a single position is no road user
+        outside = np.flatnonzero(np.abs(ahead).max(axis=1) > intersection_map.extent)
+        until = 0 if agent.left else outside[0] if len(outside) else len(ahead)
+        xy = np.concatenate([agent.xy, ahead[:until]])
+        if len(xy) < 2:
+            continue
+        least = LEAST_MOTION[agent.type]
+        later = compute_headings(xy, step=STEP, least=least)[len(agent.xy) :]
+        turns = np.round((agent.heading[-1] - later[:1]) / (2 * np.pi)) * 2 * np.pi
+        moves = len(later) > 0 and float(np.hypot(*(xy[-1] - agent.xy[-1]))) > least
+        later = later + turns if moves else np.full(len(later), agent.heading[-1])
+        track = Track(xy, np.concatenate([agent.heading, later]), agent.start)
+        users.append(RoadUser(n, track, Shape(agent.type, agent.length, agent.width)))
     signals = [SignalRecord.model_validate(each.model_dump()) for each in observation.lights]
     events = find_events(
         users, intersection_map=intersection_map, signals=signals, until=observation.now + HORIZON
     )
     return tuple(event for event in events if event.type in RELATIONS)
-
-
-def _build_road_user(
-    n: int, agent: ObservedAgent, ahead: FloatArray, extent: float
-) -> RoadUser | None:
-    """Observed and predicted track, up to the edge of the map; None for a single position."""
-    outside = np.flatnonzero(np.abs(ahead).max(axis=1) > extent)
-    until = 0 if agent.left else outside[0] if len(outside) else len(ahead)
-    xy = np.concatenate([agent.xy, ahead[:until]])
-    if len(xy) < 2:
-        return None
-    least = LEAST_MOTION[agent.type]
-    later = compute_headings(xy, step=STEP, least=least)[len(agent.xy) :]
-    turns = np.round((agent.heading[-1] - later[:1]) / (2 * np.pi)) * 2 * np.pi
-    moves = len(later) > 0 and float(np.hypot(*(xy[-1] - agent.xy[-1]))) > least
-    later = later + turns if moves else np.full(len(later), agent.heading[-1])
-    track = Track(xy, np.concatenate([agent.heading, later]), agent.start)
-    return RoadUser(n, track, Shape(agent.type, agent.length, agent.width))
 
 
 def to_relations(events: Sequence[Event], observation: ObservedScene) -> tuple[PairRelation, ...]:

@@ -51,16 +51,34 @@ def describe_scene(
     names = name_agents(observation)
     agents = (
         f"- {names[agent.id]}: {_describe_agent(agent, intersection_map)}; statistical model: "
-        f"{_describe_exits(exits[agent.id], sides)}"
+        "leaves "
+        + " or ".join(
+            f"{sides[n]} {100 * exits[agent.id][n]:.0f} %"
+            for n in np.argsort(-exits[agent.id])
+            if exits[agent.id][n] > _LIKELY
+        )
         for agent in observation.agents
     )
+    last = {light.stop_line or light.crosswalk or "": light for light in observation.lights}
+    states = [
+        f"{name.replace(':', ' ')} {light.colour}"
+        + (f" for {light.end - light.start:.0f} s" if light.start > 0 else "")
+        for name, light in sorted(last.items())
+    ]
+    ids = observation.ids
+    findings = [
+        f"- close encounter of {names[ids[e.from_]]} and {names[ids[e.to]]} in "
+        f"{max(e.time - observation.now, 0):.0f} s: {_RELATION[e.type]}"
+        + (f" ({names[ids[e.from_]]} gives way)" if e.type == "yielding" else "")
+        for e in events
+    ]
     lines = [
         *_describe_map(intersection_map),
-        *_describe_lights(observation),
+        *([f"Lights: {', '.join(states)}."] if states else []),
         f"Agents after {observation.now:g} s:",
         *agents,
         f"Rule checker on the tracks that {predictor} predicts:",
-        *(_describe_findings(events, observation, names) or ["- no close encounter"]),
+        *(findings or ["- no close encounter"]),
     ]
     return SceneDescription(names, "\n".join(lines))
 
@@ -98,16 +116,6 @@ def _describe_map(intersection_map: IntersectionMap) -> list[str]:
     ]
 
 
-def _describe_lights(observation: ObservedScene) -> list[str]:
-    last = {light.stop_line or light.crosswalk or "": light for light in observation.lights}
-    states = [
-        f"{name.replace(':', ' ')} {light.colour}"
-        + (f" for {light.end - light.start:.0f} s" if light.start > 0 else "")
-        for name, light in sorted(last.items())
-    ]
-    return [f"Lights: {', '.join(states)}."] if states else []
-
-
 def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
     middle = float(np.abs(agent.xy[0]).max()) < _JUNCTION
     first = "in the junction" if middle else f"on the {_find_side(agent.xy[0])} side"
@@ -116,7 +124,16 @@ def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> 
         kind = next(n for m, n in _SUBTYPES if agent.length < m)
     if agent.left:
         return f"{kind}, first seen {first}, has left"
-    position, motion = _describe_position(agent, intersection_map), _describe_motion(agent)
+    speed = float(agent.speed[-1])
+    before = float(agent.speed[-min(len(agent.speed), 8)])
+    change = "steady"
+    if abs(speed - before) > 0.5:
+        change = "speeding up" if speed > before else "slowing down"
+    motion = f"{speed:.0f} m/s, {change}" if agent.is_vehicle else f"walking, {change}"
+    if speed < 0.3:
+        stood = int(np.argmax(agent.speed[::-1] >= 0.3)) if (agent.speed >= 0.3).any() else 0
+        motion = f"standing{f' for {stood / 10:.0f} s' if stood >= 10 else ''}"
+    position = _describe_position(agent, intersection_map)
     return f"{kind}, first seen {first}, now {position}, {motion}"
 
 
@@ -155,33 +172,3 @@ def _find_lane(agent: ObservedAgent, intersection_map: IntersectionMap) -> str |
             if bool(((agent.xy[-1] >= low) & (agent.xy[-1] <= high)).all()):
                 return lanelet.id.rsplit(":", 1)[1]
     return None
-
-
-def _describe_motion(agent: ObservedAgent) -> str:
-    speed = float(agent.speed[-1])
-    if speed < 0.3:
-        stood = int(np.argmax(agent.speed[::-1] >= 0.3)) if (agent.speed >= 0.3).any() else 0
-        return f"standing{f' for {stood / 10:.0f} s' if stood >= 10 else ''}"
-    before = float(agent.speed[-min(len(agent.speed), 8)])
-    change = "steady"
-    if abs(speed - before) > 0.5:
-        change = "speeding up" if speed > before else "slowing down"
-    return f"{speed:.0f} m/s, {change}" if agent.is_vehicle else f"walking, {change}"
-
-
-def _describe_exits(likely: FloatArray, sides: tuple[str, ...]) -> str:
-    order = np.argsort(-likely)
-    shown = [f"{sides[n]} {100 * likely[n]:.0f} %" for n in order if likely[n] > _LIKELY]
-    return "leaves " + " or ".join(shown)
-
-
-def _describe_findings(
-    events: Sequence[Event], observation: ObservedScene, names: Mapping[str, str]
-) -> list[str]:
-    ids = observation.ids
-    return [
-        f"- close encounter of {names[ids[e.from_]]} and {names[ids[e.to]]} in "
-        f"{max(e.time - observation.now, 0):.0f} s: {_RELATION[e.type]}"
-        + (f" ({names[ids[e.from_]]} gives way)" if e.type == "yielding" else "")
-        for e in events
-    ]

@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from scenewright.evals.bootstrap import compute_interval, draw_resamples
+from scenewright.evals.bootstrap import Figure, compute_interval, draw_resamples
 from scenewright.evals.understanding.labels import RELATIONS, Labels
 from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.scene.base import AgentClass, FloatArray
@@ -22,6 +22,7 @@ from scenewright.scene.base import AgentClass, FloatArray
 KINDS = ("normal", *RELATIONS)
 PAPER = ("normal", "collision", "yielding")
 """The kinds of the paper, of which `macro` is the mean."""
+_MEANS = {"macro": PAPER, "macro 4": KINDS}
 AGENT_CLASSES: tuple[AgentClass, ...] = get_args(AgentClass)
 LEADS = ((0.0, 2.0), (2.0, 4.0), (4.0, 6.0), (6.0, 10.0), (10.0, np.inf))
 """How long before an event the window ends [s]."""
@@ -43,7 +44,8 @@ class SceneCounts:
     """Counts of one scene after one window.
 
     Attributes:
-        exits: [C, 2] per class: right, all; None without exits.
+        exits: [C, 3] per class: right, wrong, wrong again, so that F1 is the share of the right;
+            None without exits.
         items: [4, 3] per kind: true and false positives, false negatives; strict: the same with
             events that cannot be seen yet; None without relations.
         leads: [3, L, 2] per relation and lead: found, all.
@@ -57,23 +59,6 @@ class SceneCounts:
     later: int
     agents: int
     unseen: int
-
-
-@dataclass(frozen=True)
-class ScoreFigure:
-    """A share in percent, its 95 % interval, and of how many; None of none."""
-
-    value: float | None
-    low: float | None
-    high: float | None
-    n: int
-
-    def to_share(self) -> dict[str, Any]:
-        """Convert to a share of 1 with its interval, as leaderboards have it."""
-        if self.value is None or self.low is None or self.high is None:
-            return {"rate": None, "interval": None, "n": self.n}
-        interval = [round(each / 100, 6) for each in (self.low, self.high)]
-        return {"rate": round(self.value / 100, 6), "interval": interval, "n": self.n}
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +78,9 @@ class WindowScores:
     unseen: int
     later: int
     seconds: float | None
-    intent: Mapping[str, ScoreFigure] = field(default_factory=dict)
-    relations: Mapping[str, ScoreFigure] = field(default_factory=dict)
-    strict: Mapping[str, ScoreFigure] = field(default_factory=dict)
+    intent: Mapping[str, Figure] = field(default_factory=dict)
+    relations: Mapping[str, Figure] = field(default_factory=dict)
+    strict: Mapping[str, Figure] = field(default_factory=dict)
     leads: Mapping[str, Sequence[tuple[int, int]]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
@@ -122,29 +107,30 @@ def count_scene(labels: Labels, prediction: ScenePrediction, *, window: float) -
     """Count what is right in one scene after a window [s]."""
     seen = {agent for agent, start in labels.starts.items() if start <= window + 1e-6}
     truth = {r.key for r in labels.relations if {r.from_, r.to} <= seen}
-    relations = prediction.relations
+    exits, relations = prediction.exits, prediction.relations
     found = {r.key for r in relations or ()}
+    counts = np.zeros((len(AGENT_CLASSES), 3))
+    for agent in seen if exits is not None else ():
+        right = exits.get(agent) == labels.exits[agent] if exits else False
+        counts[AGENT_CLASSES.index(labels.types[agent])] += (right, not right, not right)
+    items, strict = (
+        count_items(labels, truth, found, seen, strict=strict) for strict in (False, True)
+    )
+    leads = np.zeros((len(RELATIONS), len(LEADS), 2))
+    for each in labels.relations:
+        if {each.from_, each.to} <= seen and each.time is not None:
+            lead = max(each.time - window, 0.0)
+            at = next(n for n, (low, high) in enumerate(LEADS) if low <= lead < high)
+            leads[RELATIONS.index(each.type), at] += (each.key in found, 1)
     return SceneCounts(
-        exits=_count_exits(labels, prediction.exits, seen),
-        items=None if relations is None else count_items(labels, truth, found, seen, strict=False),
-        strict=None if relations is None else count_items(labels, truth, found, seen, strict=True),
-        leads=_count_leads(labels, found, seen, window),
+        exits=None if exits is None else counts,
+        items=None if relations is None else items,
+        strict=None if relations is None else strict,
+        leads=leads,
         later=sum(not {r.from_, r.to} <= seen for r in labels.relations),
         agents=len(seen),
         unseen=len(labels.starts) - len(seen),
     )
-
-
-def _count_exits(
-    labels: Labels, exits: Mapping[str, str] | None, seen: set[str]
-) -> FloatArray | None:
-    if exits is None:
-        return None
-    counts = np.zeros((len(AGENT_CLASSES), 2))
-    for agent in seen:
-        right = exits.get(agent) == labels.exits[agent]
-        counts[AGENT_CLASSES.index(labels.types[agent])] += (right, 1)
-    return counts
 
 
 def count_items(
@@ -173,25 +159,16 @@ def count_items(
     return counts
 
 
-def _count_leads(labels: Labels, found: set[Key], seen: set[str], window: float) -> FloatArray:
-    counts = np.zeros((len(RELATIONS), len(LEADS), 2))
-    for each in labels.relations:
-        if {each.from_, each.to} <= seen and each.time is not None:
-            lead = max(each.time - window, 0.0)
-            at = next(n for n, (low, high) in enumerate(LEADS) if low <= lead < high)
-            counts[RELATIONS.index(each.type), at] += (each.key in found, 1)
-    return counts
-
-
 def summarise(
     counts: Sequence[SceneCounts], *, window: float, seconds: float | None
 ) -> WindowScores:
     """Summarise the counts of all scenes after one window [s]."""
     draws = draw_resamples(len(counts), draws=DRAWS).astype(np.float64)
     leads = np.sum([each.leads for each in counts], axis=0).astype(int).tolist()
-    by_relation = {
-        name: [(k, n) for k, n in found] for name, found in zip(RELATIONS, leads, strict=True)
-    }
+    found = {name: [(k, n) for k, n in own] for name, own in zip(RELATIONS, leads, strict=True)}
+    exits, items, strict = (
+        [getattr(each, name) for each in counts] for name in ("exits", "items", "strict")
+    )
     return WindowScores(
         window=window,
         scenes=len(counts),
@@ -199,59 +176,45 @@ def summarise(
         unseen=sum(each.unseen for each in counts),
         later=sum(each.later for each in counts),
         seconds=seconds,
-        intent=_summarise_exits([each.exits for each in counts], draws),
-        relations=_summarise_items([each.items for each in counts], draws),
-        strict=_summarise_items([each.strict for each in counts], draws),
-        leads=by_relation if counts[0].items is not None else {},
+        intent=_summarise_kinds(exits, draws, AGENT_CLASSES, {}, pooled="overall"),
+        relations=_summarise_kinds(items, draws, KINDS, _MEANS, pooled="micro"),
+        strict=_summarise_kinds(strict, draws, KINDS, _MEANS, pooled="micro"),
+        leads=found if items[0] is not None else {},
     )
 
 
-def _summarise_exits(
-    counts: Sequence[FloatArray | None], draws: FloatArray
-) -> dict[str, ScoreFigure]:  # fmt: skip
-    if any(each is None for each in counts):
-        return {}
-    table = np.array(counts)
-    pooled = np.concatenate([table, table.sum(axis=1, keepdims=True)], axis=1)
-    total, drawn = pooled.sum(axis=0), np.einsum("bs,scx->bcx", draws, pooled)
-    share, drawn_share = (_divide(each[..., 0], each[..., 1]) for each in (total, drawn))
-    return {
-        name: _to_figure(share[c], drawn_share[:, c], total[c, 1])
-        for c, name in enumerate((*AGENT_CLASSES, "overall"))
-    }
-
-
-def _summarise_items(
-    counts: Sequence[FloatArray | None], draws: FloatArray
-) -> dict[str, ScoreFigure]:  # fmt: skip
+def _summarise_kinds(
+    counts: Sequence[FloatArray | None],
+    draws: FloatArray,
+    kinds: Sequence[str],
+    means: Mapping[str, Sequence[str]],
+    *,
+    pooled: str,
+) -> dict[str, Figure]:
+    """F1 by kind, its mean over some kinds, and that of all items together."""
     if any(each is None for each in counts):
         return {}
     table = np.array(counts)
     total, drawn = table.sum(axis=0), np.einsum("bs,skx->bkx", draws, table)
     f1, drawn_f1, n = compute_f1(total), compute_f1(drawn), total[:, 0] + total[:, 2]
-    found = {name: _to_figure(f1[k], drawn_f1[:, k], n[k]) for k, name in enumerate(KINDS)}
-    for name, kinds in (("macro", PAPER), ("macro 4", KINDS)):
-        which = [KINDS.index(kind) for kind in kinds]
-        means = f1[which].mean(), drawn_f1[:, which].mean(axis=1)
-        found[name] = _to_figure(*means, n[which].sum())
-    pooled = compute_f1(total.sum(axis=0)), compute_f1(drawn.sum(axis=1))
-    return {**found, "micro": _to_figure(*pooled, n.sum())}
+    found = {name: _to_figure(f1[k], drawn_f1[:, k], n[k]) for k, name in enumerate(kinds)}
+    for name, of in means.items():
+        which = [kinds.index(kind) for kind in of]
+        found[name] = _to_figure(f1[which].mean(), drawn_f1[:, which].mean(axis=1), n[which].sum())
+    together = compute_f1(total.sum(axis=0)), compute_f1(drawn.sum(axis=1))
+    return {**found, pooled: _to_figure(*together, n.sum())}
 
 
 def compute_f1(counts: FloatArray) -> FloatArray:
     """Compute F1 of counts [..., 3]; NaN where there is nothing to find and nothing was found."""
     hits = 2 * counts[..., 0]
-    return _divide(hits, hits + counts[..., 1] + counts[..., 2])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(hits / (hits + counts[..., 1] + counts[..., 2]))
 
 
-def _divide(part: FloatArray, whole: FloatArray) -> FloatArray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(part / whole)
-
-
-def _to_figure(value: FloatArray, drawn: FloatArray, n: float) -> ScoreFigure:
+def _to_figure(value: FloatArray, drawn: FloatArray, n: float) -> Figure:
     if np.isnan(value):
-        return ScoreFigure(None, None, None, int(n))
-    low, high = compute_interval(drawn[~np.isnan(drawn)])
-    share, low, high = (round(100 * x, 2) for x in (float(value), low, high))
-    return ScoreFigure(share, low, high, int(n))
+        return Figure(None, None, None, int(n))
+    low, high = compute_interval(drawn)
+    share, low, high = (round(100 * each, 2) for each in (float(value), low, high))
+    return Figure(share, low, high, int(n))

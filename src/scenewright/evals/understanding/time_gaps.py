@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
+from scenewright.evals.understanding.boosted_trees import IntArray
 from scenewright.evals.understanding.forecast import DT, AgentForecast, BoolArray
 from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.scene.base import FloatArray
-
-IntArray = NDArray[np.intp]
 
 SHIFTS = (0, 1, -1, 2, -2, 3, -3, 4, -4, 6, -6, 8, -8, 12, -12)
 """Delays of the second that are tried [multiples of `DT`], least first."""
@@ -46,13 +44,18 @@ def compute_time_gaps(
     """Compute the gap in each future; None where no futures come near one another."""
     (a, first), (b, second) = one, two
     reach = (a.length + b.length) / 2 + _NEAR
-    if _are_apart(first, second, reach):
+    low = np.maximum(first.box[0], second.box[0])  # of the boxes round the tracks of each future
+    high = np.minimum(first.box[1], second.box[1])
+    all_low = np.maximum(first.box[0].min(axis=0), second.box[0].min(axis=0))
+    all_high = np.minimum(first.box[1].max(axis=0), second.box[1].max(axis=0))
+    if (all_low - all_high > reach).any():
         return None
     size = len(first.present)
     gap, time, angle = np.full(size, NEVER), np.full(size, NEVER), np.zeros(size)
-    near = _find_near_rows(first, second, reach)
+    near = np.flatnonzero((low - high < reach).all(axis=1))
     one_, two_ = _get_outline(a, first), _get_outline(b, second)
-    touch = (_measure_radius(a) + _measure_radius(b)) ** 2
+    radii = (x.width / 2 * 1.03 if x.is_vehicle else x.width / 2 for x in (a, b))
+    touch = sum(radii) ** 2
     shift, tick = _find_first_contacts(near, np.array(SHIFTS), one_, two_, reach**2, touch)
     found = tick >= 0
     row, shift, tick = near[found], shift[found], tick[found]
@@ -61,20 +64,6 @@ def compute_time_gaps(
     turn = first.heading[row, at_a] - second.heading[row, at_b]
     angle[row] = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
     return TimeGaps(gap, time, angle)
-
-
-def _find_near_rows(one: AgentForecast, two: AgentForecast, reach: float) -> IntArray:
-    """Futures in which the boxes round the two tracks overlap."""
-    low = np.maximum(one.box[0], two.box[0])
-    high = np.minimum(one.box[1], two.box[1])
-    return np.flatnonzero((low - high < reach).all(axis=1))
-
-
-def _are_apart(one: AgentForecast, two: AgentForecast, reach: float) -> bool:
-    """Whether the boxes round all futures of the two lie apart."""
-    low = np.maximum(one.box[0].min(axis=0), two.box[0].min(axis=0))
-    high = np.minimum(one.box[1].max(axis=0), two.box[1].max(axis=0))
-    return bool((low - high > reach).any())
 
 
 _Outline = tuple[FloatArray, BoolArray, FloatArray, FloatArray, FloatArray]
@@ -88,11 +77,6 @@ def _get_outline(agent: ObservedAgent, future: AgentForecast) -> _Outline:
         half = agent.length / 2 - agent.width / 2
         offsets = np.linspace(-half, half, int(np.ceil(agent.length / agent.width)) + 1)
     return future.xy, future.present, *future.facing, offsets
-
-
-def _measure_radius(agent: ObservedAgent) -> float:
-    """Radius of the discs [m]."""
-    return agent.width / 2 * 1.03 if agent.is_vehicle else agent.width / 2
 
 
 @compiled

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.compiled import compiled
+from scenewright.evals.understanding.boosted_trees import IntArray
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, BoolArray
 from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.evals.understanding.route_components import interpolate_points, interpolate_rows
-from scenewright.evals.understanding.time_gaps import IntArray
 from scenewright.scene.base import FloatArray
 
 OF_ZONE = ("offset", "both_there", "wait", "at_odds", "offset_spread")
