@@ -60,7 +60,7 @@ from scenewright.tools.map_import.osm_streets import (
     describe_group,
     survey_osm_junctions,
 )
-from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_rings, join_rings
+from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
     DrivingSide,
     Survey,
@@ -250,7 +250,7 @@ def _find_network_rings(net: Any) -> list[Ring]:
                     name = f"{lane.getID()}>{after.getID()}"
                     lines[name], follows[name] = _trace_connection(net, link), [after.getID()]
                     follows.setdefault(lane.getID(), []).append(name)
-    return join_rings(find_rings(lines, follows))
+    return find_roundabouts(lines, follows)
 
 
 def _list_ring_edges(net: Any, ring: Ring) -> set[str]:
