@@ -79,6 +79,8 @@ _ROOM = 28.0
 _CROSSING_ROOM = 14.0
 """How much of a leg it shows beyond its crosswalk [m]."""
 _SPEED_LIMITS = (4.0, 19.0)
+_LONGEST_U_TURN = 40.0
+"""A longer way back into its own leg is a detour inside the junction, no way of the file [m]."""
 _ON_GROUND = 0.9
 """Share of a walked path that lies on sidewalks and its crosswalk."""
 
@@ -237,7 +239,8 @@ class _Assembly:
     def _place_crosswalk(self, k: int, mapped: MappedCrosswalk | None) -> CrosswalkPlacement | None:
         leg = self.legs[k]
         room = self.extent - 9.0 - float(np.abs(leg.throat).max())
-        return ground.place_crosswalk(leg, self.road, mapped, room=room)
+        ways = [geos.LineString(line) for line in self.whole]
+        return ground.place_crosswalk(leg, self.road, mapped, room=room, ways=ways)
 
     @cached_property
     def crosswalk_facts(self) -> tuple[CrosswalkFact, ...]:
@@ -308,10 +311,22 @@ class _Assembly:
             for pair, found in sorted(groups.items())
         }
 
+    @cached_property
+    def missing(self) -> list[tuple[int, int]]:
+        """Entries and exits, by leg, between which no way leads."""
+        entries = [k for k, leg in enumerate(self.legs) if leg.approaches]
+        exits = [k for k, leg in enumerate(self.legs) if leg.exits]
+        return [
+            pair for pair in product(entries, exits)
+            if pair[0] != pair[1] and pair not in self.by_movement
+        ]  # fmt: skip
+
     def build_map(self, name: str, title: str | None, signals: str) -> IntersectionMap:
         lanelets = tuple(self._build_lanelets())
         stop_lines = tuple(self._build_stop_lines())
         crosswalks = tuple(self._build_crosswalks())
+        for a, b in self.missing:
+            self._add_note(f"no way leads from {self.names[a]} to {self.names[b]}")
         program = self._build_signals(crosswalks, signals)
         movements = self._build_movements(program)
         lines = {m.id: self.vehicle_lines[f"vehicle:{m.id}"] for m in movements}
@@ -521,15 +536,22 @@ class _Assembly:
 
     def rate_items(self, map_format: MapFormat) -> tuple[ReportItem, ...]:
         """What was read, derived and assumed of the map."""
-        side, kept = self.survey.side, len(self.connections) / len(self.survey.connections)
+        side, kept = self.survey.side, len(self.connections)
+        back = sum(
+            measure_length(each.line) < _LONGEST_U_TURN
+            for each in self.survey.connections
+            if each not in self.connections
+        )
+        unexpected = 0 if self.survey.barred is None else len(self.missing) - self.survey.barred
+        held = kept + back + self.survey.lost + max(unexpected, 0)
         lanes = ReportItem("lanes", "read", 1.0, "as drawn")
         if map_format == "osm":
             lanes = ReportItem("lanes", "partly read", 0.5, "guessed where the file has no tags")
         return (
             lanes,
             ReportItem(
-                "ways through", "read", round(kept, 3),
-                f"{len(self.connections)} of {len(self.survey.connections)} kept",
+                "ways through", "read" if kept == held else "partly read", round(kept / held, 3),
+                f"{kept} of {held} kept",
             ),
             self._rate_curves(),
             rate_crosswalks(self.crosswalk_facts),

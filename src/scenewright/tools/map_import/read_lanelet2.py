@@ -49,12 +49,14 @@ from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
     ASSUMED_SIDE,
+    NARROWEST,
     DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
     SurveyLane,
     SurveyLight,
+    describe_strips,
 )
 
 _TOUCHING = 0.6
@@ -475,6 +477,8 @@ def build_lanelets(
             others += 1
         else:
             lanelets[lanelet.id] = lanelet
+    notes += describe_strips(each.width < NARROWEST for each in lanelets.values())
+    lanelets = {name: each for name, each in lanelets.items() if each.width >= NARROWEST}
     if broken:
         notes.append(f"{broken} lanelets without two usable bounds were dropped")
     if others:
@@ -549,7 +553,7 @@ def _survey_junction(
     paths = [_Path.join(held, names) for names in _list_paths(held, inside, is_roundabout)]
     used = sorted({name for path in paths for name in path.names})
     shortest = _SHORTEST_LANE if grounds.others.is_empty else _SHORTEST_LEG
-    approaches, exits, found = _split_paths(paths, grounds, shortest, notes)
+    approaches, exits, found, cut_off = _split_paths(paths, grounds, shortest)
     if not found:
         raise InputError(
             f"{held.file} has no way for vehicles from outside through a junction to outside"
@@ -560,6 +564,8 @@ def _survey_junction(
             f"{walks} footways of the file are shown as they are not; sidewalks are derived along "
             "the kerbs"
         )
+    if cut_off:
+        notes.append(f"{cut_off} ways begin or end inside the junction and were dropped")
     if unused := len(inside.difference(used)):
         notes.append(f"{unused} lanelets that lead nowhere were dropped")
     if is_roundabout:
@@ -583,6 +589,7 @@ def _survey_junction(
         file_origin=held.origin,
         lights=tuple(SurveyLight(each - middle) for each in held.lights),
         is_roundabout=is_roundabout,
+        lost=cut_off + unused,
         notes=notes,
     )
 
@@ -591,9 +598,9 @@ _Lines = dict[str, FloatArray]
 
 
 def _split_paths(
-    paths: Sequence[_Path], grounds: _Grounds, shortest: float, notes: list[str]
-) -> tuple[_Lines, _Lines, dict[tuple[str, str], FloatArray]]:
-    """Approaches and exits by name, and whole paths by both names."""
+    paths: Sequence[_Path], grounds: _Grounds, shortest: float
+) -> tuple[_Lines, _Lines, dict[tuple[str, str], FloatArray], int]:
+    """Approaches and exits by name, whole paths by both names, how many begin or end inside."""
     approaches: _Lines = {}
     exits: _Lines = {}
     found: dict[tuple[str, str], FloatArray] = {}
@@ -614,9 +621,7 @@ def _split_paths(
             found[before, after] = path.line
         else:
             found[before, after] = min(found[before, after], path.line, key=len)
-    if cut_off:
-        notes.append(f"{cut_off} ways begin or end inside the junction and were dropped")
-    return approaches, exits, found
+    return approaches, exits, found, cut_off
 
 
 def _keep_shorter(lines: _Lines, name: str, line: FloatArray) -> None:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from scenewright.geometry.polyline import drop_doubled_points, find_point
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos
 
+_GRAPHS: Any = import_module("scipy.sparse")  # its constructors have no types
 ROUNDABOUT = (
     "a roundabout is one intersection: vehicles keep to its ring, and give way as they enter"
 )
@@ -101,7 +102,7 @@ def find_roundabouts(
     common, least = geos.area(geos.intersection(*areas[pairs])), geos.area(areas[pairs]).min(axis=0)
     i, j = pairs[:, common > _SAME_RING * least]
     shape = (len(rings), len(rings))
-    count, groups = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=shape))
+    count, groups = connected_components(_GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=shape))
     tree = geos.STRtree([geos.LineString(line) for line in lines.values()])
     found = []
     for group in range(count):
@@ -131,7 +132,7 @@ def find_rings(
         }
         at = {name: k for k, name in enumerate(names)}
         i, j = np.array([(at[a], at[b]) for a, b in following.items()], dtype=int).reshape(-1, 2).T
-        graph = coo_array((np.ones(len(i)), (i, j)), shape=(len(names), len(names)))
+        graph = _GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=(len(names), len(names)))
         groups = connected_components(graph, connection="strong")[1]
         sizes, firsts = np.bincount(groups), np.unique(groups, return_index=True)[1]
         for k in firsts[sizes > 1]:
