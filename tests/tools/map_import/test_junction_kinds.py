@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from scenewright.cli.map_junctions import list_rows
 from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map, list_junctions
+from scenewright.tools.map_import.assemble import assemble_map
 from scenewright.tools.map_import.driving_side import find_opendrive_side
 from scenewright.tools.map_import.opendrive_features import read_opendrive_file
 from scenewright.tools.map_import.read_lanelet2 import _Path
@@ -182,3 +184,21 @@ def test_the_turn_over_a_slip_lane_is_there_or_the_report_counts_it_as_lost(tmp_
     turns = {(each.entry, each.exit) for each in made.intersection_map.movements}
     assert len(turns) == 12
     assert next(each for each in made.items if each.item == "ways through").score == 1.0
+
+
+def test_a_turning_lane_leaves_the_lane_beside_it(tmp_path):
+    file = commonroad(tmp_path / "four.xml", list_lanes())
+    survey = import_map(file, name="x").survey
+    lane = min(survey.approaches.values(), key=lambda each: -each.line[0][0])
+    line = lane.line[-12:] + np.array([0.0, 3.5])
+    own = replace(lane, id="turn", line=line)
+    ways = [each for each in survey.connections if each.approach == lane.id]
+    approaches = {**survey.approaches, "turn": own}
+    turn = [replace(each, approach="turn") for each in ways[:1]]
+    survey = replace(survey, approaches=approaches, connections=(*survey.connections, *turn))
+    made = assemble_map(survey, "commonroad", name="x").intersection_map
+    lanes = [np.array(x.centreline) for x in made.lanelets if x.leg == "east"]
+    [turning, straight] = [x for x in lanes if x[0, 0] > x[-1, 0]]
+    apart = np.abs(turning[:, 1] - np.interp(turning[:, 0], straight[::-1, 0], straight[::-1, 1]))
+    assert apart[:2].max() < 0.3
+    assert apart[-3:].min() > 3.0

@@ -171,7 +171,9 @@ class _Assembly:
             [(*self._find_leg_pair(each), self._measure_turn(each)) for each in self.connections],
         )
         self.extended = {
-            lane.id: _extend_lane(lane, is_approach, self.extent + 20.0)
+            lane.id: _extend_lane(
+                lane, is_approach, self.extent + 20.0, leg.approaches if is_approach else leg.exits
+            )
             for leg in self.legs
             for lane, is_approach in leg.directed_lanes
         }
@@ -239,8 +241,7 @@ class _Assembly:
     def _place_crosswalk(self, k: int, mapped: MappedCrosswalk | None) -> CrosswalkPlacement | None:
         leg = self.legs[k]
         room = self.extent - 9.0 - float(np.abs(leg.throat).max())
-        ways = [geos.LineString(line) for line in self.whole]
-        return ground.place_crosswalk(leg, self.road, mapped, room=room, ways=ways)
+        return ground.place_crosswalk(leg, self.road, mapped, room=room)
 
     @cached_property
     def crosswalk_facts(self) -> tuple[CrosswalkFact, ...]:
@@ -694,19 +695,34 @@ def _classify_turn(entry: Compass, exit_: Compass, angle: float) -> Any:
     )
 
 
-def _extend_lane(lane: SurveyLane, is_approach: bool, reach: float) -> FloatArray:
-    """The lane's middle, prolonged straight on until it is beyond the map's edge."""
+def _extend_lane(
+    lane: SurveyLane, is_approach: bool, reach: float, beside: Sequence[SurveyLane]
+) -> FloatArray:
+    """The lane's middle, prolonged until it is beyond the map's edge.
+
+    A turning lane, that begins where the one beside it has long begun, leaves that one; others go
+    straight on.
+    """
     line = orient_outwards(lane, is_approach)
-    beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
-    if len(beyond):
-        line = line[: max(beyond[0], 1) + 1]
-    else:
+    for each in beside:
+        other = resample_by_spacing(orient_outwards(each, is_approach), 1.0)
+        apart = np.hypot(*(other - line[-1]).T)
+        if apart.min() < _BESIDE and len(other) - apart.argmin() > _TAPER + 10:
+            line = np.concatenate([line, other[apart.argmin() + _TAPER :]])
+            break
+    if not (np.abs(line).max(axis=1) > reach).any():
         tail = _take_end(line, 8.0)
         ahead = (tail[-1] - tail[0]) / max(float(np.hypot(*(tail[-1] - tail[0]))), 1e-9)
         line = resample_by_spacing(np.concatenate([line, [line[-1] + 3.0 * reach * ahead]]), 1.0)
-        beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
-        line = line[: beyond[0] + 1] if len(beyond) else line
+    beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
+    line = line[: max(beyond[0], 1) + 1] if len(beyond) else line
     return np.asarray(line[::-1] if is_approach else line)
+
+
+_TAPER = 15
+"""Within so much a turning lane leaves the one beside it [m]."""
+_BESIDE = 5.0
+"""Lanes whose middles lie closer are side by side [m]."""
 
 
 def _take_end(line: FloatArray, distance: float) -> FloatArray:

@@ -136,7 +136,6 @@ def place_crosswalk(
     mapped: MappedCrosswalk | None,
     *,
     room: float,
-    ways: Sequence[Any] = (),
 ) -> CrosswalkPlacement | None:
     """Where the leg is crossed: as mapped, else at the first place past the kerbs' curves.
 
@@ -145,7 +144,6 @@ def place_crosswalk(
 
     Args:
         room: how far outwards from the throat it may lie at most [m].
-        ways: lines through the junction, which no end of a crosswalk may cut off.
     """
     first = _SETBACK + _CROSSWALK_WIDTH / 2 + _measure_lane_reach(leg)
     distances = np.arange(first, max(min(first + _SEARCH, room), first + 0.6), 0.5).tolist()
@@ -154,7 +152,7 @@ def place_crosswalk(
         (float(np.hypot(*(ends[1] - ends[0]))), t, ends) for t, ends in cuts if ends is not None
     ]
     shortest = min((length for length, _, _ in found), default=math.inf)
-    placed = None if mapped is None else _place_mapped_crosswalk(mapped, leg, road, ways)
+    placed = None if mapped is None else _place_mapped_crosswalk(mapped, leg, road)
     if placed is not None and placed.distance < room:
         line = placed.ends[1] - placed.ends[0]
         if abs(float(line @ rotate_left(leg.outwards))) <= shortest + 2 * _SLACK:
@@ -173,7 +171,7 @@ def _measure_lane_reach(leg: SurveyLeg) -> float:
 
 
 def _place_mapped_crosswalk(
-    mapped: MappedCrosswalk, leg: SurveyLeg, road: Any, ways: Sequence[Any]
+    mapped: MappedCrosswalk, leg: SurveyLeg, road: Any
 ) -> CrosswalkPlacement | None:
     """The mapped crosswalk from kerb to kerb; at the file's own ends where no lane lies beyond."""
     stages = [stage.middle for stage in mapped.stages]
@@ -185,7 +183,7 @@ def _place_mapped_crosswalk(
     if drawn is not None:
         drawn = drawn if _is_turned(drawn, kerbs) else drawn[::-1]
         for i in (0, 1):
-            end = _choose_end(kerbs[i], drawn[i], mapped.middle, leg, ways)
+            end = _choose_end(kerbs[i], drawn[i], mapped.middle, leg)
             beyond = np.hypot(*(kerbs[i] - mapped.middle)) - np.hypot(*(end - mapped.middle))
             if beyond > 0.0:
                 refuges.append(np.array([end, kerbs[i]]))
@@ -202,14 +200,14 @@ def _is_turned(ends: FloatArray, kerbs: FloatArray) -> bool:
 
 
 def _choose_end(
-    kerb: FloatArray, drawn: FloatArray, middle: FloatArray, leg: SurveyLeg, ways: Sequence[Any]
+    kerb: FloatArray, drawn: FloatArray, middle: FloatArray, leg: SurveyLeg
 ) -> FloatArray:
-    """Our kerb; the file's end where that is clearly elsewhere and cuts off no lane or way."""
+    """Our kerb; the file's end where that is clearly elsewhere and cuts off no lane of the leg."""
     beyond = float(np.hypot(*(drawn - middle)) - np.hypot(*(kerb - middle)))
     if abs(beyond) < _SAME_KERB or beyond > _BROADEST:
         return kerb
     between = geos.LineString([drawn, kerb])
-    lanes = (*map(geos.LineString, _extend_into_junction(leg)), *ways)
+    lanes = (geos.LineString(line) for line in _extend_into_junction(leg))
     if -_FARTHEST_KERB < beyond < 0 and any(lane.distance(between) < _LANE_ROOM for lane in lanes):
         return kerb
     return drawn
