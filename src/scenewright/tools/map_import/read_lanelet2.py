@@ -241,24 +241,6 @@ class LaneletFile:
         return sorted(names[i] for i in found)
 
 
-def read_lanelet2(
-    file: Path,
-    *,
-    center: tuple[float, float] | None,
-    left_hand: bool | None,
-    junction: str | None = None,
-    streets: Sequence[str] = (),
-) -> Survey:
-    """One junction of a Lanelet2 file; see `survey_lanelets`."""
-    return survey_lanelets(
-        load_lanelet2(file, center),
-        center=center,
-        junction=junction,
-        streets=streets,
-        left_hand=left_hand,
-    )
-
-
 def load_lanelet2(file: Path, center: LatLon | None = None) -> LaneletFile:
     """The lanelets of a Lanelet2 file.
 
@@ -331,7 +313,9 @@ def _list_grounds(held: LaneletFile) -> Iterator[_Grounds]:
         shared = geos.union_all([shared, *(ring.carriageway for ring in rings)])
         grown = geos.union_all([shared.buffer(_APART / 2), *(ring.disc for ring in rings)])
     areas = [each for each in getattr(grown, "geoms", [grown]) if not each.is_empty]
-    own, tree = [shared.intersection(area) for area in areas], geos.STRtree(areas)
+    parts = np.array(getattr(shared, "geoms", [shared]), dtype=object)
+    inside, tree = geos.STRtree(parts), geos.STRtree(areas)
+    own = [geos.union_all(parts[inside.query(area, "intersects")]) for area in areas]
     for k, area in enumerate(areas):
         near = tree.query(area, predicate="dwithin", distance=_LONGEST_APPROACH).tolist()
         ring = next((ring for ring in rings if ring.disc.intersects(area)), None)

@@ -97,12 +97,15 @@ def find_roundabouts(
     rings = find_rings(lines, follows)
     if not rings:
         return []
-    areas = np.array([geos.Polygon(each.outline).buffer(0) for each in rings], dtype=object)
+    areas = np.array([geos.Polygon(x.outline).simplify(0.2).buffer(0) for x in rings], dtype=object)
     pairs = geos.STRtree(areas).query(areas, predicate="intersects")
+    pairs = pairs[:, pairs[0] < pairs[1]]
     common, least = geos.area(geos.intersection(*areas[pairs])), geos.area(areas[pairs]).min(axis=0)
     i, j = pairs[:, common > _SAME_RING * least]
     shape = (len(rings), len(rings))
-    count, groups = connected_components(_GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=shape))
+    count, groups = connected_components(
+        _GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=shape), directed=False
+    )
     tree = geos.STRtree([geos.LineString(line) for line in lines.values()])
     found = []
     for group in range(count):
