@@ -62,7 +62,7 @@ def test_the_picture_has_paths_of_the_priors_only_if_asked(tmp_path, monkeypatch
     seen = []
     monkeypatch.setattr(
         "scenewright.viz.intersection_picture.draw_intersection",
-        lambda png, **given: seen.append(len(given["samples"]) > 0),
+        lambda _, **given: seen.append(len(given["samples"]) > 0),
     )
     assert main(["intersections", "show", "amsterdam_120", "--png", "x.png", *options]) == 0
     assert seen == [drawn]

@@ -6,14 +6,13 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from scenewright.geometry.geographic import LatLon, project_ellipsoid
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos, list_points
+from scenewright.tools.map_import.osm_elements import OsmNodes, OsmWay, iterate_elements
 from scenewright.tools.map_import.survey import SurveyCrossing, SurveyLight
 
 _ROADS = (
@@ -56,23 +55,14 @@ class OsmFile:
 def read_osm_file(file: Path, origin: LatLon) -> OsmFile:
     """The nodes and ways of a file that is known to be well-formed."""
     found = OsmFile()
-    for _, element in ElementTree.iterparse(file, events=("end",)):
-        if element.tag in ("node", "way"):
-            _add_element(found, element, origin)
-            element.clear()
+    for each in iterate_elements(file):
+        if isinstance(each, OsmNodes):
+            for name, place in zip(each.ids.tolist(), each.degrees.tolist(), strict=True):
+                found.nodes[str(name)] = project_ellipsoid(origin, place)
+            found.node_tags.update((str(name), tags) for name, tags in each.tags.items())
+        elif isinstance(each, OsmWay):
+            found.ways[str(each.id)] = each.tags, tuple(map(str, each.nodes))
     return found
-
-
-def _add_element(found: OsmFile, element: Any, origin: LatLon) -> None:
-    name = element.attrib.get("id", "")
-    tags = {t.get("k", ""): t.get("v", "") for t in element.iter("tag")}
-    if element.tag == "way":
-        found.ways[name] = tags, tuple(n.get("ref", "") for n in element.iter("nd"))
-        return
-    place = float(element.attrib["lat"]), float(element.attrib["lon"])
-    found.nodes[name] = project_ellipsoid(origin, place)
-    if tags:
-        found.node_tags[name] = tags
 
 
 def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]:

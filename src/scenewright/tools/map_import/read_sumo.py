@@ -19,7 +19,6 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import (
     LatLon,
-    is_in_degrees,
     project_to_metres,
     unproject_ellipsoid,
 )
@@ -50,6 +49,7 @@ from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_lights,
     read_opendrive_file,
 )
+from scenewright.tools.map_import.osm_elements import OsmNodes, iterate_elements
 from scenewright.tools.map_import.osm_features import (
     list_osm_crossings,
     list_osm_lights,
@@ -333,24 +333,9 @@ def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: boo
 
 
 def _find_middle_of_osm(file: Path) -> LatLon:
-    """Middle of all nodes of an OpenStreetMap file."""
-    nodes = []
-    for _, element in ElementTree.iterparse(file, events=("end",)):
-        if element.tag == "node":
-            try:
-                node = float(element.attrib["lat"]), float(element.attrib["lon"])
-            except (KeyError, ValueError):
-                raise InputError(f"{file} has a node without latitude and longitude") from None
-            if not is_in_degrees(node):
-                raise InputError(
-                    f"{file} has a node at latitude {node[0]:g}, longitude {node[1]:g}: these are "
-                    "no degrees; OpenStreetMap files are not projected"
-                )
-            nodes.append(node)
-        element.clear()
-    if not nodes:
-        raise InputError(f"{file} has no nodes")
-    (south, west), (north, east) = np.min(nodes, axis=0), np.max(nodes, axis=0)
+    """Middle of all nodes of an OpenStreetMap file, whose degrees were checked."""
+    nodes = [each.degrees for each in iterate_elements(file) if isinstance(each, OsmNodes)]
+    (south, west), (north, east) = (f(np.concatenate(nodes), axis=0) for f in (np.min, np.max))
     if (span := max(north - south, east - west)) > 0.5:
         raise InputError(f"{file} spans {span:.1f} degrees; {_CUT_OUT}")
     return float(south + north) / 2, float(west + east) / 2
