@@ -57,6 +57,7 @@ def test_a_map_alone_is_enough_for_a_verified_scene(tmp_path, capsys):
     assert main(["verify", "s1"]) == 0
 
 
+<<<<<<< HEAD
 def test_any_text_is_a_name_and_the_short_form_is_shown(tmp_path, own, capsys):
     file = map_files.lanelet2(tmp_path / "four.osm")
     for text, short in (("Müllerstraße / King's Cross", "mullerstrasse-king-s-cross"),
@@ -69,6 +70,17 @@ def test_any_text_is_a_name_and_the_short_form_is_shown(tmp_path, own, capsys):
         ["mullerstrasse-king-s-cross", "x", "place-85f1b218"]
     )
     assert "x" in list_intersections()
+=======
+@pytest.mark.parametrize(("options", "drawn"), [([], False), (["--samples"], True)])
+def test_the_picture_has_paths_of_the_priors_only_if_asked(tmp_path, monkeypatch, options, drawn):
+    seen = []
+    monkeypatch.setattr(
+        "scenewright.viz.intersection_picture.draw_intersection",
+        lambda _, **given: seen.append(len(given["samples"]) > 0),
+    )
+    assert main(["intersections", "show", "amsterdam_120", "--png", "x.png", *options]) == 0
+    assert seen == [drawn]
+>>>>>>> junctions
 
 
 def test_a_process_that_lives_on_uses_the_map_as_it_is_now(tmp_path):

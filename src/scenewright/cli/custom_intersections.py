@@ -483,12 +483,17 @@ def fit_text(facts: dict[str, Any]) -> list[str]:
     ]
 
 
-def draw_own(png: str, name: str) -> None:
-    """A bundle's picture: map, legs, movements, recorded tracks if it keeps some, its priors."""
+def draw_own(png: str, name: str, *, with_samples: bool = False) -> None:
+    """A bundle's picture: map, legs, movements, recorded tracks if it keeps some.
+
+    Args:
+        with_samples: paths drawn from the priors are shown as well.
+    """
     from scenewright.viz.intersection_picture import draw_intersection
 
     place = load_map(name)
-    samples = [path for drawn in _draw_paths(name, place).values() for path in drawn]
+    drawn = _draw_paths(name, place).values() if with_samples else ()
+    samples = [path for paths in drawn for path in paths]
     draw_intersection(png, intersection=place, tracks=_load_seen(name), samples=samples)
 
 

@@ -417,6 +417,9 @@ def list_all(as_json: Json = False) -> None:
 def show_one(
     name: Annotated[str, typer.Argument(help="Its name.")],
     png: Annotated[str | None, typer.Option(metavar="F", help="Draw the map to this file.")] = None,
+    samples: Annotated[
+        bool, typer.Option("--samples", help="In the picture, paths drawn from the priors too.")
+    ] = False,
     rrd: Annotated[
         str | None, typer.Option(metavar="F", help="Write it as a recording for the rerun viewer.")
     ] = None,
@@ -429,7 +432,7 @@ def show_one(
     if png is not None:
         from scenewright.cli.custom_intersections import draw_own
 
-        draw_own(png, name)
+        draw_own(png, name, with_samples=samples)
         facts = {**facts, "png": png}
     if rrd is not None:
         from scenewright.cli.custom_intersections import record_own

@@ -121,8 +121,8 @@ def _write_leg_names(axes: Drawing, intersection: IntersectionMap) -> None:
         ahead = np.array([np.cos(angle), np.sin(angle)])
         left = np.array([-ahead[1], ahead[0]])
         aside = left if left[0] + 0.9 * left[1] > 0 else -left
-        own = np.abs(kerb @ aside)[(kerb @ ahead > 0.6 * half) & (np.abs(kerb @ aside) < half / 2)]
-        at = 0.97 * half * ahead + (float(own.max(initial=4.0)) + 1.0) * aside
+        own = (kerb @ aside)[(kerb @ ahead > 0.6 * half) & (np.abs(kerb @ aside) < half / 2)]
+        at = 0.97 * half * ahead + (float(own.max() if len(own) else 4.0) + 1.0) * aside
         at = np.clip(at, -0.97 * half, 0.95 * half)
         starts = aside[0] > ahead[0] if abs(at[0]) <= 0.5 * half else at[0] < 0
         axes.write(

@@ -10,7 +10,7 @@ import map_files
 from scenewright import synthesize
 from scenewright.errors import Rejected
 from scenewright.scene.relations import get_pattern
-from scenewright.scene.social import AgentNode, SceneContext, SocialGraph
+from scenewright.scene.social import AgentNode, RelationEdge, SceneContext, SocialGraph
 from scenewright.tools.fitting.custom_bundle import write_custom_bundle
 from scenewright.tools.fitting.derive_priors import derive_priors
 from scenewright.tools.map_grounding.grounding import can_serve, ground_graph
@@ -53,6 +53,34 @@ def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
     )
     parted = place.model_copy(update={"movements": lanes})
     assert not can_serve(pattern, turning, ahead, intersection_map=parted)
+
+
+def test_who_leaves_on_lanes_of_their_own_is_told_by_which(place):
+    [lane] = (x for x in place.lanelets if x.id == "east:exit:1")
+    turn, merge = "north>east:left", "south>east:right"
+    parted = {
+        "lanelets": (*place.lanelets, lane.model_copy(update={"id": "east:exit:2"})),
+        "movements": tuple(
+            m.model_copy(update={"lanelets": (*m.lanelets[:-1], "east:exit:2")})
+            if m.id == merge
+            else m
+            for m in place.movements
+        ),
+        "conflict_zones": tuple(
+            z for z in place.conflict_zones if {z.first, z.second} != {turn, merge}
+        ),
+    }
+    agents = (
+        AgentNode(id="vehicle-1", type="vehicle", entry="north", exit="east", movement="left"),
+        AgentNode(id="vehicle-2", type="vehicle", entry="south", exit="east", movement="right"),
+    )
+    edge = RelationEdge(from_="vehicle-1", to="vehicle-2", type="collide_at")
+    graph = SocialGraph(agents=agents, relations=(edge,), context=SceneContext())
+    assert ground_graph(graph, intersection_map=place).routes["vehicle-1"]
+    with pytest.raises(Rejected, match="vehicle-1 by east:exit:1 and vehicle-2 by east:exit:2"):
+        ground_graph(
+            graph, intersection_map=type(place).model_validate({**place.model_dump(), **parted})
+        )
 
 
 needs_sumo = pytest.mark.skipif(

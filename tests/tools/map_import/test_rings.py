@@ -7,7 +7,7 @@ import pytest
 
 from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map, list_junctions
-from scenewright.tools.map_import.rings import find_rings
+from scenewright.tools.map_import.rings import find_roundabouts
 
 RADIUS = 18.0
 
@@ -67,9 +67,9 @@ def commonroad(file, lanes):
 def test_a_ring_is_round(corners, count):
     lines = {str(k): np.array(line, float) for k, line in enumerate(corners)}
     follows = {str(k): [str((k + 1) % 4)] for k in range(4)}
-    found = find_rings(lines, follows)
+    found = find_roundabouts(lines, follows)
     assert len(found) == count
-    assert all(ring.is_left for ring in found)
+    assert all(ring.is_left for each in found for ring in each.rings)
 
 
 def test_a_roundabout_of_lanes_is_one_intersection_with_its_ring(tmp_path):

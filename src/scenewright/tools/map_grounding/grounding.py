@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -126,7 +126,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
             raise Rejected(
                 _report_tied_apart(edge, graph.ties)
                 if tied
-                else _report_never_meet(edge, intersection_map)
+                else _report_never_meet(edge, routes, intersection_map)
             )
     if len(graph.relations) != 1 and not _is_playable(graph, grounding, intersection_map):
         raise Rejected(_report_not_together(graph.relations[-1]))
@@ -843,12 +843,25 @@ def _is_playable(
     return next(found, None) is not None
 
 
-def _report_never_meet(edge: RelationEdge, intersection_map: IntersectionMap) -> Rejection:
-    return _report_relation_failure(
-        edge,
+def _report_never_meet(
+    edge: RelationEdge, routes: Mapping[str, Sequence[Route]], intersection_map: IntersectionMap
+) -> Rejection:
+    """The reason; where both leave by one leg, with the lanes on which each does."""
+    exits = {lane.id for lane in intersection_map.lanelets if lane.kind == "exit"}
+    lanes: dict[str, set[str]] = {edge.from_: set(), edge.to: set()}
+    for a, b in product(routes[edge.from_], routes[edge.to]):
+        if a.exit == b.exit and a.entry != b.entry:
+            for name, way in ((edge.from_, a), (edge.to, b)):
+                movement = intersection_map.find_movement(way)
+                lanes[name] |= exits.intersection(movement.lanelets if movement else ())
+    detail = (
         f"the routes of {edge.from_} and {edge.to} do not meet "
-        f"so that '{_format_edge(edge)}' could happen at {intersection_map.title}",
+        f"so that '{_format_edge(edge)}' could happen at {intersection_map.title}"
     )
+    if all(lanes.values()) and lanes[edge.from_].isdisjoint(lanes[edge.to]):
+        ways = (f"{name} by {', '.join(sorted(own))}" for name, own in lanes.items())
+        detail += f": they leave on lanes of their own, {' and '.join(ways)}"
+    return _report_relation_failure(edge, detail)
 
 
 _SIDE_WORDS: dict[EntrySide, str] = {

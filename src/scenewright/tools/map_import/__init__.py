@@ -10,6 +10,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
 from scenewright.tools.map_import.check_file import (
@@ -20,7 +21,9 @@ from scenewright.tools.map_import.check_file import (
 )
 from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview
 from scenewright.tools.map_import.osm_streets import survey_osm_junctions
-from scenewright.tools.map_import.survey import Survey
+
+if TYPE_CHECKING:
+    from scenewright.tools.map_import.read_lanelet2 import LaneletFile
 
 __all__ = [
     "ImportedMap",
@@ -61,9 +64,16 @@ def import_map(
         path = unpack_map(Path(file), Path(scratch))
         map_format = detect_map_format(path)
         require_sumo(map_format)
-        survey = _read_survey(
-            path, map_format, center=center, junction=junction, left_hand=left_hand, streets=streets
-        )
+        # Each reader is loaded on demand: they need libraries that the others do not.
+        chosen: dict[str, Any] = {"center": center, "junction": junction, "streets": streets}
+        if (held := _load_lanes(path, map_format, center)) is not None:
+            from scenewright.tools.map_import.read_lanelet2 import survey_lanelets
+
+            survey = survey_lanelets(held, **chosen, left_hand=left_hand)
+        else:
+            from scenewright.tools.map_import.read_sumo import read_sumo
+
+            survey = read_sumo(path, map_format, Path(scratch), **chosen, left_hand=left_hand)
     return assemble_map(survey, map_format, name=name, extent=extent, title=title, signals=signals)
 
 
@@ -78,51 +88,25 @@ def list_junctions(file: str | Path) -> JunctionOverview:
         map_format = detect_map_format(path)
         if map_format == "osm":
             return survey_osm_junctions(path)
-        if map_format == "lanelet2":
-            from scenewright.tools.map_import.read_lanelet2 import (
-                list_lanelet_junctions,
-                load_lanelet2,
-            )
-
-            return list_lanelet_junctions(load_lanelet2(path))
-        if map_format in ("commonroad", "argoverse2", "womd"):
-            from scenewright.tools.map_import.read_lane_maps import load_lane_map
+        if (held := _load_lanes(path, map_format)) is not None:
             from scenewright.tools.map_import.read_lanelet2 import list_lanelet_junctions
 
-            return list_lanelet_junctions(load_lane_map(path, map_format))
+            return list_lanelet_junctions(held)
         from scenewright.tools.map_import.read_sumo import survey_junctions
 
         return survey_junctions(path, map_format, Path(scratch))
 
 
-def _read_survey(
-    path: Path,
-    map_format: MapFormat,
-    *,
-    center: tuple[float, float] | None,
-    junction: str | None,
-    left_hand: bool | None,
-    streets: Sequence[str],
-) -> Survey:
-    # Each reader is loaded on demand: they need libraries that the others do not.
+def _load_lanes(
+    path: Path, map_format: MapFormat, center: tuple[float, float] | None = None
+) -> LaneletFile | None:
+    """The lanes of a file that draws each by itself; None for files of streets."""
     if map_format == "lanelet2":
-        from scenewright.tools.map_import.read_lanelet2 import read_lanelet2
+        from scenewright.tools.map_import.read_lanelet2 import load_lanelet2
 
-        return read_lanelet2(
-            path, center=center, junction=junction, left_hand=left_hand, streets=streets
-        )
+        return load_lanelet2(path, center)
     if map_format in ("commonroad", "argoverse2", "womd"):
         from scenewright.tools.map_import.read_lane_maps import load_lane_map
-        from scenewright.tools.map_import.read_lanelet2 import survey_lanelets
 
-        held = load_lane_map(path, map_format)
-        return survey_lanelets(
-            held, center=center, junction=junction, streets=streets, left_hand=left_hand
-        )
-    from scenewright.tools.map_import.read_sumo import read_sumo
-
-    with tempfile.TemporaryDirectory() as scratch:
-        return read_sumo(
-            path, map_format, Path(scratch), center=center, junction=junction,
-            left_hand=left_hand, streets=streets,
-        )  # fmt: skip
+        return load_lane_map(path, map_format)
+    return None

@@ -79,6 +79,8 @@ _ROOM = 28.0
 _CROSSING_ROOM = 14.0
 """How much of a leg it shows beyond its crosswalk [m]."""
 _SPEED_LIMITS = (4.0, 19.0)
+_LONGEST_U_TURN = 40.0
+"""A longer way back into its own leg is a detour inside the junction, no way of the file [m]."""
 _ON_GROUND = 0.9
 """Share of a walked path that lies on sidewalks and its crosswalk."""
 
@@ -169,7 +171,9 @@ class _Assembly:
             [(*self._find_leg_pair(each), self._measure_turn(each)) for each in self.connections],
         )
         self.extended = {
-            lane.id: _extend_lane(lane, is_approach, self.extent + 20.0)
+            lane.id: _extend_lane(
+                lane, is_approach, self.extent + 20.0, leg.approaches if is_approach else leg.exits
+            )
             for leg in self.legs
             for lane, is_approach in leg.directed_lanes
         }
@@ -308,10 +312,22 @@ class _Assembly:
             for pair, found in sorted(groups.items())
         }
 
+    @cached_property
+    def missing(self) -> list[tuple[int, int]]:
+        """Entries and exits, by leg, between which no way leads."""
+        entries = [k for k, leg in enumerate(self.legs) if leg.approaches]
+        exits = [k for k, leg in enumerate(self.legs) if leg.exits]
+        return [
+            pair for pair in product(entries, exits)
+            if pair[0] != pair[1] and pair not in self.by_movement
+        ]  # fmt: skip
+
     def build_map(self, name: str, title: str | None, signals: str) -> IntersectionMap:
         lanelets = tuple(self._build_lanelets())
         stop_lines = tuple(self._build_stop_lines())
         crosswalks = tuple(self._build_crosswalks())
+        for a, b in self.missing:
+            self._add_note(f"no way leads from {self.names[a]} to {self.names[b]}")
         program = self._build_signals(crosswalks, signals)
         movements = self._build_movements(program)
         lines = {m.id: self.vehicle_lines[f"vehicle:{m.id}"] for m in movements}
@@ -521,15 +537,22 @@ class _Assembly:
 
     def rate_items(self, map_format: MapFormat) -> tuple[ReportItem, ...]:
         """What was read, derived and assumed of the map."""
-        side, kept = self.survey.side, len(self.connections) / len(self.survey.connections)
+        side, kept = self.survey.side, len(self.connections)
+        back = sum(
+            measure_length(each.line) < _LONGEST_U_TURN
+            for each in self.survey.connections
+            if each not in self.connections
+        )
+        unexpected = 0 if self.survey.barred is None else len(self.missing) - self.survey.barred
+        held = kept + back + self.survey.lost + max(unexpected, 0)
         lanes = ReportItem("lanes", "read", 1.0, "as drawn")
         if map_format == "osm":
             lanes = ReportItem("lanes", "partly read", 0.5, "guessed where the file has no tags")
         return (
             lanes,
             ReportItem(
-                "ways through", "read", round(kept, 3),
-                f"{len(self.connections)} of {len(self.survey.connections)} kept",
+                "ways through", "read" if kept == held else "partly read", round(kept / held, 3),
+                f"{kept} of {held} kept",
             ),
             self._rate_curves(),
             rate_crosswalks(self.crosswalk_facts),
@@ -672,19 +695,34 @@ def _classify_turn(entry: Compass, exit_: Compass, angle: float) -> Any:
     )
 
 
-def _extend_lane(lane: SurveyLane, is_approach: bool, reach: float) -> FloatArray:
-    """The lane's middle, prolonged straight on until it is beyond the map's edge."""
+def _extend_lane(
+    lane: SurveyLane, is_approach: bool, reach: float, beside: Sequence[SurveyLane]
+) -> FloatArray:
+    """The lane's middle, prolonged until it is beyond the map's edge.
+
+    A turning lane, that begins where the one beside it has long begun, leaves that one; others go
+    straight on.
+    """
     line = orient_outwards(lane, is_approach)
-    beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
-    if len(beyond):
-        line = line[: max(beyond[0], 1) + 1]
-    else:
+    for each in beside:
+        other = resample_by_spacing(orient_outwards(each, is_approach), 1.0)
+        apart = np.hypot(*(other - line[-1]).T)
+        if apart.min() < _BESIDE and len(other) - apart.argmin() > _TAPER + 10:
+            line = np.concatenate([line, other[apart.argmin() + _TAPER :]])
+            break
+    if not (np.abs(line).max(axis=1) > reach).any():
         tail = _take_end(line, 8.0)
         ahead = (tail[-1] - tail[0]) / max(float(np.hypot(*(tail[-1] - tail[0]))), 1e-9)
         line = resample_by_spacing(np.concatenate([line, [line[-1] + 3.0 * reach * ahead]]), 1.0)
-        beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
-        line = line[: beyond[0] + 1] if len(beyond) else line
+    beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
+    line = line[: max(beyond[0], 1) + 1] if len(beyond) else line
     return np.asarray(line[::-1] if is_approach else line)
+
+
+_TAPER = 15
+"""Within so much a turning lane leaves the one beside it [m]."""
+_BESIDE = 5.0
+"""Lanes whose middles lie closer are side by side [m]."""
 
 
 def _take_end(line: FloatArray, distance: float) -> FloatArray:

@@ -38,11 +38,12 @@ def take_option(left_hand: bool | None) -> DrivingSide | None:
 def find_opendrive_side(drive: OpenDriveFile) -> DrivingSide:
     """The side that most of the roads with a `rule` have; right-hand traffic without a majority."""
     left, right = drive.rules.get("LHT", 0), drive.rules.get("RHT", 0)
-    if left == right:
-        why = "as many roads have either rule" if left else "no road of the file has a rule"
-        return DrivingSide(False, f"OpenDRIVE's default, {why}")
-    rule, count = ("LHT", left) if left > right else ("RHT", right)
-    return DrivingSide(left > right, f'{count} roads of the file have rule="{rule}"')
+    if not left + right:
+        return DrivingSide(False, "OpenDRIVE's default, no road of the file has a rule")
+    rule, other = ("LHT", "RHT") if left > right else ("RHT", "LHT")
+    against = f'{min(left, right)} have rule="{other}"' if left and right else None
+    reason = f'{max(left, right)} roads of the file have rule="{rule}"'
+    return DrivingSide(left > right, reason, is_known=left != right, against=against)
 
 
 def find_sumo_side(left_hand: bool) -> DrivingSide:

@@ -139,22 +139,27 @@ def place_crosswalk(
 ) -> CrosswalkPlacement | None:
     """Where the leg is crossed: as mapped, else at the first place past the kerbs' curves.
 
+    What is mapped so deep inside the junction that the line along it is much longer than the leg is
+    wide is no crosswalk of the leg.
+
     Args:
         room: how far outwards from the throat it may lie at most [m].
     """
-    placed = None if mapped is None else _place_mapped_crosswalk(mapped, leg, road)
-    if placed is not None and placed.distance < room:
-        return placed
     first = _SETBACK + _CROSSWALK_WIDTH / 2 + _measure_lane_reach(leg)
     distances = np.arange(first, max(min(first + _SEARCH, room), first + 0.6), 0.5).tolist()
     cuts = [(t, _cut_road(leg, road, leg.throat + t * leg.outwards)) for t in distances]
     found = [
         (float(np.hypot(*(ends[1] - ends[0]))), t, ends) for t, ends in cuts if ends is not None
     ]
+    shortest = min((length for length, _, _ in found), default=math.inf)
+    placed = None if mapped is None else _place_mapped_crosswalk(mapped, leg, road)
+    if placed is not None and placed.distance < room:
+        line = placed.ends[1] - placed.ends[0]
+        if abs(float(line @ rotate_left(leg.outwards))) <= shortest + 2 * _SLACK:
+            return placed
     if not found:
         return None
-    longest = min(length for length, _, _ in found) + _SLACK
-    distance, ends = next((t, ends) for length, t, ends in found if length <= longest)
+    distance, ends = next((t, ends) for length, t, ends in found if length <= shortest + _SLACK)
     return CrosswalkPlacement(distance, ends, _CROSSWALK_WIDTH)
 
 

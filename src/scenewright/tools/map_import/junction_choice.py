@@ -84,7 +84,7 @@ def choose_junction(
         InputError: none, several to choose from, or none of that id or so near.
     """
     if not junctions:
-        raise InputError(f"{file} has no junction of three or more roads for vehicles")
+        raise InputError(f"{file} has no junction of three or more legs for vehicles")
     if junction is not None:
         found = next((each for each in junctions if junction in (each.id, *each.nodes)), None)
         if found is None:

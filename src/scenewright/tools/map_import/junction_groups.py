@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,8 @@ _CARRIAGEWAYS = 45.0
 """Carriageways of one street lie closer than that where another street crosses them [m]."""
 _LONGEST_SLIP = 70.0
 """Slip lanes that are longer are streets of their own [m]."""
+_WIDEST_ISLAND = 35.0
+"""A slip lane of no class of its own passes the junction's node so near [m]."""
 _OPPOSITE = math.radians(40.0)
 _SAME_LEG = math.radians(35.0)
 _AHEAD = 25.0
@@ -100,10 +102,10 @@ def group_junctions(
         inside = ends <= branching and _lies_inside(piece, at, is_slip=not leaves_ring)
         if piece.is_ring or inside:
             joined.join(piece.start, piece.end)
-    for a, b in _find_sides(pieces, branching, joined):
+    for a, b in (*_find_sides(pieces, branching, joined), *_find_slips(pieces, places, at)):
         joined.join(a, b)
     ringed = {joined.find(piece.start) for piece in pieces if piece.is_ring}
-    _add_dead_ends(at, joined)
+    _add_dead_ends(at, places, joined)
     nodes: dict[str, set[str]] = defaultdict(set)
     for node in {*branching, *joined.parents}:
         nodes[joined.find(node)].add(node)
@@ -122,12 +124,46 @@ def _count_arms(pieces: Iterable[StreetPiece]) -> int:
     return len(ends) + sum(each.start == each.end for each in pieces)
 
 
-def _add_dead_ends(at: Mapping[str, Sequence[StreetPiece]], joined: _Sets) -> None:
-    """Adds to a junction the places off which its own streets alone lead: no legs of it."""
+def _add_dead_ends(
+    at: Mapping[str, Sequence[StreetPiece]], places: Mapping[str, FloatArray], joined: _Sets
+) -> None:
+    """Adds to a junction the places beside it off which its own streets alone lead: no legs."""
     for node, own in sorted(at.items()):
         around = {piece.start if piece.end == node else piece.end for piece in own} - {node}
-        if len(around) > 1 and len(groups := {joined.find(each) for each in around}) == 1:
-            joined.join(node, groups.pop())
+        near = all(math.dist(places[node], places[each]) < _CARRIAGEWAYS for each in around)
+        if near and len(around) > 1 and len({joined.find(each) for each in around}) == 1:
+            joined.join(node, min(around))
+
+
+def _find_slips(
+    pieces: Sequence[StreetPiece],
+    places: Mapping[str, FloatArray],
+    at: Mapping[str, Sequence[StreetPiece]],
+) -> Iterator[tuple[str, str]]:
+    """Nodes of slip lanes that the file does not class as such, each with the node passed by.
+
+    Such a lane leaves a street for the next one, both of which lead on to the junction's node.
+    """
+    forks = {node for node, own in at.items() if _count_arms(own) == 3}
+    for slip in pieces:
+        if not slip.is_one_way or slip.is_ring or measure_length(slip.line) > _LONGEST_SLIP:
+            continue
+        if slip.start == slip.end or not {slip.start, slip.end} <= forks:
+            continue
+        onwards = {
+            piece.end if piece.start == slip.start else piece.start
+            for piece in at[slip.start]
+            if piece is not slip and (piece.start == slip.start or not piece.is_one_way)
+        }
+        back = {
+            piece.start if piece.end == slip.end else piece.end
+            for piece in at[slip.end]
+            if piece is not slip and (piece.end == slip.end or not piece.is_one_way)
+        }
+        for node in sorted(onwards & back - {slip.start, slip.end}):
+            middle = find_point(slip.line, measure_length(slip.line) / 2)
+            if math.dist(middle, places[node]) < _WIDEST_ISLAND:
+                yield from ((slip.start, node), (slip.end, node))
 
 
 def _lies_inside(

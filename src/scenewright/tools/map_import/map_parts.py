@@ -59,6 +59,13 @@ def list_lines(geometry: Any) -> list[Any]:
     return [p for p in parts if p.geom_type == "LineString" and p.length]
 
 
+def list_points(geometry: Any) -> Iterator[Any]:
+    """The points of any geometry, and the middles of its other parts."""
+    for part in getattr(geometry, "geoms", [geometry]):
+        if not part.is_empty:
+            yield part if part.geom_type == "Point" else part.centroid
+
+
 def build_lanelet(line: FloatArray, *, width: float, speed_limit: float, **fields: Any) -> Lanelet:
     """A lanelet about its middle [P, 2] [m]."""
     aside = compute_normals(line) * width / 2

@@ -16,7 +16,7 @@ import numpy as np
 from scenewright.geometry.polyline import measure_length, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.legs import SurveyLeg
-from scenewright.tools.map_import.map_parts import geos
+from scenewright.tools.map_import.map_parts import geos, list_points
 from scenewright.tools.map_import.survey import Survey, SurveyConnection, SurveyCrossing
 
 _FARTHEST = 35.0
@@ -193,7 +193,7 @@ class _Way:
 
         Inside the junction it meets both the leg that the way comes from and that it leads to.
         """
-        for point in _list_points(geos.intersection(self.line, geos.LineString(line))):
+        for point in list_points(geos.intersection(self.line, geos.LineString(line))):
             s = float(geos.line_locate_point(self.line, point))
             if self._measure_angle(s, line) < _LEAST_ANGLE:
                 continue
@@ -218,12 +218,6 @@ def _prolong(line: FloatArray) -> FloatArray:
     if missing <= 0.0 or not step.any():
         return line
     return np.concatenate([line, [line[-1] + missing * step / np.hypot(*step)]])
-
-
-def _list_points(meeting: object) -> Iterator[object]:
-    for part in getattr(meeting, "geoms", [meeting]):
-        if not part.is_empty:
-            yield part if part.geom_type == "Point" else part.centroid
 
 
 def _find_leg(crossing: SurveyCrossing, ways: Sequence[_Way]) -> LegCrossing | str:

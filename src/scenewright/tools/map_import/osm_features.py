@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from scenewright.geometry.geographic import LatLon, project_ellipsoid
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.map_parts import geos, list_points
+from scenewright.tools.map_import.osm_elements import OsmNodes, OsmWay, iterate_elements
 from scenewright.tools.map_import.survey import SurveyCrossing, SurveyLight
 
 _ROADS = (
@@ -56,23 +55,14 @@ class OsmFile:
 def read_osm_file(file: Path, origin: LatLon) -> OsmFile:
     """The nodes and ways of a file that is known to be well-formed."""
     found = OsmFile()
-    for _, element in ElementTree.iterparse(file, events=("end",)):
-        if element.tag in ("node", "way"):
-            _add_element(found, element, origin)
-            element.clear()
+    for each in iterate_elements(file):
+        if isinstance(each, OsmNodes):
+            for name, place in zip(each.ids.tolist(), each.degrees.tolist(), strict=True):
+                found.nodes[str(name)] = project_ellipsoid(origin, place)
+            found.node_tags.update((str(name), tags) for name, tags in each.tags.items())
+        elif isinstance(each, OsmWay):
+            found.ways[str(each.id)] = each.tags, tuple(map(str, each.nodes))
     return found
-
-
-def _add_element(found: OsmFile, element: Any, origin: LatLon) -> None:
-    name = element.attrib.get("id", "")
-    tags = {t.get("k", ""): t.get("v", "") for t in element.iter("tag")}
-    if element.tag == "way":
-        found.ways[name] = tags, tuple(n.get("ref", "") for n in element.iter("nd"))
-        return
-    place = float(element.attrib["lat"]), float(element.attrib["lon"])
-    found.nodes[name] = project_ellipsoid(origin, place)
-    if tags:
-        found.node_tags[name] = tags
 
 
 def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]:
@@ -225,33 +215,16 @@ def _list_unshared(
     """Where crossing ways cross a road without sharing a node with it."""
     line = [osm.nodes[n] for n in nodes if n in osm.nodes]
     for name, tags, own in ways:
-        if set(own) & set(nodes) or not _may_meet(osm, own, line):
-            continue
         steps = [osm.nodes[n] for n in own if n in osm.nodes]
-        for a, b in pairwise(steps):
-            for c, d in pairwise(line):
-                if (place := _intersect(a, b, c, d)) is not None:
-                    across = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
-                    yield _finish(place, across, road, tags, f"way {name}", _find_ends(osm, own))
-
-
-def _may_meet(osm: OsmFile, own: tuple[str, ...], line: list[FloatArray]) -> bool:
-    points = [osm.nodes[n] for n in own if n in osm.nodes]
-    if not points or len(line) < 2:
-        return False
-    a, b = np.array(points), np.array(line)
-    return bool((a.min(axis=0) <= b.max(axis=0)).all() and (b.min(axis=0) <= a.max(axis=0)).all())
-
-
-def _intersect(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray | None:
-    """[2] where the stretches a to b and c to d cross."""
-    r, s = b - a, d - c
-    det = float(r[0] * s[1] - r[1] * s[0])
-    if abs(det) < 1e-9:
-        return None
-    t = float((c - a)[0] * s[1] - (c - a)[1] * s[0]) / det
-    u = float((c - a)[0] * r[1] - (c - a)[1] * r[0]) / det
-    return np.asarray(a + t * r) if 0.0 <= t <= 1.0 and 0.0 <= u <= 1.0 else None
+        if set(own) & set(nodes) or len(steps) < 2 or len(line) < 2:
+            continue
+        walk = geos.LineString(steps)
+        for point in list_points(walk.intersection(geos.LineString(line))):
+            s = walk.project(point)
+            a, b = (np.array(walk.interpolate(max(s + d, 0.0)).coords[0]) for d in (-0.1, 0.1))
+            across = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
+            place = np.array(point.coords[0])
+            yield _finish(place, across, road, tags, f"way {name}", _find_ends(osm, own))
 
 
 def _drop_repeated(found: list[SurveyCrossing]) -> list[SurveyCrossing]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -242,6 +242,16 @@ def cut_out_if_needed(file: Path, scratch: Path, middle: LatLon) -> Path:
     part = scratch / "surroundings.osm"
     cut_out(file, part, middle=middle)
     return part
+
+
+def count_barred_turns(file: Path, nodes: Set[str]) -> int:
+    """How many turns at some nodes the file's restrictions may forbid: one, or all but one."""
+    barred = 0
+    for each in iterate_elements(file):
+        if isinstance(each, OsmRelation) and any(str(n) in nodes for _, n, _ in each.members):
+            kind = each.tags.get("restriction", "")
+            barred += kind.startswith("no_") + 2 * kind.startswith("only_")
+    return barred
 
 
 def _has_closed_ways(file: Path) -> bool:

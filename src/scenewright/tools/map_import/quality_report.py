@@ -56,7 +56,11 @@ def describe_crosswalk(
     left_out = [f"{x.source} {why}" for x, where, why in choice.left_out if where == k]
     used = placed is not None and placed.mapped is not None
     if mapped is not None and not used:
-        left_out += [f"{source} lies off our road or the map" for source in mapped.sources]
+        deep = max(-stage.distance for stage in mapped.stages)
+        where = (
+            f"{deep:.1f} m too deep inside the junction" if deep > 0 else "off our road or the map"
+        )
+        left_out += [f"{source} lies {where}" for source in mapped.sources]
     drawn = mapped.stages if mapped is not None and used else ()
     middle = (
         None if placed is None else (round_metre(placed.middle[0]), round_metre(placed.middle[1]))
@@ -154,7 +158,7 @@ def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
     detail += f", {len(lost)} of the file's lost" if lost else ""
     others = len(facts) - len(read) - len(lost)
     detail += f", {others} derived" if others else ""
-    state = "read" if len(read) == len(facts) else "partly read"
+    state = "read" if len(read) == len(facts) else "partly read" if read else "derived"
     return ReportItem("crosswalks", state, round(sum(known) / len(known), 3), detail)
 
 

@@ -23,7 +23,7 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile
-from scenewright.tools.map_import.survey import SurveyCrossing
+from scenewright.tools.map_import.survey import NARROWEST, SurveyCrossing, describe_strips
 
 _WAYMO_WIDTH = 3.5
 _WAYMO_STREETS = (1, 2)
@@ -40,10 +40,10 @@ def load_lane_map(file: Path, map_format: str) -> LaneletFile:
         lanes, crossings, others = _READERS[map_format](file)
     except (KeyError, TypeError, ValueError, IndexError) as fault:
         raise InputError(f"{file} cannot be read: {str(fault)[:80]} is missing or wrong") from None
-    if not lanes:
+    lanelets = {each.id: each for each in lanes if each.width >= NARROWEST}
+    if not lanelets:
         raise InputError(f"{file} has no lanes for vehicles")
-    lanelets = {each.id: each for each in lanes}
-    notes = [*_NOTES.get(map_format, ())]
+    notes = [*_NOTES.get(map_format, ()), *describe_strips(x.width < NARROWEST for x in lanes)]
     if others:
         notes.append(
             f"{others} lanes were dropped: car parks, driveways, and lanes for buses, bicycles or "

@@ -9,11 +9,12 @@ from __future__ import annotations
 import heapq
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -45,15 +46,17 @@ from scenewright.tools.map_import.junction_choice import (
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.legs import SurveyLeg, find_legs
 from scenewright.tools.map_import.map_parts import geos
-from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_rings, join_rings
+from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
     ASSUMED_SIDE,
+    NARROWEST,
     DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
     SurveyLane,
     SurveyLight,
+    describe_strips,
 )
 
 _TOUCHING = 0.6
@@ -77,8 +80,10 @@ _SHARPEST = 35.0
 """Radius of a curve that belongs to a turn, not to a leg [m]."""
 _BEND_REACH = 100
 """Bends farther from the shared ground belong to another junction [half metres]."""
+_BEND_GAP = 40
+"""A bend behind so much straight street is none of the junction's [half metres]."""
 _GRAFT_TURN = math.radians(40.0)
-_LONGEST_APPROACH = 150.0
+_LONGEST_APPROACH = 120.0
 _LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
 _FOR_PEDESTRIANS = ("crosswalk", "walkway")
 _NOT_DRIVEN = (
@@ -124,11 +129,18 @@ _Lanelets = Mapping[str, FileLanelet]
 
 @dataclass(frozen=True, eq=False)
 class _Grounds:
-    """What lanelets share at a junction, and at all others; ring: of a roundabout."""
+    """What lanelets share at a junction, and at the others nearby; ring: of a roundabout."""
 
     shared: Any
     others: Any
     ring: Ring | None = None
+
+    @cached_property
+    def inside(self) -> Any:
+        """The ground on which a path is in the junction."""
+        area = self.shared.buffer(0.5)
+        geos.prepare(area)
+        return area
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,34 +156,36 @@ class _Path:
     ends: FloatArray
 
     @classmethod
-    def join(cls, lanelets: _Lanelets, names: Sequence[str]) -> _Path:
-        line = np.concatenate([lanelets[name].middle for name in names])
-        line = resample_by_spacing(_graft(line, names, lanelets), 0.5)
-        last = np.array([lanelets[name].middle[-1] for name in names])
+    def join(cls, held: LaneletFile, names: Sequence[str]) -> _Path:
+        line = np.concatenate([held.lanelets[name].middle for name in names])
+        line = resample_by_spacing(_graft(line, names, held), 0.5)
+        last = np.array([held.lanelets[name].middle[-1] for name in names])
         return cls(tuple(names), line, 0.5 * measure_distances(last, line).argmin(axis=1))
 
     @property
     def length(self) -> float:
         return 0.5 * (len(self.line) - 1)
 
-    def find_junction(self, shared: Any, others: Any) -> tuple[float, float] | None:
+    def find_junction(self, grounds: _Grounds) -> tuple[float, float] | None:
         """Where along it the junction begins and ends [m]; None if it leads through none.
 
         Bends before and behind the shared ground belong to it, if they lie no nearer to others'.
         """
-        inside = np.flatnonzero(geos.contains_xy(shared.buffer(0.5), *self.line.T))
-        bends = np.flatnonzero(_measure_curvature(self.line) > 1.0 / _SHARPEST)
+        inside = np.flatnonzero(geos.contains_xy(grounds.inside, *self.line.T))
         if not len(inside):
             return None
-        elsewhere = np.flatnonzero(geos.contains_xy(others, *self.line.T))
-        low, high = inside[0] - _BEND_REACH, inside[-1] + _BEND_REACH
+        low, high = max(inside[0] - _BEND_REACH, 0), inside[-1] + _BEND_REACH
+        elsewhere = low + np.flatnonzero(geos.contains_xy(grounds.others, *self.line[low:high].T))
+        bends = np.flatnonzero(_measure_curvature(self.line[: high + 1]) > 1.0 / _SHARPEST)
         if len(before := elsewhere[elsewhere < inside[0]]):
-            low = max(low, (before[-1] + inside[0]) // 2)
+            low = (before[-1] + inside[0]) // 2
         if len(behind := elsewhere[elsewhere > inside[-1]]):
-            high = min(high, (behind[0] + inside[-1]) // 2)
+            high = (behind[0] + inside[-1]) // 2
         bends = bends[(bends > low) & (bends < high)]
-        first, last = min([inside[0], *bends[:1]]), max([inside[-1], *bends[-1:]])
-        return 0.5 * float(first) - _MARGIN, 0.5 * float(last) + _MARGIN
+        reach = np.union1d(bends, np.arange(inside[0], inside[-1] + 1))
+        runs = np.split(reach, np.flatnonzero(np.diff(reach) > _BEND_GAP) + 1)
+        own = next(run for run in runs if inside[0] in run)
+        return 0.5 * float(own[0]) - _MARGIN, 0.5 * float(own[-1]) + _MARGIN
 
     def name_at(self, s: float) -> str:
         return self.names[min(int(np.searchsorted(self.ends, s)), len(self.names) - 1)]
@@ -202,23 +216,29 @@ class LaneletFile:
     lights: tuple[FloatArray, ...] = ()
     notes: tuple[str, ...] = ()
 
+    @cached_property
+    def follows(self) -> Mapping[str, list[str]]:
+        """Which lanelets begin where one ends, both bounds within reach."""
+        return _find_successors(self.lanelets)
 
-def read_lanelet2(
-    file: Path,
-    *,
-    center: tuple[float, float] | None,
-    left_hand: bool | None,
-    junction: str | None = None,
-    streets: Sequence[str] = (),
-) -> Survey:
-    """One junction of a Lanelet2 file; see `survey_lanelets`."""
-    return survey_lanelets(
-        load_lanelet2(file, center),
-        center=center,
-        junction=junction,
-        streets=streets,
-        left_hand=left_hand,
-    )
+    @cached_property
+    def leads_to(self) -> Mapping[str, list[str]]:
+        """Which lanelets end where one begins."""
+        found: dict[str, list[str]] = {name: [] for name in self.lanelets}
+        for name, following in self.follows.items():
+            for after in following:
+                found[after].append(name)
+        return found
+
+    @cached_property
+    def _tree(self) -> Any:
+        return geos.STRtree([geos.LineString(each.middle) for each in self.lanelets.values()])
+
+    def list_near(self, place: Any, distance: float = 0.0) -> list[str]:
+        """The lanelets whose middles lie so near [m] to a geometry."""
+        names = list(self.lanelets)
+        found = self._tree.query(place, predicate="dwithin", distance=distance)
+        return sorted(names[i] for i in found)
 
 
 def load_lanelet2(file: Path, center: LatLon | None = None) -> LaneletFile:
@@ -259,14 +279,7 @@ def survey_lanelets(
         raise InputError(f"{held.file} has no lanelets for vehicles there")
     lines = [each.middle for each in held.lanelets.values()]
     side = take_option(left_hand) or find_lanelet2_side(lines)
-    rings = _find_rings(held)
-    if center is None and junction is None and not streets and not rings:
-        far = max(float(np.hypot(*each.middle.T).max()) for each in held.lanelets.values())
-        if far <= _ONE_JUNCTION:
-            return _survey_junction(held, held.lanelets, None, notes, side)
-    found = _find_places(held, rings)
-    if not found and center is None:
-        return _survey_junction(held, held.lanelets, None, notes, side)
+    found = _find_places(held)
     chosen = choose_junction(
         [each for each, _ in found],
         file=held.file,
@@ -277,85 +290,76 @@ def survey_lanelets(
     )
     check_importable(chosen, held.file)
     ground = next(grounds for each, grounds in found if each is chosen)
-    near = _take_near(held.lanelets, chosen.xy)
-    return _survey_junction(held, near, ground, notes, side)
+    return _survey_junction(held, ground, notes, side)
 
 
-_ONE_JUNCTION = 250.0
-"""A file whose lanelets lie within that of its middle is taken to be of one junction [m]."""
 _APART = 9.0
 """Shared grounds that lie farther apart belong to different junctions [m]."""
 
 
-def _take_near(lanelets: _Lanelets, xy: tuple[float, float]) -> dict[str, FileLanelet]:
-    return {
-        name: each
-        for name, each in lanelets.items()
-        if np.hypot(*(each.middle - np.array(xy)).T).min() < _LONGEST_APPROACH
-    }
-
-
 def list_lanelet_junctions(held: LaneletFile) -> JunctionOverview:
     """The junctions of a file of lanelets, and its lanelets."""
-    found = tuple(each for each, _ in _find_places(held, _find_rings(held)))
+    found = tuple(each for each, _ in _find_places(held))
     return JunctionOverview(found, tuple(each.middle for each in held.lanelets.values()))
 
 
-def _find_rings(held: LaneletFile) -> list[Ring]:
-    lines = {name: each.middle for name, each in held.lanelets.items()}
-    return join_rings(find_rings(lines, _find_successors(held.lanelets)))
-
-
-def _list_grounds(held: LaneletFile, rings: Sequence[Ring]) -> Iterator[_Grounds]:
+def _list_grounds(held: LaneletFile) -> Iterator[_Grounds]:
     """What lanelets share at each junction; a ring with what lies on it is one."""
-    follows = _find_successors(held.lanelets)
-    shared = _find_shared_ground(held.lanelets, follows, sorted(held.lanelets))
+    lines = {name: each.middle for name, each in held.lanelets.items()}
+    rings = find_roundabouts(lines, held.follows)
+    shared = _find_shared_ground(held)
     grown = shared.buffer(_APART / 2)
     if rings:
         shared = geos.union_all([shared, *(ring.carriageway for ring in rings)])
         grown = geos.union_all([shared.buffer(_APART / 2), *(ring.disc for ring in rings)])
-    for area in getattr(grown, "geoms", [grown]):
-        own = next((ring for ring in rings if ring.disc.intersects(area)), None)
-        yield _Grounds(shared.intersection(area), shared.difference(area), own)
+    areas = [each for each in getattr(grown, "geoms", [grown]) if not each.is_empty]
+    parts = np.array(getattr(shared, "geoms", [shared]), dtype=object)
+    inside, tree = geos.STRtree(parts), geos.STRtree(areas)
+    own = [geos.union_all(parts[inside.query(area, "intersects")]) for area in areas]
+    for k, area in enumerate(areas):
+        near = tree.query(area, predicate="dwithin", distance=_LONGEST_APPROACH).tolist()
+        ring = next((ring for ring in rings if ring.disc.intersects(area)), None)
+        yield _Grounds(own[k], geos.union_all([own[j] for j in near if j != k]), ring)
 
 
-def _find_places(held: LaneletFile, rings: Sequence[Ring]) -> list[tuple[Junction, _Grounds]]:
+def _find_places(held: LaneletFile) -> list[tuple[Junction, _Grounds]]:
     """Junctions with the ground that lanelets share there; those of three or more legs."""
+    grounds = list(_list_grounds(held))
     found: list[tuple[Junction, _Grounds]] = []
-    for grounds in _list_grounds(held, rings):
-        middle = np.array(grounds.shared.envelope.centroid.coords[0])
-        xy = float(middle[0]), float(middle[1])
-        near = _take_near(held.lanelets, xy)
-        touched = [
-            n for n, each in near.items() if geos.LineString(each.middle).intersects(grounds.shared)
-        ]
-        legs: tuple[SurveyLeg, ...] = ()
-        refusal = "" if grounds.ring is None else grounds.ring.refusal
-        if not refusal:
-            try:
-                survey = _survey_junction(held, near, grounds, [], ASSUMED_SIDE)
-                legs = find_legs(survey)
-            except InputError as fault:
-                refusal = str(fault)
-            else:
-                refusal = "" if len(survey.connections) >= 3 else "it has fewer than three ways"
-        if not touched or (refusal and grounds.ring is None):
-            continue
-        taken = {each.id for each, _ in found}
-        junction = Junction(
-            id=min(touched, key=lambda name: (name in taken, len(name), name)),
-            xy=xy,
-            legs=len(legs),
-            name=", ".join(sorted({leg.road for leg in legs} - {""}))[:80],
-            size=len(legs),
-            streets=tuple(leg.road for leg in legs),
-            bearings=tuple(leg.bearing for leg in legs),
-            origin=held.origin,
-            is_roundabout=grounds.ring is not None,
-            refusal=refusal and f"{refusal}; {OTHER_SOURCE}",
-        )
-        found.append((junction, grounds))
+    for each in grounds:
+        if (junction := _describe_place(held, each, {own.id for own, _ in found})) is not None:
+            found.append((junction, each))
     return found
+
+
+def _describe_place(held: LaneletFile, grounds: _Grounds, taken: set[str]) -> Junction | None:
+    """The junction of a ground, by an id that no other has; None if it has too few legs."""
+    legs: tuple[SurveyLeg, ...] = ()
+    refusal = "" if grounds.ring is None else grounds.ring.refusal
+    if not refusal:
+        try:
+            survey = _survey_junction(held, grounds, [], ASSUMED_SIDE)
+            legs = find_legs(survey)
+        except InputError as fault:
+            refusal = str(fault)
+        else:
+            refusal = "" if len(survey.connections) >= 3 else "it has fewer than three ways"
+    touched = held.list_near(grounds.shared)
+    if not touched or (refusal and grounds.ring is None):
+        return None
+    x, y = grounds.shared.envelope.centroid.coords[0]
+    return Junction(
+        id=min(touched, key=lambda name: (name in taken, len(name), name)),
+        xy=(float(x), float(y)),
+        legs=len(legs),
+        name=", ".join(sorted({leg.road for leg in legs} - {""}))[:80],
+        size=len(legs),
+        streets=tuple(leg.road for leg in legs),
+        bearings=tuple(leg.bearing for leg in legs),
+        origin=held.origin,
+        is_roundabout=grounds.ring is not None,
+        refusal=refusal and f"{refusal}; {OTHER_SOURCE}",
+    )
 
 
 def _list_lights(
@@ -457,6 +461,8 @@ def build_lanelets(
             others += 1
         else:
             lanelets[lanelet.id] = lanelet
+    notes += describe_strips(each.width < NARROWEST for each in lanelets.values())
+    lanelets = {name: each for name, each in lanelets.items() if each.width >= NARROWEST}
     if broken:
         notes.append(f"{broken} lanelets without two usable bounds were dropped")
     if others:
@@ -522,46 +528,35 @@ def _orient_bounds(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _survey_junction(
-    held: LaneletFile,
-    lanelets: _Lanelets,
-    grounds: _Grounds | None,
-    notes: list[str],
-    side: DrivingSide,
+    held: LaneletFile, grounds: _Grounds, notes: list[str], side: DrivingSide
 ) -> Survey:
-    """The junction of some lanelets.
-
-    Args:
-        grounds: that lanelets share there, and at other junctions; None is one junction of all.
-    """
-    file, foot, crossings = held.file, held.foot, held.crossings
-    follows = _find_successors(lanelets)
-    is_roundabout = grounds is not None and grounds.ring is not None
-    list_names = _list_shortest_paths if is_roundabout else _list_paths
-    paths = [_Path.join(lanelets, names) for names in list_names(lanelets, follows)]
+    """The junction of the lanelets that share some ground."""
+    lanelets, shared = held.lanelets, grounds.shared
+    is_roundabout = grounds.ring is not None
+    inside = set(held.list_near(shared.convex_hull.buffer(-0.3)))
+    paths = [_Path.join(held, names) for names in _list_paths(held, inside, is_roundabout)]
     used = sorted({name for path in paths for name in path.names})
-    if grounds is None:
-        grounds = _Grounds(_find_shared_ground(lanelets, follows, used), geos.Polygon())
-    shared = grounds.shared
     shortest = _SHORTEST_LANE if grounds.others.is_empty else _SHORTEST_LEG
-    approaches, exits, found = _split_paths(paths, grounds, shortest, notes)
+    approaches, exits, found, cut_off = _split_paths(paths, grounds, shortest)
     if not found:
         raise InputError(
-            f"{file} has {len(lanelets)} lanelets for vehicles, but no way leads from outside "
-            "through a junction to outside"
+            f"{held.file} has no way for vehicles from outside through a junction to outside"
         )
     middle = np.round(np.array(shared.envelope.centroid.coords[0]), 3)
-    if walks := sum(each.tags.get("subtype") != "crosswalk" for each in foot):
+    if walks := sum(each.tags.get("subtype") != "crosswalk" for each in held.foot):
         notes.append(
             f"{walks} footways of the file are shown as they are not; sidewalks are derived along "
             "the kerbs"
         )
-    if unused := len(lanelets) - len(used):
+    if cut_off:
+        notes.append(f"{cut_off} ways begin or end inside the junction and were dropped")
+    if unused := len(inside.difference(used)):
         notes.append(f"{unused} lanelets that lead nowhere were dropped")
     if is_roundabout:
         notes.append(ROUNDABOUT)
-    names = sorted({_find_street(each.tags) for each in lanelets.values()} - {""})
+    names = sorted({_find_street(lanelets[name].tags) for name in used} - {""})
     return Survey(
-        title=(", ".join(names) if 0 < len(names) <= 6 else f"junction of {file.name}")[:80],
+        title=(", ".join(names) if 0 < len(names) <= 6 else f"junction of {held.file.name}")[:80],
         approaches={
             name: _build_lane(name, lanelets, line - middle) for name, line in approaches.items()
         },
@@ -570,7 +565,7 @@ def _survey_junction(
             SurveyConnection(a, b, _take_between(line, approaches[a][-1], exits[b][0]) - middle)
             for (a, b), line in found.items()
         ),
-        crossings=tuple(each.move(-middle) for each in crossings),
+        crossings=tuple(each.move(-middle) for each in held.crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
         side=side,
         origin=None if held.origin is None else project_to_degrees(held.origin, middle),
@@ -578,6 +573,7 @@ def _survey_junction(
         file_origin=held.origin,
         lights=tuple(SurveyLight(each - middle) for each in held.lights),
         is_roundabout=is_roundabout,
+        lost=cut_off + unused,
         notes=notes,
     )
 
@@ -586,15 +582,15 @@ _Lines = dict[str, FloatArray]
 
 
 def _split_paths(
-    paths: Sequence[_Path], grounds: _Grounds, shortest: float, notes: list[str]
-) -> tuple[_Lines, _Lines, dict[tuple[str, str], FloatArray]]:
-    """Approaches and exits by name, and whole paths by both names."""
+    paths: Sequence[_Path], grounds: _Grounds, shortest: float
+) -> tuple[_Lines, _Lines, dict[tuple[str, str], FloatArray], int]:
+    """Approaches and exits by name, whole paths by both names, how many begin or end inside."""
     approaches: _Lines = {}
     exits: _Lines = {}
     found: dict[tuple[str, str], FloatArray] = {}
     cut_off = 0
     for path in paths:
-        junction = path.find_junction(grounds.shared, grounds.others)
+        junction = path.find_junction(grounds)
         if junction is None:
             continue
         begin, end = junction
@@ -609,9 +605,7 @@ def _split_paths(
             found[before, after] = path.line
         else:
             found[before, after] = min(found[before, after], path.line, key=len)
-    if cut_off:
-        notes.append(f"{cut_off} ways begin or end inside the junction and were dropped")
-    return approaches, exits, found
+    return approaches, exits, found, cut_off
 
 
 def _keep_shorter(lines: _Lines, name: str, line: FloatArray) -> None:
@@ -621,49 +615,65 @@ def _keep_shorter(lines: _Lines, name: str, line: FloatArray) -> None:
 
 
 def _find_successors(lanelets: _Lanelets) -> dict[str, list[str]]:
-    """Which lanelets begin where one ends, both bounds within reach."""
     names = sorted(lanelets)
     starts = np.array([[lanelets[n].left[0], lanelets[n].right[0]] for n in names])
-    found: dict[str, list[str]] = {}
-    for name in names:
-        ends = np.array([lanelets[name].left[-1], lanelets[name].right[-1]])
-        away = np.hypot(*(starts - ends).transpose(2, 0, 1)).max(axis=1)
-        found[name] = [n for n, d in zip(names, away, strict=True) if d < _TOUCHING and n != name]
-    return found
+    ends = np.array([[lanelets[n].left[-1], lanelets[n].right[-1]] for n in names])
+    left = geos.STRtree(geos.points(starts[:, 0])), geos.points(ends[:, 0])
+    found: dict[str, list[str]] = {name: [] for name in names}
+    for i, j in zip(*left[0].query(left[1], "dwithin", _TOUCHING).tolist(), strict=True):
+        if i != j and math.dist(ends[i, 1], starts[j, 1]) < _TOUCHING:
+            found[names[i]].append(names[j])
+    return {name: sorted(following) for name, following in found.items()}
 
 
-def _list_shortest_paths(
-    lanelets: _Lanelets, follows: Mapping[str, list[str]]
-) -> Iterator[list[str]]:
-    """The shortest path from each lanelet without a predecessor to each without a successor."""
-    followers = {name for each in follows.values() for name in each}
-    length = {name: measure_length(each.middle) for name, each in lanelets.items()}
-    for first in sorted(set(lanelets) - followers):
-        todo, done = [(length[first], [first])], set[str]()
+def _list_paths(held: LaneletFile, inside: set[str], is_ring: bool) -> Iterator[list[str]]:
+    """Every path through the lanelets inside a junction, with what lies before and behind it.
+
+    Round a ring only the shortest one from each lanelet before it to each behind it.
+    """
+    length = {name: measure_length(held.lanelets[name].middle) for name in inside}
+    for first in sorted(inside):
+        before = [name for name in held.leads_to[first] if name not in inside]
+        if not before and held.leads_to[first]:
+            continue
+        starts = [_go_straight(name, held, held.leads_to, -1) for name in before] or [[]]
+        todo, done = [(0.0, [first])], set[str]()
         while todo:
             so_far, path = heapq.heappop(todo)
-            if path[-1] in done:
+            if is_ring and path[-1] in done:
                 continue
             done.add(path[-1])
-            if not follows[path[-1]]:
-                yield path
-            for name in follows[path[-1]]:
-                heapq.heappush(todo, (so_far + length[name], [*path, name]))
+            onwards = [name for name in held.follows[path[-1]] if name not in path]
+            behind = [name for name in onwards if name not in inside]
+            ends = [_go_straight(name, held, held.follows, 1) for name in behind]
+            for start, end in product(starts, ends if onwards else [[]]):
+                yield [*start, *path, *end]
+            if len(path) < _MOST_LANELETS:
+                for name in set(onwards).difference(behind):
+                    heapq.heappush(todo, (so_far + length[name], [*path, name]))
 
 
-def _list_paths(lanelets: _Lanelets, follows: Mapping[str, list[str]]) -> Iterator[list[str]]:
-    """Every path from a lanelet without a predecessor to one without a successor."""
-    followers = {name for each in follows.values() for name in each}
-    todo = [[name] for name in sorted(lanelets, reverse=True) if name not in followers]
-    while todo:
-        path = todo.pop()
-        onwards = [name for name in follows[path[-1]] if name not in path]
-        if not onwards:
-            yield path
-        elif len(path) < _MOST_LANELETS:
-            todo += [[*path, name] for name in onwards]
+def _go_straight(
+    name: str, held: LaneletFile, onwards: Mapping[str, Sequence[str]], step: Literal[1, -1]
+) -> list[str]:
+    """A lanelet and those behind it (step -1: before it), of several the straightest one."""
+    names, reach = [name], 0.0
+    while True:
+        here = held.lanelets[names[-1]].middle[::step]
+        reach += measure_length(here)
+        turns = []
+        for each in onwards[names[-1]]:
+            line = held.lanelets[each].middle[::step]
+            ahead, far = here[-1] - here[-2], line[: _AHEAD + 1][-1] - line[0]
+            turn = math.atan2(far[1], far[0]) - math.atan2(ahead[1], ahead[0])
+            turns.append((abs(math.remainder(turn, math.tau)), each))
+        if not turns or reach > _LONGEST_APPROACH or min(turns)[1] in names:
+            return names[::step]
+        names.append(min(turns)[1])
 
 
+_AHEAD = 30
+"""Lanelets part within so far, in points about half a metre apart."""
 _ENDS = 6
 """So many points at either end of a path have no curvature of their own."""
 _LEAST_POINTS = 4
@@ -681,27 +691,32 @@ def _measure_curvature(line: FloatArray) -> FloatArray:
     return np.asarray(bend)
 
 
-def _graft(line: FloatArray, names: Sequence[str], lanelets: _Lanelets) -> FloatArray:
+def _graft(line: FloatArray, names: Sequence[str], held: LaneletFile) -> FloatArray:
     """A path that ends upon another lanelet goes on along it, and begins along one likewise."""
     if len(line) < _LEAST_POINTS:
         return line
-    others = [lanelet for name, lanelet in lanelets.items() if name not in names]
-    after = _find_beneath(line[-1], line[-1] - line[-4], others)
+    after = before = None
+    if not held.follows[names[-1]]:
+        after = _find_beneath(line[-1], line[-1] - line[-4], names, held)
+    if not held.leads_to[names[0]]:
+        before = _find_beneath(line[0], line[3] - line[0], names, held)
     if after is not None:
         line = np.concatenate([line, after[1][after[0] + 8 :]])
-    before = _find_beneath(line[0], line[3] - line[0], others)
     if before is not None:
         line = np.concatenate([before[1][: max(before[0] - 8, 0)], line])
     return line
 
 
 def _find_beneath(
-    point: FloatArray, direction: FloatArray, lanelets: Iterable[FileLanelet]
+    point: FloatArray, direction: FloatArray, names: Sequence[str], held: LaneletFile
 ) -> tuple[int, FloatArray] | None:
-    """The nearest lanelet that runs the same way beneath a point: where along it, its middle."""
+    """The nearest other lanelet along its way beneath a point: where along it, its middle."""
     course = math.atan2(direction[1], direction[0])
     best: tuple[float, int, FloatArray] | None = None
-    for lanelet in lanelets:
+    for name in held.list_near(geos.Point(point), _WIDEST / 2):
+        lanelet = held.lanelets[name]
+        if name in names:
+            continue
         apart = np.hypot(*(lanelet.middle - point).T)
         k = int(np.argmin(apart))
         if apart[k] > lanelet.width / 2 or not 4 <= k < len(lanelet.middle) - 4:
@@ -713,28 +728,29 @@ def _find_beneath(
     return None if best is None else best[1:]
 
 
-def _find_shared_ground(
-    lanelets: _Lanelets, follows: Mapping[str, list[str]], names: Sequence[str]
-) -> Any:
+_WIDEST = 12.0
+"""Of a lanelet that a path ends upon [m]."""
+
+
+def _find_shared_ground(held: LaneletFile) -> Any:
     """The ground of lanelets that overlap without following one another: they cross or join."""
+    lanelets, follows, names = held.lanelets, held.follows, sorted(held.lanelets)
     followers = {name for each in follows.values() for name in each}
-    shapes = [geos.Polygon(lanelets[n].outline).buffer(0) for n in names]
-    tree = geos.STRtree(shapes)
-    pieces = []
-    for i, name in enumerate(names):
-        for j in tree.query(shapes[i]).tolist():
-            other = names[j]
-            if j <= i or other in follows[name] or name in follows[other]:
-                continue
-            pair = lanelets[name], lanelets[other]
-            starts = name not in followers and other not in followers
-            ends = not follows[name] and not follows[other]
-            if _are_abreast(*pair) or _split_at_edge(*pair, starts=starts, ends=ends):
-                continue
-            piece = shapes[i].intersection(shapes[j])
-            if piece.area >= _OVERLAP:
-                pieces.append(piece)
-    return geos.union_all(pieces)
+    shapes = np.array([geos.Polygon(lanelets[n].outline).buffer(0) for n in names], dtype=object)
+    kept = []
+    for i, j in geos.STRtree(shapes).query(shapes).T:
+        name, other = names[i], names[j]
+        if i >= j or other in follows[name] or name in follows[other]:
+            continue
+        piece = shapes[i].intersection(shapes[j])
+        if piece.area < _OVERLAP:
+            continue
+        pair = lanelets[name], lanelets[other]
+        starts = name not in followers and other not in followers
+        ends = not follows[name] and not follows[other]
+        if not _are_abreast(*pair) and not _split_at_edge(*pair, starts=starts, ends=ends):
+            kept.append(piece)
+    return geos.union_all(kept)
 
 
 def _split_at_edge(a: FileLanelet, b: FileLanelet, *, starts: bool, ends: bool) -> bool:

@@ -19,7 +19,6 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import (
     LatLon,
-    is_in_degrees,
     project_to_metres,
     unproject_ellipsoid,
 )
@@ -50,23 +49,27 @@ from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_lights,
     read_opendrive_file,
 )
+from scenewright.tools.map_import.osm_elements import OsmNodes, iterate_elements
 from scenewright.tools.map_import.osm_features import (
     list_osm_crossings,
     list_osm_lights,
     read_osm_file,
 )
 from scenewright.tools.map_import.osm_streets import (
+    count_barred_turns,
     cut_out_if_needed,
     describe_group,
     survey_osm_junctions,
 )
-from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_rings, join_rings
+from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
+    NARROWEST,
     DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
     SurveyLane,
+    describe_strips,
 )
 
 _TIME_LIMIT = 600.0
@@ -154,7 +157,10 @@ def read_sumo(
     if osm is not None:
         lights = tuple(list_osm_lights(osm, middle))
         own = list_osm_crossings(osm, middle)
-        survey = replace(survey, crossings=tuple(own), lights=lights, phases=())
+        survey = replace(
+            survey, crossings=tuple(own), lights=lights, phases=(),
+            barred=count_barred_turns(source, group.nodes),
+        )  # fmt: skip
         survey.notes.append(
             "lane widths, turning lanes and signal times that the file does not tag are "
             "netconvert's guesses"
@@ -246,11 +252,11 @@ def _find_network_rings(net: Any) -> list[Ring]:
             lines[lane.getID()] = _get_shape(lane)
             for link in lane.getOutgoing():
                 after = link.getToLane()
-                if not _is_internal(after) and after.allows("passenger"):
+                if not _is_internal(after) and _is_for_cars(after):
                     name = f"{lane.getID()}>{after.getID()}"
                     lines[name], follows[name] = _trace_connection(net, link), [after.getID()]
                     follows.setdefault(lane.getID(), []).append(name)
-    return join_rings(find_rings(lines, follows))
+    return find_roundabouts(lines, follows)
 
 
 def _list_ring_edges(net: Any, ring: Ring) -> set[str]:
@@ -327,24 +333,9 @@ def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: boo
 
 
 def _find_middle_of_osm(file: Path) -> LatLon:
-    """Middle of all nodes of an OpenStreetMap file."""
-    nodes = []
-    for _, element in ElementTree.iterparse(file, events=("end",)):
-        if element.tag == "node":
-            try:
-                node = float(element.attrib["lat"]), float(element.attrib["lon"])
-            except (KeyError, ValueError):
-                raise InputError(f"{file} has a node without latitude and longitude") from None
-            if not is_in_degrees(node):
-                raise InputError(
-                    f"{file} has a node at latitude {node[0]:g}, longitude {node[1]:g}: these are "
-                    "no degrees; OpenStreetMap files are not projected"
-                )
-            nodes.append(node)
-        element.clear()
-    if not nodes:
-        raise InputError(f"{file} has no nodes")
-    (south, west), (north, east) = np.min(nodes, axis=0), np.max(nodes, axis=0)
+    """Middle of all nodes of an OpenStreetMap file, whose degrees were checked."""
+    nodes = [each.degrees for each in iterate_elements(file) if isinstance(each, OsmNodes)]
+    (south, west), (north, east) = (f(np.concatenate(nodes), axis=0) for f in (np.min, np.max))
     if (span := max(north - south, east - west)) > 0.5:
         raise InputError(f"{file} spans {span:.1f} degrees; {_CUT_OUT}")
     return float(south + north) / 2, float(west + east) / 2
@@ -364,7 +355,12 @@ def _read_street(edge: Any) -> str:
 
 
 def _list_driving_lanes(edge: Any) -> list[Any]:
-    return [lane for lane in edge.getLanes() if lane.allows("passenger")]
+    return [lane for lane in edge.getLanes() if _is_for_cars(lane)]
+
+
+def _is_for_cars(lane: Any) -> bool:
+    """Whether cars may drive on a lane and fit on it; one without a width has SUMO's usual one."""
+    return bool(lane.allows("passenger")) and not 0.0 < float(lane.getWidth()) < NARROWEST
 
 
 def _get_shape(part: Any) -> FloatArray:
@@ -411,12 +407,18 @@ def _survey_junction(
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         is_roundabout=group.is_roundabout,
         file_origin=origin,
+        lost=len(approaches) - len(used[0]) + len(exits) - len(used[1]),
         notes=[
             *_describe_parts(group),
+            *describe_strips(
+                lane.allows("passenger") and not _is_for_cars(lane)
+                for edge in (*(e for node in nodes for e in node.getIncoming()), *roads_out)
+                for lane in edge.getLanes()
+            ),
             *(
-                f"lane {name} leads nowhere and was dropped"
-                for name in approaches
-                if name not in used[0]
+                f"lane {name} leads nowhere here and was dropped"
+                for name in (*approaches, *exits)
+                if name not in used[0] | used[1]
             ),
             *(
                 f"a phase of the lights that lasts {_LONGEST_PHASE:.0f} s or more was cut to that"
@@ -497,7 +499,7 @@ def _trace_connections(
             continue
         for link in lane.getOutgoing():
             after = link.getToLane()
-            if _is_internal(after) or not after.allows("passenger"):
+            if _is_internal(after) or not _is_for_cars(after):
                 continue
             inner = after.getID() not in exits
             if inner and not _lies_in(after.getEdge(), group):
@@ -546,7 +548,7 @@ def _find_straight_lane(lane: Any, *, inwards: bool) -> Any | None:
     straight = [
         (turn, other.getID(), other)
         for other, turn in found
-        if turn < _STRAIGHT and other.allows("passenger")
+        if turn < _STRAIGHT and _is_for_cars(other)
     ]
     return min(straight)[2] if straight else None
 

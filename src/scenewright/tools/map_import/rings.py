@@ -1,34 +1,33 @@
-"""Roundabouts in maps of lanes: closed loops of lanes that turn once round in one sense."""
+"""Roundabouts in maps of lanes: closed ways of lanes round one island."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
-from scenewright.geometry.polyline import (
-    drop_doubled_points,
-    measure_length,
-    resample_by_spacing,
-    smooth_gaussian,
-)
+from scenewright.geometry.polyline import drop_doubled_points, find_point
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos
 
+_GRAPHS: Any = import_module("scipy.sparse")  # its constructors have no types
 ROUNDABOUT = (
     "a roundabout is one intersection: vehicles keep to its ring, and give way as they enter"
 )
 """What is said of one that is imported."""
-_LONGEST = 350.0
+_LONGEST = 450.0
 """Round a ring [m]."""
-_MOST_LANES = 40
 _HALF_LANE = 1.75
 """From the middle of a ring's lane to its edge [m]."""
-_BACK = math.radians(40.0)
-"""How far a ring may turn back on the way round, as where it swings out to an exit."""
+_PARTED = 12.0
+"""Lanes that begin together have parted after that distance [m]."""
+_LARGEST_ISLAND = 1500.0
+"""Of a ring that is driven both ways [m^2]."""
 _LEAST_ROUNDNESS = 0.86
 """Area in squares of the way round, of a circle 1; a block of streets has less."""
 _SAME_RING = 0.5
@@ -48,11 +47,11 @@ class LaneRing:
     outline: FloatArray
     is_left: bool
 
-    def shares_ground(self, other: LaneRing) -> bool:
-        """Whether both lie round the same island."""
-        areas = [geos.Polygon(each.outline).buffer(0) for each in (self, other)]
-        common = areas[0].intersection(areas[1]).area
-        return bool(common > _SAME_RING * min(area.area for area in areas))
+    @property
+    def is_round(self) -> bool:
+        """Whether it is about a circle."""
+        ring = geos.Polygon(self.outline)
+        return bool(4 * math.pi * ring.area / ring.length**2 >= _LEAST_ROUNDNESS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,82 +83,74 @@ class Ring:
         return "the file's lanes lead both ways round its ring, and a roundabout is driven one way"
 
 
-def join_rings(found: Sequence[LaneRing]) -> list[Ring]:
-    """The rings of lanes that lie round one island as one."""
-    groups: list[list[LaneRing]] = []
-    for ring in found:
-        beside = [each for each in groups if any(ring.shares_ground(other) for other in each)]
-        groups = [each for each in groups if each not in beside]
-        groups.append([ring, *(other for each in beside for other in each)])
-    return [Ring(tuple(each)) for each in groups]
-
-
-def find_rings(
+def find_roundabouts(
     lines: Mapping[str, FloatArray], follows: Mapping[str, Sequence[str]]
-) -> list[LaneRing]:
-    """The rings of a map of lanes; of those through one lane the shortest.
+) -> list[Ring]:
+    """The roundabouts of a map of lanes: round rings of lanes about one island without lanes.
+
+    Rings in both senses about much ground are two-way streets about a block.
 
     Args:
         lines: [P, 2] middle of every lane, by name [m].
         follows: which lanes begin where one ends.
     """
-    found: list[LaneRing] = []
-    ringed: set[str] = set()
-    for name in sorted(lines):
-        if name in ringed:
-            continue
-        around = min(_list_loops(name, lines, follows), key=lambda each: each[0], default=None)
-        if around is not None:
-            found.append(around[1])
-            ringed.update(around[1].lanes)
+    rings = find_rings(lines, follows)
+    if not rings:
+        return []
+    areas = np.array([geos.Polygon(x.outline).simplify(0.2).buffer(0) for x in rings], dtype=object)
+    pairs = geos.STRtree(areas).query(areas, predicate="intersects")
+    pairs = pairs[:, pairs[0] < pairs[1]]
+    common, least = geos.area(geos.intersection(*areas[pairs])), geos.area(areas[pairs]).min(axis=0)
+    i, j = pairs[:, common > _SAME_RING * least]
+    shape = (len(rings), len(rings))
+    count, groups = connected_components(
+        _GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=shape), directed=False
+    )
+    tree = geos.STRtree([geos.LineString(line) for line in lines.values()])
+    found = []
+    for group in range(count):
+        own = np.flatnonzero(groups == group)
+        ring = Ring(tuple(rings[k] for k in own))
+        inner = min(areas[own], key=geos.area)
+        is_block = ring.refusal and inner.area > _LARGEST_ISLAND
+        holds_lanes = len(tree.query(inner.buffer(-2 * _HALF_LANE), predicate="intersects"))
+        if not is_block and not holds_lanes and all(each.is_round for each in ring.rings):
+            found.append(ring)
     return found
 
 
-def _list_loops(
-    first: str, lines: Mapping[str, FloatArray], follows: Mapping[str, Sequence[str]]
-) -> Iterator[tuple[float, LaneRing]]:
-    """The loops through a lane that are rings, with their lengths [m]."""
-    start = lines[first][0]
-    todo: list[tuple[tuple[str, ...], float]] = [((first,), measure_length(lines[first]))]
-    while todo:
-        names, length = todo.pop()
-        for name in follows.get(names[-1], ()):
-            if name == first:
-                if (ring := _build_ring(names, lines)) is not None:
-                    yield length, ring
-                continue
-            longer = length + measure_length(lines[name])
-            near = longer + math.dist(lines[name][-1], start) <= _LONGEST
-            if name not in names and near and len(names) < _MOST_LANES:
-                way = (*names, name)
-                if _turns_one_way(way, lines):
-                    todo.append((way, longer))
+def find_rings(
+    lines: Mapping[str, FloatArray], follows: Mapping[str, Sequence[str]]
+) -> list[LaneRing]:
+    """The closed ways on which one keeps left at every branching, or right, on one's own side."""
+    names = sorted(lines)
+    found: list[LaneRing] = []
+    for side in (1.0, -1.0):
+        following = {
+            name: after[0]
+            if len(after) == 1
+            else max((side * _measure_turn(lines[name], lines[x]), x) for x in after)[1]
+            for name, after in follows.items()
+            if after
+        }
+        at = {name: k for k, name in enumerate(names)}
+        i, j = np.array([(at[a], at[b]) for a, b in following.items()], dtype=int).reshape(-1, 2).T
+        graph = _GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=(len(names), len(names)))
+        groups = connected_components(graph, connection="strong")[1]
+        sizes, firsts = np.bincount(groups), np.unique(groups, return_index=True)[1]
+        for k in firsts[sizes > 1]:
+            way = [names[k]]
+            while (after := following[way[-1]]) != way[0]:
+                way.append(after)
+            outline = drop_doubled_points(np.concatenate([lines[name] for name in way]))
+            ring = geos.Polygon(outline) if len(outline) > 3 else geos.Polygon()
+            if ring.is_valid and ring.length <= _LONGEST and ring.exterior.is_ccw == (side > 0):
+                found.append(LaneRing(tuple(way), outline, ring.exterior.is_ccw))
+    return found
 
 
-def _turns_one_way(names: Sequence[str], lines: Mapping[str, FloatArray]) -> bool:
-    """Whether a way of lanes turns at most once round, and hardly back."""
-    turned = _measure_turning(np.concatenate([lines[name] for name in names]))
-    low, high = float(turned.min(initial=0.0)), float(turned.max(initial=0.0))
-    back = min(
-        float((np.maximum.accumulate(turned) - turned).max(initial=0.0)),
-        float((turned - np.minimum.accumulate(turned)).max(initial=0.0)),
-    )
-    return back < _BACK and high - low < math.tau + _BACK
-
-
-def _measure_turning(line: FloatArray) -> FloatArray:
-    """[P] how far a line has turned, positive to the left, at steps of some metres [rad]."""
-    points = smooth_gaussian(resample_by_spacing(drop_doubled_points(line), 1.0), 2.0)
-    step = np.diff(points[::2], axis=0)
-    return np.asarray(np.unwrap(np.arctan2(step[:, 1], step[:, 0])) - math.atan2(*step[0][::-1]))
-
-
-def _build_ring(names: Sequence[str], lines: Mapping[str, FloatArray]) -> LaneRing | None:
-    """A closed loop of lanes as a ring; None if it is not round."""
-    outline = drop_doubled_points(np.concatenate([lines[name] for name in names]))
-    ring = geos.Polygon(outline) if len(outline) > 3 else geos.Polygon()
-    if not ring.is_valid or ring.is_empty:
-        return None
-    if 4 * math.pi * ring.area / ring.length**2 < _LEAST_ROUNDNESS:
-        return None
-    return LaneRing(tuple(names), outline, bool(ring.exterior.is_ccw))
+def _measure_turn(line: FloatArray, after: FloatArray) -> float:
+    """How far a lane leads to the left of the one before it [rad]."""
+    ahead, far = line[-1] - line[-2], find_point(after, _PARTED) - after[0]
+    turn = math.atan2(far[1], far[0]) - math.atan2(ahead[1], ahead[0])
+    return math.remainder(turn, math.tau)

@@ -6,7 +6,7 @@ what the file says and no more; what is missing is derived later and reported.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from scenewright.geometry.geographic import LatLon
@@ -14,6 +14,16 @@ from scenewright.scene.base import Colour, FloatArray
 
 LEARNED = "where"
 """Prefix of the source of a crossing that is known from pedestrian tracks, not from a file."""
+
+
+NARROWEST = 2.0
+"""What is narrower is no lane for cars [m]."""
+
+
+def describe_strips(narrow: Iterable[bool]) -> Iterator[str]:
+    """What is said of the lanes that were dropped for their width, if there are some."""
+    if count := sum(narrow):
+        yield f"{count} strips narrower than {NARROWEST:.0f} m were dropped: no lanes for cars"
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +140,9 @@ class Survey:
         origin: of the coordinates; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
         file_origin: where the file's coordinates are zero; None where it has no degrees.
+        lost: how many ways or lanes of the file lead nowhere here and were dropped.
+        barred: turns that the file forbids, where it draws no ways and all others are expected;
+            None where it draws them.
         notes: what was assumed or dropped.
     """
 
@@ -148,4 +161,6 @@ class Survey:
     origin: LatLon | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     file_origin: LatLon | None = None
+    lost: int = 0
+    barred: int | None = None
     notes: list[str] = field(default_factory=list)
