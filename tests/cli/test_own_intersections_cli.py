@@ -57,7 +57,6 @@ def test_a_map_alone_is_enough_for_a_verified_scene(tmp_path, capsys):
     assert main(["verify", "s1"]) == 0
 
 
-<<<<<<< HEAD
 def test_any_text_is_a_name_and_the_short_form_is_shown(tmp_path, own, capsys):
     file = map_files.lanelet2(tmp_path / "four.osm")
     for text, short in (("Müllerstraße / King's Cross", "mullerstrasse-king-s-cross"),
@@ -70,7 +69,8 @@ def test_any_text_is_a_name_and_the_short_form_is_shown(tmp_path, own, capsys):
         ["mullerstrasse-king-s-cross", "x", "place-85f1b218"]
     )
     assert "x" in list_intersections()
-=======
+
+
 @pytest.mark.parametrize(("options", "drawn"), [([], False), (["--samples"], True)])
 def test_the_picture_has_paths_of_the_priors_only_if_asked(tmp_path, monkeypatch, options, drawn):
     seen = []
@@ -80,7 +80,6 @@ def test_the_picture_has_paths_of_the_priors_only_if_asked(tmp_path, monkeypatch
     )
     assert main(["intersections", "show", "amsterdam_120", "--png", "x.png", *options]) == 0
     assert seen == [drawn]
->>>>>>> junctions
 
 
 def test_a_process_that_lives_on_uses_the_map_as_it_is_now(tmp_path):
