@@ -144,9 +144,9 @@ class Faulty(Braking):
     [
         (ValueError("two\nlines"), "act raised ValueError: two lines"),
         ("hangs", "act took more than 0.2 s"),
-        ([math.nan], "act returned NaN or infinity"),
-        ([0.0, 1.0], r"act returned an array of shape \(2,\), not \(1,\)"),
-        ("faster", "act returned str, not numbers"),
+        ([math.nan], "an action has finite numbers, no NaN or infinity"),
+        ([0.0, 1.0], r"an action of route has shape \(1,\), not \(2,\)"),
+        ("faster", r"an action is an array of shape \(1,\), no str"),
         (SystemExit(3), "act raised SystemExit: 3"),
     ],
 )

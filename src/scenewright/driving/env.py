@@ -16,7 +16,7 @@ except ImportError:
         "driving as an environment needs gymnasium: pip install 'scenewright[drive]'"
     ) from None
 
-from scenewright.driving.ego_motion import ActionMode, find_action_bounds
+from scenewright.driving.ego_motion import ActionMode, find_action_bounds, read_action
 from scenewright.driving.observation import (
     FARTHEST,
     SHAPES,
@@ -78,12 +78,16 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
     def step(
         self, action: FloatArray
     ) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Advance the simulation by 0.1 s."""
+        """Advance the simulation by 0.1 s.
+
+        Raises:
+            InputError: no drive is in progress, or that is no action (`ego_motion.read_action`).
+        """
         world = self.world
-        if world is None:
-            raise RuntimeError("call reset before step")
+        if world is None or world.end is not None:
+            raise InputError("call reset before step: no drive is in progress")
         before = world.ego.progress
-        world.advance(np.asarray(action, dtype=np.float64))
+        world.advance(read_action(action, self._mode))
         length = max(self.scenario.paths[self.scenario.ego].length, 1.0)
         reward = (world.ego.progress - before) / length
         reward += COLLISION_REWARD if world.hit is not None else 0.0

@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.driving.ego_motion import ACTION_MODES, find_action_bounds
+from scenewright.driving.ego_motion import ACTION_MODES, read_action
 from scenewright.driving.observation import Observer
 from scenewright.driving.policies import Policy
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
 from scenewright.driving.world import TrafficModel, World, list_ego_points, start_world
 from scenewright.errors import InputError
-from scenewright.scene.base import FloatArray
 from scenewright.time_limit import raise_after
 
 DEFAULT_STEP_LIMIT = 5.0
@@ -24,7 +23,7 @@ DEFAULT_STEP_LIMIT = 5.0
 
 
 class PolicyError(Exception):
-    """A policy raised, hung or answered with something that is no action; the message is a line."""
+    """A policy raised or hung; the message is a line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +86,14 @@ def run_drive(
     model = make_traffic(others) if traffic is None else traffic
     world = start_world(scenario, model, mode, rng=np.random.default_rng(seed))
     observer = Observer(scenario, raster=raster)
-    shape = find_action_bounds(mode)[0].shape
     fault: str | None = None
     try:
         _ask(lambda: policy.reset(scenario, seed), step_limit, "reset")
         while world.end is None:
             seen = observer.observe(world)
-            world.advance(_check(_ask(lambda: policy.act(seen), step_limit, "act"), shape))  # noqa: B023
-    except PolicyError as error:
+            action = _ask(lambda: policy.act(seen), step_limit, "act")  # noqa: B023
+            world.advance(read_action(action, mode))
+    except (PolicyError, InputError) as error:
         world.end, fault = "policy_failed", f"at {world.step * scenario.step:.1f} s {error}"
     return Drive(world, name, others, seed, fault)
 
@@ -113,20 +112,3 @@ def _ask(call: Callable[[], Any], limit: float, method: str) -> Any:
     except (Exception, SystemExit) as error:
         words = " ".join(str(error).split())[:200]
         raise PolicyError(f"{method} raised {type(error).__name__}: {words}") from error
-
-
-def _check(action: Any, shape: tuple[int, ...]) -> FloatArray:
-    """The action as an array.
-
-    Raises:
-        PolicyError: it has another shape, or a value that is not finite.
-    """
-    try:
-        values = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise PolicyError(f"act returned {type(action).__name__}, not numbers") from None
-    if values.shape != shape:
-        raise PolicyError(f"act returned an array of shape {values.shape}, not {shape}")
-    if not np.isfinite(values).all():
-        raise PolicyError("act returned NaN or infinity")
-    return values
