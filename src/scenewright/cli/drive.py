@@ -84,16 +84,12 @@ def _drive_once(
     intersection: str, step_limit: float, time_limit: float,
 ) -> Report:  # fmt: skip
     from scenewright.driving.api import load_scenario
-    from scenewright.driving.rehearsal import rehearse_drive
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
 
     scenario = load_scenario(
         given, ego=ego, seed=seed, intersection=intersection, time_limit=time_limit
     )
-    if others == "resolve":
-        found = rehearse_drive(scenario, policy, name=name, seed=seed, step_limit=step_limit)
-        return report_drive(found.drive, obstacles=found.obstacles, tries=found.tries)
     return report_drive(run_drive(
         scenario, policy, name=name, others=others, seed=seed, step_limit=step_limit
     ))  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from scenewright.driving.driven_scene import DrivenScene, build_driven_scene
 from scenewright.driving.resolve import Resolve
-from scenewright.driving.run_drive import Drive
 from scenewright.driving.scenario import COLOURS, KINDS, Scenario
 from scenewright.driving.scores import (
     LANE_OFFSET,
@@ -19,6 +17,7 @@ from scenewright.driving.scores import (
     score_epdms,
     score_nuplan,
 )
+from scenewright.driving.single_drive import Drive
 from scenewright.driving.world import World, list_ego_points
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import Shape, Track
@@ -102,15 +101,8 @@ class Report:
         }  # fmt: skip
 
 
-def report_drive(
-    drive: Drive, *, obstacles: Mapping[str, str | None] | None = None, tries: int | None = None
-) -> Report:
-    """Measure a drive.
-
-    Args:
-        obstacles: why physics does not allow an asked encounter, as `find_obstacles` finds it.
-        tries: how many times the policy drove until this drive was kept; None: not rehearsed.
-    """
+def report_drive(drive: Drive) -> Report:
+    """Measure a drive."""
     world, one = drive.world, drive.scenario
     tracks = _build_tracks(drive)
     ego = tracks[0]
@@ -133,8 +125,8 @@ def report_drive(
         "comfort": measure_comfort(list_ego_points(world.history), one.step).to_json(),
         "nuplan": _score(drive, score_nuplan(given)),
         "epdms": _score(drive, score_epdms(given)),
-        **({} if scene is None else _describe_scene(drive, scene, obstacles)),
-        **({} if tries is None else {"tries": tries}),
+        **({} if scene is None else _describe_scene(drive, scene)),
+        **({} if drive.tries is None else {"tries": drive.tries}),
         "digest": drive.digest,
     }
     return Report(drive, scene, impact, figures)
@@ -367,9 +359,7 @@ def _find_longest_off_lane(world: World) -> float:
 # ---- the scene ----------------------------------------------------------------------------------
 
 
-def _describe_scene(
-    drive: Drive, scene: DrivenScene, obstacles: Mapping[str, str | None] | None
-) -> dict[str, Any]:
+def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
     """The proof, the encounter that was asked for, and collisions that the ego had no part in."""
     one = drive.scenario
     ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
@@ -385,9 +375,7 @@ def _describe_scene(
              "time": round(e.time, 3)} for e in met
         ],
         "background_collisions": len(apart),
-        **_describe_meetings(
-            drive, {ids.index(n) for e in met for n in (e.from_, e.to)}, obstacles or {}
-        ),
+        **_describe_meetings(drive, {ids.index(n) for e in met for n in (e.from_, e.to)}),
         "events": [e.model_dump(mode="json", by_alias=True) for e in scene.events],
     }  # fmt: skip
 
@@ -399,9 +387,7 @@ def _list_stand_ins(drive: Drive) -> list[int]:
     return [each.agent for each in meetings if each.agent != each.asked]
 
 
-def _describe_meetings(
-    drive: Drive, met: set[int], obstacles: Mapping[str, str | None]
-) -> dict[str, Any]:
+def _describe_meetings(drive: Drive, met: set[int]) -> dict[str, Any]:
     """With re-timed others: whether each conflict came about, or when and why not."""
     traffic, names = drive.world.traffic, drive.scenario.names
     if not isinstance(traffic, Resolve):
@@ -414,7 +400,8 @@ def _describe_meetings(
         if not row["came_about"]:
             time = drive.world.step * drive.scenario.step if each.time is None else each.time
             row |= {"time": round(time, 2), "reason": each.explain()}
-        if row["with"] in obstacles:
-            row |= {"allowed": obstacles[row["with"]] is None, "obstacle": obstacles[row["with"]]}
+        if row["with"] in drive.obstacles:
+            obstacle = drive.obstacles[row["with"]]
+            row |= {"allowed": obstacle is None, "obstacle": obstacle}
         rows.append(row)
     return {"resolved": rows}
