@@ -44,6 +44,12 @@ APPROACH = 5.0
 FAR = 60.0
 """Agents that never come nearer than this are not looked at [m]."""
 
+_FINDINGS = {
+    "asked encounters": "missing", "unasked events": "interference",
+    "hardness of motion": "implausible", "red lights": "signal_violations",
+}  # fmt: skip
+"""What keeps a driven scene from being verified, in words, and the findings of the proof."""
+
 
 @dataclass(frozen=True)
 class EgoCollision:
@@ -270,8 +276,7 @@ def _gather(
     at_fault = impact is not None and impact.at_fault == "ego"
     is_object = world.hit is not None and KINDS[int(one.kinds[world.hit])] == "object"
     duration = one.step * (len(points) - 1)
-    recorded = one.paths[one.ego].progress
-    last = min(world.step, len(recorded) - 1)
+    lawful = _find_lawful_progress(one)
     return ScoreInputs(
         at_fault=int(at_fault and not is_object),
         at_fault_objects=int(at_fault and is_object),
@@ -280,12 +285,28 @@ def _gather(
         red_lights=red,
         ttc=_find_ttc_ahead(ego, near),
         progress=world.history[-1].progress - world.history[0].progress,
-        reference=float(recorded[last] - recorded[one.start]),
+        reference=float(lawful[min(world.step, len(lawful) - 1)] - lawful[one.start]),
         overspeed=float(np.maximum(points[:, 3] - one.speed_limit, 0.0).sum() * one.step),
         duration=duration,
         off_lane=_find_longest_off_lane(world),
         comfortable=measure_comfort(points, one.step).is_comfortable,
     )
+
+
+def _find_lawful_progress(one: Scenario) -> FloatArray:
+    """[T] way of the recorded ego, held at lights that it ran on red until they change [m]."""
+    path = one.paths[one.ego]
+    progress = path.progress
+    for light, s in path.stops:
+        step = int(np.searchsorted(progress, s + 0.5, side="right"))
+        if step < len(progress) and one.get_colour(light, step) == COLOURS.index("red"):
+            changed = np.flatnonzero(one.colours[light, step:] != COLOURS.index("red"))
+            wait = int(changed[0]) if len(changed) else len(progress)
+            held = np.concatenate(
+                [progress[:step], np.full(wait, min(s, progress[step])), progress[step:]]
+            )
+            progress = held[: len(path.progress)]
+    return progress
 
 
 def _measure_off_road(one: Scenario, points: FloatArray) -> float:
@@ -369,6 +390,7 @@ def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
     apart = [e for e in scene.events if e.type == "collision" and me not in (e.from_, e.to)]
     return {
         **scene.proof.build_verdict(),
+        "not_verified_for": [k for k, found in _FINDINGS.items() if getattr(scene.proof, found)],
         "as_asked": not scene.dropped and not scene.proof.missing,
         "encounter": [
             {"type": e.type, "with": one.names[ids.index(e.to if e.from_ == me else e.from_)],
