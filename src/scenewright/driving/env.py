@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import Any, SupportsFloat
 
 import numpy as np
@@ -17,12 +16,7 @@ except ImportError:
     ) from None
 
 from scenewright.driving.ego_motion import ActionMode, find_action_bounds, read_action
-from scenewright.driving.observation import (
-    FARTHEST,
-    SHAPES,
-    Observation,
-    Observer,
-)
+from scenewright.driving.observation import FARTHEST, SHAPES, Observation, Observer
 from scenewright.driving.raster import RASTER_SHAPE
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
@@ -106,13 +100,6 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
     def _build_info(self, world: World) -> dict[str, Any]:
         hit = None if world.hit is None else self.scenario.names[world.hit]
         return {"time": round(world.step * self.scenario.step, 3), "end": world.end, "hit": hit}
-
-
-def make_vector(
-    makers: Sequence[Callable[[], DriveEnv]],
-) -> gymnasium.vector.SyncVectorEnv:
-    """Several drives stepped together, each begun anew when it is over."""
-    return gymnasium.vector.SyncVectorEnv(list(makers))
 
 
 def _make_observation_space(*, raster: bool) -> gymnasium.spaces.Dict:

@@ -113,15 +113,17 @@ def report_drive(drive: Drive) -> Report:
     tracks = _build_tracks(drive)
     ego = tracks[0]
     near = _list_near(tracks)
-    ttc = {n: _find_path_ttc(ego, track) for n, track in near.items()}
+    ttc = [
+        compute_path_ttc(ego, track, times=find_common_times(ego, track)) for track in near.values()
+    ]
     red = _count_red_lights(world)
     impact = _describe_impact(drive, ego, near, red=red)
     scene = build_driven_scene(drive) if one.record is not None else None
-    least = min((float(each.min()) for each in ttc.values() if len(each)), default=np.inf)
+    least = min((float(each.min()) for each in ttc if len(each)), default=np.inf)
     pet = _find_least_pet(ego, near)
     given = _gather(drive, ego, near, impact, red)
     figures = {
-        "min_ttc": _replace_infinite(least),
+        "min_ttc": round(least, 3) if np.isfinite(least) else None,
         "min_pet": pet,
         "exposed": bool(least < EXPOSED_TTC) or (pet is not None and pet < EXPOSED_PET),
         "red_lights": red,
@@ -141,10 +143,6 @@ def report_drive(drive: Drive) -> Report:
 def _score(drive: Drive, scores: dict[str, float]) -> dict[str, float]:
     """Scores of a drive; a policy that failed has none, however well it went until then."""
     return scores if drive.fault is None else scores | {"score": 0.0}
-
-
-def _replace_infinite(value: float) -> float | None:
-    return round(value, 3) if np.isfinite(value) else None
 
 
 # ---- tracks -------------------------------------------------------------------------------------
@@ -183,11 +181,6 @@ def _list_near(tracks: tuple[Trajectory, ...]) -> dict[int, Trajectory]:
         if len(times) and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR:
             found[track.id - 1] = track
     return found
-
-
-def _find_path_ttc(ego: Trajectory, track: Trajectory) -> FloatArray:
-    times = find_common_times(ego, track)
-    return compute_path_ttc(ego, track, times=times)
 
 
 def _find_least_pet(ego: Trajectory, near: dict[int, Trajectory]) -> float | None:
