@@ -16,7 +16,12 @@ from scenewright.cli.main import main
 from scenewright.driving.ego_motion import EgoState, move_ego
 from scenewright.driving.footprints import find_overlaps
 from scenewright.driving.observation import SHAPES, Observer
-from scenewright.driving.policies import BUILT_IN, ConstantSpeedPolicy, ReplayPolicy
+from scenewright.driving.policies import (
+    BUILT_IN,
+    ConstantSpeedPolicy,
+    ReplayPolicy,
+    RuleBasedPolicy,
+)
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
 from scenewright.driving.save import save_drive
@@ -26,6 +31,7 @@ from scenewright.driving.world import Replay, start_world
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene, verify
 from scenewright.intersections import load_map
+from scenewright.scene.record import SceneRecord
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +48,16 @@ class Braking:
 
     def act(self, observation: dict[str, Any]) -> np.ndarray:  # noqa: ARG002
         return np.array([-5.0])
+
+
+class Slamming(Braking):
+    def act(self, observation: dict[str, Any]) -> np.ndarray:  # noqa: ARG002
+        return np.array([-10.0])
+
+
+class Unfit(Braking):
+    def act(self, observation: dict[str, Any]) -> np.ndarray:  # noqa: ARG002
+        return np.array([math.nan])
 
 
 def test_the_recorded_drive_is_driven_again(strike: Scenario) -> None:
@@ -144,9 +160,9 @@ class Faulty(Braking):
     [
         (ValueError("two\nlines"), "act raised ValueError: two lines"),
         ("hangs", "act took more than 0.2 s"),
-        ([math.nan], "act returned NaN or infinity"),
-        ([0.0, 1.0], r"act returned an array of shape \(2,\), not \(1,\)"),
-        ("faster", "act returned str, not numbers"),
+        ([math.nan], "an action has finite numbers, no NaN or infinity"),
+        ([0.0, 1.0], r"an action of route has shape \(1,\), not \(2,\)"),
+        ("faster", r"an action is an array of shape \(1,\), no str"),
         (SystemExit(3), "act raised SystemExit: 3"),
     ],
 )
@@ -173,18 +189,56 @@ def test_an_ego_that_strikes_with_its_front_is_at_fault(strike: Scenario) -> Non
     assert report.to_json()["nuplan"]["score"] == 0.0
 
 
-def test_an_ego_hit_from_behind_is_not() -> None:
-    record = make_record()
+def make_rear_end() -> SceneRecord:
+    """vehicle-2 runs into vehicle-1 from behind."""
     slow = make_agent(1, "vehicle-1", 0.0, make_line((4.95, -30.0), (0.0, 2.0), 9.0), math.pi / 2)
     fast = make_agent(2, "vehicle-2", 0.0, make_line((4.95, -49.0), (0.0, 9.0), 9.0), math.pi / 2)
-    record = type(record).model_validate(
-        record.to_json() | {"agents": [slow, fast], "events": [], "relations": []}
+    return SceneRecord.model_validate(
+        make_record().to_json() | {"agents": [slow, fast], "events": [], "relations": []}
     )
+
+
+def test_an_ego_hit_from_behind_is_not() -> None:
     report = report_drive(run_drive(
-        build_scenario(record, load_map("amsterdam_120"), ego="vehicle-1"), ConstantSpeedPolicy()
+        build_scenario(make_rear_end(), load_map("amsterdam_120"), ego="vehicle-1"),
+        ConstantSpeedPolicy(),
     ))  # fmt: skip
     assert report.impact is not None
     assert (report.impact.kind, report.impact.at_fault) == ("active_rear", "other")
+
+
+def test_a_lawful_driver_is_not_measured_by_one_who_ran_red() -> None:
+    plain = make_record().to_json()
+    line = make_line((4.95, -49.0), (0.0, 9.0), 9.0)
+    plain |= {"agents": [make_agent(1, "vehicle-1", 0.0, line, math.pi / 2)], "events": []}
+    red = plain["signals"][0] | {"end": 5.5, "colour": "red"}
+    green = red | {"start": 5.5, "end": 10.0, "colour": "green"}
+    scores = {}
+    for name, rows in (("all red", [red | {"end": 10.0}]), ("red, then green", [red, green])):
+        scenario = build_scenario(
+            SceneRecord.model_validate(plain | {"signals": rows}), load_map("amsterdam_120")
+        )
+        reports = [
+            report_drive(run_drive(scenario, p)) for p in (RuleBasedPolicy(), ReplayPolicy())
+        ]
+        scores[name] = [r.figures["nuplan"]["ego_progress_along_expert_route"] for r in reports]
+        assert [report.figures["red_lights"] for report in reports] == [0, 1]
+        assert reports[0].figures["nuplan"]["score"] > 0.5
+    assert scores["all red"] == [pytest.approx(0.93, abs=0.07), 1.0]
+    assert scores["red, then green"] == [pytest.approx(0.85, abs=0.15), 1.0]
+
+
+def test_a_drive_says_for_what_it_is_not_verified() -> None:
+    line = make_line((4.95, -49.0), (0.0, 9.0), 9.0)
+    plain = make_record().to_json() | {"events": [], "relations": [], "signals": []}
+    plain["agents"] = [make_agent(1, "vehicle-1", 0.0, line, math.pi / 2)]
+    scenario = build_scenario(SceneRecord.model_validate(plain), load_map("amsterdam_120"))
+    gentle, hard = (
+        report_drive(run_drive(scenario, policy)).to_json()["not_verified_for"]
+        for policy in (ConstantSpeedPolicy(), Slamming())
+    )
+    assert gentle == ["red lights"]  # the scene made by hand has no plan of its signals
+    assert hard == ["hardness of motion", "red lights"]
 
 
 def test_a_pedestrian_cannot_be_the_ego() -> None:
@@ -212,6 +266,11 @@ def _inputs(**changed: Any) -> ScoreInputs:
         ({"comfortable": False}, 14 / 16, 12 / 14),
         ({"progress": 25.0}, 13.5 / 16, 11.5 / 14),
         ({"progress": 5.0}, 0.0, 9.5 / 14),
+        ({"progress": 0.0, "reference": 1.9}, 1.0, 1.0),
+        ({"against_flow": 1.99}, 1.0, 1.0),
+        ({"against_flow": 2.0}, 0.5, 0.5),
+        ({"against_flow": 5.99}, 0.5, 0.5),
+        ({"against_flow": 6.0}, 0.0, 0.0),
         ({"overspeed": 11.15}, 14 / 16, 1.0),
         ({"red_lights": 1}, 1.0, 0.0),
         ({"off_lane": 2.1}, 1.0, 12 / 14),
@@ -244,14 +303,81 @@ def test_a_drive_is_saved_as_a_scene_that_can_be_verified(strike: Scenario, tmp_
     assert json.loads((tmp_path / "driven" / "drive.json").read_text())["end"] == "collision"
 
 
-def test_the_command_prints_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "scene.json").write_text(json.dumps(make_record().to_json()))
-    words = ["drive", str(tmp_path), "--policy", "constant", "--n", "2", "--json"]
-    assert main(words) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["n"] == 2
-    assert said["summary"]["collisions"]["rate"] == 1.0
-    assert [each["seed"] for each in said["drives"]] == [0, 1]
+def drive_by_command(
+    folder: Path, capsys: pytest.CaptureFixture[str], *words: str
+) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of the command on the scene made by hand."""
+    (folder / "scene.json").write_text(json.dumps(make_record().to_json()))
+    code = main(["drive", str(folder), *words])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+class Seeded(Braking):
+    """Brakes as hard as its seed says."""
+
+    def reset(self, scenario: Scenario, seed: int) -> None:  # noqa: ARG002
+        self.seed = seed
+
+    def act(self, observation: dict[str, Any]) -> np.ndarray:  # noqa: ARG002
+        return np.array([-4.0 - self.seed])
+
+
+def test_drives_that_cannot_differ_are_counted_as_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--policy", "constant", "--n", "3", "--json")
+    code, out, err = drive_by_command(tmp_path, capsys, *words)
+    said = json.loads(out)
+    assert code == 0
+    assert (said["runs"], said["n"], len(said["drives"])) == (3, 1, 1)
+    assert said["summary"]["collisions"] == {"count": 1, "of": 1, "rate": 1.0}
+    assert "all 3 drives are the same" in err
+
+
+def test_drives_that_differ_are_counted_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--policy", f"{__name__}:Seeded", "--n", "3")
+    _, out, err = drive_by_command(tmp_path, capsys, *words, "--json")
+    said = json.loads(out)
+    assert [each["seed"] for each in said["drives"]] == [0, 1, 2]
+    assert said["runs"] == said["summary"]["collisions"]["of"] == 3
+    assert "same" not in err
+    _, out, _ = drive_by_command(tmp_path, capsys, *words)
+    assert "{" not in out
+    assert "collisions: 0 of 3 (95 % interval 0 to 56 %)\n" in out
+    assert "ends: 3 over\n" in out
+
+
+@pytest.mark.parametrize(
+    ("policy", "fail_on", "code"),
+    [
+        ("constant", "collision", 1),
+        ("constant", "at-fault", 1),
+        (f"{__name__}:Braking", "collision", 0),
+        (f"{__name__}:Unfit", "collision", 2),
+    ],
+)
+def test_a_collision_can_fail_the_command(
+    policy: str, fail_on: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--policy", policy, "--fail-on", fail_on, "--json")
+    ended, out, _ = drive_by_command(tmp_path, capsys, *words)
+    assert ended == code
+    assert json.loads(out)["ok"] is (code == 0)
+
+
+def test_a_collision_that_is_not_its_fault_fails_only_where_any_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = make_rear_end()
+    (tmp_path / "behind").mkdir()
+    (tmp_path / "behind" / "scene.json").write_text(json.dumps(record.to_json()))
+    words = ["drive", str(tmp_path / "behind"), "-q", "--policy", "constant", "--ego", "vehicle-1"]
+    codes = [main([*words, "--fail-on", each]) for each in ("collision", "at-fault")]
+    capsys.readouterr()
+    assert codes == [1, 0]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import get_args
+import math
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from exported_scenes import make_record
 from scenewright import drive, drive_many
 from scenewright.driving.ego_motion import ActionMode
+from scenewright.errors import InputError
 
 pytest.importorskip("gymnasium")
 
@@ -33,6 +35,30 @@ def test_a_collision_terminates_and_costs() -> None:
     assert terminated
     assert info["hit"] == "pedestrian-1"
     assert rewards[-1] < -0.9 < 0.0 < rewards[0]
+    with pytest.raises(InputError, match="reset"):
+        env.step(np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("actions", "action", "said"),
+    [
+        ("bicycle", [math.nan, 0.0], "finite"),
+        ("bicycle", [math.inf, 0.0], "finite"),
+        ("bicycle", [1.0], r"shape \(2,\), not \(1,\)"),
+        ("route", 1.0, r"shape \(1,\), not \(\)"),
+        ("waypoints", np.zeros((2, 6)), r"shape \(6, 2\), not \(2, 6\)"),
+        ("route", "faster", "no str"),
+    ],
+)
+def test_what_is_no_action_is_refused(actions: ActionMode, action: Any, said: str) -> None:
+    env = drive(make_record(), actions=actions)
+    with pytest.raises(InputError, match="reset"):
+        env.step(action)
+    env.reset()
+    with pytest.raises(InputError, match=said) as caught:
+        env.step(action)
+    assert "\n" not in str(caught.value)
+    assert env.world.step == env.scenario.start
 
 
 def test_several_are_stepped_together() -> None:

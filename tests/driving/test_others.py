@@ -14,10 +14,10 @@ from scenewright.driving.passing_order import find_passing_order
 from scenewright.driving.policies import ConstantSpeedPolicy, ReplayPolicy, RuleBasedPolicy
 from scenewright.driving.reachability import find_obstacles
 from scenewright.driving.reactive import AHEAD, _find_speed
-from scenewright.driving.rehearsal import rehearse_drive
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
 from scenewright.driving.scenario import COLOURS, Scenario, build_scenario
+from scenewright.driving.single_drive import drive_once
 from scenewright.intersections import load_map
 
 NORTH, WEST = math.pi / 2, math.pi
@@ -84,7 +84,7 @@ def test_a_retimed_pedestrian_meets_an_ego_of_any_speed(speed: float) -> None:
     walker = make_agent(2, "pedestrian-1", 0.0, make_line((13.0, -6.5), (-1.2, 0.0), 9.9), WEST)
     asked = {"type": "near_miss", "from": 1, "to": 2}
     scenario = make_scenario(drive_north(1, -49.0, speed), walker, relations=(asked,))
-    told = report_drive(run_drive(scenario, ConstantSpeedPolicy(), others="resolve")).to_json()
+    told = report_drive(drive_once(scenario, ConstantSpeedPolicy(), others="resolve")).to_json()
     assert told["resolved"] == [{"with": "pedestrian-1", "came_about": True}]
 
 
@@ -94,7 +94,7 @@ def test_what_can_no_longer_come_about_is_said() -> None:
     far = make_line((30.0, -6.5), (-3.0, 0.0), 9.9)
     walker["trajectory"] = far.tolist()
     scenario = make_scenario(drive_north(1, -10.0, 9.0, 6.0), walker, relations=(asked,))
-    told = report_drive(run_drive(scenario, ConstantSpeedPolicy(), others="resolve")).to_json()
+    told = report_drive(drive_once(scenario, ConstantSpeedPolicy(), others="resolve")).to_json()
     (row,) = told["resolved"]
     assert not row["came_about"]
     assert "m short of it" in row["reason"]
@@ -124,14 +124,20 @@ class Crossing:
 
 def test_a_rehearsal_brings_about_what_the_first_drive_missed() -> None:
     near = make_crossing((13.0, -6.5), 1.2, 8.0)
-    first = run_drive(near, Crossing(), others="resolve", seed=2)
-    found = rehearse_drive(near, Crossing(), seed=2)
-    told = report_drive(found.drive, obstacles=found.obstacles, tries=found.tries).to_json()
+    first = drive_once(near, Crossing(), others="resolve", seed=2)
+    drive = run_drive(near, Crossing(), others="resolve", seed=2)
+    told = report_drive(drive).to_json()
     assert not report_drive(first).to_json()["resolved"][0]["came_about"]
     assert told["resolved"][0]["came_about"]
     assert told["tries"] > 1
     assert told["background_collisions"] == 0
-    assert rehearse_drive(near, Crossing(), seed=2).drive.digest == found.drive.digest
+    again = run_drive(near, Crossing(), others="resolve", seed=2)
+    assert again.digest == drive.digest
+
+
+def test_tracks_without_a_scene_have_nobody_to_retime() -> None:
+    scenario = replace(make_crossing((13.0, -6.5), 1.2, 8.0), record=None)
+    assert run_drive(scenario, ConstantSpeedPolicy(), others="resolve").tries is None
 
 
 def test_who_waits_to_the_end_holds_nobody_up() -> None:
@@ -145,17 +151,17 @@ def test_who_waits_to_the_end_holds_nobody_up() -> None:
 
 def test_physics_is_judged_by_a_drive_without_the_other() -> None:
     near = make_crossing((13.0, -6.5), 1.2, 8.0)
-    drive = run_drive(near, ConstantSpeedPolicy(), others="resolve")
+    drive = drive_once(near, ConstantSpeedPolicy(), others="resolve")
     assert find_obstacles(drive, ConstantSpeedPolicy()) == {"pedestrian-1": None}
     # Whoever brakes to a stop 40 m before the crosswalk cannot be met there.
-    stopped = run_drive(near, Standing(), others="resolve")
+    stopped = drive_once(near, Standing(), others="resolve")
     (why,) = find_obstacles(stopped, Standing()).values()
     assert why is not None
     assert "short of the place" in why
     # 32 m at 1.2 m/s^2 up to 2.4 m/s take 14.3 s; the ego is there after 5.3 s.
     far = make_crossing((37.0, -6.5), 3.4, 8.0)
     (why,) = find_obstacles(
-        run_drive(far, ConstantSpeedPolicy(), others="resolve"), ConstantSpeedPolicy()
+        drive_once(far, ConstantSpeedPolicy(), others="resolve"), ConstantSpeedPolicy()
     ).values()
     assert why is not None
     assert "at the earliest" in why or "past the place" in why
@@ -165,7 +171,7 @@ def test_an_ego_kept_by_a_red_light_ends_the_attempt_with_the_reason() -> None:
     scenario = make_crossing((13.0, -6.5), 1.2, 8.0)
     red = np.full_like(scenario.colours, COLOURS.index("red"))
     held = replace(scenario, colours=red)
-    told = report_drive(run_drive(held, RuleBasedPolicy(), others="resolve")).to_json()
+    told = report_drive(drive_once(held, RuleBasedPolicy(), others="resolve")).to_json()
     (row,) = told["resolved"]
     assert "red until the scene ends" in row["reason"]
     assert row["time"] < 9.9

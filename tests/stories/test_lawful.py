@@ -190,3 +190,13 @@ def test_texts_of_a_lawful_order_name_the_red_lights_that_they_need() -> None:
                 assert said == (story.runner is not None), written.text
                 break
     assert set(worded) == set(wish.quotas[0].leaves)
+
+
+def test_a_hidden_pedestrian_is_met_with_nobody_running_a_red_light() -> None:
+    text = "A pedestrian hidden behind a parked truck is hit by a car"
+    scene = synthesize(text, seed=4, refiner="none", lawful=True)
+    assert scene.proof.verdict == "verified"
+    assert scene.proof.unasked_red_lights == 0
+    (seen,) = scene.proof.figures["first_visible"]
+    event = scene.proof.events[0]
+    assert 1.0 <= event.time - seen["first_visible"] <= 3.0

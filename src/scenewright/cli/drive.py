@@ -17,6 +17,7 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
+from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
 from scenewright.cli.output_folder import fill_folder, target_folder
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import describe_missing
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from scenewright.driving.report import Report
 
 Others = Literal["replay", "reactive", "resolve"]
+FailOn = Literal["collision", "at-fault"]
 
 
 def drive(
@@ -49,6 +51,10 @@ def drive(
         float, typer.Option(min=0.01, help="Longest a policy may take for an answer [s].")
     ] = 5.0,
     time_limit: TimeLimit = DEFAULT_LIMIT,
+    fail_on: Annotated[
+        FailOn | None,
+        typer.Option(help="End in 1 after a collision of the ego, or after one that is its fault."),
+    ] = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
     ] = None,
@@ -57,6 +63,7 @@ def drive(
 ) -> None:
     """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
     from scenewright.driving.api import load_policy
+    from scenewright.driving.summary import summarise
 
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     driver = load_policy(policy)
@@ -74,9 +81,48 @@ def drive(
                 if n == 1:
                     raise
                 failed.append({"seed": seed + k, "reason": format_one_line(str(error))})
+        if not reports:
+            raise InputError(f"none of {n} scenes could be made: {failed[0]['reason']}")
+        runs = len(reports)
+        if runs > 1 and len({report.drive.digest for report in reports}) == 1:
+            log_line(f"all {runs} drives are the same, whatever the seed: counted as one")
+            reports = reports[:1]
         if target is not None:
             _save(reports, target)
-    _print_reports(reports, failed, out=out, as_json=as_json)
+    summary = summarise(reports)
+    code = _choose_exit_code(summary, fail_on)
+    if as_json:
+        write_json({
+            "ok": code == 0, "n": len(reports), "runs": runs, "summary": summary, "out": out,
+            "not_made": failed, "drives": [report.to_json() for report in reports],
+        })  # fmt: skip
+    else:
+        for report in reports:
+            log_line(format_one_line(_describe(report)))
+        for key, value in summary.items():
+            write_stdout(f"{key.replace('_', ' ')}: {_format(value)}\n")
+    if code:
+        raise typer.Exit(code)
+
+
+def _choose_exit_code(summary: dict[str, Any], fail_on: FailOn | None) -> int:
+    """2 if a policy failed, 1 for a collision that shall fail the command, else 0."""
+    if summary["policy_faults"]:
+        return UNUSABLE
+    hits = {"collision": "collisions", "at-fault": "collisions_at_fault"}
+    return NOT_VERIFIED if fail_on is not None and summary[hits[fail_on]]["count"] else 0
+
+
+def _format(value: Any) -> str:
+    """A figure of the summary: a rate with its interval, numbers by name, or a number."""
+    if not isinstance(value, dict):
+        return str(value)
+    if "rate" not in value:
+        return ", ".join(f"{count} {name}" for name, count in value.items())
+    line = f"{value['count']} of {value['of']}"
+    if "low" in value:
+        line += f" (95 % interval {100 * value['low']:.0f} to {100 * value['high']:.0f} %)"
+    return line
 
 
 def _drive_once(
@@ -84,16 +130,12 @@ def _drive_once(
     intersection: str, step_limit: float, time_limit: float,
 ) -> Report:  # fmt: skip
     from scenewright.driving.api import load_scenario
-    from scenewright.driving.rehearsal import rehearse_drive
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
 
     scenario = load_scenario(
         given, ego=ego, seed=seed, intersection=intersection, time_limit=time_limit
     )
-    if others == "resolve":
-        found = rehearse_drive(scenario, policy, name=name, seed=seed, step_limit=step_limit)
-        return report_drive(found.drive, obstacles=found.obstacles, tries=found.tries)
     return report_drive(run_drive(
         scenario, policy, name=name, others=others, seed=seed, step_limit=step_limit
     ))  # fmt: skip
@@ -112,35 +154,6 @@ def _save(reports: list[Report], target: Path) -> None:
             save_drive(report, folder, recording=missing is None)
 
 
-def _print_reports(
-    reports: list[Report], failed: list[dict[str, Any]], *, out: str | None, as_json: bool
-) -> None:
-    from scenewright.driving.summary import summarise
-
-    if not reports:
-        raise InputError(f"none of {len(failed)} scenes could be made: {failed[0]['reason']}")
-    summary = summarise(reports)
-    _write_reports(reports, summary, failed, out=out, as_json=as_json)
-    if summary["policy_faults"]:
-        raise typer.Exit(InputError.exit_code)
-
-
-def _write_reports(
-    reports: list[Report], summary: dict[str, Any], failed: list[dict[str, Any]], *,
-    out: str | None, as_json: bool,
-) -> None:  # fmt: skip
-    if as_json:
-        write_json({
-            "ok": not summary["policy_faults"], "n": len(reports), "summary": summary, "out": out,
-            "not_made": failed, "drives": [report.to_json() for report in reports],
-        })  # fmt: skip
-        return
-    for report in reports:
-        log_line(format_one_line(_describe(report)))
-    for key, value in summary.items():
-        write_stdout(f"{key}: {value}\n")
-
-
 def _describe(report: Report) -> str:
     """A drive in a line."""
     said, impact = report.to_json(), report.impact
@@ -155,4 +168,6 @@ def _describe(report: Report) -> str:
         if not each["came_about"]:
             why = each.get("obstacle") or each["reason"]
             line += f", no encounter with {each['with']}: {why}"
+    if said.get("not_verified_for"):
+        line += f", as a scene not verified for {' and '.join(said['not_verified_for'])}"
     return line + f", nuPlan {said['nuplan']['score']:.2f}, EPDMS {said['epdms']['score']:.2f}"

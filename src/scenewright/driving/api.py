@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,19 +62,15 @@ def drive(
 
 
 def drive_many(scenes: Sequence[Drivable], **options: Any) -> gymnasium.vector.SyncVectorEnv:
-    """Several scenes as one vector environment; options are those of `drive`.
+    """Several scenes stepped together, each begun anew when it is over; options as of `drive`.
 
     Raises:
         InputError: as `drive`.
     """
-    from scenewright.driving.env import make_vector
-
     envs = [drive(scene, **options) for scene in scenes]
-    return make_vector([partial(_pass_on, env) for env in envs])
+    from gymnasium.vector import SyncVectorEnv
 
-
-def _pass_on(env: DriveEnv) -> DriveEnv:
-    return env
+    return SyncVectorEnv([lambda env=env: env for env in envs])  # type: ignore[misc]
 
 
 def load_scenario(

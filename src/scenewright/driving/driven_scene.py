@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.driving.run_drive import Drive
+from scenewright.driving.single_drive import Drive
 from scenewright.driving.world import list_ego_points
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray, Point

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from scenewright.driving.scenario import AgentPath
+from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 
 ActionMode = Literal["bicycle", "route", "waypoints"]
@@ -54,6 +55,26 @@ def find_action_bounds(mode: ActionMode) -> tuple[FloatArray, FloatArray]:
         return np.array([-HARDEST_BRAKING]), np.array([HARDEST_ACCELERATION])
     far = np.full((WAYPOINTS, 2), FARTHEST_WAYPOINT)
     return -far, far
+
+
+def read_action(action: Any, mode: ActionMode) -> FloatArray:
+    """An action as the array that its mode asks for.
+
+    Raises:
+        InputError: it is none: no numbers, another shape, NaN or infinity.
+    """
+    shape = find_action_bounds(mode)[0].shape
+    try:
+        values = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"an action is an array of shape {shape}, no {type(action).__name__}"
+        ) from None
+    if values.shape != shape:
+        raise InputError(f"an action of {mode} has shape {shape}, not {values.shape}")
+    if not np.isfinite(values).all():
+        raise InputError("an action has finite numbers, no NaN or infinity")
+    return values
 
 
 def move_ego(

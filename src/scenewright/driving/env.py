@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import Any, SupportsFloat
 
 import numpy as np
@@ -16,13 +15,8 @@ except ImportError:
         "driving as an environment needs gymnasium: pip install 'scenewright[drive]'"
     ) from None
 
-from scenewright.driving.ego_motion import ActionMode, find_action_bounds
-from scenewright.driving.observation import (
-    FARTHEST,
-    SHAPES,
-    Observation,
-    Observer,
-)
+from scenewright.driving.ego_motion import ActionMode, find_action_bounds, read_action
+from scenewright.driving.observation import FARTHEST, SHAPES, Observation, Observer
 from scenewright.driving.raster import RASTER_SHAPE
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
@@ -78,12 +72,16 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
     def step(
         self, action: FloatArray
     ) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Advance the simulation by 0.1 s."""
+        """Advance the simulation by 0.1 s.
+
+        Raises:
+            InputError: no drive is in progress, or that is no action (`ego_motion.read_action`).
+        """
         world = self.world
-        if world is None:
-            raise RuntimeError("call reset before step")
+        if world is None or world.end is not None:
+            raise InputError("call reset before step: no drive is in progress")
         before = world.ego.progress
-        world.advance(np.asarray(action, dtype=np.float64))
+        world.advance(read_action(action, self._mode))
         length = max(self.scenario.paths[self.scenario.ego].length, 1.0)
         reward = (world.ego.progress - before) / length
         reward += COLLISION_REWARD if world.hit is not None else 0.0
@@ -102,13 +100,6 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
     def _build_info(self, world: World) -> dict[str, Any]:
         hit = None if world.hit is None else self.scenario.names[world.hit]
         return {"time": round(world.step * self.scenario.step, 3), "end": world.end, "hit": hit}
-
-
-def make_vector(
-    makers: Sequence[Callable[[], DriveEnv]],
-) -> gymnasium.vector.SyncVectorEnv:
-    """Several drives stepped together, each begun anew when it is over."""
-    return gymnasium.vector.SyncVectorEnv(list(makers))
 
 
 def _make_observation_space(*, raster: bool) -> gymnasium.spaces.Dict:

@@ -14,8 +14,8 @@ import numpy as np
 
 from scenewright.driving.policies import Policy
 from scenewright.driving.resolve import FASTEST, GAIN, LATERAL, EgoConflict, list_meetings
-from scenewright.driving.run_drive import Drive, run_drive
 from scenewright.driving.scenario import COLOURS, AgentPath, Scenario
+from scenewright.driving.single_drive import Drive, drive_once
 
 LATEST = 1.5
 """After the ego at which the other may come for an encounter [s]: the PET of a near miss."""
@@ -60,7 +60,7 @@ def find_arrival_alone(
 
     Inf where it does not come there.
     """
-    alone = run_drive(
+    alone = drive_once(
         remove_agent(one, meeting.agent), policy, others="reactive", seed=seed
     ).world.history
     progress = np.array([each.progress for each in alone])

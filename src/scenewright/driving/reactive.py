@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.driving.ego_motion import EgoState
 from scenewright.driving.footprints import find_overlaps
 from scenewright.driving.passing_order import find_passing_order
@@ -156,19 +157,12 @@ class Reactive:
     def _look_up(self, where: FloatArray, heeds: BoolArray) -> FloatArray:
         """[N, U] how far each may go while the others are at places [N, U] on their ways [m]."""
         one, state, order = self._one, self._state, self._order
-        k = np.clip((where / self._spacing[:, None]).astype(int), 0, self._points[:, None] - 1)
-        who = np.arange(len(where))[:, None]
-        limits = order.limits[who, k]
-        if self._swapped.any():
-            other = order.limits_any_order[who, k]
-            limits = np.where(self._swapped[:, None, :], other, limits)
-            limits = np.where(self._swapped.T[:, None, :], np.inf, limits)
-        limits[state.gone] = np.inf
-        mine = order.limits_any_order[one.ego, k[one.ego]]
-        limits[one.ego] = np.where(heeds[None, :], mine, np.inf)
-        passed = (limits < state.s[None, None, :] - 0.3) & state.entered[None, None, :]
-        limits = np.where(passed, np.inf, limits)
-        return np.asarray(limits.min(axis=0).T)
+        k = np.maximum((where / self._spacing[:, None]).astype(int), 0)
+        k = np.minimum(k, self._points[:, None] - 1)
+        return _find_least_limits(
+            k, order.limits, order.limits_any_order, self._swapped, state.gone, state.entered,
+            state.s, heeds, one.ego,
+        )  # fmt: skip
 
     def _find_lights(self, step: int) -> FloatArray:
         """Distances [N] that delayed agents may go for red and yellow lights [m]; others obey."""
@@ -243,13 +237,14 @@ class Reactive:
         one, state = self._one, self._state
         ke, kj = int(ego.progress / self._spacing[one.ego]), int(state.s[j] / self._spacing[j])
         part = self._order.ego_overlap[j][ke : ke + WINDOW, kj : kj + WINDOW]
-        rows, columns = np.asarray(part.any(axis=1)), np.asarray(part.any(axis=0))
-        if not rows.any() or columns[0]:
+        columns = _find_stretch(part.T)
+        if columns[0] <= 0:
             return False, False
-        if rows[0]:
+        rows = _find_stretch(part)
+        if rows[0] == 0:
             return False, True
-        ego_in, ego_out = _find_ends(rows, self._spacing[one.ego])
-        way_in, way_out = _find_ends(columns, self._spacing[j])
+        ego_in, ego_out = (each * self._spacing[one.ego] for each in rows)
+        way_in, way_out = (each * self._spacing[j] for each in columns)
         arrives, leaves = (_time_to(ego, d) for d in (ego_in, ego_out))
         begin, end = (self._time_of(j, d) for d in (way_in, way_out))
         if not (arrives < end + MARGIN and begin < leaves + MARGIN):
@@ -318,8 +313,8 @@ class Reactive:
     def _interpolate_at_clock(self, clock: FloatArray) -> FloatArray:
         """Distances along the ways at steps [N] or [N, U] of the recording [m]."""
         last = self._progress.shape[1] - 1
-        low = np.clip(clock.astype(int), 0, last - 1)
-        part = np.clip(clock - low, 0.0, 1.0)
+        low = np.minimum(np.maximum(clock.astype(int), 0), last - 1)
+        part = np.minimum(np.maximum(clock - low, 0.0), 1.0)
         who = np.arange(len(clock)) if clock.ndim == 1 else np.arange(len(clock))[:, None]
         before, after = self._progress[who, low], self._progress[who, low + 1]
         return np.asarray(before + part * (after - before))
@@ -342,6 +337,32 @@ class Reactive:
         there = state.entered & ~state.gone & one.moves
         there |= one.kinds == KINDS.index("object")
         return OtherStates(xy, heading, np.where(there, state.speed, 0.0), there)
+
+
+@compiled
+def _find_least_limits(
+    k: IntArray, limits: FloatArray, any_order: FloatArray, swapped: BoolArray, gone: BoolArray,
+    entered: BoolArray, s: FloatArray, heeds: BoolArray, ego: int,
+) -> FloatArray:  # fmt: skip
+    """[N, U] how far each may go [m] while the others are at points k [N, U] of their ways.
+
+    Args:
+        limits, any_order: [N, P, N] of `PassingOrderTables`; swapped: [i, j] whether j goes after i
+            against the order; s: [N] where each is [m]; heeds: [N] whether it minds the ego.
+    """
+    least = np.full(k.shape, np.inf)
+    for i in range(len(k)):
+        if gone[i] and i != ego:
+            continue
+        for j in range(len(k)):
+            if (i == ego and not heeds[j]) or (i != ego and swapped[j, i]):
+                continue
+            table = any_order if i == ego or swapped[i, j] else limits
+            for u in range(k.shape[1]):
+                limit = table[i, k[i, u], j]
+                if limit < least[j, u] and not (entered[j] and limit < s[j] - 0.3):
+                    least[j, u] = limit
+    return least
 
 
 def _brake(speed: FloatArray, braking: FloatArray | float, u: FloatArray) -> FloatArray:
@@ -370,12 +391,16 @@ def _time_to(ego: EgoState, distance: float) -> float:
     return distance / max(ego.speed, 0.5)
 
 
-def _find_ends(met: BoolArray | IntArray, spacing: float) -> tuple[float, float]:
-    """Distance to the first place of the next stretch, and to its end [m]."""
-    first = int(np.argmax(met))
-    after = np.flatnonzero(~np.asarray(met[first:], dtype=bool))
-    length = int(after[0]) if len(after) else len(met) - first
-    return first * spacing, (first + length) * spacing
+@compiled
+def _find_stretch(met: BoolArray) -> tuple[int, int]:
+    """First row [n, m] with a True in it, and the next without one; -1 twice if all are False."""
+    first = -1
+    for k in range(len(met)):
+        if met[k].any():
+            first = k if first < 0 else first
+        elif first >= 0:
+            return first, k
+    return first, len(met) if first >= 0 else -1
 
 
 def _find_speed(room: FloatArray, braking: FloatArray, step: float) -> FloatArray:

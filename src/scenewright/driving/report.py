@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from scenewright.driving.driven_scene import DrivenScene, build_driven_scene
 from scenewright.driving.resolve import Resolve
-from scenewright.driving.run_drive import Drive
 from scenewright.driving.scenario import COLOURS, KINDS, Scenario
 from scenewright.driving.scores import (
     LANE_OFFSET,
@@ -19,6 +17,7 @@ from scenewright.driving.scores import (
     score_epdms,
     score_nuplan,
 )
+from scenewright.driving.single_drive import Drive
 from scenewright.driving.world import World, list_ego_points
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import Shape, Track
@@ -44,6 +43,12 @@ APPROACH = 5.0
 """Before an impact, over which the approach speed is looked for [s]."""
 FAR = 60.0
 """Agents that never come nearer than this are not looked at [m]."""
+
+_FINDINGS = {
+    "asked encounters": "missing", "unasked events": "interference",
+    "hardness of motion": "implausible", "red lights": "signal_violations",
+}  # fmt: skip
+"""What keeps a driven scene from being verified, in words, and the findings of the proof."""
 
 
 @dataclass(frozen=True)
@@ -102,28 +107,23 @@ class Report:
         }  # fmt: skip
 
 
-def report_drive(
-    drive: Drive, *, obstacles: Mapping[str, str | None] | None = None, tries: int | None = None
-) -> Report:
-    """Measure a drive.
-
-    Args:
-        obstacles: why physics does not allow an asked encounter, as `find_obstacles` finds it.
-        tries: how many times the policy drove until this drive was kept; None: not rehearsed.
-    """
+def report_drive(drive: Drive) -> Report:
+    """Measure a drive."""
     world, one = drive.world, drive.scenario
     tracks = _build_tracks(drive)
     ego = tracks[0]
     near = _list_near(tracks)
-    ttc = {n: _find_path_ttc(ego, track) for n, track in near.items()}
+    ttc = [
+        compute_path_ttc(ego, track, times=find_common_times(ego, track)) for track in near.values()
+    ]
     red = _count_red_lights(world)
     impact = _describe_impact(drive, ego, near, red=red)
     scene = build_driven_scene(drive) if one.record is not None else None
-    least = min((float(each.min()) for each in ttc.values() if len(each)), default=np.inf)
+    least = min((float(each.min()) for each in ttc if len(each)), default=np.inf)
     pet = _find_least_pet(ego, near)
     given = _gather(drive, ego, near, impact, red)
     figures = {
-        "min_ttc": _replace_infinite(least),
+        "min_ttc": round(least, 3) if np.isfinite(least) else None,
         "min_pet": pet,
         "exposed": bool(least < EXPOSED_TTC) or (pet is not None and pet < EXPOSED_PET),
         "red_lights": red,
@@ -133,8 +133,8 @@ def report_drive(
         "comfort": measure_comfort(list_ego_points(world.history), one.step).to_json(),
         "nuplan": _score(drive, score_nuplan(given)),
         "epdms": _score(drive, score_epdms(given)),
-        **({} if scene is None else _describe_scene(drive, scene, obstacles)),
-        **({} if tries is None else {"tries": tries}),
+        **({} if scene is None else _describe_scene(drive, scene)),
+        **({} if drive.tries is None else {"tries": drive.tries}),
         "digest": drive.digest,
     }
     return Report(drive, scene, impact, figures)
@@ -143,10 +143,6 @@ def report_drive(
 def _score(drive: Drive, scores: dict[str, float]) -> dict[str, float]:
     """Scores of a drive; a policy that failed has none, however well it went until then."""
     return scores if drive.fault is None else scores | {"score": 0.0}
-
-
-def _replace_infinite(value: float) -> float | None:
-    return round(value, 3) if np.isfinite(value) else None
 
 
 # ---- tracks -------------------------------------------------------------------------------------
@@ -185,11 +181,6 @@ def _list_near(tracks: tuple[Trajectory, ...]) -> dict[int, Trajectory]:
         if len(times) and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR:
             found[track.id - 1] = track
     return found
-
-
-def _find_path_ttc(ego: Trajectory, track: Trajectory) -> FloatArray:
-    times = find_common_times(ego, track)
-    return compute_path_ttc(ego, track, times=times)
 
 
 def _find_least_pet(ego: Trajectory, near: dict[int, Trajectory]) -> float | None:
@@ -278,8 +269,7 @@ def _gather(
     at_fault = impact is not None and impact.at_fault == "ego"
     is_object = world.hit is not None and KINDS[int(one.kinds[world.hit])] == "object"
     duration = one.step * (len(points) - 1)
-    recorded = one.paths[one.ego].progress
-    last = min(world.step, len(recorded) - 1)
+    lawful = _find_lawful_progress(one)
     return ScoreInputs(
         at_fault=int(at_fault and not is_object),
         at_fault_objects=int(at_fault and is_object),
@@ -288,12 +278,28 @@ def _gather(
         red_lights=red,
         ttc=_find_ttc_ahead(ego, near),
         progress=world.history[-1].progress - world.history[0].progress,
-        reference=float(recorded[last] - recorded[one.start]),
+        reference=float(lawful[min(world.step, len(lawful) - 1)] - lawful[one.start]),
         overspeed=float(np.maximum(points[:, 3] - one.speed_limit, 0.0).sum() * one.step),
         duration=duration,
         off_lane=_find_longest_off_lane(world),
         comfortable=measure_comfort(points, one.step).is_comfortable,
     )
+
+
+def _find_lawful_progress(one: Scenario) -> FloatArray:
+    """[T] way of the recorded ego, held at lights that it ran on red until they change [m]."""
+    path = one.paths[one.ego]
+    progress = path.progress
+    for light, s in path.stops:
+        step = int(np.searchsorted(progress, s + 0.5, side="right"))
+        if step < len(progress) and one.get_colour(light, step) == COLOURS.index("red"):
+            changed = np.flatnonzero(one.colours[light, step:] != COLOURS.index("red"))
+            wait = int(changed[0]) if len(changed) else len(progress)
+            held = np.concatenate(
+                [progress[:step], np.full(wait, min(s, progress[step])), progress[step:]]
+            )
+            progress = held[: len(path.progress)]
+    return progress
 
 
 def _measure_off_road(one: Scenario, points: FloatArray) -> float:
@@ -367,9 +373,7 @@ def _find_longest_off_lane(world: World) -> float:
 # ---- the scene ----------------------------------------------------------------------------------
 
 
-def _describe_scene(
-    drive: Drive, scene: DrivenScene, obstacles: Mapping[str, str | None] | None
-) -> dict[str, Any]:
+def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
     """The proof, the encounter that was asked for, and collisions that the ego had no part in."""
     one = drive.scenario
     ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
@@ -379,15 +383,14 @@ def _describe_scene(
     apart = [e for e in scene.events if e.type == "collision" and me not in (e.from_, e.to)]
     return {
         **scene.proof.build_verdict(),
+        "not_verified_for": [k for k, found in _FINDINGS.items() if getattr(scene.proof, found)],
         "as_asked": not scene.dropped and not scene.proof.missing,
         "encounter": [
             {"type": e.type, "with": one.names[ids.index(e.to if e.from_ == me else e.from_)],
              "time": round(e.time, 3)} for e in met
         ],
         "background_collisions": len(apart),
-        **_describe_meetings(
-            drive, {ids.index(n) for e in met for n in (e.from_, e.to)}, obstacles or {}
-        ),
+        **_describe_meetings(drive, {ids.index(n) for e in met for n in (e.from_, e.to)}),
         "events": [e.model_dump(mode="json", by_alias=True) for e in scene.events],
     }  # fmt: skip
 
@@ -399,9 +402,7 @@ def _list_stand_ins(drive: Drive) -> list[int]:
     return [each.agent for each in meetings if each.agent != each.asked]
 
 
-def _describe_meetings(
-    drive: Drive, met: set[int], obstacles: Mapping[str, str | None]
-) -> dict[str, Any]:
+def _describe_meetings(drive: Drive, met: set[int]) -> dict[str, Any]:
     """With re-timed others: whether each conflict came about, or when and why not."""
     traffic, names = drive.world.traffic, drive.scenario.names
     if not isinstance(traffic, Resolve):
@@ -414,7 +415,8 @@ def _describe_meetings(
         if not row["came_about"]:
             time = drive.world.step * drive.scenario.step if each.time is None else each.time
             row |= {"time": round(time, 2), "reason": each.explain()}
-        if row["with"] in obstacles:
-            row |= {"allowed": obstacles[row["with"]] is None, "obstacle": obstacles[row["with"]]}
+        if row["with"] in drive.obstacles:
+            obstacle = drive.obstacles[row["with"]]
+            row |= {"allowed": obstacle is None, "obstacle": obstacle}
         rows.append(row)
     return {"resolved": rows}

@@ -63,9 +63,8 @@ class AgentPath:
 
     def get_poses(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [n, 2] [m] and headings [n] [rad] at distances [n] along the way [m]."""
-        known = self.arc
-        x, y = (np.interp(s, known, self.xy[:, k]) for k in (0, 1))
-        return np.stack([x, y], axis=-1), np.interp(s, known, self.heading)
+        x, y = (np.interp(s, self.arc, self.xy[:, k]) for k in (0, 1))
+        return np.array([x, y]).T, np.interp(s, self.arc, self.heading)
 
     @cached_property
     def arc(self) -> FloatArray:

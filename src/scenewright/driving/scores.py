@@ -16,12 +16,13 @@ from scenewright.scene.base import FloatArray
 
 LEAST_TTC = 0.95
 LEAST_PROGRESS = 0.2
-PROGRESS_FLOOR = 0.1
+PROGRESS_FLOOR = 2.0
+"""Shorter ways count as this long [m]."""
 MOST_OVERSPEED = 2.23
 OFF_ROAD = 0.3
 """By which a corner may lie outside of the drivable area [m]."""
-AGAINST_FLOW = 1.0
-"""Way against the traffic within 1 s that breaks the rule [m]."""
+AGAINST_FLOW, FAR_AGAINST_FLOW = 2.0, 6.0
+"""Way against the traffic within 1 s from which the rule counts half, then as broken [m]."""
 LANE_OFFSET, LANE_TIME = 0.5, 2.0
 """EPDMS: so far off the lane's centre [m] for so long [s] the lane is not kept."""
 
@@ -123,6 +124,13 @@ class ScoreInputs:
         return 0.5 if self.at_fault_objects else 1.0
 
     @property
+    def direction(self) -> float:
+        """1; 0.5 after some way against the traffic, 0 after a longer one."""
+        if self.against_flow < AGAINST_FLOW:
+            return 1.0
+        return 0.5 if self.against_flow < FAR_AGAINST_FLOW else 0.0
+
+    @property
     def progress_ratio(self) -> float:
         """Of the recorded way, at most 1."""
         floor = PROGRESS_FLOOR
@@ -135,7 +143,7 @@ def score_nuplan(given: ScoreInputs) -> dict[str, float]:
     parts = {
         "no_ego_at_fault_collisions": given.no_collision,
         "drivable_area_compliance": float(given.off_road <= OFF_ROAD),
-        "driving_direction_compliance": float(given.against_flow <= AGAINST_FLOW),
+        "driving_direction_compliance": given.direction,
         "ego_is_making_progress": float(given.progress_ratio >= LEAST_PROGRESS),
         "time_to_collision_within_bound": float(given.ttc >= LEAST_TTC),
         "ego_progress_along_expert_route": given.progress_ratio,
@@ -149,11 +157,10 @@ def score_nuplan(given: ScoreInputs) -> dict[str, float]:
 
 def score_epdms(given: ScoreInputs) -> dict[str, float]:
     """EPDMS without EC, 0 to 1, and its parts."""
-    direction = 1.0 if given.against_flow <= 2.0 else 0.5 if given.against_flow <= 6.0 else 0.0
     parts = {
         "NC": given.no_collision,
         "DAC": float(given.off_road <= OFF_ROAD),
-        "DDC": direction,
+        "DDC": given.direction,
         "TLC": float(given.red_lights == 0),
         "TTC": float(given.ttc >= LEAST_TTC),
         "EP": given.progress_ratio,

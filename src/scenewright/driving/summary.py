@@ -40,14 +40,16 @@ def _count_resolved(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     allowed = [each["came_about"] for each in asked if each["allowed"]]
     if not asked:
         return {}
-    rate = describe_rate(sum(allowed), len(allowed)) if allowed else None
-    return {"not_allowed_by_physics": len(asked) - len(allowed), "resolved_where_allowed": rate}
+    found: dict[str, Any] = {"not_allowed_by_physics": len(asked) - len(allowed)}
+    if allowed:
+        found["resolved_where_allowed"] = describe_rate(sum(allowed), len(allowed))
+    return found
 
 
 def describe_rate(count: int, total: int) -> dict[str, Any]:
-    """A rate with its count and its 95 % interval."""
-    low, high = PlanningShare(count, total).interval or (0.0, 1.0)
-    return {
-        "count": count, "of": total, "rate": round(count / total, 4),
-        "low": round(low, 4), "high": round(high, 4),
-    }  # fmt: skip
+    """A rate with its count and, of more than one, its 95 % interval."""
+    found = {"count": count, "of": total, "rate": round(count / total, 4)}
+    if total > 1:
+        low, high = PlanningShare(count, total).interval or (0.0, 1.0)
+        found |= {"low": round(low, 4), "high": round(high, 4)}
+    return found

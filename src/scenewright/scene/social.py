@@ -328,8 +328,9 @@ class ObjectNode(Model):
         return first, *self.others
 
 
-DEFAULT_LEAD = (1.0, 2.0)
-"""How long before an event the line of sight is free where the text does not say [s]."""
+DEFAULT_LEAD = (1.0, 3.0)
+"""How long before an event the line of sight is free where the text does not say [s]: less than a
+conflict would be perceptible (SEMANTICS 8)."""
 
 
 class Background(Model):

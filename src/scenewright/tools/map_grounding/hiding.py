@@ -22,21 +22,30 @@ def can_hide(
     """Whether those that are to be hidden come from the kerb where the object stands.
 
     It stands beside the lanes on which the vehicle comes to the crossing, so the hidden one must
-    come onto the road from that side: on the leg by which the vehicle enters or, between crossings,
-    also on that by which it leaves.
+    come onto the road from that side: on the leg by which the vehicle enters; between crossings, or
+    where the vehicle turns to that side and one object suffices, also on that by which it leaves.
     """
+    gaps = {each.beyond for each in graph.objects}
     return all(
-        _is_coming_from_kerb(routes[str(hidden)], routes[str(driver)], intersection_map)
-        for hidden, driver in ((each.hides, each.hidden_from) for each in graph.objects)
-        if hidden in routes and driver in routes
-    )
+        _is_coming_from_kerb(
+            routes[str(each.hides)], routes[str(each.hidden_from)], intersection_map,
+            between=each.id in gaps,
+        )
+        for each in graph.objects
+        if each.hides in routes and each.hidden_from in routes
+    )  # fmt: skip
 
 
-def _is_coming_from_kerb(walker: Route, vehicle: Route, intersection_map: IntersectionMap) -> bool:
+def _is_coming_from_kerb(
+    walker: Route, vehicle: Route, intersection_map: IntersectionMap, *, between: bool
+) -> bool:
     if walker.crosswalk is None:
         return False
     enters = walker.crosswalk == vehicle.entry
-    leaves = walker.crosswalk == vehicle.exit and walker.movement == "jaywalking"
+    kerbward = "left" if intersection_map.left_hand_traffic else "right"
+    leaves = walker.crosswalk == vehicle.exit and (
+        walker.movement == "jaywalking" or (vehicle.movement == kerbward and not between)
+    )
     return (enters or leaves) and walker.entry == find_kerb_side(
         intersection_map, walker.crosswalk, "entry" if enters else "exit"
     )
@@ -89,7 +98,8 @@ def refuse_unhidden(
                 hiding[0],
                 f"nothing can hide {hiding[0].hides} from {hiding[0].hidden_from} there: what "
                 "hides a road user stands at the kerb before the crossing, so the hidden one "
-                "must come from that kerb, on the leg by which the vehicle comes",
+                "must come from that kerb, on the leg by which the vehicle comes or, round the "
+                "corner at that kerb, leaves",
             )
         )
 

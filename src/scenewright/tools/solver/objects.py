@@ -215,8 +215,9 @@ class ObjectPlacer:
         if node.hides is not None and node.hidden_from is not None:
             vehicle = schedule.actors[node.hidden_from].candidate.route
             walker = schedule.actors[node.hides].candidate.route
-            legs = [leg for leg in legs if leg == walker.crosswalk]
-            sides = tuple(s for s in sides if getattr(vehicle, s) == walker.crosswalk)
+            beside = walker.crosswalk if walker.movement == "jaywalking" else vehicle.entry
+            legs = [leg for leg in legs if leg == beside]
+            sides = tuple(s for s in sides if getattr(vehicle, s) == beside)
         found = [(leg, side) for leg in legs for side in sides]
         yield from (found[k] for k in self._rng.permutation(len(found)))
 
