@@ -109,7 +109,9 @@ def train_bundle(
     if foreign:
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
     _make(out)
-    windows = _sample_windows(_cut_windows(by_split["fit"], config, stride), most, recipe.seed)
+    own = _cut_windows(by_split["fit"], config, stride)
+    order = np.random.default_rng(recipe.seed).permutation(len(own))[:most]
+    windows = [own[k] for k in np.sort(order)]
     windows += _cut_windows([each for each in others if each.split == "fit"], config, stride)
     walkers = [_smooth_steps(each) for each in walkers]
     taught = [each for each in walkers if each.split == "fit"]
@@ -147,8 +149,8 @@ def train_bundle(
     if others:
         about["others"] = _run_single_threaded(
             lambda: {
-                place: compute_figures(net, own, stride=stride)
-                for place, own in _group_by_place(others).items()
+                place: compute_figures(net, there, stride=stride)
+                for place, there in _group_by_place(others).items()
             }
         )
     if walkers:
@@ -230,6 +232,10 @@ def format_card(config: RefinerConfig, about: Mapping[str, Any]) -> str:
     hours = about["hours"]
     count = sum(math.prod(shape) for shape in list_shapes(config).values())
     rows = "\n".join(_format_row(kind, found) for kind in reversed(_CLASSES))
+    start = "From the weights of the shipped intersection on, " if about["started"] else ""
+    tested = "those that it was fitted on, as there are no others"
+    if test := hours["test"]:
+        tested = f"{len(test)} recordings that nothing was fitted to: {_format_hours(test)}"
     return f"""# Refiner of {name}
 
 - **What it is.** An interaction-aware LSTM of the TrajNet++ family with
@@ -238,8 +244,8 @@ def format_card(config: RefinerConfig, about: Mapping[str, Any]) -> str:
 - **Data.** Simulated traffic of this intersection (`{about["command"]}`){_format_walking(about)}.
   {_format_others(about)}Fitted on {len(hours["fit"])} recordings:
   {_format_hours(hours["fit"])}. Figures from
-  {_format_tested(hours)}.
-- **Training.** {_format_start(about)}{about["windows"]} windows of
+  {tested}.
+- **Training.** {start}{about["windows"]} windows of
   {config.observed} + {config.predicted} steps of {config.step} s,
   {recipe["epochs"]} epochs, seed {recipe["seed"]}.
   Losses: {", ".join(map(str, about["losses"]))}.
@@ -268,13 +274,6 @@ def _format_row(kind: str, found: Mapping[str, float]) -> str:
     return f"| {kind} | {found[f'{kind}_n']:.0f} | {errors} | {found[f'{kind}_nll_first']:.2f} |"
 
 
-def _format_tested(hours: Mapping[str, Sequence[str]]) -> str:
-    if not hours["test"]:
-        return "those that it was fitted on, as there are no others"
-    test = hours["test"]
-    return f"{len(test)} recordings that nothing was fitted to: {_format_hours(test)}"
-
-
 def _format_walking(about: Mapping[str, Any]) -> str:
     """Whose walking was learned, and what it is worth on people that nothing was fitted to."""
     if "walkers" not in about:
@@ -293,23 +292,16 @@ def _format_others(about: Mapping[str, Any]) -> str:
     """The other intersections that were learned from, and how far off vehicles are there."""
     if not about.get("others"):
         return ""
-    rows = ", ".join(
-        f"{place} ({found['vehicle_n']:.0f} vehicles held out: {_list_errors('vehicle', found)})"
-        for place, found in about["others"].items()
-    )
-    return f"Other intersections learned from as well: {rows}.\n  "
-
-
-def _list_errors(kind: str, found: Mapping[str, float]) -> str:
-    """Mean errors with waypoints and of constant velocity, in words."""
-    if not found[f"{kind}_n"]:
-        return "none"
-    with_them, even = (found[f"{kind}_ade_{how}"] for how in ("waypoints", "even"))
-    return f"{with_them:.2f} m with waypoints, constant velocity {even:.2f} m"
-
-
-def _format_start(about: Mapping[str, Any]) -> str:
-    return "From the weights of the shipped intersection on, " if about["started"] else ""
+    rows = []
+    for place, found in about["others"].items():
+        errors = "none"
+        if found["vehicle_n"]:
+            errors = (
+                f"{found['vehicle_ade_waypoints']:.2f} m with waypoints, constant velocity "
+                f"{found['vehicle_ade_even']:.2f} m"
+            )
+        rows.append(f"{place} ({found['vehicle_n']:.0f} vehicles held out: {errors})")
+    return f"Other intersections learned from as well: {', '.join(rows)}.\n  "
 
 
 def _format_hours(names: Sequence[str]) -> str:
@@ -323,11 +315,6 @@ def _cut_windows(
     return cut_recorded_windows(
         recordings, observed=config.observed, predicted=config.predicted, stride=stride
     )
-
-
-def _sample_windows(windows: list[Window], most: int | None, seed: int) -> list[Window]:
-    order = np.random.default_rng(seed).permutation(len(windows))[:most]
-    return [windows[k] for k in np.sort(order)]
 
 
 def _weigh_down_pedestrians(window: Window) -> Window:

@@ -109,7 +109,10 @@ def train(
     """
     if not windows:
         raise InputError("there is nothing to train on")
-    run = _Run(config, recipe, _count_batches(windows, recipe), device, start)
+    # About how many batches the whole training has; the learning rate falls along them.
+    padded = sum(len(w.xy) for w in windows) * recipe.share
+    batches = max(1, math.ceil(recipe.epochs * padded / recipe.agents))
+    run = _Run(config, recipe, batches, device, start)
     if checkpoint is not None and checkpoint.exists():
         run.restore(checkpoint)
     while run.epochs < recipe.epochs:
@@ -141,20 +144,6 @@ def validate(
             total += float((error * share).sum())
             count += float(share.sum())
     return total / max(count, 1e-9)
-
-
-def compute_loss(
-    predicted: Prediction, future: Tensor, weight: Tensor, *, likelihood: float
-) -> Tensor:
-    """Weighted mean of the distance, the benchmark's measure, and of the Gaussian's -log density.
-
-    Args:
-        future: [B, N, P, 2] true positions, NaN where unknown; weight: [B, N].
-    """
-    error, share = _compute_errors(predicted, future, weight)
-    surprise = compute_negative_log_density(predicted, future)
-    loss = error + likelihood * torch.where(share > 0, surprise, 0.0)
-    return (loss * share).sum() / share.sum().clamp_min(1e-6)
 
 
 def compute_crowding(
@@ -204,12 +193,6 @@ def _compute_errors(predicted: Prediction, future: Tensor, weight: Tensor) -> tu
     off = torch.nan_to_num(future) - torch.nan_to_num(predicted.xy)
     distance = (off.square().sum(-1) + 1e-6).sqrt()
     return torch.where(known, distance, 0.0), known * weight[..., None]
-
-
-def _count_batches(windows: Sequence[Window], recipe: Recipe) -> int:
-    """About how many batches the whole training has; the learning rate falls along them."""
-    padded = sum(len(w.xy) for w in windows) * recipe.share
-    return max(1, math.ceil(recipe.epochs * padded / recipe.agents))
 
 
 class _Run:
@@ -266,7 +249,11 @@ class _Run:
         scenes = scenes.to(self.device)
         future, weight = future.to(self.device), weight.to(self.device)
         predicted = self.net(scenes)
-        loss = compute_loss(predicted, future, weight, likelihood=self.recipe.likelihood)
+        # The distance, which is the benchmark's measure, and the Gaussian's -log density.
+        error, share = _compute_errors(predicted, future, weight)
+        surprise = compute_negative_log_density(predicted, future)
+        lost = error + self.recipe.likelihood * torch.where(share > 0, surprise, 0.0)
+        loss = (lost * share).sum() / share.sum().clamp_min(1e-6)
         if self.recipe.apart > 0.0:
             walkers = scenes.classes == CLASSES.index("pedestrian")
             loss += self.recipe.apart * compute_crowding(predicted, future, weight, walkers)
