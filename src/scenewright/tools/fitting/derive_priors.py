@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.geometry.map_areas import merge_areas
 from scenewright.intersections import SHIPPED, find_bundle_folder, load_map
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
@@ -89,7 +90,7 @@ def _derive_jaywalking(intersection_map: IntersectionMap, route: Route) -> Waypo
     kerbs = np.array(crosswalk.centreline)
     across = (kerbs[1] - kerbs[0]) / float(np.hypot(*(kerbs[1] - kerbs[0])))
     reach = float(np.hypot(*(kerbs[1] - kerbs[0]))) / 2
-    road = geos.union_all([geos.Polygon(a.exterior, a.holes) for a in intersection_map.road])
+    road = merge_areas(intersection_map.road)
     middle, limit = (kerbs[0] + kerbs[1]) / 2, intersection_map.extent - 3.0
     found = [
         _cut_road(road, middle + away * outwards, across, reach, limit)
