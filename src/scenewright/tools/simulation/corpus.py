@@ -139,7 +139,7 @@ def _measure_progress(xy: FloatArray, standing: float) -> FloatArray:
 
 
 def _build_path(xy: FloatArray, moved: FloatArray, blur: float) -> FloatArray:
-    """[P, 2] the way gone, evenly spaced by progress and smooth_gaussian over length."""
+    """[P, 2] the way gone, evenly spaced by progress and smoothed over length."""
     kept = np.concatenate([[True], np.diff(moved) > 0.0])
     wanted = np.arange(0.0, moved[-1], SPACING)
     return smooth_gaussian(interpolate_points(wanted, moved[kept], xy[kept]), blur)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -128,38 +129,31 @@ def train_bundle(
 
     state = out / f"{REFINER_WEIGHTS}.training"
     first = None if start is None else Refiner.from_weights(start.config, start.weights)
-    net = _run_single_threaded(
-        lambda: train(
+    with _use_one_thread():
+        net = train(
             windows, config=config, recipe=recipe, checkpoint=state, device="cpu", log=log,
             after_epoch=keep, make=build_supervised_batches, start=first,
-        )
-    )  # fmt: skip
-    about = {
-        "intersection": name,
-        "hours": {split: [each.name for each in some] for split, some in by_split.items()},
-        "windows": len(windows),
-        "recipe": recipe.model_dump(mode="json"),
-        "losses": losses,
-        "command": command or "python -m lab.bundle.record_corpus",
-        "started": start is not None,
-        "figures": _run_single_threaded(
-            lambda: compute_figures(net, by_split["test"] or by_split["fit"], stride=stride)
-        ),
-    }
-    if others:
-        about["others"] = _run_single_threaded(
-            lambda: {
+        )  # fmt: skip
+        about = {
+            "intersection": name,
+            "hours": {split: [each.name for each in some] for split, some in by_split.items()},
+            "windows": len(windows),
+            "recipe": recipe.model_dump(mode="json"),
+            "losses": losses,
+            "command": command or "python -m lab.bundle.record_corpus",
+            "started": start is not None,
+            "figures": compute_figures(net, by_split["test"] or by_split["fit"], stride=stride),
+        }
+        if others:
+            about["others"] = {
                 place: compute_figures(net, there, stride=stride)
                 for place, there in _group_by_place(others).items()
             }
-        )
-    if walkers:
-        tried = [each for each in walkers if each.split == "test"]
-        about["walkers"] = {split: [each.name for each in walkers if each.split == split]
-                            for split in ("fit", "test")}  # fmt: skip
-        about["walkers_figures"] = _run_single_threaded(
-            lambda: compute_figures(net, tried, stride=OVERLAP)
-        )
+        if walkers:
+            about["walkers"] = {split: [each.name for each in walkers if each.split == split]
+                                for split in ("fit", "test")}  # fmt: skip
+            tried = [each for each in walkers if each.split == "test"]
+            about["walkers_figures"] = compute_figures(net, tried, stride=OVERLAP)
     save_refiner(net.config, net.list_weights(), out / REFINER_WEIGHTS, about=about)
     (out / CARD).write_text(format_card(net.config, about), encoding="utf-8")
     sign_bundle(out, REFINER_WEIGHTS, CARD)
@@ -181,7 +175,7 @@ def find_out_folder(name: str, out: str | None) -> Path:
 
 
 def compute_figures(
-    net: Refiner, recordings: Sequence[Recording], *, seed: int = 0, stride: int | None = None
+    net: Refiner, recordings: Sequence[Recording], *, stride: int | None = None
 ) -> dict[str, float]:
     """How well the network predicts hours that it never saw, 4.8 s ahead, mean over agents.
 
@@ -190,7 +184,7 @@ def compute_figures(
     is that of the first 0.8 s. Of a class without test agents there is its number, 0, alone.
     """
     windows = _cut_windows(recordings, net.config, stride)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     order = rng.permutation(len(windows))[:_TRIED]
     exactly = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=1.0)
     sums = dict.fromkeys((f"{label}_n" for label in _CLASSES), 0.0)
@@ -341,12 +335,13 @@ def _group_by_place(recordings: Sequence[Recording]) -> dict[str, list[Recording
     return places
 
 
-def _run_single_threaded(work: Callable[[], Any]) -> Any:
-    """Done by one thread: sums come out alike on however many processors."""
+@contextmanager
+def _use_one_thread() -> Iterator[None]:
+    """Sums come out alike on however many processors."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return work()
+        yield
     finally:
         torch.set_num_threads(before)
 

@@ -95,7 +95,6 @@ def compute_deviations(
     duration: float,
     rng: np.random.Generator | None = None,
     fixed: Mapping[str, FloatArray] | None = None,
-    temperature: float = TEMPERATURE,
 ) -> dict[str, FloatArray]:
     """Compute how far ahead of its prior each agent gets, by name: [T] at its samples [m].
 
@@ -103,7 +102,6 @@ def compute_deviations(
         duration: of the scene [s].
         rng: of the drawn motion; the mean motion if None.
         fixed: [T] deviations of agents that are not predicted, but seen by the others.
-        temperature: scale of what is drawn.
     """
     if not guides:
         return {}
@@ -118,7 +116,7 @@ def compute_deviations(
         local = STEP * np.arange(len(deviation))
         known[n] = prior[n] + np.interp(times - rows[n].enters, local, deviation)
     places = np.stack([_compute_places(guide.path, known[n]) for n, guide in enumerate(rows)])
-    noise = None if rng is None else temperature * rng.standard_normal((len(rows), columns, 2))
+    noise = None if rng is None else TEMPERATURE * rng.standard_normal((len(rows), columns, 2))
     rolled = _run_rollout(net, rows, places, prior, times, noise)
     result = {}
     for n, (name, guide) in enumerate(guides.items()):

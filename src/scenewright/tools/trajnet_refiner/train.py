@@ -58,10 +58,6 @@ class Recipe(Model):
     goals: float = Field(default=0.4, ge=0, le=1)
     seed: int = Field(default=0, ge=0)
 
-    def build_variation(self) -> Variation:
-        """How windows are varied."""
-        return Variation(self.stretch, self.noise, self.unseen, self.goals)
-
 
 class Epoch(NamedTuple):
     """What came of an epoch.
@@ -127,16 +123,14 @@ def train(
     return run.build_averaged()
 
 
-def validate(
-    net: Refiner, windows: Sequence[Window], *, agents: int = 2048, make: Batches = build_batches
-) -> float:
+def validate(net: Refiner, windows: Sequence[Window], *, make: Batches = build_batches) -> float:
     """Weighted mean distance [m] between predicted and true future positions, without goals."""
     rng = np.random.default_rng(0)
     device = next(net.parameters()).device
     total = count = 0.0
     with torch.no_grad():
         for scenes, future, weight in make(
-            windows, observed=net.config.observed, agents=agents, variation=_NO_CHANGE, rng=rng
+            windows, observed=net.config.observed, agents=2048, variation=_NO_CHANGE, rng=rng
         ):
             error, share = _compute_errors(
                 net(scenes.to(device)), future.to(device), weight.to(device)
@@ -234,7 +228,7 @@ class _Run:
             drawn,
             observed=self.net.config.observed,
             agents=recipe.agents,
-            variation=recipe.build_variation(),
+            variation=Variation(recipe.stretch, recipe.noise, recipe.unseen, recipe.goals),
             rng=rng,
         ):
             losses.append(self._step(scenes, future, weight))
