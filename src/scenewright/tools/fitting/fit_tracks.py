@@ -520,20 +520,16 @@ def _fit_profiles(
         speed = np.hypot(*(track.xy[5:] - track.xy[:-5]).T) / (5 * STEP)
         if len(speed) and float(speed.min()) > _FLOWING[route.type]:
             speeds[classify_route(route)].append(float(np.quantile(speed, 0.9)))
-    return {
-        name: _pull_speed(borrowed[name], speeds[classify_route(route)])
-        for name, route in routes.items()
-    }
-
-
-def _pull_speed(profile: DrivingProfilePrior, speeds: Sequence[float]) -> DrivingProfilePrior:
-    if not speeds:
-        return profile
-    logs = np.log(np.clip(speeds, profile.low[0], profile.high[0]))
-    share = len(logs) / (len(logs) + _PROFILE_WEIGHT)
-    median, spread = profile.median.copy(), profile.spread.copy()
-    median[0] = math.exp(share * float(np.median(logs)) + (1 - share) * math.log(median[0]))
-    own = float(1.4826 * np.median(np.abs(logs - np.median(logs))))
-    spread[0] = max(share * own + (1 - share) * spread[0], 0.05)
-    median[0] = float(np.clip(median[0], profile.low[0], profile.high[0]))
-    return DrivingProfilePrior(median, spread, profile.low, profile.high, len(speeds))
+    found = {}
+    for name, route in routes.items():
+        found[name] = profile = borrowed[name]
+        if seen := speeds[classify_route(route)]:
+            logs = np.log(np.clip(seen, profile.low[0], profile.high[0]))
+            share = len(logs) / (len(logs) + _PROFILE_WEIGHT)
+            median, spread = profile.median.copy(), profile.spread.copy()
+            speed = math.exp(share * float(np.median(logs)) + (1 - share) * math.log(median[0]))
+            median[0] = float(np.clip(speed, profile.low[0], profile.high[0]))
+            own = float(1.4826 * np.median(np.abs(logs - np.median(logs))))
+            spread[0] = max(share * own + (1 - share) * spread[0], 0.05)
+            found[name] = replace(profile, median=median, spread=spread, tracks=len(seen))
+    return found
