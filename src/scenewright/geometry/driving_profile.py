@@ -132,17 +132,12 @@ def _compute_motion(
 ) -> Motion:
     """Solver, summary and editor ask for the same motions; candidates are known by identity."""
     law = candidate.time_law
-    nodes, held = candidate.path.s, _build_hold_table(holds, law)
-    return Motion(
-        candidate,
-        compute_arc_lengths(
-            nodes,
-            compute_squared_speed_limit(candidate),
-            held,
-            _build_slowing_table(slowings),
-            law.acceleration,
-        ),
-    )
+    limit, held = compute_squared_speed_limit(candidate), _build_hold_table(holds, law)
+    # As holds, but for the last column: how far the speed is kept [m].
+    rows = [(each.s, 0.0, each.braking, each.speed, each.kept) for each in slowings]
+    slow = np.array(rows) if rows else _NOWHERE
+    s = compute_arc_lengths(candidate.path.s, limit, held, slow, law.acceleration)
+    return Motion(candidate, s)
 
 
 def compute_arrival(
@@ -199,12 +194,6 @@ def _build_hold_table(holds: tuple[StopCommand, ...], law: DrivingProfile) -> Fl
     """Build the [N, 5] table: place [m], release [s], braking [m/s^2], speed [m/s], 0; by place."""
     rows = [(h.s, h.release, h.braking or law.braking, h.speed, 0.0) for h in holds]
     return np.array(sorted(rows, key=itemgetter(0))) if rows else _NOWHERE
-
-
-def _build_slowing_table(slowings: tuple[Slowing, ...]) -> FloatArray:
-    """Build the [N, 5] table of slowings; the last column is how far the speed is kept [m]."""
-    rows = [(each.s, 0.0, each.braking, each.speed, each.kept) for each in slowings]
-    return np.array(rows) if rows else _NOWHERE
 
 
 # ---- as machine code: arrays of arc lengths [m], squared speeds [m^2/s^2] and times [s] ----------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import itemgetter
@@ -10,9 +9,9 @@ from operator import itemgetter
 import numpy as np
 
 from scenewright.compiled import compiled
-from scenewright.geometry.map_areas import MapAreas, Visit
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.candidates import Candidate, Path
+from scenewright.scene.candidates import Candidate
 from scenewright.scene.map import IntersectionMap
 
 _CROSSWALK_GAP, _CORNER = 0.6, 0.3
@@ -60,7 +59,12 @@ def find_landmarks(candidate: Candidate, *, map_areas: MapAreas) -> Landmarks:
     """The landmarks on a candidate's path; candidates are known by identity."""
     route, intersection_map = candidate.route, map_areas.intersection_map
     visits = map_areas.find_crosswalk_visits(candidate.path.xy)
-    crossed, group = _list_crosswalks(candidate, visits), intersection_map.find_signal_group(route)
+    s, half = candidate.path.s, candidate.shape.length / 2
+    found = [(v.crosswalk, float(s[v.first]) - half, float(s[v.last]) + half) for v in visits]
+    crossed, group = (
+        tuple(sorted(found, key=itemgetter(1))),
+        intersection_map.find_signal_group(route),
+    )
     if route.type == "vehicle":
         line = _stop_line(candidate, intersection_map)
         return Landmarks(line, crossed, group, left_hand=intersection_map.left_hand_traffic)
@@ -79,17 +83,12 @@ def _stop_line(candidate: Candidate, intersection_map: IntersectionMap) -> float
     )
     if stop is None:
         return None
-    at = _find_crossing(candidate.path, stop.line)
-    return None if at is None else at - candidate.shape.length / 2
-
-
-def _find_crossing(path: Path, line: tuple[Point, Point]) -> float | None:
-    """Find the arc length at which the path crosses the line, nearest to the segment itself."""
-    node, share = _find_crossed_segment(path.xy, *line)
+    # Where the path crosses the line, nearest to the segment itself.
+    node, share = _find_crossed_segment(candidate.path.xy, *stop.line)
     if node < 0:
         return None
-    before, after = path.s[node : node + 2].tolist()
-    return float(before + share * (after - before))
+    before, after = candidate.path.s[node : node + 2].tolist()
+    return float(before + share * (after - before)) - candidate.shape.length / 2
 
 
 @compiled
@@ -106,16 +105,6 @@ def _find_crossed_segment(xy: FloatArray, a: Point, b: Point) -> tuple[int, floa
         if (beyond > 0.0) != (side > 0.0) and from_middle < least:
             node, share, least = n, side / (side - beyond), from_middle
     return node, share
-
-
-def _list_crosswalks(
-    candidate: Candidate, visits: Iterable[Visit]
-) -> tuple[tuple[str, float, float], ...]:
-    s, half = candidate.path.s, candidate.shape.length / 2
-    found = [
-        (each.crosswalk, float(s[each.first]) - half, float(s[each.last]) + half) for each in visits
-    ]
-    return tuple(sorted(found, key=itemgetter(1)))
 
 
 def _find_kerb(candidate: Candidate, intersection_map: IntersectionMap) -> float | None:

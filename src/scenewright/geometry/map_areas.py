@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 
@@ -44,9 +43,12 @@ class MapAreas:
         self.intersection_map = intersection_map
         crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
         self._crosswalks = [each.id for each in intersection_map.crosswalks]
-        self._corners, self._ends, self._boxes = _concatenate_polygons(
-            each.polygon for each in intersection_map.crosswalks
-        )
+        # Corners [M, 2] of all, where each begins and ends among them [P + 1], boxes [P, 4].
+        each = [np.array(crosswalk.polygon) for crosswalk in intersection_map.crosswalks]
+        self._corners: FloatArray = np.concatenate([np.empty((0, 2)), *each])
+        self._ends = np.cumsum([0, *map(len, each)], dtype=np.intp)
+        boxes = [(*corners.min(axis=0), *corners.max(axis=0)) for corners in each]
+        self._boxes: FloatArray = np.array(boxes).reshape(-1, 4)
         self._road = merge_areas(intersection_map.road)
         self._walkable = geos.union_all([merge_areas(intersection_map.walkable), *crosswalks])
         for area in (self._road, self._walkable):
@@ -80,16 +82,6 @@ class MapAreas:
         visits = _find_visits(xy, self._corners, self._ends, self._boxes).tolist()
         each = zip(self._crosswalks, visits, strict=True)
         return [Visit(name, *visit) for name, visit in each if visit[0] >= 0]
-
-
-def _concatenate_polygons(
-    polygons: Iterable[Sequence[Point]],
-) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """Concatenate polygons: corners [M, 2], offsets [P + 1] and bounding boxes [P, 4]."""
-    each = [np.array(polygon) for polygon in polygons]
-    ends = np.cumsum([0, *map(len, each)], dtype=np.intp)
-    boxes = [(*corners.min(axis=0), *corners.max(axis=0)) for corners in each]
-    return np.concatenate([np.empty((0, 2)), *each]), ends, np.array(boxes).reshape(-1, 4)
 
 
 @compiled

@@ -135,8 +135,7 @@ def _replace_folder(draft: Path, target: Path) -> None:
 
 def _save_lines(file: Path, route_lines: RouteLines) -> None:
     pairs = [(route, line) for route, lines in route_lines.items() for line in lines]
-    save: Any = np.savez_compressed
-    save(
+    np.savez_compressed(
         file,
         routes=np.array([route for route, _ in pairs], dtype=np.str_),
         lengths=np.array([len(line) for _, line in pairs], dtype=np.int64),

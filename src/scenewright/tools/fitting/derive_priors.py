@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.geometry.map_areas import merge_areas
 from scenewright.intersections import SHIPPED, find_bundle_folder, load_map
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
@@ -89,7 +90,7 @@ def _derive_jaywalking(intersection_map: IntersectionMap, route: Route) -> Waypo
     kerbs = np.array(crosswalk.centreline)
     across = (kerbs[1] - kerbs[0]) / float(np.hypot(*(kerbs[1] - kerbs[0])))
     reach = float(np.hypot(*(kerbs[1] - kerbs[0]))) / 2
-    road = geos.union_all([geos.Polygon(a.exterior, a.holes) for a in intersection_map.road])
+    road = merge_areas(intersection_map.road)
     middle, limit = (kerbs[0] + kerbs[1]) / 2, intersection_map.extent - 3.0
     found = [
         _cut_road(road, middle + away * outwards, across, reach, limit)
@@ -181,20 +182,21 @@ def _share_turns(intersection_map: IntersectionMap, leg: Compass) -> tuple[float
 def assume_frequency(intersection_map: IntersectionMap) -> dict[str, FloatArray]:
     """By route id, [24] trips per hour; jaywalking a small share of its crosswalk's."""
     demand = assume_demand(intersection_map)
-    return {r.id: _compute_rate(intersection_map, r, demand) for r in intersection_map.routes}
-
-
-def _compute_rate(intersection_map: IntersectionMap, route: Route, demand: Demand) -> FloatArray:
     pedestrians = np.array(demand.pedestrians) / 2
-    if route.movement == "jaywalking":
-        return np.asarray(_JAYWALK_SHARE * pedestrians)
-    if route.type == "pedestrian":
-        return np.asarray(pedestrians * demand.side_shares[str(route.side)])
-    left, straight, right = demand.turn_shares[route.entry]
-    shares = {"left": left, "straight": straight, "right": right, "uturn": 0.0}
-    same = [m for m in intersection_map.movements if m.entry == route.entry]
-    alike = sum(m.turn == route.movement for m in same)
-    return np.array(demand.vehicles[route.entry]) * shares[route.movement] / alike
+    turns = [(m.entry, m.turn) for m in intersection_map.movements]
+    found = {}
+    for route in intersection_map.routes:
+        if route.movement == "jaywalking":
+            found[route.id] = _JAYWALK_SHARE * pedestrians
+        elif route.type == "pedestrian":
+            found[route.id] = pedestrians * demand.side_shares[str(route.side)]
+        else:
+            left, straight, right = demand.turn_shares[route.entry]
+            shares = {"left": left, "straight": straight, "right": right, "uturn": 0.0}
+            alike = sum(each == (route.entry, route.movement) for each in turns)
+            arrivals = np.array(demand.vehicles[route.entry])
+            found[route.id] = arrivals * shares[route.movement] / alike
+    return found
 
 
 _Hourly = tuple[CountPrior, ...]

@@ -43,7 +43,8 @@ def fit_driving_profiles(
     """The driving profile of every route; rare routes borrow from all of their class and turn.
 
     Args:
-        fallback: by route, taken where a class and turn has too few freely flowing tracks.
+        fallback: by route, taken where a class and turn has too few freely flowing tracks; its
+            accelerations also where no track shows them.
     """
     pooled: dict[tuple[str, str], list[Trip]] = {}
     for route in intersection_map.routes:
@@ -51,19 +52,9 @@ def fit_driving_profiles(
     driving = [t for (kind, _), group in pooled.items() if kind == "vehicle" for t in group]
     accelerations = [_fit_lognormal(list(_measure_changes(driving, sign))) for sign in (1, -1)]
     accelerations.append(_fit_lognormal(list(_measure_laterals(driving))))
-    if fallback is not None:
-        return _fit_where_known(intersection_map, pooled, accelerations, fallback)
-    by_kind = {key: _fit_profile(key, group, accelerations) for key, group in pooled.items()}
-    return {route.id: by_kind[_classify(route)] for route in intersection_map.routes}
-
-
-def _fit_where_known(
-    intersection_map: IntersectionMap,
-    pooled: Mapping[tuple[str, str], list[Trip]],
-    accelerations: list[tuple[float, float]],
-    fallback: Mapping[str, DrivingProfilePrior],
-) -> dict[str, DrivingProfilePrior]:
-    """Profiles fitted where enough tracks flow freely; accelerations are borrowed where unknown."""
+    if fallback is None:
+        by_kind = {key: _fit_profile(key, group, accelerations) for key, group in pooled.items()}
+        return {route.id: by_kind[_classify(route)] for route in intersection_map.routes}
     known = [pair if np.isfinite(pair).all() else None for pair in accelerations]
     found = dict(fallback)
     for route in intersection_map.routes:

@@ -153,7 +153,12 @@ def fit_tracks(
             "of the tracks, or --shift X,Y"
         )
     matches = tuple(match for match, _ in pairs)
-    notes.append(_describe_matches(matches, reasons))
+    away = float(np.median([match.distance for match in matches]))
+    notes.append(
+        f"{len(matches)} tracks on routes (median {away:.2f} m from the middle), "
+        f"{reasons['open']} end before their way parts from others, {reasons['off']} on none, "
+        f"{reasons['bicycle']} bicycles left out"
+    )
     if warning := _warn_if_empty(intersection_map, files, shifts, len(matches), reasons):
         notes.insert(0, warning)
     fit = WaypointFit(intersection_map, route_lines, matches, elsewhere)
@@ -296,15 +301,6 @@ def _warn_if_empty(
     )
 
 
-def _describe_matches(matches: Sequence[Match], reasons: Counter[str]) -> str:
-    away = float(np.median([match.distance for match in matches]))
-    return (
-        f"{len(matches)} tracks on routes (median {away:.2f} m from the middle), "
-        f"{reasons['open']} end before their way parts from others, {reasons['off']} on none, "
-        f"{reasons['bicycle']} bicycles left out"
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class WaypointFit:
     """Matched tracks of an intersection, and the pools that they and others make.
@@ -405,20 +401,13 @@ def _compute_nlls(
         for match in matches:
             offsets = match.offsets[None]
             if match.route == route and len(keep_on_line(offsets)):
-                line, own = route_lines[route][match.line], _select_component(prior, match.line)
+                line, only = route_lines[route][match.line], slice(match.line, match.line + 1)
+                own = replace(
+                    prior, weights=np.ones(1), means=prior.means[only],
+                    cholesky=prior.cholesky[only], base=prior.base[only],
+                )  # fmt: skip
                 found.append(float(compute_offset_nll(own, line, offsets)[0]))
     return found
-
-
-def _select_component(prior: WaypointPrior, line: int) -> WaypointPrior:
-    """The component of one line alone."""
-    return replace(
-        prior,
-        weights=np.ones(1),
-        means=prior.means[line : line + 1],
-        cholesky=prior.cholesky[line : line + 1],
-        base=prior.base[line : line + 1],
-    )
 
 
 def _split_folds(recordings: Sequence[Sequence[_Pair]]) -> list[list[Match]]:
@@ -456,7 +445,10 @@ def _fit_frequency(
     """[24] trips an hour by route: the assumed demand, scaled by what was counted."""
     frequency = assume_frequency(intersection_map)
     if hourly is not None:
-        frequency = _scale_to_table(intersection_map, frequency, hourly)
+        for kind, wanted in hourly.items():
+            own = [route.id for route in intersection_map.routes if route.type == kind]
+            total = np.maximum(np.sum([frequency[name] for name in own], axis=0), 1e-9)
+            frequency |= {name: frequency[name] / total * wanted for name in own}
         notes.append("how many come by at which hour: from the table")
     expected: dict[str, float] = dict.fromkeys(frequency, 0.0)
     seen: Counter[str] = Counter()
@@ -476,19 +468,6 @@ def _fit_frequency(
         route: rate * ((seen[route] + _RATE_WEIGHT) / (expected[route] + _RATE_WEIGHT))
         for route, rate in frequency.items()
     }
-
-
-def _scale_to_table(
-    intersection_map: IntersectionMap,
-    frequency: Mapping[str, FloatArray],
-    hourly: Mapping[str, FloatArray],
-) -> dict[str, FloatArray]:
-    result = dict(frequency)
-    for kind, wanted in hourly.items():
-        own = [r.id for r in intersection_map.routes if r.type == kind]
-        total = np.maximum(np.sum([frequency[name] for name in own], axis=0), 1e-9)
-        result |= {name: frequency[name] / total * wanted for name in own}
-    return result
 
 
 def read_hourly_counts(file: str | Path) -> dict[str, FloatArray]:
@@ -541,20 +520,16 @@ def _fit_profiles(
         speed = np.hypot(*(track.xy[5:] - track.xy[:-5]).T) / (5 * STEP)
         if len(speed) and float(speed.min()) > _FLOWING[route.type]:
             speeds[classify_route(route)].append(float(np.quantile(speed, 0.9)))
-    return {
-        name: _pull_speed(borrowed[name], speeds[classify_route(route)])
-        for name, route in routes.items()
-    }
-
-
-def _pull_speed(profile: DrivingProfilePrior, speeds: Sequence[float]) -> DrivingProfilePrior:
-    if not speeds:
-        return profile
-    logs = np.log(np.clip(speeds, profile.low[0], profile.high[0]))
-    share = len(logs) / (len(logs) + _PROFILE_WEIGHT)
-    median, spread = profile.median.copy(), profile.spread.copy()
-    median[0] = math.exp(share * float(np.median(logs)) + (1 - share) * math.log(median[0]))
-    own = float(1.4826 * np.median(np.abs(logs - np.median(logs))))
-    spread[0] = max(share * own + (1 - share) * spread[0], 0.05)
-    median[0] = float(np.clip(median[0], profile.low[0], profile.high[0]))
-    return DrivingProfilePrior(median, spread, profile.low, profile.high, len(speeds))
+    found = {}
+    for name, route in routes.items():
+        found[name] = profile = borrowed[name]
+        if seen := speeds[classify_route(route)]:
+            logs = np.log(np.clip(seen, profile.low[0], profile.high[0]))
+            share = len(logs) / (len(logs) + _PROFILE_WEIGHT)
+            median, spread = profile.median.copy(), profile.spread.copy()
+            speed = math.exp(share * float(np.median(logs)) + (1 - share) * math.log(median[0]))
+            median[0] = float(np.clip(speed, profile.low[0], profile.high[0]))
+            own = float(1.4826 * np.median(np.abs(logs - np.median(logs))))
+            spread[0] = max(share * own + (1 - share) * spread[0], 0.05)
+            found[name] = replace(profile, median=median, spread=spread, tracks=len(seen))
+    return found

@@ -103,14 +103,12 @@ def measure_scale(tracks: Sequence[FloatArray], guess: float) -> float | None:
     """
     gaps = []
     for group in _group_by_turn(tracks).values():
-        middles = [_find_middle_track(lane) for lane in _group_by_lane(group)]
+        middles = []
+        for lane in _group_by_lane(group):
+            line = build_centreline(lane[0])
+            offsets = [float(np.nanmean(measure_offsets(each, line))) for each in lane]
+            middles.append(lane[int(np.argsort(offsets)[len(offsets) // 2])])
         for i, one in enumerate(middles):
             away = [measure_mean_distance(one, build_centreline(other)) for other in middles[:i]]
             gaps += [gap for gap in away if _NEXT[0] * _LANE < gap < _NEXT[1] * _LANE]
     return guess * _LANE / float(np.median(gaps)) if gaps else None
-
-
-def _find_middle_track(lane: Sequence[FloatArray]) -> FloatArray:
-    line = build_centreline(lane[0])
-    offsets = [float(np.nanmean(measure_offsets(each, line))) for each in lane]
-    return lane[int(np.argsort(offsets)[len(offsets) // 2])]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.geometry.map_areas import merge_areas
 from scenewright.geometry.polyline import resample_by_spacing, rotate_left
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import Crosswalk, IntersectionMap
@@ -131,7 +132,7 @@ def learn_sidewalks(place: IntersectionMap, tracks: Sequence[FloatArray]) -> lis
         inside = xy[np.abs(xy).max(axis=1) < place.extent]
         for x, y in np.unique(np.floor(inside / _CELL), axis=0).astype(int).tolist():
             cells[x, y].add(number)
-    known = geos.union_all([_build_area(each) for each in (*place.road, *place.walkable)])
+    known = merge_areas((*place.road, *place.walkable))
     walked = [
         geos.box(x * _CELL, y * _CELL, (x + 1) * _CELL, (y + 1) * _CELL)
         for (x, y), people in sorted(cells.items())
@@ -143,10 +144,6 @@ def learn_sidewalks(place: IntersectionMap, tracks: Sequence[FloatArray]) -> lis
         for part in getattr(ground, "geoms", [ground])
         if part.area >= _LEAST_AREA and part.distance(known) < _GAP
     ]
-
-
-def _build_area(area: object) -> object:
-    return geos.Polygon(area.exterior, area.holes)  # type: ignore[attr-defined]
 
 
 def say_what_was_learned(found: Iterable[LegWalks], kept: Iterable[str]) -> list[str]:

@@ -26,10 +26,10 @@ from scenewright.tools.gmm_sampler.priors import DIMENSIONS, WaypointPrior
 _MAP_ERROR = 0.6
 """How far the middle of a mapped lane is from the middle of the traffic on it [m]; assumed."""
 _SESSION_ERROR = 0.5
-"""How far the tracks of one recording lie offsets those of another of the same lane [m]; chosen on
+"""How far the tracks of one recording lie beside those of another of the same lane [m]; chosen on
 one intersection (K733 of TAF-BW)."""
 _MAX_OFFSET = 2.2
-"""Farther offsets the usual offset of its line, a track changes lanes or is none of it [m]."""
+"""Farther from the usual offset of its line, a track changes lanes or is none of it [m]."""
 _LEFT = np.arange(DIMENSIONS) % 2 == 1
 
 
@@ -93,7 +93,7 @@ def fit_partial_prior(
         offsets: for each line, [n, K] offsets of the tracks that keep to it [m], NaN where unseen.
     """
     own = np.asarray(pool[classify_route(route)])
-    means, spreads, weights = [], [], []
+    means, spreads = [], []
     for tracks in offsets:
         count, mean, spread = _summarize(tracks, own)
         pull = SPREAD_WEIGHT / (SPREAD_WEIGHT + count)
@@ -101,15 +101,21 @@ def fit_partial_prior(
         centre, doubt = _estimate_centre(mean, within, count)
         means.append(centre)
         spreads.append(within + doubt + _compute_session_error() if predictive else within)
-        weights.append(len(tracks) + 1.0)
-    return build_prior(
-        route,
-        [build_centreline(line) for line in lines],
-        np.array(weights) / sum(weights),
-        means,
-        spreads,
-        tracks=sum(len(tracks) for tracks in offsets),
-    )
+    return _mix_lines(route, lines, offsets, means, spreads)
+
+
+def _mix_lines(
+    route: Route,
+    lines: Sequence[FloatArray],
+    offsets: Sequence[FloatArray],
+    means: Sequence[FloatArray],
+    spreads: Sequence[FloatArray],
+) -> WaypointPrior:
+    """A component for each line, as heavy as its tracks are many."""
+    weights = [len(tracks) + 1.0 for tracks in offsets]
+    ready = [build_centreline(line) for line in lines]
+    count = sum(map(len, offsets))
+    return build_prior(route, ready, np.array(weights) / sum(weights), means, spreads, tracks=count)
 
 
 def _estimate_centre(
@@ -129,7 +135,7 @@ def _estimate_centre(
 
 
 def _compute_session_error() -> FloatArray:
-    """[20, 20] covariance of how far all tracks of one recording lie offsets the truth [m^2]."""
+    """[20, 20] covariance of how far all tracks of one recording lie beside the truth [m^2]."""
     return np.asarray((_SESSION_ERROR / _MAP_ERROR) ** 2 * _compute_map_error())
 
 
@@ -179,7 +185,7 @@ def fit_unpooled_prior(
     route: Route, lines: Sequence[FloatArray], offsets: Sequence[FloatArray]
 ) -> WaypointPrior:
     """For comparison: a Gaussian of the route's own tracks alone, 0.5 m wide without any."""
-    means, spreads, weights = [], [], []
+    means, spreads = [], []
     for tracks in offsets:
         mean, variance = np.zeros(DIMENSIONS), np.full(DIMENSIONS, 0.25)
         for k, column in enumerate(tracks.T):
@@ -190,8 +196,4 @@ def fit_unpooled_prior(
                 variance[2 * k + 1] = float(np.var(values, ddof=1)) + FLOOR**2
         means.append(mean)
         spreads.append(np.diag(variance))
-        weights.append(len(tracks) + 1.0)
-    return build_prior(
-        route, [build_centreline(line) for line in lines], np.array(weights) / sum(weights), means,
-        spreads, tracks=sum(len(tracks) for tracks in offsets),
-    )  # fmt: skip
+    return _mix_lines(route, lines, offsets, means, spreads)

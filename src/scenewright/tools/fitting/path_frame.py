@@ -160,7 +160,9 @@ def build_pooled_prior(
     for c in range(len(ready)):
         own = away if nearest is None else away[nearest == c]
         weights.append((len(own) + 1.0) / (len(away) + len(ready)))
-        own = _drop_lane_changes(own, route)
+        if len(own) >= 4:  # without tracks that leave their line for another lane
+            aside = np.abs((own - np.median(own, axis=0))[:, 1::2]).max(axis=1)
+            own = own[aside < 1.5 * _MAX_OFFSETS[route.type]]
         means.append(own.sum(axis=0) / (len(own) + MEAN_WEIGHT))
         spreads.append(blend_covariance(own - own.mean(axis=0) if len(own) else own, base))
     return build_prior(route, ready, np.array(weights), means, spreads, tracks=len(tracks))
@@ -170,16 +172,6 @@ def scale_pool(route: Route, pool: Pool) -> FloatArray:
     """The pool's covariance for a route, on sidewalks as wide as derived ones."""
     narrow = np.where(np.arange(DIMENSIONS) % 2 == 1, _NARROWER[route.type], 1.0)
     return np.asarray(pool[classify_route(route)] * np.outer(narrow, narrow))
-
-
-def _drop_lane_changes(own: FloatArray, route: Route) -> FloatArray:
-    """Without tracks that leave their line for another lane."""
-    if len(own) < 4:
-        return own
-    usual = np.median(own, axis=0)
-    return np.asarray(
-        own[np.abs((own - usual)[:, 1::2]).max(axis=1) < 1.5 * _MAX_OFFSETS[route.type]]
-    )
 
 
 def build_prior(

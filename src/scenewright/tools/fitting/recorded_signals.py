@@ -10,7 +10,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon, project_mercator
 from scenewright.geometry.polyline import resample_by_spacing
-from scenewright.scene.base import Colour, Compass, FloatArray
+from scenewright.scene.base import Colour, Compass
 from scenewright.scene.map import IntersectionMap, SignalGroup, SignalPhase, SignalProgram
 from scenewright.tools.track_io.signal_files import RecordedLights, sample_colours
 
@@ -49,7 +49,14 @@ def fit_recorded_program(
             f"no recorded light is that of the {', '.join(missing)} leg; name them with "
             f"--light-legs, lights are {', '.join(lights.changes)[:200]}"
         )
-    chosen = {name: _choose_light(own[name], lights) for name in own}
+    # Of a leg's lights that with the most green, which is that of its straightest way.
+    seconds = np.arange(0.0, lights.end, 1.0)
+    green = {
+        light: sample_colours(lights.changes[light], seconds).count("green")
+        for some in own.values()
+        for light in some
+    }
+    chosen = {name: max(sorted(some), key=green.__getitem__) for name, some in own.items()}
     start, end = _find_cycle(chosen, entries, lights)
     times = np.arange(start, end - _STEP / 2, _STEP)
     shown = {name: sample_colours(lights.changes[light], times) for name, light in chosen.items()}
@@ -132,32 +139,21 @@ def _find_leg(
 ) -> Compass | None:
     """The leg on one of whose lanes a recorded line lies."""
     line = np.array([project_mercator(origin, each) for each in places])
-    for lane in intersection_map.lanelets:
-        if lane.kind == kind and len(line) > 1:
-            outwards = np.array(lane.centreline)[:: -1 if kind == "approach" else 1]
-            if _lies_on(line, outwards):
-                return lane.leg
-    return None
-
-
-def _lies_on(line: FloatArray, lane: FloatArray) -> bool:
-    """Whether a line passes the beginning of a lane, both from the junction outwards."""
+    if len(line) < 2:
+        return None
     near = resample_by_spacing(line, 1.0)
-    away = np.hypot(*(near - lane[0]).T)
-    k = int(np.clip(away.argmin(), 1, len(near) - 1))
-    ahead, outwards = near[k] - near[k - 1], lane[-1] - lane[0]
-    along = float(ahead @ outwards) / float(np.hypot(*ahead) * np.hypot(*outwards))
-    return bool(away.min() < _NEAR and along > _ALONG)
-
-
-def _choose_light(own: Sequence[str], lights: RecordedLights) -> str:
-    """Of a leg's lights that with the most green, which is that of its straightest way."""
-    times = np.arange(0.0, lights.end, 1.0)
-
-    def is_green(light: str) -> int:
-        return sample_colours(lights.changes[light], times).count("green")
-
-    return max(sorted(own), key=is_green)
+    for lane in intersection_map.lanelets:
+        if lane.kind != kind:
+            continue
+        # Both from the junction outwards: the line passes the beginning of the lane.
+        outwards = np.array(lane.centreline)[:: -1 if kind == "approach" else 1]
+        away = np.hypot(*(near - outwards[0]).T)
+        k = int(np.clip(away.argmin(), 1, len(near) - 1))
+        step, way = near[k] - near[k - 1], outwards[-1] - outwards[0]
+        along = float(step @ way) / float(np.hypot(*step) * np.hypot(*way))
+        if away.min() < _NEAR and along > _ALONG:
+            return lane.leg
+    return None
 
 
 def _find_cycle(
@@ -201,18 +197,16 @@ def _derive_walk(
     for names in ([leg, *over], [leg]):
         blocking = [shown[name] for name in names if name in shown]
         free = [all(own[i] == "red" for own in blocking) for i in range(count)]
-        colours = [_show_walk(free, i) for i in range(count)]
+        # Green while there is time left to cross, then yellow.
+        late = range(round(_CLEARANCE / _STEP))
+        lasts = [all(free[(i + k) % count] for k in late) for i in range(count)]
+        colours = [
+            "red" if not now else "green" if long else "yellow"
+            for now, long in zip(free, lasts, strict=True)
+        ]
         if "green" in colours:
             break
     return colours
-
-
-def _show_walk(free: Sequence[bool], i: int) -> Colour:
-    """Green while there is time left to cross, then yellow."""
-    if not free[i]:
-        return "red"
-    late = round(_CLEARANCE / _STEP)
-    return "green" if all(free[(i + k) % len(free)] for k in range(late)) else "yellow"
 
 
 def _build_program(

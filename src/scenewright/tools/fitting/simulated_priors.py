@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.polyline import measure_distances
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
@@ -155,15 +156,11 @@ def _extract_trips(
         if track.subtype is None:
             line = np.asarray(route_lines[track.route][0])
             walked = clean_walk(track, footways[track.route.split(":")[1]], rng)
-            trips += [each for each in walked if _measure_distance(each.path, line) < _ASTRAY]
+            away = ((each, measure_distances(each.path, line).min(axis=1)) for each in walked)
+            trips += [each for each, distance in away if float(distance.mean()) < _ASTRAY]
         elif (np.abs(track.xy).max(axis=1) <= intersection_map.extent).sum() > 2:
             trips += list(clean_trip(track, intersection_map.extent, {}, rng))
     return trips
-
-
-def _measure_distance(path: FloatArray, line: FloatArray) -> float:
-    """Mean distance of a path [P, 2] from a line [Q, 2] [m]."""
-    return float(np.hypot(*(path[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1).mean())
 
 
 def _count_present(intersection_map: IntersectionMap, raw: Sequence[SumoTrack]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenewright.scene.candidates import AgentCandidates, DrawnWaypoints, DrivingProfile
 from scenewright.scene.grounding import RoleAssignment
-from scenewright.scene.measures import Measure, MeasureKind, get_aim
+from scenewright.scene.measures import MeasureKind, get_aim
 from scenewright.scene.social import SocialGraph
 
 _FIELDS: dict[MeasureKind, str] = {
@@ -77,22 +77,14 @@ def apply_measures(
                 _draw_field(agents, measure.agent, "lateral", _FIRM, rng)
     for measure in measures:
         if measure.kind in ("headway", "gap") and measure.other is not None:
-            speed = _choose_speed(agents, measure, measures)
-            for name in (measure.agent, measure.other):
+            # One speed for both: as asked of either, else one that was drawn for the leader.
+            pair = (measure.agent, measure.other)
+            asked = [each for each in measures if each.kind == "speed" and each.agent in pair]
+            aim = get_aim(asked[0]) if asked else None
+            speed = sum(aim) / 2 if aim else agents[measure.other].drawn.time_laws[0].speed
+            for name in pair:
                 bounds = (speed * (1.0 - _ALIKE), speed * (1.0 + _ALIKE))
                 _draw_field(agents, name, "speed", bounds, rng)
-
-
-def _choose_speed(
-    agents: dict[str, AgentCandidates], measure: Measure, measures: tuple[Measure, ...]
-) -> float:
-    """One speed [m/s] for both: as asked of either, else one that was drawn for the leader."""
-    pair = (measure.agent, measure.other)
-    stated = [each for each in measures if each.kind == "speed" and each.agent in pair]
-    if stated:
-        low, high = get_aim(stated[0])
-        return (low + high) / 2
-    return agents[str(measure.other)].drawn.time_laws[0].speed
 
 
 def _draw_field(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from scenewright.errors import InputError
@@ -72,10 +74,8 @@ def _get_asked(graph: SocialGraph) -> Counts:
     asked = graph.context.background
     if asked is None:
         return {}
-    stated: dict[AgentClass, int | None] = {
-        "vehicle": asked.vehicles,
-        "pedestrian": asked.pedestrians,
-    }
+    stated: Mapping[AgentClass, int | None]
+    stated = {"vehicle": asked.vehicles, "pedestrian": asked.pedestrians}
     return {kind: count for kind, count in stated.items() if count is not None}
 
 
@@ -89,7 +89,8 @@ def _draw(graph: SocialGraph, priors: Priors, hour: int, rng: np.random.Generato
         return _split(total, float(np.clip(share, *_VEHICLE_SHARE)))
     named = _count_named(graph)
     if density == "high":
-        least = _find_busy_total(priors, hour)
+        mass = np.cumsum(compute_total_mass(priors, hour=hour))
+        least = int(np.searchsorted(mass, _BUSIEST * mass[-1])) + 1
         for _ in range(_REDRAWS):
             if vehicles + pedestrians >= least:
                 break
@@ -102,12 +103,6 @@ def _draw(graph: SocialGraph, priors: Priors, hour: int, rng: np.random.Generato
     if density == "high" and sum(found.values()) < low:
         return _split(low, (vehicles + 1.0) / (vehicles + pedestrians + 2.0))
     return found
-
-
-def _find_busy_total(priors: Priors, hour: int) -> int:
-    """The least number of agents that is in the busiest third of an hour's."""
-    mass = np.cumsum(compute_total_mass(priors, hour=hour))
-    return int(np.searchsorted(mass, _BUSIEST * mass[-1])) + 1
 
 
 def _split(total: int, share: float) -> Counts:

@@ -35,8 +35,10 @@ def make_room(
         gaps: least and greatest distance of the two footprints where they are abreast [m].
         until: share of the vehicle's way from which on it is back on its own line, and at last.
     """
-    share = 1.0 - _build_ramp(np.linspace(0.0, 1.0, K), *until)
-    drawn, beside = vehicle.drawn, _find_mean_line(rider)
+    begin, end = until
+    x = np.clip((np.linspace(0.0, 1.0, K) - begin) / (end - begin), 0.0, 1.0)
+    share = 1.0 - x * x * (3.0 - 2.0 * x)
+    drawn, beside = vehicle.drawn, np.asarray(rider.drawn.waypoints.mean(axis=0))
     half = (vehicle.shape.width + rider.shape.width) / 2
     found = []
     for waypoints, component in zip(drawn.waypoints, drawn.component.tolist(), strict=True):
@@ -46,15 +48,6 @@ def make_room(
         more = max(float(rng.uniform(*gaps)) + half - abs(apart), 0.0) * away
         found.append(waypoints + more * share[:, None] * normals)
     return np.stack(found)
-
-
-def _build_ramp(way: FloatArray, begin: float, end: float) -> FloatArray:
-    x = np.clip((way - begin) / (end - begin), 0.0, 1.0)
-    return np.asarray(x * x * (3.0 - 2.0 * x))
-
-
-def _find_mean_line(rider: AgentCandidates) -> FloatArray:
-    return np.asarray(rider.drawn.waypoints.mean(axis=0))
 
 
 def _measure_offset(waypoints: FloatArray, normals: FloatArray, line: FloatArray) -> float:

@@ -27,7 +27,9 @@ def sample_driving_profiles(
     prior = _get_prior(priors, route)
     low, high = prior.tails
     quantile = low + (high - low) * rng.uniform(size=(size, len(PROFILE_FIELDS)))
-    drawn = prior.median * np.exp(prior.spread * _invert_normal(quantile))
+    safe = np.minimum(np.maximum(quantile, 1e-12), 1 - 1e-12)
+    normal = [STANDARD_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]
+    drawn = prior.median * np.exp(prior.spread * np.array(normal).reshape(safe.shape))
     drawn = np.minimum(np.maximum(drawn, prior.low), prior.high)
     return [DrivingProfile(*row) for row in drawn.tolist()]
 
@@ -48,9 +50,3 @@ def _get_prior(priors: Priors, route: str) -> DrivingProfilePrior:
     if route not in priors.driving_profiles:
         raise InputError(f"no time law was fitted for route {route!r}")
     return priors.driving_profiles[route]
-
-
-def _invert_normal(quantile: FloatArray) -> FloatArray:
-    safe = np.minimum(np.maximum(quantile, 1e-12), 1 - 1e-12)
-    found = [STANDARD_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]
-    return np.array(found).reshape(safe.shape)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -10,7 +9,6 @@ from functools import cache
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import (
     AgentCandidates,
     Candidate,
@@ -25,7 +23,7 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import Background, SocialGraph
 from scenewright.scene.track import STEP
-from scenewright.tools.gmm_sampler.generate import amplify, assign_foreground
+from scenewright.tools.gmm_sampler.generate import amplify, assign_foreground, list_free_names
 from scenewright.tools.gmm_sampler.priors import Priors
 
 
@@ -121,9 +119,7 @@ def _name_members(
     for leader, fresh in groups.items():
         names = tuple(n for n, a in pins.earlier.agents.items() if a.agent.group == leader)
         if len(names) != len(fresh):
-            names = ()
-            for _ in fresh:
-                names = (*names, _find_free_name("pedestrian", {*taken, *names}))
+            names = tuple(list_free_names(taken, "pedestrian", len(fresh)))
         taken |= {*names}
         found[leader] = names
     return found
@@ -149,7 +145,7 @@ def _merge_agents(
     taken = {*found, *pins.earlier.agents}
     for name, candidates in fresh.agents.items():
         if name not in named:
-            new = _find_free_name(candidates.route.type, taken)
+            [new] = list_free_names(taken, candidates.route.type, 1)
             taken.add(new)
             found[new] = replace(candidates, name=new)
     return found
@@ -175,14 +171,16 @@ def _merge_members(
     return found
 
 
-def _find_free_name(kind: AgentClass, taken: set[str]) -> str:
-    """A name that no agent of this version or the one before has."""
-    return next(name for n in itertools.count(1) if (name := f"{kind}-{n}") not in taken)
-
-
 def _prefer_earlier(candidates: AgentCandidates, pins: FrozenAgents) -> AgentCandidates:
     """The candidate of the earlier version, alone or first, and fresh ones at the asked speed."""
-    candidates = _scale_speeds(candidates, pins.pace.get(candidates.name, 1.0))
+    factor, given = pins.pace.get(candidates.name, 1.0), candidates.build
+    if factor != 1.0:
+        candidates = replace(
+            candidates,
+            build=lambda m: replace(
+                built := given(m), time_law=scale_speed(built.time_law, factor)
+            ),
+        )
     settled = {**pins.placed, **pins.fixed}.get(candidates.name)
     if settled is not None:
         return _offer_only(settled, fresh=candidates)
@@ -233,18 +231,6 @@ def _offer_first(agent: SelectedAgent, fresh: AgentCandidates) -> AgentCandidate
         arrival=_estimate_arrival(agent),
         chance=None,
     )
-
-
-def _scale_speeds(candidates: AgentCandidates, factor: float) -> AgentCandidates:
-    """The same candidates with every free speed multiplied."""
-    if factor == 1.0:
-        return candidates
-
-    def build(m: int) -> Candidate:
-        built = candidates.build(m)
-        return replace(built, time_law=scale_speed(built.time_law, factor))
-
-    return replace(candidates, build=build)
 
 
 def scale_speed(profile: DrivingProfile, factor: float) -> DrivingProfile:

@@ -13,8 +13,14 @@ from typing import Any, Literal
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.base import RIDERS, AgentClass
-from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet, DrawnWaypoints
+from scenewright.scene.base import RIDERS, AgentClass, FloatArray
+from scenewright.scene.candidates import (
+    AgentCandidates,
+    Candidate,
+    CandidateSet,
+    DrawnWaypoints,
+    DrivingProfile,
+)
 from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
@@ -141,20 +147,21 @@ def assign_foreground(
             return next(found)
         except StopIteration:
             runners = list_unasked_runners(graph, draw(lawful=False))
-            raise Rejected(_reject_unlawful(runners)) from None
+            detail = (
+                f"{' and '.join(runners)} would have to run a red light, "
+                "which the request does not say"
+            )
+            raise Rejected(
+                Rejection(
+                    stage="agent_generator", code="unlawful", agents=tuple(runners), detail=detail
+                )
+            ) from None
 
     tries = _RIDER_ASSIGNMENTS if any(a.type in RIDERS for a in graph.agents) else _ASSIGNMENTS
     drawn = [draw() for _ in range(tries)]
     while len(drawn) < _MOST_ASSIGNMENTS and any(min(map(count_faults, drawn))[:2]):
         drawn.append(draw())
     return min(drawn, key=count_faults)
-
-
-def _reject_unlawful(runners: list[str]) -> Rejection:
-    detail = (
-        f"{' and '.join(runners)} would have to run a red light, which the request does not say"
-    )
-    return Rejection(stage="agent_generator", code="unlawful", agents=tuple(runners), detail=detail)
 
 
 def amplify(
@@ -208,7 +215,7 @@ def amplify(
         routes, arrivals = _draw_background(
             kind, count, spares, priors, intersection_map=intersection_map, hour=hour, rng=rng
         )
-        names = _list_free_names(agents, kind, count + spares)
+        names = list_free_names(agents, kind, count + spares)
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
             agents[name] = _draw_agent(
                 name, "background", route, priors, background_size or size, rng,
@@ -327,34 +334,26 @@ def _draw_lane_departures(
         if geometry not in ("lane_change", "opposing"):
             continue
         own, other = agents[played.from_], agents[played.to]
-        prior = priors.waypoints[own.route.id]
         waypoints = sample_lane_departures(
             own.drawn.waypoints, other.drawn.waypoints, rng, reverse=geometry == "opposing"
         )
-        nll, component = compute_nll_and_component(prior, waypoints)
-        drawn = replace(own.drawn, waypoints=waypoints, nll=nll, component=component)
+        laws = own.drawn.time_laws
         if get_pattern(played.pattern).manoeuvre == "cuts_in":
-            drawn = _drive_faster(drawn, other.drawn)
-        agents[own.name] = _replace_drawn(own, drawn, prior)
+            # Who overtakes drives faster than the other, to draw away after cutting in.
+            fastest = max(each.speed for each in other.drawn.time_laws) + _OVERTAKES
+            laws = tuple(replace(each, speed=max(each.speed, fastest)) for each in laws)
+        agents[own.name] = _replace_drawn(own, priors, waypoints=waypoints, laws=laws)
 
 
 def _let_run(agent: AgentCandidates, priors: Priors, rng: np.random.Generator) -> AgentCandidates:
     """Give the pedestrian the speed profiles of a running one."""
-    drawn, rate = agent.drawn, _RUN_ACCELERATION
-    speeds = rng.uniform(*_RUN_SPEED, len(drawn.time_laws)).tolist()
+    laws, rate = agent.drawn.time_laws, _RUN_ACCELERATION
+    speeds = rng.uniform(*_RUN_SPEED, len(laws)).tolist()
     running = tuple(
         replace(each, speed=speed, acceleration=rate, braking=rate)
-        for each, speed in zip(drawn.time_laws, speeds, strict=True)
+        for each, speed in zip(laws, speeds, strict=True)
     )
-    prior = priors.waypoints[agent.route.id]
-    return _replace_drawn(agent, replace(drawn, time_laws=running), prior)
-
-
-def _drive_faster(drawn: DrawnWaypoints, other: DrawnWaypoints) -> DrawnWaypoints:
-    """Driving profiles of who overtakes the other, so that it draws away after cutting in."""
-    fastest = max(each.speed for each in other.time_laws) + _OVERTAKES
-    laws = tuple(replace(each, speed=max(each.speed, fastest)) for each in drawn.time_laws)
-    return replace(drawn, time_laws=laws)
+    return _replace_drawn(agent, priors, laws=running)
 
 
 _BESIDE_RIDERS: dict[str, tuple[float, float]] = {
@@ -381,21 +380,29 @@ def _fit_to_riders(
         if not {own.shape.type, other.shape.type} & set(RIDERS):
             continue
         if pattern.geometry in _BESIDE_RIDERS:
-            prior = priors.waypoints[own.route.id]
             waypoints = make_room(
-                own, prior, other, _BESIDE_RIDERS[pattern.geometry], rng,
+                own, priors.waypoints[own.route.id], other, _BESIDE_RIDERS[pattern.geometry], rng,
                 until=_LEAVES_ROOM[pattern.geometry],
             )  # fmt: skip
-            nll, component = compute_nll_and_component(prior, waypoints)
-            drawn = replace(own.drawn, waypoints=waypoints, nll=nll, component=component)
-            agents[own.name] = _replace_drawn(own, drawn, prior)
+            agents[own.name] = _replace_drawn(own, priors, waypoints=waypoints)
         elif pattern.relation == "follow":
             agents[own.name], agents[other.name] = keep_pace(own, other, rng)
 
 
 def _replace_drawn(
-    agent: AgentCandidates, drawn: DrawnWaypoints, prior: WaypointPrior
+    agent: AgentCandidates,
+    priors: Priors,
+    *,
+    waypoints: FloatArray | None = None,
+    laws: tuple[DrivingProfile, ...] | None = None,
 ) -> AgentCandidates:
+    """The agent with other waypoints or driving profiles than were drawn; it may leave its lane."""
+    drawn, prior = agent.drawn, priors.waypoints[agent.route.id]
+    if waypoints is not None:
+        nll, component = compute_nll_and_component(prior, waypoints)
+        drawn = replace(drawn, waypoints=waypoints, nll=nll, component=component)
+    if laws is not None:
+        drawn = replace(drawn, time_laws=laws)
     build = _make_builder(agent.route, agent.shape, agent.subtype, lambda: drawn, prior)
     return replace(agent, draw=lambda: drawn, build=build)
 
@@ -434,7 +441,10 @@ def _draw_background(
     """
     routes = [r for r in intersection_map.routes if r.type == kind and r.movement != "jaywalking"]
     chosen = _draw_routes(routes, count + spares, priors, hour, rng)
-    arrivals = _draw_arrivals(count + spares, rng)
+    # Exponential intervals (paper 3.2), conditioned on so many arrivals within the scene.
+    gaps = rng.exponential(size=count + spares + 1)
+    times = _SECONDS * np.cumsum(gaps)[:-1] / gaps.sum()
+    arrivals = [float(time) for time in rng.permutation(times)]
     if kind == "vehicle":
         _form_queues(chosen, arrivals, routes, priors, hour=hour, rng=rng)
     order = sorted(range(len(arrivals)), key=lambda n: (n >= count, arrivals[n]))
@@ -470,8 +480,7 @@ def _form_queues(
             continue
         other = int(rng.integers(n))
         same_entry = [r for r in routes if r.entry == chosen[other].entry]
-        rates = np.array([_get_rate(priors, route, hour) for route in same_entry]) + 1e-3
-        chosen[n] = same_entry[int(rng.choice(len(same_entry), p=rates / rates.sum()))]
+        [chosen[n]] = _draw_routes(same_entry, 1, priors, hour, rng)
         apart = float(rng.uniform(*_HEADWAY)) * (1.0 if rng.random() < 0.5 else -1.0)
         within = 0.0 <= arrivals[other] + apart < _SECONDS
         arrivals[n] = arrivals[other] + (apart if within else -apart)
@@ -489,19 +498,13 @@ def _form_groups(
     groups: dict[str, tuple[str, ...]] = {}
     for node in graph.agents:
         if node.members is not None:
-            names = _list_free_names(agents, "pedestrian", node.members - 1)
+            names = list_free_names(agents, "pedestrian", node.members - 1)
             agents |= form_group(agents[node.id], names)
             groups[node.id] = tuple(names)
     return groups
 
 
-def _list_free_names(taken: Container[str], kind: AgentClass, count: int) -> list[str]:
+def list_free_names(taken: Container[str], kind: AgentClass, count: int) -> list[str]:
+    """The first names of a class that no agent has."""
     free = (name for n in itertools.count(1) if (name := f"{kind}-{n}") not in taken)
     return list(itertools.islice(free, count))
-
-
-def _draw_arrivals(count: int, rng: np.random.Generator) -> list[float]:
-    """Exponential intervals (paper 3.2), conditioned on `count` arrivals within the scene."""
-    gaps = rng.exponential(size=count + 1)
-    times = _SECONDS * np.cumsum(gaps)[:-1] / gaps.sum()
-    return [float(time) for time in rng.permutation(times)]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.polyline import resample_to_count
-from scenewright.scene.candidates import AgentCandidates, Candidate, Path
+from scenewright.geometry.polyline import resample_to_count, rotate_left
+from scenewright.scene.candidates import AgentCandidates, Candidate
 
 _BESIDE, _BEHIND = 0.75, 0.8
 """From one member to the next: beside it, and in the row behind [m]; discs of 0.6 m."""
@@ -20,18 +19,11 @@ _COMPANION, _HALF_A_STEP = (0.85, 1.1), 0.35
 
 def form_group(leader: AgentCandidates, names: list[str]) -> dict[str, AgentCandidates]:
     """The other members of a group, by name: rows of two, the first beside the leader."""
+    rows = [(aside, row * _BEHIND) for row in range(1, 4) for aside in (0.0, _BESIDE)]
     return {
         name: replace(leader, name=name, build=_Shifted(leader, aside, behind))
-        for name, (aside, behind) in zip(names, _draw_places(), strict=False)
+        for name, (aside, behind) in zip(names, [(_BESIDE, 0.0), *rows], strict=False)
     }
-
-
-def _draw_places() -> Iterator[tuple[float, float]]:
-    """How far to the left and behind the leader [m], member after member."""
-    yield _BESIDE, 0.0
-    for row in range(1, 4):
-        yield 0.0, row * _BEHIND
-        yield _BESIDE, row * _BEHIND
 
 
 def walk_beside(leader: AgentCandidates, name: str, rng: np.random.Generator) -> AgentCandidates:
@@ -51,14 +43,9 @@ class _Shifted:
     def __call__(self, m: int) -> Candidate:
         """The m-th; for `~m` the same on the leader's other side."""
         candidate = self._leader.build(max(m, ~m))
-        path = _shift(candidate.path, self._aside if m >= 0 else -self._aside, self._behind)
+        path, aside = candidate.path, self._aside if m >= 0 else -self._aside
+        ahead = np.column_stack([np.cos(path.heading), np.sin(path.heading)])
+        # To the left, and begun so much earlier on its straight start.
+        path = replace(path, xy=path.xy + aside * rotate_left(ahead) - self._behind * ahead)
         waypoints = resample_to_count(path.xy, len(candidate.waypoints))
         return replace(candidate, path=path, waypoints=waypoints)
-
-
-def _shift(path: Path, aside: float, behind: float) -> Path:
-    """A path to the left of another one, that begins so much earlier on its straight start."""
-    normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
-    xy = path.xy + aside * normal
-    back = np.column_stack([np.cos(path.heading), np.sin(path.heading)])
-    return replace(path, xy=xy - behind * back)

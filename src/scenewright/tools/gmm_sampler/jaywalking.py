@@ -32,12 +32,6 @@ def build_jaywalking_mixture(
         across = (last - first) / float(np.hypot(*(last - first)))
         onto = _ONTO_SIDEWALK * across
         ends.append(np.concatenate([first - onto, last + onto]))
-    return _build_mixture(route, ends, outwards, across)
-
-
-def _build_mixture(
-    route: str, ends: Sequence[FloatArray], outwards: FloatArray, across: FloatArray
-) -> WaypointPrior:
     factor = np.linalg.cholesky(_compute_covariance(outwards, across))
     return WaypointPrior(
         route=route,

@@ -31,14 +31,10 @@ def sample_lane_departures(
         apart = np.abs(targets - waypoints).sum(axis=2)[:, 3:7].mean(axis=1)
         wide = np.nonzero(apart > 2.0)[0]
         pick = int(rng.choice(wide)) if len(wide) else int(np.argmax(apart))
-        result.append(_blend(waypoints, targets[pick], rng))
+        first, second = (compute_dense_curves(each[None])[0] for each in (waypoints, targets[pick]))
+        begin, span = rng.uniform(*_BEGIN), rng.uniform(*_SPAN)
+        x = np.clip((np.linspace(0, 1, DENSE) - begin) / span, 0.0, 1.0)
+        share = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
+        blended = first * (1 - share) + second * share
+        result.append(resample_to_count(blended, len(waypoints)))
     return np.stack(result)
-
-
-def _blend(start: FloatArray, end: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """[K, 2] waypoints of a path that goes over smoothly from one curve to another."""
-    first, second = (compute_dense_curves(each[None])[0] for each in (start, end))
-    begin, span = rng.uniform(*_BEGIN), rng.uniform(*_SPAN)
-    x = np.clip((np.linspace(0, 1, DENSE) - begin) / span, 0.0, 1.0)
-    share = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
-    return resample_to_count(first * (1 - share) + second * share, len(start))

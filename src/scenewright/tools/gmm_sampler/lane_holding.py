@@ -80,19 +80,15 @@ def find_approach_lanes(intersection_map: IntersectionMap, movement: str | None)
     """The lanes by which a movement comes; none for pedestrians, who have no movement."""
     ways = (*intersection_map.movements, *intersection_map.uturns)
     own = next((each.lanelets for each in ways if each.id == movement), ())
-    lines = [
-        np.array(each.centreline)
-        for each in intersection_map.lanelets
-        if each.kind == "approach" and each.id in own
-    ]
-    return ApproachLanes(tuple(map(_smooth_and_extend, lines)))
-
-
-def _smooth_and_extend(line: FloatArray) -> FloatArray:
-    smooth = smooth_gaussian(resample_by_spacing(line, 1.0), _SMOOTH)
-    ahead = line[-1] - line[-2]
-    beyond = line[-1] + _BEYOND * ahead / float(np.hypot(*ahead))
-    return np.vstack([smooth, line[-1], beyond])  # smoothing takes off the end
+    lines = []
+    for lane in intersection_map.lanelets:
+        if lane.kind == "approach" and lane.id in own:
+            line = np.array(lane.centreline)
+            smooth = smooth_gaussian(resample_by_spacing(line, 1.0), _SMOOTH)
+            ahead = line[-1] - line[-2]
+            beyond = line[-1] + _BEYOND * ahead / float(np.hypot(*ahead))
+            lines.append(np.vstack([smooth, line[-1], beyond]))  # smoothing takes off the end
+    return ApproachLanes(tuple(lines))
 
 
 # ---- as machine code ----------------------------------------------------------------------------

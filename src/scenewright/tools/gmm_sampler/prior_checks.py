@@ -9,12 +9,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 
 if TYPE_CHECKING:
-    from scenewright.tools.gmm_sampler.priors import (
-        CountPrior,
-        DrivingProfilePrior,
-        Priors,
-        WaypointPrior,
-    )
+    from scenewright.tools.gmm_sampler.priors import Priors, WaypointPrior
 
 FARTHEST = 10_000.0
 """No path of an intersection leads further from its middle [m]."""
@@ -27,11 +22,24 @@ def check_priors(priors: Priors) -> None:
     for route, waypoints in priors.waypoints.items():
         _check_waypoints(route, waypoints)
     for counts in (*priors.counts, *priors.instants):
-        _check_counts(counts)
+        count = len(counts.weights)
+        shapes = counts.means.shape == (count, 2) and counts.covariances.shape == (count, 2, 2)
+        _demand(count > 0 and shapes, "counts of agents are of other shapes")
+        _check_weights("counts", counts.weights)
+        positive = bool((np.linalg.eigvalsh(counts.covariances) > 0.0).all())
+        _demand(positive, "spread of counts is none")
+        spread = np.sqrt(np.diagonal(counts.covariances, axis1=1, axis2=2))
+        most = float((np.abs(counts.means) + 6 * spread).max())
+        _demand(most <= MOST_AGENTS, f"counts of {most:.3g} agents")
     hours = len(priors.counts), len(priors.instants)
     _demand(hours == (24, 24), f"counts of {hours} hours, not of 24")
     for route, profile in priors.driving_profiles.items():
-        _check_profile(route, profile)
+        parts = (profile.median, profile.spread, profile.low, profile.high)
+        same = all(part.shape == (4,) for part in parts)
+        _demand(same, f"profile of {route} is of another shape")
+        ordered = (profile.low > 0.0) & (profile.low < profile.high) & (profile.high <= 100.0)
+        fine = bool((ordered & (profile.median > 0.0) & (profile.spread > 0.0)).all())
+        _demand(fine, f"speeds and accelerations of {route} cannot be")
     for route, rates in priors.frequency.items():
         _demand(rates.shape == (24,), f"frequency of {route} has the shape {rates.shape}")
         _demand(bool((rates >= 0.0).all()), f"frequency of {route} is negative")
@@ -54,25 +62,6 @@ def _check_waypoints(route: str, prior: WaypointPrior) -> None:
     scale = np.diagonal(prior.cholesky, axis1=1, axis2=2)
     wide = float(np.abs(prior.cholesky).max())
     _demand(bool((scale > 0.0).all()) and wide <= FARTHEST, f"spread of {route} is none")
-
-
-def _check_counts(prior: CountPrior) -> None:
-    count = len(prior.weights)
-    shapes = prior.means.shape == (count, 2) and prior.covariances.shape == (count, 2, 2)
-    _demand(count > 0 and shapes, "counts of agents are of other shapes")
-    _check_weights("counts", prior.weights)
-    _demand(bool((np.linalg.eigvalsh(prior.covariances) > 0.0).all()), "spread of counts is none")
-    spread = np.sqrt(np.diagonal(prior.covariances, axis1=1, axis2=2))
-    most = float((np.abs(prior.means) + 6 * spread).max())
-    _demand(most <= MOST_AGENTS, f"counts of {most:.3g} agents")
-
-
-def _check_profile(route: str, prior: DrivingProfilePrior) -> None:
-    parts = (prior.median, prior.spread, prior.low, prior.high)
-    _demand(all(part.shape == (4,) for part in parts), f"profile of {route} is of another shape")
-    ordered = (prior.low > 0.0) & (prior.low < prior.high) & (prior.high <= 100.0)
-    fine = bool((ordered & (prior.median > 0.0) & (prior.spread > 0.0)).all())
-    _demand(fine, f"speeds and accelerations of {route} cannot be")
 
 
 def _check_weights(name: str, weights: FloatArray) -> None:

@@ -220,14 +220,9 @@ def replace_accelerations(
     for route, prior in profiles.items():
         kind = cast(AgentClass, route.partition(":")[0])
         if kind in observed:
-            (start, start_spread), (brake, brake_spread) = (
-                observed[kind].starts,
-                observed[kind].brakes,
-            )
-            low, high = (
-                prior.low,
-                np.array([prior.high[0], *MAX_ACCELERATIONS[kind], prior.high[3]]),
-            )
+            own, low = observed[kind], prior.low
+            (start, start_spread), (brake, brake_spread) = own.starts, own.brakes
+            high = np.array([prior.high[0], *MAX_ACCELERATIONS[kind], prior.high[3]])
             median = np.array([prior.median[0], start, brake, prior.median[3]])
             spread = np.array([prior.spread[0], start_spread, brake_spread, prior.spread[3]])
             found[route] = replace(
@@ -243,19 +238,9 @@ def compute_checksum(file: Path) -> str:
 
 def save_priors(file: Path, priors: Priors) -> None:
     """Write priors as plain arrays; the same priors give the same bytes."""
-    save: Any = np.savez_compressed
-    save(file, **_pack(priors))
-
-
-_Arrays = dict[str, NDArray[np.generic]]
-_WAYPOINT_ARRAYS = ("weights", "means", "cholesky", "base")
-_COUNT_ARRAYS = ("weights", "means", "covariances")
-
-
-def _pack(priors: Priors) -> _Arrays:
     waypoints = list(priors.waypoints.values())
     profiles = list(priors.driving_profiles.values())
-    return {
+    arrays: _Arrays = {
         "format": np.array(FORMAT),
         "name": np.array(priors.name),
         "routes": np.array([prior.route for prior in waypoints]),
@@ -271,6 +256,13 @@ def _pack(priors: Priors) -> _Arrays:
         "frequency": np.array(list(priors.frequency.values())),
         "subtypes": np.array(json.dumps({k: dict(v) for k, v in priors.subtypes.items()})),
     }
+    save: Any = np.savez_compressed
+    save(file, **arrays)
+
+
+_Arrays = dict[str, NDArray[np.generic]]
+_WAYPOINT_ARRAYS = ("weights", "means", "cholesky", "base")
+_COUNT_ARRAYS = ("weights", "means", "covariances")
 
 
 def _join(priors: Sequence[object], names: Sequence[str], prefix: str = "") -> _Arrays:

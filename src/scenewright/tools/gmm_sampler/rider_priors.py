@@ -60,23 +60,18 @@ def build_rider_priors(
     priors: Priors, kind: AgentClass, route: Route, *, intersection_map: IntersectionMap
 ) -> Priors:
     """The priors as a rider of a class has them on one route."""
-    law = _build_profile_prior(kind, crosswalk=route.crosswalk is not None)
+    crosswalk, fastest = route.crosswalk is not None, _HIGH.copy()
+    if crosswalk or kind == "scooter":
+        fastest[0] = _ON_CROSSWALK if crosswalk else _SCOOTER_SPEED
+    law = DrivingProfilePrior(np.array(_MEDIAN[kind, crosswalk]), _SPREAD, _LOW, fastest, 0)
     waypoints = priors.waypoints[route.id]
-    if route.crosswalk is None:
-        aside = _find_lane_offset(kind, route, intersection_map)
-        waypoints = shift_prior(waypoints, aside)
-    else:
+    if crosswalk:
         waypoints = _extend_prior(waypoints, MapAreas(intersection_map))
+    else:
+        waypoints = shift_prior(waypoints, _find_lane_offset(kind, route, intersection_map))
     return replace(
         priors, waypoints={route.id: waypoints}, driving_profiles={route.id: law}, subtypes={}
     )
-
-
-def _build_profile_prior(kind: AgentClass, *, crosswalk: bool) -> DrivingProfilePrior:
-    fastest = _HIGH.copy()
-    if crosswalk or kind == "scooter":
-        fastest[0] = _ON_CROSSWALK if crosswalk else _SCOOTER_SPEED
-    return DrivingProfilePrior(np.array(_MEDIAN[kind, crosswalk]), _SPREAD, _LOW, fastest, 0)
 
 
 def _find_lane_offset(kind: AgentClass, route: Route, intersection_map: IntersectionMap) -> float:
@@ -119,7 +114,8 @@ def _extend_to_edge(line: FloatArray, map_areas: MapAreas) -> FloatArray:
 def shift_prior(prior: WaypointPrior, aside: float) -> WaypointPrior:
     """The components of the outermost lane, moved to their left by `aside` metres, and narrower."""
     kept = _find_outermost(prior.base, outwards=float(np.sign(aside) or -1.0))
-    base = np.stack([_shift_line(line, aside) for line in prior.base[kept]])
+    moved = [line + aside * compute_normals(line) for line in prior.base[kept]]
+    base = np.stack([resample_to_count(line, DENSE) for line in moved])
     return replace(
         prior,
         weights=prior.weights[kept] / prior.weights[kept].sum(),
@@ -138,7 +134,3 @@ def _find_outermost(lines: FloatArray, *, outwards: float) -> list[int]:
                      for line in lines]) * outwards  # fmt: skip
     beyond = away.min(axis=1)
     return np.flatnonzero(beyond >= beyond.max() - _SAME_LANE).tolist()
-
-
-def _shift_line(line: FloatArray, aside: float) -> FloatArray:
-    return resample_to_count(line + aside * compute_normals(line), DENSE)

@@ -26,7 +26,9 @@ def build_uturn_priors(
     movement = intersection_map.find_movement(route)
     if movement is None:
         raise KeyError(route.id)
-    left = _find_left_turn(route, intersection_map)
+    lefts = [each for each in intersection_map.routes if each.movement == "left"]
+    own = [each for each in lefts if each.entry == route.entry]
+    left = (own or lefts)[0]
     like = priors.waypoints[left.id]
     heaviest = int(np.argmax(like.weights))
     base = resample_to_count(np.array(movement.centreline), DENSE)[None]
@@ -40,9 +42,3 @@ def build_uturn_priors(
         driving_profiles={route.id: priors.driving_profiles[left.id]},
         subtypes={route.id: {"car": 1.0}},
     )
-
-
-def _find_left_turn(route: Route, intersection_map: IntersectionMap) -> Route:
-    turns = [each for each in intersection_map.routes if each.movement == "left"]
-    own = [each for each in turns if each.entry == route.entry]
-    return (own or turns)[0]

@@ -57,7 +57,9 @@ def load_yielding_model(folder: Path) -> YieldingModel:
                 raise InputError(
                     f"{FILE} of {source.name!r}: {field} needs {len(LEVELS)} ascending quantiles"
                 )
-    return {_split_pair(name): behavior for name, behavior in stored.items()}
+    pairs = (name.partition(_TO) for name in stored)
+    keys = [(cast(AgentClass, giving), cast(AgentClass, other)) for giving, _, other in pairs]
+    return dict(zip(keys, stored.values(), strict=True))
 
 
 def load_acceleration_profiles(folder: Path) -> AccelerationProfiles:
@@ -90,8 +92,3 @@ def _read_entries(folder: Path, form: TypeAdapter[Any], *, pairs: bool) -> Any:
     except (OSError, ValueError) as fault:
         reason = " ".join(str(fault).split())
         raise InputError(f"cannot read {FILE} of {folder.name!r}: {reason}") from None
-
-
-def _split_pair(name: str) -> tuple[AgentClass, AgentClass]:
-    yielding, _, other = name.partition(_TO)
-    return cast(AgentClass, yielding), cast(AgentClass, other)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import product
+from itertools import chain, product
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignme
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
-from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
+from scenewright.scene.social import AgentNode, EntrySide, RelationEdge, SocialGraph
 from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.orders import (
@@ -25,6 +26,7 @@ from scenewright.tools.map_grounding.orders import (
 )
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
+_Drawn = TypeVar("_Drawn")
 RouteWeight = Callable[[Route], float]
 """How common a route is; zero keeps it from being drawn unless nothing else is left."""
 
@@ -83,35 +85,30 @@ def _drop_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMap) 
     """
     if {leg.name for leg in intersection_map.legs} == _FOUR:
         return graph
-    agents = tuple(
-        agent.model_copy(update={"exit": None}) if _is_exit_entailed(agent) else agent
-        for agent in graph.agents
-    )
-    return graph.model_copy(update={"agents": agents})
-
-
-def _is_exit_entailed(agent: AgentNode) -> bool:
-    if agent.type == "pedestrian" or None in (agent.entry, agent.exit, agent.movement):
-        return False
-    turn = (_RING.index(str(agent.exit)) - _RING.index(str(agent.entry))) % len(_RING)
-    return {2: "left", 4: "straight", 6: "right", 0: "uturn"}.get(turn) == agent.movement
+    agents = []
+    for agent in graph.agents:
+        if agent.type != "pedestrian" and None not in (agent.entry, agent.exit, agent.movement):
+            turn = (_RING.index(str(agent.exit)) - _RING.index(str(agent.entry))) % len(_RING)
+            if {2: "left", 4: "straight", 6: "right", 0: "uturn"}.get(turn) == agent.movement:
+                agents.append(agent.model_copy(update={"exit": None}))
+                continue
+        agents.append(agent)
+    return graph.model_copy(update={"agents": tuple(agents)})
 
 
 def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
-    routes = {agent.id: _list_routes(agent, intersection_map) for agent in graph.agents}
+    uturns = tuple(map(make_route, intersection_map.uturns))
+    routes = {}
+    for agent in graph.agents:
+        ways = intersection_map.routes + (uturns if agent.movement == "uturn" else ())
+        routes[agent.id] = tuple(route for route in ways if _is_admitted(agent, route))
     for agent in graph.agents:
         if not routes[agent.id]:
-            raise Rejected(_report_no_route(agent, intersection_map))
-    for refuse in (
-        _refuse_two_collisions,
-        _refuse_group_hit,
-        _refuse_late_braking,
-        _refuse_pedestrian_braking,
-        _refuse_waiting_for_wreck,
-        _refuse_unthreatened_reactions,
-        refuse_wrong_orders,
-    ):
-        refuse(graph)
+            raise _report_no_route(agent, intersection_map)
+    faults = chain(_find_collision_faults(graph), _find_reaction_faults(graph))
+    if (fault := next(faults, None)) is not None:
+        raise _reject(*fault)
+    refuse_wrong_orders(graph)
     grounding = Grounding(routes=routes)
     refuse_unhidden(
         graph, intersection_map, playable=lambda g: _is_playable(g, grounding, intersection_map)
@@ -119,17 +116,25 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     # One by one first: the search over all of them is exhaustive where one cannot be played.
     for edge in graph.relations:
         alone = graph.model_copy(update={"relations": (edge,)})
-        if not _is_playable(alone, grounding, intersection_map):
-            tied = graph.ties and _is_playable(
-                alone.model_copy(update={"ties": ()}), grounding, intersection_map
+        if _is_playable(alone, grounding, intersection_map):
+            continue
+        untied = alone.model_copy(update={"ties": ()})
+        if graph.ties and _is_playable(untied, grounding, intersection_map):
+            ties = " and ".join(
+                f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in graph.ties
             )
-            raise Rejected(
-                _report_tied_apart(edge, graph.ties)
-                if tied
-                else _report_never_meet(edge, routes, intersection_map)
+            detail = f"'{_format_edge(edge)}' cannot happen where {ties}"
+        else:
+            detail = (
+                f"the routes of {edge.from_} and {edge.to} do not meet "
+                f"so that '{_format_edge(edge)}' could happen at {intersection_map.title}"
+                f"{_describe_exit_lanes(edge, routes, intersection_map)}"
             )
+        raise _reject((edge.from_, edge.to), detail)
     if len(graph.relations) != 1 and not _is_playable(graph, grounding, intersection_map):
-        raise Rejected(_report_not_together(graph.relations[-1]))
+        edge = graph.relations[-1]
+        detail = f"'{_format_edge(edge)}' does not fit together with the other relations"
+        raise _reject((edge.from_, edge.to), detail)
     return grounding
 
 
@@ -147,7 +152,10 @@ def find_assignments(
     Args:
         lawful: only those in which no agent runs a red light unasked.
     """
-    order = {key: _shuffle_routes(each, rng, weight) for key, each in grounding.routes.items()}
+    order = {
+        name: _shuffle(routes, [max(weight(route), 1e-9) for route in routes], rng)
+        for name, routes in grounding.routes.items()
+    }
     allowed = find_asked_runners(graph) if lawful else frozenset(grounding.routes)
     yield from _assign(graph, intersection_map, rng, order, allowed, {}, ())
 
@@ -271,13 +279,6 @@ def _is_red_at_green(runner: Route, other: Route, *, intersection_map: Intersect
     )
 
 
-def _list_routes(agent: AgentNode, intersection_map: IntersectionMap) -> tuple[Route, ...]:
-    routes = intersection_map.routes
-    if agent.movement == "uturn":
-        routes += tuple(make_route(each) for each in intersection_map.uturns)
-    return tuple(route for route in routes if _is_admitted(agent, route))
-
-
 def _is_admitted(agent: AgentNode, route: Route) -> bool:
     wanted = (agent.entry, agent.exit, agent.movement, agent.crosswalk)
     offered = (route.entry, route.exit, route.movement, route.crosswalk)
@@ -304,12 +305,12 @@ def _can_ride(route: Route, agent: AgentNode) -> bool:
     )
 
 
-def _shuffle_routes(
-    routes: Sequence[Route], rng: np.random.Generator, weight: RouteWeight
-) -> list[Route]:
-    """A random order in which likelier routes tend to come first (Gumbel top-k)."""
-    scores = np.log([max(weight(route), 1e-9) for route in routes]) + rng.gumbel(size=len(routes))
-    return [routes[index] for index in np.argsort(scores)[::-1]]
+def _shuffle(
+    each: Sequence[_Drawn], weights: Sequence[float], rng: np.random.Generator
+) -> list[_Drawn]:
+    """A random order in which heavier ones tend to come first (Gumbel top-k)."""
+    scores = np.log(weights) + rng.gumbel(size=len(each))
+    return [each[index] for index in np.argsort(scores)[::-1]]
 
 
 def _assign(
@@ -396,7 +397,10 @@ def _play(
     order: dict[str, list[Route]],
     chosen: dict[str, Route],
 ) -> Iterator[tuple[dict[str, Route], AssignedPattern]]:
-    found = _draw(find_patterns(edge, graph), edge, rng)
+    found = find_patterns(edge, graph)
+    rare = [each for each in found if each.is_last_resort or _is_unsaid(each, edge)]
+    usual = [each for each in found if each not in rare]
+    found = [*_shuffle(usual, [each.weight for each in usual], rng), *rare]
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     # A red-light runner runs red, if possible, while the other one has green.
     # Passing on yellow it meets agents that had green with it; that is no reason to run red.
@@ -404,50 +408,37 @@ def _play(
     for apart in (False,) if yellow else (True, False) if asked else (None,):
         for pattern in found:
             mirrored = _is_mirrored(pattern, intersection_map)
-            for first, second in _list_role_orders(edge, pattern):
-                if not _has_classes(pattern, graph.agent(first), graph.agent(second)):
+            for names in _list_role_orders(edge, pattern):
+                roles = tuple(zip(names, (pattern.from_, pattern.to), strict=True))
+                if not all(role.admits(graph.agent(name).type) for name, role in roles):
                     continue
-                firsts = _list_playable_routes(
-                    _open(first, order, chosen), pattern.from_, mirrored=mirrored
+                ways = (
+                    _list_playable_routes(
+                        [chosen[name]] if name in chosen else order[name], role, mirrored=mirrored
+                    )
+                    for name, role in roles
                 )
-                seconds = _list_playable_routes(
-                    _open(second, order, chosen), pattern.to, mirrored=mirrored
-                )
-                for a, b in product(firsts, seconds):
-                    routes = {first: a, second: b}
-                    if not _meet_so(pattern, a, b, intersection_map) or not _are_ties_kept(
-                        graph, chosen | routes
-                    ):
+                for a, b in product(*ways):
+                    if not _meet_so(pattern, a, b, intersection_map):
                         continue
-                    if not can_hide(graph, chosen | routes, intersection_map):
+                    routes = {names[0]: a, names[1]: b}
+                    now = chosen | routes
+                    if not _are_ties_kept(graph, now) or not can_hide(graph, now, intersection_map):
                         continue
-                    if apart is not None and apart is share_green(
-                        a, b, intersection_map=intersection_map
+                    green = share_green(a, b, intersection_map=intersection_map)
+                    if (
+                        apart is not green
+                        and _is_struck_side_right(edge, routes)
+                        and _is_clear_of_wrecks(graph, now)
                     ):
-                        continue
-                    if _is_struck_side_right(edge, routes) and _is_clear_of_wrecks(
-                        graph, chosen | routes
-                    ):
+                        violator = _find_violator(pattern, names, graph, together=green)
                         yield (
                             routes,
                             AssignedPattern(
-                                edge=index,
-                                pattern=pattern.id,
-                                from_=first,
-                                to=second,
-                                violator=_find_violator(
-                                    pattern, (first, second), (a, b), graph, intersection_map
-                                ),
+                                edge=index, pattern=pattern.id, from_=names[0], to=names[1],
+                                violator=violator,
                             ),
-                        )
-
-
-def _has_classes(pattern: Pattern, first: AgentNode, second: AgentNode) -> bool:
-    return pattern.from_.admits(first.type) and pattern.to.admits(second.type)
-
-
-def _open(agent: str, order: dict[str, list[Route]], chosen: dict[str, Route]) -> list[Route]:
-    return [chosen[agent]] if agent in chosen else order[agent]
+                        )  # fmt: skip
 
 
 def _is_struck_side_right(edge: RelationEdge, routes: dict[str, Route]) -> bool:
@@ -464,52 +455,40 @@ def _is_struck_side_right(edge: RelationEdge, routes: dict[str, Route]) -> bool:
 
 def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
     """Patterns that serve the relation and, if one is named, the kind of collision."""
-    first, second = graph.agent(edge.from_).type, graph.agent(edge.to).type
+    first, second = graph.agent(edge.from_), graph.agent(edge.to)
+    figures = (edge.target_pet, edge.target_ttc, edge.cause)
+    leaves_path = {first.reaction, second.reaction} & {"swerves", "steps_back", "jumps_back"}
+    by_red = edge.cause == "red_light_run" and edge.kind is None
     return [
         pattern
         for pattern in load_checked_patterns()
         if pattern.relation == edge.type
         and edge.pattern in (None, pattern.id)
-        and (edge.pattern is not None or _can_come_about(pattern, edge))
         and (
-            (pattern.from_.admits(first) and pattern.to.admits(second))
-            or (pattern.from_.admits(second) and pattern.to.admits(first))
+            edge.pattern is not None
+            or edge.manoeuvre == pattern.manoeuvre
+            or _is_unsaid(pattern, edge)
+        )
+        and (
+            (pattern.from_.admits(first.type) and pattern.to.admits(second.type))
+            or (pattern.from_.admits(second.type) and pattern.to.admits(first.type))
         )
         and edge.kind in (None, pattern.kind)
-        and _can_be_so_severe(pattern, edge)
+        # Overtaking in one lane leaves no PET or TTC to ask for.
+        and (pattern.geometry != "overtaking" or figures == (None, None, None))
         and _can_strike(pattern, edge)
-        and _can_run_red(pattern, edge)
-        and _can_be_evaded(pattern, edge, graph)
+        # Running a red light causes nothing among those who follow one another.
+        and not (by_red and pattern.entries == "same")
+        # Who leaves its path as a reaction must meet another that crosses it.
+        and (pattern.geometry == "crossing" or not leaves_path)
         and can_be_ordered(pattern, edge)
     ]
 
 
-def _can_come_about(pattern: Pattern, edge: RelationEdge) -> bool:
-    """Whether the request says how, as the pattern does; a near miss in one lane needs some way."""
-    return edge.manoeuvre == pattern.manoeuvre or _is_unsaid(pattern, edge)
-
-
 def _is_unsaid(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether the request names no way of a near miss in one lane, which needs some."""
     unsaid = edge.manoeuvre is None and edge.pattern is None
     return unsaid and pattern.manoeuvre is not None and edge.type == "near_miss"
-
-
-def _can_be_so_severe(pattern: Pattern, edge: RelationEdge) -> bool:
-    """Whether the pattern leaves a PET or TTC to ask for; overtaking in one lane has none."""
-    asked = edge.target_pet is not None or edge.target_ttc is not None or edge.cause is not None
-    return not (asked and pattern.geometry == "overtaking")
-
-
-def _can_run_red(pattern: Pattern, edge: RelationEdge) -> bool:
-    """Return whether running a red light could cause it; following needs none."""
-    by_red = edge.cause == "red_light_run" and edge.kind is None
-    return not by_red or pattern.entries != "same"
-
-
-def _can_be_evaded(pattern: Pattern, edge: RelationEdge, graph: SocialGraph) -> bool:
-    """Whether agents that leave their path as a reaction meet another that crosses it."""
-    asked = {graph.agent(name).reaction for name in (edge.from_, edge.to)}
-    return pattern.geometry == "crossing" or not asked & {"swerves", "steps_back", "jumps_back"}
 
 
 def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
@@ -523,15 +502,6 @@ def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
         case "sideswipe":
             return not {"front", "rear"}.intersection(wanted)
     return True
-
-
-def _draw(found: list[Pattern], edge: RelationEdge, rng: np.random.Generator) -> list[Pattern]:
-    """In a random order in which heavier patterns tend to come first; last resorts at the end."""
-    rare = [p for p in found if p.is_last_resort or _is_unsaid(p, edge)]
-    usual = [pattern for pattern in found if pattern not in rare]
-    scores = np.log([pattern.weight for pattern in usual]) + rng.gumbel(size=len(usual))
-    drawn = [usual[index] for index in np.argsort(scores)[::-1]]
-    return [*drawn, *rare]
 
 
 def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
@@ -627,7 +597,14 @@ def _is_geometry_fitting(
         case "same_way" | "overtaking" | "cutting_in":
             return a.entry == b.entry and a.exit == b.exit
         case "lane_change":
-            return a.id == b.id and _count_lanes(a, intersection_map) >= 2
+            return (
+                a.id == b.id
+                and sum(
+                    lane.kind == "approach" and lane.leg == a.entry
+                    for lane in intersection_map.lanelets
+                )
+                >= 2
+            )
         case "opposing":
             return (
                 a.entry == b.exit and a.exit == b.entry and not _is_divided(a, b, intersection_map)
@@ -682,23 +659,18 @@ def _is_divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     return float(np.hypot(x - u, y - v)) > _MEDIAN
 
 
-def _count_lanes(route: Route, intersection_map: IntersectionMap) -> int:
-    return sum(
-        lane.kind == "approach" and lane.leg == route.entry for lane in intersection_map.lanelets
-    )
-
-
 def _find_violator(
     pattern: Pattern,
     names: tuple[str, str],
-    routes: tuple[Route, Route],
     graph: SocialGraph,
-    intersection_map: IntersectionMap,
+    *,
+    together: bool,
 ) -> str | None:
+    """Who of the two runs a red light, if anyone; `together`: they may have green at one time."""
     for name in names:
         if graph.agent(name).runs_red:
             return name
-    if pattern.violator is None or share_green(*routes, intersection_map=intersection_map):
+    if pattern.violator is None or together:
         return None
     usual, other = names if pattern.violator == "from" else names[::-1]
     # A giver at a red light gives way to the light, vehicles in line need one light, and
@@ -710,7 +682,7 @@ def _find_violator(
     return other if usual in bound and other not in bound else usual
 
 
-def _report_no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rejection:
+def _report_no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rejected:
     wanted = [
         text
         for text in (
@@ -722,11 +694,15 @@ def _report_no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rej
         if text
     ]
     detail = f"{agent.id} ({', '.join(wanted)}) has no way through {intersection_map.title}"
-    return Rejection(stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail)
+    return _reject((agent.id,), detail)
 
 
-def _refuse_two_collisions(graph: SocialGraph) -> None:
-    """Refuse a graph in which an agent collides twice, unless it is pushed into the second."""
+_Fault = tuple[tuple[str, ...], str]
+"""Agents that cannot do what is asked on any map, and why."""
+
+
+def _find_collision_faults(graph: SocialGraph) -> Iterator[_Fault]:
+    """Second collisions of one agent that nothing pushes there, hit groups, late braking alone."""
     hits: dict[str, list[RelationEdge]] = {}
     for edge in graph.relations:
         if edge.type == "collide_at":
@@ -735,87 +711,67 @@ def _refuse_two_collisions(graph: SocialGraph) -> None:
     for name, edges in hits.items():
         pushed = any(edge.manoeuvre == "pushed" and edge.from_ == name for edge in edges)
         if len(edges) > 1 + pushed:
-            detail = (
+            yield (
+                (edges[1].from_, edges[1].to),
                 f"{name} would be in {len(edges)} collisions, but its track ends at the first; "
-                "ask for one collision of each agent, or for one that pushes it into the next"
+                "ask for one collision of each agent, or for one that pushes it into the next",
             )
-            raise Rejected(_report_relation_failure(edges[1], detail))
-
-
-def _refuse_group_hit(graph: SocialGraph) -> None:
-    """Refuse a graph in which a group is hit."""
     for edge in graph.relations:
-        for name in (edge.from_, edge.to):
-            if edge.type == "collide_at" and graph.agent(name).members is not None:
-                detail = (
+        pair = (edge.from_, edge.to)
+        for name in pair if edge.type == "collide_at" else ():
+            if graph.agent(name).members is not None:
+                yield (
+                    pair,
                     f"{name} is a group, and the member that is hit cannot be chosen; ask for "
-                    "a near miss or a yield, or have one pedestrian hit"
+                    "a near miss or a yield, or have one pedestrian hit",
                 )
-                raise Rejected(_report_relation_failure(edge, detail))
-
-
-def _refuse_late_braking(graph: SocialGraph) -> None:
-    """Refuse late braking without a collision or near miss."""
     for edge in graph.relations:
         if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
-            detail = (
+            yield (
+                (edge.from_, edge.to),
                 "late_brake goes with collide_at or near_miss alone, as a yielding or following "
-                "agent brakes in time; ask for a near miss, or leave the braking out"
+                "agent brakes in time; ask for a near miss, or leave the braking out",
             )
-            raise Rejected(_report_relation_failure(edge, detail))
 
 
-def _refuse_pedestrian_braking(graph: SocialGraph) -> None:
-    """Refuse braking pedestrians."""
+def _find_reaction_faults(graph: SocialGraph) -> Iterator[_Fault]:
+    """Braking pedestrians, waiting for a vehicle that never passes, and reactions to no threat."""
     for edge in graph.relations:
         if edge.braker is not None and graph.agent(edge.braker).type != "vehicle":
-            detail = (
+            yield (
+                (edge.from_, edge.to),
                 f"{edge.braker} has no brakes; as braker write the vehicle of the two, or leave "
-                "the key out"
+                "the key out",
             )
-            raise Rejected(_report_relation_failure(edge, detail))
-
-
-def _refuse_unthreatened_reactions(graph: SocialGraph) -> None:
-    """Refuse a way of reacting of an agent that nothing threatens."""
+    for wait, hit in _find_waits_and_hits(graph):
+        walker, struck = graph.agent(wait.from_), graph.agent(_get_other(hit, wait.to))
+        if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
+            yield (
+                (wait.from_, wait.to),
+                f"{wait.to} is to hit {struck.id} on the {walker.crosswalk} crosswalk and stays "
+                f"there, so it never passes {walker.id}, which waits for it at that crosswalk; "
+                "give the two pedestrians different crosswalks",
+            )
     threats = (e for e in graph.relations if e.type in ("collide_at", "near_miss"))
     threatened = {name for edge in threats for name in (edge.from_, edge.to)}
     for agent in graph.agents:
         if agent.reaction not in (None, "none") and agent.id not in threatened:
             how = str(agent.reaction).replace("_", " ")
-            detail = f"{agent.id} {how}, which goes with a collision or a near miss alone"
-            raise Rejected(
-                Rejection(
-                    stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail
-                )
-            )
-
-
-def _refuse_waiting_for_wreck(graph: SocialGraph) -> None:
-    """Refuse yielding to a vehicle that stays on the giver's crosswalk after a collision."""
-    for wait, hit in _find_waits_and_hits(graph):
-        walker, struck = graph.agent(wait.from_), graph.agent(_get_other(hit, wait.to))
-        if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
-            detail = (
-                f"{wait.to} is to hit {struck.id} on the {walker.crosswalk} crosswalk and stays "
-                f"there, so it never passes {walker.id}, which waits for it at that crosswalk; "
-                "give the two pedestrians different crosswalks"
-            )
-            raise Rejected(_report_relation_failure(wait, detail))
+            yield (agent.id,), f"{agent.id} {how}, which goes with a collision or a near miss alone"
 
 
 def _find_waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:
     """Find pairs of edges: a pedestrian waits for a vehicle that hits another pedestrian."""
-    walks = {agent.id for agent in graph.agents if _can_cross(agent)}
+    walks = {
+        agent.id
+        for agent in graph.agents
+        if agent.type == "pedestrian" and agent.movement != "jaywalking"
+    }
     for wait, hit in product(graph.relations, repeat=2):
         if (wait.type, hit.type) != ("yield_to", "collide_at") or wait.from_ not in walks:
             continue
         if wait.to in (hit.from_, hit.to) and _get_other(hit, wait.to) in walks - {wait.from_}:
             yield wait, hit
-
-
-def _can_cross(agent: AgentNode) -> bool:
-    return agent.type == "pedestrian" and agent.movement != "jaywalking"
 
 
 def _get_other(edge: RelationEdge, name: str) -> str:
@@ -843,10 +799,10 @@ def _is_playable(
     return next(found, None) is not None
 
 
-def _report_never_meet(
+def _describe_exit_lanes(
     edge: RelationEdge, routes: Mapping[str, Sequence[Route]], intersection_map: IntersectionMap
-) -> Rejection:
-    """The reason; where both leave by one leg, with the lanes on which each does."""
+) -> str:
+    """The lanes on which each leaves, where both leave by one leg on lanes of their own."""
     exits = {lane.id for lane in intersection_map.lanelets if lane.kind == "exit"}
     lanes: dict[str, set[str]] = {edge.from_: set(), edge.to: set()}
     for a, b in product(routes[edge.from_], routes[edge.to]):
@@ -854,14 +810,10 @@ def _report_never_meet(
             for name, way in ((edge.from_, a), (edge.to, b)):
                 movement = intersection_map.find_movement(way)
                 lanes[name] |= exits.intersection(movement.lanelets if movement else ())
-    detail = (
-        f"the routes of {edge.from_} and {edge.to} do not meet "
-        f"so that '{_format_edge(edge)}' could happen at {intersection_map.title}"
-    )
-    if all(lanes.values()) and lanes[edge.from_].isdisjoint(lanes[edge.to]):
-        ways = (f"{name} by {', '.join(sorted(own))}" for name, own in lanes.items())
-        detail += f": they leave on lanes of their own, {' and '.join(ways)}"
-    return _report_relation_failure(edge, detail)
+    if not all(lanes.values()) or not lanes[edge.from_].isdisjoint(lanes[edge.to]):
+        return ""
+    ways = (f"{name} by {', '.join(sorted(own))}" for name, own in lanes.items())
+    return f": they leave on lanes of their own, {' and '.join(ways)}"
 
 
 _SIDE_WORDS: dict[EntrySide, str] = {
@@ -870,22 +822,9 @@ _SIDE_WORDS: dict[EntrySide, str] = {
 }  # fmt: skip
 
 
-def _report_tied_apart(edge: RelationEdge, ties: Sequence[EntryTie]) -> Rejection:
-    ties_text = " and ".join(
-        f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in ties
-    )
-    return _report_relation_failure(edge, f"'{_format_edge(edge)}' cannot happen where {ties_text}")
-
-
-def _report_not_together(edge: RelationEdge) -> Rejection:
-    return _report_relation_failure(
-        edge, f"'{_format_edge(edge)}' does not fit together with the other relations"
-    )
-
-
-def _report_relation_failure(edge: RelationEdge, detail: str) -> Rejection:
-    return Rejection(
-        stage="scene_planner", code="ungroundable", agents=(edge.from_, edge.to), detail=detail
+def _reject(agents: tuple[str, ...], detail: str) -> Rejected:
+    return Rejected(
+        Rejection(stage="scene_planner", code="ungroundable", agents=agents, detail=detail)
     )
 
 

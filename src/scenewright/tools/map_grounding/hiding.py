@@ -86,7 +86,12 @@ def refuse_unhidden(
             words = node.subtype or node.kind
             raise Rejected(_refuse(node, f"a {words} is too low to hide a road user; ask for "
                                          "something taller, such as a parked truck"))  # fmt: skip
-        if not _has_room(node, intersection_map):
+        legs = [leg.name for leg in intersection_map.legs if node.leg in (None, leg.name)]
+        sides: tuple[Side, ...] = ("entry", "exit") if node.side is None else (node.side,)
+        if not any(
+            find_places(node, intersection_map, leg=leg, side=side)
+            for leg, side in product(legs, sides)
+        ):
             where = f" on the {node.leg} leg" if node.leg else ""
             raise Rejected(_refuse(node, f"there is no room for a {_describe(node)}{where} at "
                                          f"{intersection_map.title}"))  # fmt: skip
@@ -102,15 +107,6 @@ def refuse_unhidden(
                 "corner at that kerb, leaves",
             )
         )
-
-
-def _has_room(node: ObjectNode, intersection_map: IntersectionMap) -> bool:
-    legs = [leg.name for leg in intersection_map.legs if node.leg in (None, leg.name)]
-    sides: tuple[Side, ...] = ("entry", "exit") if node.side is None else (node.side,)
-    return any(
-        find_places(node, intersection_map, leg=leg, side=side)
-        for leg, side in product(legs, sides)
-    )
 
 
 def _describe(node: ObjectNode) -> str:

@@ -74,7 +74,15 @@ def find_places(
         fits = _check_ground(boxes, node, intersection_map, in_lane=offset < 0)
         if offset < 0:  # not beyond the stop line, where no vehicle waits
             fits &= _STEP * np.arange(len(middle)) >= _BEYOND + length / 2
-        found += [_make_record(node, middle[k], roadside.ahead[k]) for k in np.flatnonzero(fits)]
+        for (x, y), heading in zip(middle[fits], roadside.ahead[fits], strict=True):
+            found.append(
+                ObjectRecord(
+                    id=node.id, kind=node.kind, subtype=get_subtype(node),
+                    height="high" if is_high(node) else "low", length=length, width=width,
+                    x=round(float(x), 3), y=round(float(y), 3), heading=round(float(heading), 4),
+                    lane=node.lane,
+                )
+            )  # fmt: skip
     return tuple(found)
 
 
@@ -100,17 +108,6 @@ def _list_offsets(
             yield from (roadside.room - gap - width / 2 for gap in inside)
         case _:
             yield 2 * _GAP + width / 2
-
-
-def _make_record(node: ObjectNode, middle: FloatArray, heading: float) -> ObjectRecord:
-    length, width = get_size(node)
-    x, y = middle
-    return ObjectRecord(
-        id=node.id, kind=node.kind, subtype=get_subtype(node),
-        height="high" if is_high(node) else "low", length=length, width=width,
-        x=round(float(x), 3), y=round(float(y), 3), heading=round(float(heading), 4),
-        lane=node.lane,
-    )  # fmt: skip
 
 
 def make_footprint(record: ObjectRecord) -> Any:

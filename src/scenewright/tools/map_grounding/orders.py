@@ -61,10 +61,8 @@ def find_wrong_order(edge: RelationEdge, graph: SocialGraph) -> str | None:
             f"{edge.from_} gives way, so {edge.to} passes first; turn the two round, or ask for a "
             f"near_miss in which {edge.from_} passes first"
         )
-    return _find_wrong_braker(edge, second, graph) if edge.type == "near_miss" else None
-
-
-def _find_wrong_braker(edge: RelationEdge, second: str, graph: SocialGraph) -> str | None:
+    if edge.type != "near_miss":
+        return None
     late = edge.target_pet is not None and edge.target_pet > _LONGEST_PET
     if edge.brakes and edge.braker == edge.first:
         return (

@@ -8,7 +8,6 @@ from scenewright.errors import InputError, Rejected
 from scenewright.scene.base import Model
 from scenewright.scene.constraints import (
     BrakesFor,
-    ConstraintProgram,
     Contact,
     GivesWay,
     Headway,
@@ -50,31 +49,23 @@ def load_checked_patterns() -> tuple[Pattern, ...]:
 
 
 def _check(pattern: Pattern) -> None:
-    names = _choose_names(pattern)
-    read = [_read(pattern, number, names) for number in range(len(pattern.clauses))]
-    clauses = [clause for program in read for clause in program.clauses]
+    first, second = (
+        "cyclist" if role.type == "rider" else role.type for role in (pattern.from_, pattern.to)
+    )
+    names = f"{first}-1", f"{second}-{2 if first == second else 1}"
+    clauses: list[Model] = []
+    for number, clause in enumerate(pattern.clauses):
+        try:
+            clauses += parse(pattern.fill(clause, from_=names[0], to=names[1])).clauses
+        except Rejected as error:
+            detail = _map_to_file(error.rejection.detail, clause, pattern, names)
+            raise _build_refusal(pattern, f"constraints.{number}: {detail}") from None
     wanted = _BROUGHT_ABOUT_BY[pattern.relation]
     if not any(isinstance(clause, wanted) for clause in clauses):
         words = " or ".join(str(each.model_fields["clause"].default) for each in wanted)
         raise _build_refusal(
             pattern, f"constraints: a {pattern.relation} needs a clause {words}(...)"
         )
-
-
-def _choose_names(pattern: Pattern) -> tuple[str, str]:
-    first, second = (
-        "cyclist" if role.type == "rider" else role.type for role in (pattern.from_, pattern.to)
-    )
-    return f"{first}-1", f"{second}-{2 if first == second else 1}"
-
-
-def _read(pattern: Pattern, number: int, names: tuple[str, str]) -> ConstraintProgram:
-    clause = pattern.clauses[number]
-    try:
-        return parse(pattern.fill(clause, from_=names[0], to=names[1]))
-    except Rejected as error:
-        detail = _map_to_file(error.rejection.detail, clause, pattern, names)
-        raise _build_refusal(pattern, f"constraints.{number}: {detail}") from None
 
 
 def _map_to_file(detail: str, clause: str, pattern: Pattern, names: tuple[str, str]) -> str:

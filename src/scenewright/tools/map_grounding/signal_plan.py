@@ -72,21 +72,18 @@ def get_red_duration(program: SignalProgram, group: str, offsets: FloatArray) ->
 
     A whole cycle where it never is. Offsets count on the grid of `find_feasible_offsets`.
     """
-    known = _RED_FOR.get(
-        (id(program), group), program, make=lambda: _compute_red_times(program, group)
-    )
+
+    def make() -> FloatArray:
+        grid = np.arange(0.0, program.cycle, _RESOLUTION)
+        green = is_showing(program, group, grid[:, None] - grid, ("green",))
+        return np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
+
+    known = _RED_FOR.get((id(program), group), program, make=make)
     return known[np.round(offsets / _RESOLUTION).astype(np.int64) % len(known)]
 
 
-def _compute_red_times(program: SignalProgram, group: str) -> FloatArray:
-    """[O] the same for every offset of the grid."""
-    grid = np.arange(0.0, program.cycle, _RESOLUTION)
-    green = is_showing(program, group, grid[:, None] - grid, ("green",))
-    return np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
-
-
 _RED_FOR: RecentCache[tuple[int, str], FloatArray] = RecentCache(most=64)
-"""By programme and group."""
+"""By programme and group, for every offset of the grid."""
 
 
 def is_showing(
@@ -138,9 +135,15 @@ def build_signal_records(
     clock: SignalClock, *, intersection_map: IntersectionMap, until: float
 ) -> tuple[SignalRecord, ...]:
     """The plan of scene.json: every stop line's and crosswalk's colours over [0, until]."""
+    if intersection_map.signals is None:
+        return ()
+    stop_line = {movement.id: movement.stop_line for movement in intersection_map.movements}
     records: list[SignalRecord] = []
-    for group, heads in _list_signal_heads(intersection_map).items():
-        for start, end, colour in _list_stretches(clock, group, until):
+    for group in intersection_map.signals.groups:
+        lines = dict.fromkeys(stop_line[movement] for movement in group.movements)
+        heads = [("stop_line", line) for line in lines]
+        heads += [("crosswalk", crosswalk) for crosswalk in group.crosswalks]
+        for start, end, colour in _list_stretches(clock, group.id, until):
             for key, head in heads:
                 records.append(
                     SignalRecord.model_validate(
@@ -148,18 +151,6 @@ def build_signal_records(
                     )
                 )
     return tuple(records)
-
-
-def _list_signal_heads(intersection_map: IntersectionMap) -> dict[str, list[tuple[str, str]]]:
-    if intersection_map.signals is None:
-        return {}
-    stop_line = {movement.id: movement.stop_line for movement in intersection_map.movements}
-    heads: dict[str, list[tuple[str, str]]] = {}
-    for group in intersection_map.signals.groups:
-        lines = dict.fromkeys(stop_line[movement] for movement in group.movements)
-        heads[group.id] = [("stop_line", line) for line in lines]
-        heads[group.id] += [("crosswalk", crosswalk) for crosswalk in group.crosswalks]
-    return heads
 
 
 def _list_stretches(

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenewright.geometry.polyline import interpolate_points, rotate_left, smooth_gaussian
 from scenewright.scene.base import FloatArray
@@ -91,8 +90,11 @@ def clean_trip(
     if kind == "pedestrian":
         path = _correct_walk(path, footways[track.route.split(":")[1]], rng)
     inside = np.abs(path).max(axis=1) <= half
-    first, last = _find_first_last(inside)
-    if first == 0 or last == len(path) - 1 or not inside[first : last + 1].all():
+    where = np.flatnonzero(inside)
+    if not len(where) or inside[0] or inside[-1]:
+        return
+    first, last = int(where[0]), int(where[-1])
+    if not inside[first : last + 1].all():
         return
     here = (moved >= first * SPACING) & (moved <= last * SPACING)
     start = float(track.time[here][0])
@@ -137,7 +139,7 @@ def _measure_progress(xy: FloatArray, standing: float) -> FloatArray:
 
 
 def _build_path(xy: FloatArray, moved: FloatArray, blur: float) -> FloatArray:
-    """[P, 2] the way gone, evenly spaced by progress and smooth_gaussian over length."""
+    """[P, 2] the way gone, evenly spaced by progress and smoothed over length."""
     kept = np.concatenate([[True], np.diff(moved) > 0.0])
     wanted = np.arange(0.0, moved[-1], SPACING)
     return smooth_gaussian(interpolate_points(wanted, moved[kept], xy[kept]), blur)
@@ -158,8 +160,3 @@ def _correct_walk(path: FloatArray, footway: Any, rng: np.random.Generator) -> F
     outside = ~geos.contains(footway, points)
     moved[outside] = geos.get_coordinates(back)[outside]
     return smooth_gaussian(moved, 2.0)
-
-
-def _find_first_last(inside: NDArray[np.bool_]) -> tuple[int, int]:
-    where = np.flatnonzero(inside)
-    return (int(where[0]), int(where[-1])) if len(where) else (0, 0)

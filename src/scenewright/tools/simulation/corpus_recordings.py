@@ -12,8 +12,8 @@ import numpy as np
 
 from scenewright.geometry.polyline import interpolate_points, smooth_gaussian
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import IntersectionMap, Route
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, get_vehicle_shape
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_vehicle_shape
 from scenewright.tools.simulation.corpus import (
     SPACING,
     TIME_BLUR,
@@ -43,18 +43,21 @@ def build_agents(
     Args:
         half: by class, half the side of the square that counts [m].
     """
-    routes, footways = (
-        {route.id: route for route in intersection_map.routes},
-        build_footways(intersection_map),
-    )
+    routes = {route.id: route for route in intersection_map.routes}
+    footways = build_footways(intersection_map)
     agents: list[RecordedAgent] = []
     for track in raw:
         route = routes[track.route]
         trips = list(clean_trip(track, half[route.type], footways, rng))
         tracks = [build_track(trip) for trip in trips] or list(_cut_tracks(track, half[route.type]))
+        shape = PEDESTRIAN if track.subtype is None else get_vehicle_shape(track.subtype)
         agents += [
-            _build_agent(each, track.subtype, route, complete=bool(trips)) for each in tracks
-        ]
+            RecordedAgent(
+                each, shape, track.subtype, route.entry, route.exit, route.crosswalk, route.id,
+                bool(trips),
+            )
+            for each in tracks
+        ]  # fmt: skip
     return agents
 
 
@@ -95,12 +98,3 @@ def _cut_tracks(track: SumoTrack, half: float) -> Iterator[Track]:
         if end - first >= 2:
             start = round(round(float(track.time[first]) / STEP) * STEP, 1)
             yield Track(xy[first:end], track.angle[first:end], start)
-
-
-def _build_agent(
-    track: Track, subtype: str | None, route: Route, *, complete: bool
-) -> RecordedAgent:
-    shape: Shape = PEDESTRIAN if subtype is None else get_vehicle_shape(subtype)
-    return RecordedAgent(
-        track, shape, subtype, route.entry, route.exit, route.crosswalk, route.id, complete
-    )

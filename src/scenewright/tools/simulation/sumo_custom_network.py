@@ -52,7 +52,16 @@ def write_custom_network(folder: Path, intersection_map: IntersectionMap) -> Pat
         nodes=_format_nodes(intersection_map),
         edges=_format_edges(lanes, intersection_map),
         connections=[
-            *_format_connections(intersection_map, lanes),
+            *(
+                format_connection(
+                    before,
+                    inside,
+                    after,
+                    lanes[before.leg or "north"]["in"].index(before) + 1,
+                    lanes[after.leg or "north"]["out"].index(after) + 1,
+                )
+                for before, inside, after in list_lane_triples(intersection_map)
+            ),
             *_format_crossings(intersection_map, lanes),
         ],
     )
@@ -115,8 +124,20 @@ def _format_edges(
             if not own:
                 continue
             inwards = side == "in"
-            beside = _build_sidewalk_line(own[0], inwards, intersection_map.left_hand_traffic)
-            rows = [_format_sidewalk(beside, inwards, walks.get(leg))] + [
+            # A sidewalk ends where the crosswalk of its leg begins: none walks on to come back.
+            line = np.array(_prolong(own[0], inwards))
+            kerbwards = compute_normals(line) * (
+                1.0 if intersection_map.left_hand_traffic else -1.0
+            )
+            beside = line + (own[0].width + _SIDEWALK_WIDTH) / 2 * kerbwards
+            if (walk := walks.get(leg)) is not None:
+                outwards = slice(None, None, -1 if inwards else 1)  # from the junction
+                beside = _cut_at_crosswalk(beside[outwards], walk)[outwards]
+            sidewalk = format_tag(
+                "lane", index=0, width=_SIDEWALK_WIDTH, allow="pedestrian", speed=2.8,
+                shape=format_shape((float(x), float(y)) for x, y in beside),
+            )  # fmt: skip
+            rows = [sidewalk] + [
                 format_tag(
                     "lane",
                     index=i,
@@ -138,29 +159,6 @@ def _format_edges(
                 shape=format_shape(_prolong(own[0], inwards)),
             )
             yield head.replace("/>", ">") + "".join(rows) + "</edge>"
-
-
-def _build_sidewalk_line(lane: Lanelet, inwards: bool, left_hand: bool) -> FloatArray:
-    """[P, 2] the middle of the sidewalk along the outermost lane."""
-    line = np.array(_prolong(lane, inwards))
-    kerbwards = compute_normals(line) * (1.0 if left_hand else -1.0)
-    return np.asarray(line + (lane.width + _SIDEWALK_WIDTH) / 2 * kerbwards)
-
-
-def _format_sidewalk(beside: FloatArray, inwards: bool, crosswalk: Crosswalk | None) -> str:
-    """A sidewalk that ends where the crosswalk of its leg begins: none walks on to come back."""
-    line = beside[::-1] if inwards else beside  # from the junction outwards
-    if crosswalk is not None:
-        line = _cut_at_crosswalk(line, crosswalk)
-    line = line[::-1] if inwards else line
-    return format_tag(
-        "lane",
-        index=0,
-        width=_SIDEWALK_WIDTH,
-        allow="pedestrian",
-        speed=2.8,
-        shape=format_shape((float(x), float(y)) for x, y in line),
-    )
 
 
 def _cut_at_crosswalk(line: FloatArray, crosswalk: Crosswalk) -> FloatArray:
@@ -204,12 +202,3 @@ def _prolong(lane: Lanelet, inwards: bool) -> list[tuple[float, float]]:
     far = end + _BEYOND * way
     points = np.concatenate([far[None], line] if inwards else [line, far[None]])
     return [(float(x), float(y)) for x, y in points]
-
-
-def _format_connections(
-    intersection_map: IntersectionMap, lanes: Mapping[Compass, _Numbered]
-) -> Iterator[str]:
-    for before, inside, after in list_lane_triples(intersection_map):
-        into = lanes[before.leg or "north"]["in"].index(before) + 1
-        onto = lanes[after.leg or "north"]["out"].index(after) + 1
-        yield format_connection(before, inside, after, into, onto)

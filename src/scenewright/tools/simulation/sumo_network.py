@@ -87,7 +87,7 @@ def format_tag(name: str, **attributes: object) -> str:
 
 
 def _format_document(root: str, lines: Iterable[str]) -> str:
-    """An XML _format_document of lines."""
+    """An XML document of lines."""
     return f"<{root}>\n" + "\n".join(lines) + f"\n</{root}>\n"
 
 

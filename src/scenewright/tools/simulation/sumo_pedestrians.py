@@ -15,7 +15,7 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.tools.map_import.map_parts import RouteLines
+from scenewright.tools.map_import.map_parts import RouteLines, geos
 from scenewright.tools.simulation.sumo_run import Departure, draw_arrivals, format_pedestrian
 
 _MAX_DISTANCE = 6.0
@@ -84,19 +84,10 @@ def _find_ends(
 
 
 def _find_nearest(point: FloatArray, sidewalks: Sequence[Sidewalk]) -> _End | None:
-    feet = [_project(point, walk.line) for walk in sidewalks]
-    (away, share), walk = min(zip(feet, sidewalks, strict=True), key=lambda each: each[0][0])
-    if away > _MAX_DISTANCE:
+    """The place on the nearest sidewalk; None where even that is too far."""
+    place, lines = geos.Point(point), [geos.LineString(walk.line) for walk in sidewalks]
+    k = min(range(len(lines)), key=lambda each: lines[each].distance(place))
+    if lines[k].distance(place) > _MAX_DISTANCE:
         return None
+    walk, share = sidewalks[k], lines[k].project(place, normalized=True)
     return walk.road, round(float(np.clip(share * walk.length, 0.5, walk.length - 0.5)), 1)
-
-
-def _project(point: FloatArray, line: FloatArray) -> tuple[float, float]:
-    """How far a point is from a line [m], and at what share of its length it is nearest."""
-    step = np.diff(line, axis=0)
-    length = np.maximum(np.hypot(*step.T), 1e-9)
-    along = np.clip(((point - line[:-1]) * step).sum(axis=1) / length, 0.0, length)
-    feet = line[:-1] + step * (along / length)[:, None]
-    away = np.hypot(*(feet - point).T)
-    i = int(away.argmin())
-    return float(away[i]), float((length[:i].sum() + along[i]) / length.sum())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -109,7 +110,9 @@ def train_bundle(
     if foreign:
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
     _make(out)
-    windows = _sample_windows(_cut_windows(by_split["fit"], config, stride), most, recipe.seed)
+    own = _cut_windows(by_split["fit"], config, stride)
+    order = np.random.default_rng(recipe.seed).permutation(len(own))[:most]
+    windows = [own[k] for k in np.sort(order)]
     windows += _cut_windows([each for each in others if each.split == "fit"], config, stride)
     walkers = [_smooth_steps(each) for each in walkers]
     taught = [each for each in walkers if each.split == "fit"]
@@ -126,38 +129,31 @@ def train_bundle(
 
     state = out / f"{REFINER_WEIGHTS}.training"
     first = None if start is None else Refiner.from_weights(start.config, start.weights)
-    net = _run_single_threaded(
-        lambda: train(
+    with _use_one_thread():
+        net = train(
             windows, config=config, recipe=recipe, checkpoint=state, device="cpu", log=log,
             after_epoch=keep, make=build_supervised_batches, start=first,
-        )
-    )  # fmt: skip
-    about = {
-        "intersection": name,
-        "hours": {split: [each.name for each in some] for split, some in by_split.items()},
-        "windows": len(windows),
-        "recipe": recipe.model_dump(mode="json"),
-        "losses": losses,
-        "command": command or "python -m lab.bundle.record_corpus",
-        "started": start is not None,
-        "figures": _run_single_threaded(
-            lambda: compute_figures(net, by_split["test"] or by_split["fit"], stride=stride)
-        ),
-    }
-    if others:
-        about["others"] = _run_single_threaded(
-            lambda: {
-                place: compute_figures(net, own, stride=stride)
-                for place, own in _group_by_place(others).items()
+        )  # fmt: skip
+        about = {
+            "intersection": name,
+            "hours": {split: [each.name for each in some] for split, some in by_split.items()},
+            "windows": len(windows),
+            "recipe": recipe.model_dump(mode="json"),
+            "losses": losses,
+            "command": command or "python -m lab.bundle.record_corpus",
+            "started": start is not None,
+            "figures": compute_figures(net, by_split["test"] or by_split["fit"], stride=stride),
+        }
+        if others:
+            about["others"] = {
+                place: compute_figures(net, there, stride=stride)
+                for place, there in _group_by_place(others).items()
             }
-        )
-    if walkers:
-        tried = [each for each in walkers if each.split == "test"]
-        about["walkers"] = {split: [each.name for each in walkers if each.split == split]
-                            for split in ("fit", "test")}  # fmt: skip
-        about["walkers_figures"] = _run_single_threaded(
-            lambda: compute_figures(net, tried, stride=OVERLAP)
-        )
+        if walkers:
+            about["walkers"] = {split: [each.name for each in walkers if each.split == split]
+                                for split in ("fit", "test")}  # fmt: skip
+            tried = [each for each in walkers if each.split == "test"]
+            about["walkers_figures"] = compute_figures(net, tried, stride=OVERLAP)
     save_refiner(net.config, net.list_weights(), out / REFINER_WEIGHTS, about=about)
     (out / CARD).write_text(format_card(net.config, about), encoding="utf-8")
     sign_bundle(out, REFINER_WEIGHTS, CARD)
@@ -179,7 +175,7 @@ def find_out_folder(name: str, out: str | None) -> Path:
 
 
 def compute_figures(
-    net: Refiner, recordings: Sequence[Recording], *, seed: int = 0, stride: int | None = None
+    net: Refiner, recordings: Sequence[Recording], *, stride: int | None = None
 ) -> dict[str, float]:
     """How well the network predicts hours that it never saw, 4.8 s ahead, mean over agents.
 
@@ -188,7 +184,7 @@ def compute_figures(
     is that of the first 0.8 s. Of a class without test agents there is its number, 0, alone.
     """
     windows = _cut_windows(recordings, net.config, stride)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     order = rng.permutation(len(windows))[:_TRIED]
     exactly = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=1.0)
     sums = dict.fromkeys((f"{label}_n" for label in _CLASSES), 0.0)
@@ -230,6 +226,10 @@ def format_card(config: RefinerConfig, about: Mapping[str, Any]) -> str:
     hours = about["hours"]
     count = sum(math.prod(shape) for shape in list_shapes(config).values())
     rows = "\n".join(_format_row(kind, found) for kind in reversed(_CLASSES))
+    start = "From the weights of the shipped intersection on, " if about["started"] else ""
+    tested = "those that it was fitted on, as there are no others"
+    if test := hours["test"]:
+        tested = f"{len(test)} recordings that nothing was fitted to: {_format_hours(test)}"
     return f"""# Refiner of {name}
 
 - **What it is.** An interaction-aware LSTM of the TrajNet++ family with
@@ -238,8 +238,8 @@ def format_card(config: RefinerConfig, about: Mapping[str, Any]) -> str:
 - **Data.** Simulated traffic of this intersection (`{about["command"]}`){_format_walking(about)}.
   {_format_others(about)}Fitted on {len(hours["fit"])} recordings:
   {_format_hours(hours["fit"])}. Figures from
-  {_format_tested(hours)}.
-- **Training.** {_format_start(about)}{about["windows"]} windows of
+  {tested}.
+- **Training.** {start}{about["windows"]} windows of
   {config.observed} + {config.predicted} steps of {config.step} s,
   {recipe["epochs"]} epochs, seed {recipe["seed"]}.
   Losses: {", ".join(map(str, about["losses"]))}.
@@ -268,13 +268,6 @@ def _format_row(kind: str, found: Mapping[str, float]) -> str:
     return f"| {kind} | {found[f'{kind}_n']:.0f} | {errors} | {found[f'{kind}_nll_first']:.2f} |"
 
 
-def _format_tested(hours: Mapping[str, Sequence[str]]) -> str:
-    if not hours["test"]:
-        return "those that it was fitted on, as there are no others"
-    test = hours["test"]
-    return f"{len(test)} recordings that nothing was fitted to: {_format_hours(test)}"
-
-
 def _format_walking(about: Mapping[str, Any]) -> str:
     """Whose walking was learned, and what it is worth on people that nothing was fitted to."""
     if "walkers" not in about:
@@ -293,23 +286,16 @@ def _format_others(about: Mapping[str, Any]) -> str:
     """The other intersections that were learned from, and how far off vehicles are there."""
     if not about.get("others"):
         return ""
-    rows = ", ".join(
-        f"{place} ({found['vehicle_n']:.0f} vehicles held out: {_list_errors('vehicle', found)})"
-        for place, found in about["others"].items()
-    )
-    return f"Other intersections learned from as well: {rows}.\n  "
-
-
-def _list_errors(kind: str, found: Mapping[str, float]) -> str:
-    """Mean errors with waypoints and of constant velocity, in words."""
-    if not found[f"{kind}_n"]:
-        return "none"
-    with_them, even = (found[f"{kind}_ade_{how}"] for how in ("waypoints", "even"))
-    return f"{with_them:.2f} m with waypoints, constant velocity {even:.2f} m"
-
-
-def _format_start(about: Mapping[str, Any]) -> str:
-    return "From the weights of the shipped intersection on, " if about["started"] else ""
+    rows = []
+    for place, found in about["others"].items():
+        errors = "none"
+        if found["vehicle_n"]:
+            errors = (
+                f"{found['vehicle_ade_waypoints']:.2f} m with waypoints, constant velocity "
+                f"{found['vehicle_ade_even']:.2f} m"
+            )
+        rows.append(f"{place} ({found['vehicle_n']:.0f} vehicles held out: {errors})")
+    return f"Other intersections learned from as well: {', '.join(rows)}.\n  "
 
 
 def _format_hours(names: Sequence[str]) -> str:
@@ -323,11 +309,6 @@ def _cut_windows(
     return cut_recorded_windows(
         recordings, observed=config.observed, predicted=config.predicted, stride=stride
     )
-
-
-def _sample_windows(windows: list[Window], most: int | None, seed: int) -> list[Window]:
-    order = np.random.default_rng(seed).permutation(len(windows))[:most]
-    return [windows[k] for k in np.sort(order)]
 
 
 def _weigh_down_pedestrians(window: Window) -> Window:
@@ -354,12 +335,13 @@ def _group_by_place(recordings: Sequence[Recording]) -> dict[str, list[Recording
     return places
 
 
-def _run_single_threaded(work: Callable[[], Any]) -> Any:
-    """Done by one thread: sums come out alike on however many processors."""
+@contextmanager
+def _use_one_thread() -> Iterator[None]:
+    """Sums come out alike on however many processors."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return work()
+        yield
     finally:
         torch.set_num_threads(before)
 

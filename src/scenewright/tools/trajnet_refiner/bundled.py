@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from scenewright.errors import InputError
 from scenewright.intersections import (
@@ -61,15 +59,11 @@ def load_bundled_refiner(name: str) -> BundledRefiner | None:
     if not file.is_file():
         return None
     try:
-        stamps = [(each.stat().st_mtime_ns, each.stat().st_size) for each in _list_files(folder)]
-        return _read(folder, tuple(stamps))
+        # The files that say which weights are the bundle's, as far as there are.
+        stats = [f.stat() for f in (file, folder / "bundle.toml") if f.is_file()]
+        return _read(folder, tuple((each.st_mtime_ns, each.st_size) for each in stats))
     except OSError as fault:
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from fault
-
-
-def _list_files(folder: Path) -> list[Path]:
-    """The files that say which weights are the bundle's, as far as there are."""
-    return [f for f in (folder / REFINER_WEIGHTS, folder / "bundle.toml") if f.is_file()]
 
 
 @lru_cache(maxsize=4)
@@ -79,13 +73,10 @@ def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> BundledRefiner
     file = folder / REFINER_WEIGHTS
     digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
     net, about = load_refiner(file), read_about(file)
-    return BundledRefiner(net, digest, folder.name, _predicts_walkers(about))
-
-
-def _predicts_walkers(about: Mapping[str, Any]) -> bool:
-    """Whether real pedestrians held out were predicted no worse than by constant velocity."""
     recorded = str(about.get("command", "")).startswith("scenewright intersections fit")
     figures = about.get("walkers_figures") or (about.get("figures") if recorded else None) or {}
-    if not figures.get("pedestrian_n"):
-        return False
-    return bool(figures["pedestrian_ade_alone"] <= figures["pedestrian_ade_even"])
+    # Real pedestrians held out were predicted no worse than by constant velocity.
+    walks = bool(figures.get("pedestrian_n")) and bool(
+        figures["pedestrian_ade_alone"] <= figures["pedestrian_ade_even"]
+    )
+    return BundledRefiner(net, digest, folder.name, walks)

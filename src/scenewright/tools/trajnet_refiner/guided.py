@@ -87,11 +87,6 @@ class Guide:
         local = STEP * np.arange(len(self.s))
         return np.interp(times - self.enters, local, self.s, left=np.nan, right=np.nan)
 
-    def is_kept_at(self, times: FloatArray) -> NDArray[np.bool_]:
-        """Whether the prior is kept at scene times."""
-        k = np.clip(np.rint((times - self.enters) / STEP).astype(int), 0, len(self.s) - 1)
-        return np.asarray(self.kept[k])
-
 
 def compute_deviations(
     net: RefinerNetwork,
@@ -100,7 +95,6 @@ def compute_deviations(
     duration: float,
     rng: np.random.Generator | None = None,
     fixed: Mapping[str, FloatArray] | None = None,
-    temperature: float = TEMPERATURE,
 ) -> dict[str, FloatArray]:
     """Compute how far ahead of its prior each agent gets, by name: [T] at its samples [m].
 
@@ -108,7 +102,6 @@ def compute_deviations(
         duration: of the scene [s].
         rng: of the drawn motion; the mean motion if None.
         fixed: [T] deviations of agents that are not predicted, but seen by the others.
-        temperature: scale of what is drawn.
     """
     if not guides:
         return {}
@@ -123,7 +116,7 @@ def compute_deviations(
         local = STEP * np.arange(len(deviation))
         known[n] = prior[n] + np.interp(times - rows[n].enters, local, deviation)
     places = np.stack([_compute_places(guide.path, known[n]) for n, guide in enumerate(rows)])
-    noise = None if rng is None else temperature * rng.standard_normal((len(rows), columns, 2))
+    noise = None if rng is None else TEMPERATURE * rng.standard_normal((len(rows), columns, 2))
     rolled = _run_rollout(net, rows, places, prior, times, noise)
     result = {}
     for n, (name, guide) in enumerate(guides.items()):
@@ -146,7 +139,8 @@ def compute_deviation(guide: Guide, track: Track) -> FloatArray:
 def _compute_known(guide: Guide, times: FloatArray, prior: FloatArray) -> FloatArray:
     """[T] arc length where it is given: at the beginning, and where the prior is kept."""
     there = np.flatnonzero(np.isfinite(prior))
-    given = np.isfinite(prior) & guide.is_kept_at(times)
+    k = np.clip(np.rint((times - guide.enters) / STEP).astype(int), 0, len(guide.s) - 1)
+    given = np.isfinite(prior) & guide.kept[k]
     given[there[:GIVEN]] = True
     return np.where(given, prior, np.nan)
 
@@ -174,9 +168,8 @@ def _run_rollout(
     goals = np.full((len(rows), most, 2), np.nan)
     when = np.full((len(rows), most), np.nan)
     for n, columns in enumerate(due):
-        goals[n, : len(columns)] = _compute_places(
-            rows[n].path, rows[n].interpolate_prior(_compute_times(columns, times))
-        )
+        at = rows[n].interpolate_prior(times[0] + (times[1] - times[0]) * columns)
+        goals[n, : len(columns)] = _compute_places(rows[n].path, at)
         when[n, : len(columns)] = columns
     classes = np.array([CLASSES.index(guide.kind) for guide in rows])
     return run_rollout(
@@ -209,10 +202,6 @@ def _list_due_columns(guide: Guide, times: FloatArray, there: NDArray[np.bool_])
         even = even[~((early > 0.0) & (early < BEFORE_STAND / step)).any(axis=0)]
     every = np.unique(np.concatenate([even, columns]))
     return np.asarray(every[(every > first) & (every <= last + 1e-6)])
-
-
-def _compute_times(columns: FloatArray, times: FloatArray) -> FloatArray:
-    return np.asarray(times[0] + (times[1] - times[0]) * columns)
 
 
 def _compute_progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:

@@ -128,7 +128,9 @@ class Refiner(nn.Module):
             steps: how many are predicted; as many as the configuration says if None.
         """
         steps = steps or self.config.predicted
-        observed = select_latest(scenes.xy, self.config.observed)
+        kept = scenes.xy[:, :, -self.config.observed :]
+        lacking = self.config.observed - kept.shape[2]
+        observed = nn.functional.pad(kept, (0, 0, lacking, 0), value=torch.nan)
         seen = ~observed.isnan().any(-1)
         xy = torch.nan_to_num(observed)
         along = compute_heading(xy, seen)
@@ -254,7 +256,12 @@ def predict(net: Refiner, scenes: Scenes, *, steps: int | None = None) -> Predic
     """
     raw: Prediction = net(scenes, steps)
     if net.config.mirrored:
-        raw = _average_mirrored(raw, net(_mirror_scenes(scenes), steps))
+        swap = raw.xy.new_tensor((1.0, -1.0))  # north and south exchanged
+        goal = None if scenes.goal is None else scenes.goal * swap
+        other: Prediction = net(scenes._replace(xy=scenes.xy * swap, goal=goal), steps)
+        turned = other.spread * other.spread.new_tensor((1.0, 1.0, -1.0))
+        xy, spread = 0.5 * (raw.xy + other.xy * swap), 0.5 * (raw.spread + turned)
+        raw = raw._replace(xy=xy, spread=spread)
     if net.config.apart is None:
         return raw
     walkers = scenes.classes == CLASSES.index("pedestrian")
@@ -271,26 +278,6 @@ def _build_present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _No
         xy[:, :, -1], moves[:, :, -1], change, xy[:, :, past],
         seen[:, :, -1], both[:, :, -1], seen[:, :, past],
     )  # fmt: skip
-
-
-def _mirror_scenes(scenes: Scenes) -> Scenes:
-    """Mirror the scenes: north and south exchanged."""
-    swap = scenes.xy.new_tensor((1.0, -1.0))
-    goal = None if scenes.goal is None else scenes.goal * swap
-    return scenes._replace(xy=scenes.xy * swap, goal=goal)
-
-
-def _average_mirrored(one: Prediction, mirrored: Prediction) -> Prediction:
-    """Average a prediction with that of the mirror image."""
-    xy = 0.5 * (one.xy + mirrored.xy * one.xy.new_tensor((1.0, -1.0)))
-    spread = 0.5 * (one.spread + mirrored.spread * one.spread.new_tensor((1.0, 1.0, -1.0)))
-    return one._replace(xy=xy, spread=spread)
-
-
-def select_latest(xy: Tensor, steps: int) -> Tensor:
-    """Select the last [B, N, steps, 2] of positions [B, N, T, 2]; NaN before the first."""
-    kept = xy[:, :, -steps:]
-    return nn.functional.pad(kept, (0, 0, steps - kept.shape[2], 0), value=torch.nan)
 
 
 def compute_heading(xy: Tensor, seen: Tensor, *, back: int = 4) -> Tensor:

@@ -63,7 +63,9 @@ def run_rollout(
     config = net.config
     filled, columns = np.array(known, dtype=np.float64), known.shape[1]
     steps = min(keep or config.predicted, config.predicted)
-    ends = _list_ends(filled)
+    # The columns behind an agent's last known position, from which it is predicted.
+    there = np.isfinite(filled).all(-1)
+    ends = {int(each) for each in np.where(there, np.arange(1, columns + 1), 0).max(axis=1)}
     gone = np.zeros(filled.shape[:2], dtype=np.bool_)
     if until is not None:
         gone = np.arange(columns) >= until[:, None]
@@ -98,13 +100,6 @@ def _sample_offsets(predicted: Prediction, noise: FloatArray) -> FloatArray:
     across = np.exp(log_y) * (rho * one + np.sqrt(1.0 - rho**2) * two)
     c, s = predicted.along[:, :1], predicted.along[:, 1:]
     return np.stack((c * along - s * across, s * along + c * across), -1)
-
-
-def _list_ends(known: FloatArray) -> list[int]:
-    """List the columns behind an agent's last known position, from which it is predicted."""
-    there = np.isfinite(known).all(-1)
-    ends = np.where(there, np.arange(1, known.shape[1] + 1), 0).max(axis=1)
-    return sorted({int(each) for each in ends})
 
 
 @compiled

@@ -40,7 +40,8 @@ def separate(xy: Tensor, *, among: Tensor, apart: float, rounds: int = ROUNDS) -
         lacking = (apart - distance).clamp_min(0.0)
         if not bool((lacking > 0).any()):
             break
-        fade = _compute_fade(when, flat.shape[1])
+        steps = torch.arange(flat.shape[1], device=when.device, dtype=when.dtype)
+        fade = torch.exp(-0.5 * ((steps[None] - when[:, None]) / FADE).square())
         push = (0.5 * _EXTRA * lacking)[:, None, None] * fade[..., None] * way[:, None]
         flat.index_add_(0, pairs[:, 0], push)
         flat.index_add_(0, pairs[:, 1], -push)
@@ -87,9 +88,3 @@ def _compute_unit_vectors(way: Tensor, offset: Tensor) -> Tensor:
     spare = torch.where(length > 1e-6, across / length.clamp_min(1e-6), east)
     size = way.norm(dim=-1, keepdim=True)
     return torch.where(size > 1e-4, way / size.clamp_min(1e-6), spare)
-
-
-def _compute_fade(when: Tensor, steps: int) -> Tensor:
-    """[Q, P] how much of a push at `when` each step takes part in."""
-    k = torch.arange(steps, device=when.device, dtype=when.dtype)
-    return torch.exp(-0.5 * ((k[None] - when[:, None]) / FADE).square())

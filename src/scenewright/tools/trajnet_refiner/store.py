@@ -72,7 +72,9 @@ def read_refiner(
         OSError: it cannot be read.
     """
     tensors, facts = read_tensors(path)
-    found = _find_task(facts.get("about", {}))
+    about = facts.get("about", {})
+    kinds: tuple[tuple[str, Task], ...] = (("intersection", "scenes"), ("trained_on", "benchmark"))
+    found = next((kind for key, kind in kinds if key in about), None)
     if task is not None and found is not None and found != task:
         raise InputError(f"{path}: weights that {_TASKS[found]}, not ones that {_TASKS[task]}")
     try:
@@ -92,13 +94,6 @@ def read_about(path: Path) -> Mapping[str, Any]:
     """
     about: Mapping[str, Any] = read_tensors(path)[1].get("about", {})
     return about
-
-
-def _find_task(about: Mapping[str, Any]) -> Task | None:
-    """What a training was for, by what is kept about it."""
-    if "intersection" in about:
-        return "scenes"
-    return "benchmark" if "trained_on" in about else None
 
 
 def write_tensors(

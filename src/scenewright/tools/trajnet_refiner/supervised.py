@@ -11,18 +11,14 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
-from scenewright.scene.base import FloatArray
 from scenewright.tools.track_io import Recording, cut_windows
 from scenewright.tools.trajnet_refiner.config import CLASSES
 from scenewright.tools.trajnet_refiner.model import Scenes
 from scenewright.tools.trajnet_refiner.train import Recipe
 from scenewright.tools.trajnet_refiner.windows import Window, build_batches
 
-SPACING = (2, 12)
-"""Fewest and most steps from one waypoint to the next."""
 _STANDING = 0.25
 """Weight of agents that stand all the while: there is little to learn from them."""
 _STANDS = 0.5
@@ -84,59 +80,5 @@ def reverse_windows(windows: Sequence[Window], *, observed: int) -> list[Window]
 def build_supervised_batches(
     windows: Sequence[Window], **how: Any
 ) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
-    """As `windows.batches`, for windows with a second horizon, a share of them with waypoints."""
-    return build_batches(windows, collate=_collate, **how)
-
-
-def _collate(
-    windows: Sequence[Window], *, observed: int, goals: float, rng: np.random.Generator
-) -> tuple[Scenes, Tensor, Tensor]:
-    most, steps = max(len(w.xy) for w in windows), windows[0].xy.shape[1]
-    predicted = (steps - observed) // 2
-    xy = np.full((len(windows), most, steps, 2), np.nan)
-    classes = np.zeros((len(windows), most), dtype=np.int64)
-    goal = np.full((len(windows), most, predicted, 2), np.nan)
-    due = np.full((len(windows), most, predicted), np.nan)
-    weight = np.zeros((len(windows), most))
-    for b, window in enumerate(windows):
-        n = len(window.xy)
-        centre = np.nanmean(window.xy[:, observed - 1], axis=0)
-        xy[b, :n] = window.xy - centre
-        classes[b, :n], weight[b, :n] = window.classes, window.weight
-        if rng.random() < goals:
-            goal[b, :n], due[b, :n] = _sample_waypoints(xy[b, :n, observed:], predicted, rng)
-    end = observed + predicted
-    scenes = Scenes(
-        _make_single_precision(xy[:, :, :observed]),
-        torch.from_numpy(classes),
-        _make_single_precision(goal),
-        _make_single_precision(due),
-    )
-    return scenes, _make_single_precision(xy[:, :, observed:end]), _make_single_precision(weight)
-
-
-def _sample_waypoints(
-    future: FloatArray, predicted: int, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """For each agent and step the next of its waypoints, evenly spaced on its way.
-
-    Args:
-        future: [N, 2 P, 2] positions, NaN where unseen.
-
-    Returns:
-        [N, P, 2] places and [N, P] steps from now until they are due; NaN for none.
-    """
-    n, steps = future.shape[:2]
-    spacing = rng.integers(SPACING[0], SPACING[1] + 1, size=(n, 1))
-    first = rng.integers(1, SPACING[1] + 1, size=(n, 1)) % spacing
-    step = np.arange(1, predicted + 1)[None]
-    due = step + (first - step) % spacing  # the first of first + k spacing not before the step
-    known = due <= steps
-    at = np.minimum(due, steps) - 1
-    places = np.take_along_axis(future, at[..., None], axis=1)
-    places = np.where(known[..., None], places, np.nan)
-    return places, np.where(np.isfinite(places).all(-1), due.astype(np.float64), np.nan)
-
-
-def _make_single_precision(array: FloatArray) -> Tensor:
-    return torch.from_numpy(array.astype(np.float32))
+    """As `build_batches`, for windows with a second horizon, a share of them with waypoints."""
+    return build_batches(windows, rows=True, **how)

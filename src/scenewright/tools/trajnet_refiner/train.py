@@ -58,10 +58,6 @@ class Recipe(Model):
     goals: float = Field(default=0.4, ge=0, le=1)
     seed: int = Field(default=0, ge=0)
 
-    def build_variation(self) -> Variation:
-        """How windows are varied."""
-        return Variation(self.stretch, self.noise, self.unseen, self.goals)
-
 
 class Epoch(NamedTuple):
     """What came of an epoch.
@@ -109,7 +105,10 @@ def train(
     """
     if not windows:
         raise InputError("there is nothing to train on")
-    run = _Run(config, recipe, _count_batches(windows, recipe), device, start)
+    # About how many batches the whole training has; the learning rate falls along them.
+    padded = sum(len(w.xy) for w in windows) * recipe.share
+    batches = max(1, math.ceil(recipe.epochs * padded / recipe.agents))
+    run = _Run(config, recipe, batches, device, start)
     if checkpoint is not None and checkpoint.exists():
         run.restore(checkpoint)
     while run.epochs < recipe.epochs:
@@ -124,16 +123,14 @@ def train(
     return run.build_averaged()
 
 
-def validate(
-    net: Refiner, windows: Sequence[Window], *, agents: int = 2048, make: Batches = build_batches
-) -> float:
+def validate(net: Refiner, windows: Sequence[Window], *, make: Batches = build_batches) -> float:
     """Weighted mean distance [m] between predicted and true future positions, without goals."""
     rng = np.random.default_rng(0)
     device = next(net.parameters()).device
     total = count = 0.0
     with torch.no_grad():
         for scenes, future, weight in make(
-            windows, observed=net.config.observed, agents=agents, variation=_NO_CHANGE, rng=rng
+            windows, observed=net.config.observed, agents=2048, variation=_NO_CHANGE, rng=rng
         ):
             error, share = _compute_errors(
                 net(scenes.to(device)), future.to(device), weight.to(device)
@@ -141,20 +138,6 @@ def validate(
             total += float((error * share).sum())
             count += float(share.sum())
     return total / max(count, 1e-9)
-
-
-def compute_loss(
-    predicted: Prediction, future: Tensor, weight: Tensor, *, likelihood: float
-) -> Tensor:
-    """Weighted mean of the distance, the benchmark's measure, and of the Gaussian's -log density.
-
-    Args:
-        future: [B, N, P, 2] true positions, NaN where unknown; weight: [B, N].
-    """
-    error, share = _compute_errors(predicted, future, weight)
-    surprise = compute_negative_log_density(predicted, future)
-    loss = error + likelihood * torch.where(share > 0, surprise, 0.0)
-    return (loss * share).sum() / share.sum().clamp_min(1e-6)
 
 
 def compute_crowding(
@@ -206,12 +189,6 @@ def _compute_errors(predicted: Prediction, future: Tensor, weight: Tensor) -> tu
     return torch.where(known, distance, 0.0), known * weight[..., None]
 
 
-def _count_batches(windows: Sequence[Window], recipe: Recipe) -> int:
-    """About how many batches the whole training has; the learning rate falls along them."""
-    padded = sum(len(w.xy) for w in windows) * recipe.share
-    return max(1, math.ceil(recipe.epochs * padded / recipe.agents))
-
-
 class _Run:
     """A training under way: weights, their running average, the optimiser, epochs done."""
 
@@ -251,7 +228,7 @@ class _Run:
             drawn,
             observed=self.net.config.observed,
             agents=recipe.agents,
-            variation=recipe.build_variation(),
+            variation=Variation(recipe.stretch, recipe.noise, recipe.unseen, recipe.goals),
             rng=rng,
         ):
             losses.append(self._step(scenes, future, weight))
@@ -266,7 +243,11 @@ class _Run:
         scenes = scenes.to(self.device)
         future, weight = future.to(self.device), weight.to(self.device)
         predicted = self.net(scenes)
-        loss = compute_loss(predicted, future, weight, likelihood=self.recipe.likelihood)
+        # The distance, which is the benchmark's measure, and the Gaussian's -log density.
+        error, share = _compute_errors(predicted, future, weight)
+        surprise = compute_negative_log_density(predicted, future)
+        lost = error + self.recipe.likelihood * torch.where(share > 0, surprise, 0.0)
+        loss = (lost * share).sum() / share.sum().clamp_min(1e-6)
         if self.recipe.apart > 0.0:
             walkers = scenes.classes == CLASSES.index("pedestrian")
             loss += self.recipe.apart * compute_crowding(predicted, future, weight, walkers)

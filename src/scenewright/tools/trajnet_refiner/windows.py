@@ -6,7 +6,7 @@ they are drawn: mirrored, stretched, blurred, partly unseen, with and without go
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,8 +61,8 @@ class Variation:
     goals: float = 0.4
 
 
-Collate = Callable[..., tuple[Scenes, Tensor, Tensor]]
-"""Makes one batch of windows, as `collate_windows` does."""
+SPACING = (2, 12)
+"""Fewest and most steps from one waypoint of a row to the next."""
 
 
 def build_batches(
@@ -72,21 +72,19 @@ def build_batches(
     agents: int,
     variation: Variation,
     rng: np.random.Generator,
-    collate: Collate | None = None,
+    rows: bool = False,
 ) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
     """All windows once, in random order, about `agents` at a time, as (scenes, future, weight).
 
     Args:
-        collate: makes one batch of windows; `collate_windows` if None.
+        rows: as `collate_windows` has it.
     """
     groups = group_by_size([len(w.xy) for w in windows], agents=agents, rng=rng)
     for k in rng.permutation(len(groups)):
         chosen = [
             vary_window(windows[i], observed=observed, by=variation, rng=rng) for i in groups[k]
         ]
-        yield (collate or collate_windows)(
-            chosen, observed=observed, goals=variation.goals, rng=rng
-        )
+        yield collate_windows(chosen, observed=observed, goals=variation.goals, rng=rng, rows=rows)
 
 
 def group_by_size(
@@ -126,14 +124,20 @@ def collate_windows(
     observed: int,
     goals: float,
     rng: np.random.Generator,
+    rows: bool = False,
 ) -> tuple[Scenes, Tensor, Tensor]:
-    """Windows as one padded batch, centred, a share `goals` of them with goals of both kinds."""
-    most = max(len(w.xy) for w in windows)
-    steps = windows[0].xy.shape[1]
+    """Windows as one padded batch, centred, a share `goals` of them with goals of both kinds.
+
+    Args:
+        rows: of windows with a second horizon; then goals are rows of waypoints, one for each step.
+    """
+    most, steps = max(len(w.xy) for w in windows), windows[0].xy.shape[1]
+    predicted = (steps - observed) // (2 if rows else 1)
+    each = (predicted,) if rows else ()
     xy = np.full((len(windows), most, steps, 2), np.nan)
     classes = np.zeros((len(windows), most), dtype=np.int64)
-    goal = np.full((len(windows), most, 2), np.nan)
-    due = np.full((len(windows), most), np.nan)
+    goal = np.full((len(windows), most, *each, 2), np.nan)
+    due = np.full((len(windows), most, *each), np.nan)
     weight = np.zeros((len(windows), most))
     for b, window in enumerate(windows):
         n = len(window.xy)
@@ -141,7 +145,11 @@ def collate_windows(
         xy[b, :n] = window.xy - centre
         classes[b, :n], weight[b, :n] = window.classes, window.weight
         if rng.random() < goals:
-            given, when = draw_goals(window, observed=observed, rng=rng)
+            given, when = (
+                _sample_waypoints(window.xy[:, observed:], predicted, rng)
+                if rows
+                else draw_goals(window, observed=observed, rng=rng)
+            )
             goal[b, :n], due[b, :n] = given - centre, when
     scenes = Scenes(
         _make_single_precision(xy[:, :, :observed]),
@@ -149,7 +157,8 @@ def collate_windows(
         _make_single_precision(goal),
         _make_single_precision(due),
     )
-    return scenes, _make_single_precision(xy[:, :, observed:]), _make_single_precision(weight)
+    future = xy[:, :, observed : observed + predicted]
+    return scenes, _make_single_precision(future), _make_single_precision(weight)
 
 
 def draw_goals(
@@ -169,6 +178,29 @@ def draw_goals(
     goal = np.where((kind < 0.9)[:, None], goal, np.nan)
     due = np.where((kind >= 0.5) & np.isfinite(goal).all(axis=1), when, np.nan)
     return goal, due
+
+
+def _sample_waypoints(
+    future: FloatArray, predicted: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """For each agent and step the next of its waypoints, evenly spaced on its way.
+
+    Args:
+        future: [N, 2 P, 2] positions, NaN where unseen.
+
+    Returns:
+        [N, P, 2] places and [N, P] steps from now until they are due; NaN for none.
+    """
+    n, steps = future.shape[:2]
+    spacing = rng.integers(SPACING[0], SPACING[1] + 1, size=(n, 1))
+    first = rng.integers(1, SPACING[1] + 1, size=(n, 1)) % spacing
+    step = np.arange(1, predicted + 1)[None]
+    due = step + (first - step) % spacing  # the first of first + k spacing not before the step
+    known = due <= steps
+    at = np.minimum(due, steps) - 1
+    places = np.take_along_axis(future, at[..., None], axis=1)
+    places = np.where(known[..., None], places, np.nan)
+    return places, np.where(np.isfinite(places).all(-1), due.astype(np.float64), np.nan)
 
 
 def _make_single_precision(array: FloatArray) -> Tensor:
