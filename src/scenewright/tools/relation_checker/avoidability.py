@@ -23,7 +23,6 @@ from scenewright.tools.relation_checker.reactions import (
     NEAR,
     Perception,
     Sights,
-    find_first_lasting,
 )
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
@@ -82,15 +81,10 @@ def _find_begin(view: Perception, time: float) -> tuple[float | None, str | None
     by a hair, when the other is in sight in the last 3 s.
     """
     threat = view.near if view.near.any() else view.times >= time - NEAR - 1e-6
-    begin = find_first_lasting(threat & view.seen & view.ahead)
+    begin, why_not = view.find_begin(threat)
     if begin is not None:
         return round(float(view.times[begin]), 3), None
-    if not threat.any():
-        return None, "not there"
-    if find_first_lasting(threat & view.seen) is not None:
-        return None, "comes from behind"
-    hidden = find_first_lasting(threat) is not None
-    return None, "no line of sight" if hidden else "too late"
+    return None, why_not if threat.any() else "not there"
 
 
 def _compute_needed_braking(
