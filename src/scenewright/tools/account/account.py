@@ -94,7 +94,15 @@ def write_account(
         entries = list(
             account_fields(scene.meta.plan, facts, lambda text: _account_text(text, 0, facts))
         )
-    false = tuple(_report(each) for each in entries if each.state == "contradicted")
+    false = tuple(
+        Finding(
+            rule="word_contradicted",
+            agents=each.agents,
+            detail=f"'{each.words}' says {each.claim}; the scene shows {each.evidence}",
+        )
+        for each in entries
+        if each.state == "contradicted"
+    )
     if (plan := scene.meta.plan) and scene.meta.user_prompt != join_fields(list_fields(plan)):
         detail = "the prompt does not list the fields of the plan"
         false += (Finding(rule="metadata_contradicted", agents=(), detail=detail),)
@@ -142,14 +150,6 @@ def _get_type(entry: AccountEntry) -> str:
     return (entry.claim or "").partition(" ")[0]
 
 
-def _report(entry: AccountEntry) -> Finding:
-    return Finding(
-        rule="word_contradicted",
-        agents=entry.agents,
-        detail=f"'{entry.words}' says {entry.claim}; the scene shows {entry.evidence}",
-    )
-
-
 def list_unknown_words(
     text: str, intersection_map: IntersectionMap | None
 ) -> tuple[AccountEntry, ...]:
@@ -184,10 +184,6 @@ def _is_denied(tokens: Sequence[Token], n: int) -> bool:
     return False
 
 
-def _begins_part(tokens: Sequence[Token], n: int) -> bool:
-    return n == 0 or _is_stop(tokens[n - 1])
-
-
 def _is_stop(token: Token) -> bool:
     return token.kind in ("end", "comma", "arrow")
 
@@ -215,9 +211,10 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
     if turn == 0 and head is not None and tokens[head].is_in("needs_antecedent"):
         by_token[head] = []  # "one of them" as the first words names no road user
     for index in _find_repeated(mentions, binding, facts) if latest else ():
-        claim = Claim("class", "a road user of its own", mentions[index].nouns, (), _fail)
-        for n in claim.tokens:
-            by_token[n] = [(claim, Result(False, "one agent in place of two"))]
+        nouns, false = mentions[index].nouns, Result(False, "one agent in place of two")
+        claim = Claim("class", "a road user of its own", nouns, (), lambda *_: Result(False))
+        for n in nouns:
+            by_token[n] = [(claim, false)]
     states = [_judge(n, tokens, by_token.get(n, []), facts) for n in range(len(tokens))]
     for n in reversed(range(len(tokens))):
         found = states[n]
@@ -228,10 +225,11 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
         own = found is not None and (found.state == "seen" or (found.claim and (event or followed)))
         if turns and not own:
             states[n] = _copy_near(states, tokens, n)
-    shown = [
-        None if found is None or _is_silent(token, found) else found
-        for token, found in zip(tokens, states, strict=True)
-    ]
+    shown = list(states)
+    for n, (token, found) in enumerate(zip(tokens, states, strict=True)):
+        turns_meaning = token.negates or token.has("sequence")
+        if found and found.state != "seen" and is_function(token) and not turns_meaning:
+            shown[n] = None
     for found, same in groupby(range(len(tokens)), key=lambda n: shown[n]):
         if found is not None:
             span = list(same)
@@ -252,16 +250,6 @@ def _find_repeated(
         if len(bound) == 1 and bound <= known and asked - mentioned:
             yield index
         known |= bound
-
-
-def _is_silent(token: Token, found: _Judged) -> bool:
-    """Whether a function word needs no state of its own."""
-    turns_meaning = token.negates or token.has("sequence")
-    return is_function(token) and found.state != "seen" and not turns_meaning
-
-
-def _fail(_facts: SceneFacts, _binding: Binding) -> Result:
-    return Result(False)
 
 
 def _judge(
@@ -329,7 +317,7 @@ def _judge_claims(
     Args:
         false: those of its claims that are false, the gravest ones alone.
     """
-    token, begins = tokens[n], _begins_part(tokens, n)
+    token, begins = tokens[n], n == 0 or _is_stop(tokens[n - 1])
     families = token.list_families()
     grave = [each for each in false if each[0].type in (*_STRICT, "crosswalk")]
     limit = token.unit is not None and not found

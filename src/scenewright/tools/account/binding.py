@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, islice
 from typing import NamedTuple
 
 from scenewright.tools.account.claims import BACKGROUND, Binding, Bound, Claim, Result
@@ -88,18 +88,14 @@ def _list_choices(
     if same_name and same_name[0]:
         yield same_name[0]
         return
-    last = before.get(max(before, default=-1), frozenset())
-    count = 0
-    for bound in _list_sets(mention, facts):
-        repeated = mention.new and any(
-            bound & each - {BACKGROUND} and len(each) == 1 for each in taken
-        )
-        if repeated or (mention.other and bound == last and bound):
-            continue
-        yield bound
-        count += 1
-        if count >= MOST_CHOICES:
-            break
+    last = before.get(max(before, default=-1), frozenset()) if mention.other else frozenset()
+    alone = {n for each in taken if len(each) == 1 for n in each} - {BACKGROUND}
+    fitting = (
+        bound
+        for bound in _list_sets(mention, facts)
+        if not (mention.new and bound & alone) and not (bound and bound == last)
+    )
+    yield from islice(fitting, MOST_CHOICES)
     yield frozenset()
 
 

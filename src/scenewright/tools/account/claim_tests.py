@@ -773,15 +773,5 @@ def find_meeting(facts: SceneFacts, value: str) -> list[int]:
     return [each.agent for each in facts.scene.encounters if each.how in _MEETINGS[value]]
 
 
-def find_hidden(facts: SceneFacts, _value: str) -> list[int]:
-    """Agents that something hides."""
-    return [each.subject for each in facts.scene.sights]
-
-
-def find_group(facts: SceneFacts, _value: str) -> list[int]:
-    """Agents that lead a group."""
-    return [n for n in facts.foreground if facts.count_members(n) > 1]
-
-
 def _join(names: Iterable[int | str]) -> str:
     return ", ".join(map(str, names))

@@ -99,7 +99,8 @@ def read_order(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
         if m.start <= n <= m.head:  # "the second car" is a mention of its own
             yield Claim("count", token.text, (n,), (index,), OrdinalTest(token.text, index))
             return
-    if token.has("sequence") and _is_between_events(finder, n):
+    starts = [start for start, _ in finder.events]
+    if token.has("sequence") and any(s < n for s in starts) and any(s > n for s in starts):
         return
     if finder.tokens[n + 1 : n + 2] and finder.tokens[n + 1].text in ("one", "ones"):
         return  # "the last one" of several
@@ -120,7 +121,3 @@ def read_order(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     test = OrderTest(subjects, others, late)
     used = tuple(dict.fromkeys((*subjects, *others)))
     yield Claim("order", "second" if late else "first", (n,), used, test)
-
-
-def _is_between_events(finder: PartyFinder, n: int) -> bool:
-    return any(s < n for s, _ in finder.events) and any(s > n for s, _ in finder.events)

@@ -58,7 +58,11 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
         if found and found[-1].label and tokens[mention.start - 1].text == "(":
             mention = replace(mention, label=found[-1].label)  # "vehicle 1 (eastbound car)"
         if found and _is_ridden(tokens, found[-1], mention):
-            found[-1] = _merge(found[-1], mention)
+            person = found[-1]
+            found[-1] = replace(
+                person, classes=mention.classes, stop=mention.stop, head=mention.head,
+                nouns=(*person.nouns, *mention.nouns), label=mention.label,
+            )  # fmt: skip
         else:
             found.append(mention)
         n = mention.stop
@@ -256,10 +260,3 @@ def _is_ridden(tokens: Sequence[Token], person: Mention, ride: Mention) -> bool:
     if not 1 <= len(between) <= 2 or not between[-1].is_in("rides"):
         return False
     return all(each.kind == "word" and not each.has("event") for each in between)
-
-
-def _merge(person: Mention, ride: Mention) -> Mention:
-    return replace(
-        person, classes=ride.classes, stop=ride.stop, head=ride.head,
-        nouns=(*person.nouns, *ride.nouns), label=ride.label,
-    )  # fmt: skip

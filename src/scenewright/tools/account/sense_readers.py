@@ -322,22 +322,20 @@ def _read_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     denied = finder.is_denied(n)
-
-    def holds(facts: SceneFacts, number: int) -> bool:
-        return (number in facts.red_runners) != denied
-
     value, what = ("no run", "no red light run") if denied else ("run", "a red light run")
-    yield from _claim_all(finder, n, ("red_light", value, what), holds)
+    yield from _claim_all(
+        finder, n, ("red_light", value, what),
+        lambda facts, number: (number in facts.red_runners) != denied,
+    )  # fmt: skip
 
 
 def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     """Claim that the place has lights, or of a green light that the agent runs no red one."""
     if any(each.text == "green" for each in finder.tokens[max(0, n - 1) : n + 1]):
-
-        def holds(facts: SceneFacts, number: int) -> bool:
-            return number not in facts.red_runners and bool(facts.scene.signals)
-
-        yield from _claim_all(finder, n, ("red_light", "no run", "a green light"), holds)
+        yield from _claim_all(
+            finder, n, ("red_light", "no run", "a green light"),
+            lambda facts, number: number not in facts.red_runners and bool(facts.scene.signals),
+        )  # fmt: skip
     else:
         yield Claim("light", "lights", (n,), (), tests.check_lights)
 
@@ -380,15 +378,6 @@ def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     yield from _claim_all(finder, n, ("braking", value, what), holds)
 
 
-def _deny_braking(finder: PartyFinder, n: int) -> Iterator[Claim]:
-    """Claim that an agent does not slow down: "does not brake", "without braking"."""
-
-    def holds(facts: SceneFacts, number: int) -> bool:
-        return facts.compute_braking(number) < _NO_BRAKING
-
-    yield from _claim_all(finder, n, ("braking", "no braking", "no braking"), holds)
-
-
 def _read_pace(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
     """Fast or slow: of the road user that the word describes or is said of."""
     if finder.is_denied(n):
@@ -401,11 +390,7 @@ def _read_pace(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
 def _read_motion_verb(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     if finder.tokens[n].stem == "pas" and any(0 < m.start - n <= 1 for m in finder.mentions):
         return  # "passes the bus" says more than that it moves
-
-    def holds(_facts: SceneFacts, _number: int) -> bool:
-        return True
-
-    yield from _claim_all(finder, n, ("moves", "moves", "moves"), holds)
+    yield from _claim_all(finder, n, ("moves", "moves", "moves"), lambda *_: True)
 
 
 # --- what is said of two, of the scene, or of whichever agent
@@ -488,7 +473,10 @@ def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]])
     def read(finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
         start = min(start for start, _ in finder.tokens[n].senses.values())
         if (kind, value) == ("reaction", "none") and finder.tokens[n].text.startswith(_SLOWING):
-            yield from _deny_braking(finder, n)
+            yield from _claim_all(  # "does not brake", "without braking"
+                finder, n, ("braking", "no braking", "no braking"),
+                lambda facts, number: facts.compute_braking(number) < _NO_BRAKING,
+            )  # fmt: skip
         on_foot = value in ("runs", "darts_out", "stops_midway")
         subjects = finder.find_subjects(start, "foot" if on_foot else "any")
         noun = any(each.is_in("possessive") for each in finder.tokens[max(0, start - 2) : start])
@@ -536,8 +524,10 @@ _READERS: Mapping[str, Reader] = {
     "reaction": _read_any("reaction", tests.find_reaction),
     "manoeuvre": _read_any("manoeuvre", tests.find_manoeuvre),
     "meets": _read_any("encounter", tests.find_meeting),
-    "sight": _read_any("sight", tests.find_hidden),
-    "group": _read_any("group", tests.find_group),
+    "sight": _read_any("sight", lambda facts, _: [each.subject for each in facts.scene.sights]),
+    "group": _read_any(
+        "group", lambda facts, _: [n for n in facts.foreground if facts.count_members(n) > 1]
+    ),
     "point": _read_point,
     "kind": _read_kind,
     "centre": _read_scene("side", "centre", tests.check_centre),

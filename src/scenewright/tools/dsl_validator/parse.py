@@ -105,7 +105,10 @@ def parse(text: str) -> ConstraintProgram:
     size = len(text.encode("utf-8", "surrogatepass"))
     if size > MAX_BYTES:
         raise _build_refusal(f"the program has {size} bytes, the limit is {MAX_BYTES}")
-    clauses = _parse_clause_trees(text)
+    try:
+        clauses = cast("list[Tree[Token]]", _build_parser().parse(text).children)
+    except UnexpectedInput as error:
+        raise _build_refusal(_describe_syntax_error(error, text=text)) from None
     if len(clauses) > MAX_CLAUSES:
         raise _build_refusal(f"the program has {len(clauses)} clauses, the limit is {MAX_CLAUSES}")
     return ConstraintProgram(clauses=tuple(_build_clause(tree) for tree in clauses))
@@ -118,20 +121,22 @@ def format_program(program: ConstraintProgram) -> str:
 
 def format_clause(clause: Clause) -> str:
     """One clause as text."""
-    return f"{clause.clause}({', '.join(_format_arguments(clause))}){_bound(clause)}"
+    names = [clause.agent] if isinstance(clause, UnaryClause) else [clause.first, clause.second]
+    arguments = [name for name in names if name is not None]
+    if isinstance(clause, PassesThrough):
+        arguments.append(clause.region if clause.leg is None else f"{clause.region} {clause.leg}")
+    if isinstance(clause, Reacts):
+        arguments.append(clause.how)
+    if isinstance(clause, Contact):
+        arguments += [clause.kind] if clause.kind else []
+        arguments += [f"{_number(clause.speed)} m/s"] if clause.speed is not None else []
+    return f"{clause.clause}({', '.join(arguments)}){_bound(clause)}"
 
 
 @cache
 def _build_parser() -> Lark:
     grammar = files("scenewright.tools.dsl_validator").joinpath("constraints.lark")
     return Lark(grammar.read_text("utf-8"), parser="lalr", propagate_positions=True)
-
-
-def _parse_clause_trees(text: str) -> list[Tree[Token]]:
-    try:
-        return cast("list[Tree[Token]]", _build_parser().parse(text).children)
-    except UnexpectedInput as error:
-        raise _build_refusal(_describe_syntax_error(error, text=text)) from None
 
 
 def _build_clause(tree: Tree[Token]) -> Clause:
@@ -145,13 +150,9 @@ def _build_clause(tree: Tree[Token]) -> Clause:
     except ValidationError as error:
         place = _place(tree.meta.line, tree.meta.column)
         detail = f"{place}: {tree.data}: {_describe_value_error(error)}"
-        raise _build_refusal(detail, agents=_list_agents(tree)) from None
-
-
-def _list_agents(tree: Tree[Token]) -> tuple[str, ...]:
-    tokens = [child for child in tree.children if isinstance(child, Token)]
-    names = [str(token) for token in tokens if token.type in {"VEHICLE", "PEDESTRIAN", "RIDER"}]
-    return tuple(dict.fromkeys(names))
+        tokens = [child for child in tree.children if isinstance(child, Token)]
+        names = [str(token) for token in tokens if token.type in {"VEHICLE", "PEDESTRIAN", "RIDER"}]
+        raise _build_refusal(detail, agents=tuple(dict.fromkeys(names))) from None
 
 
 def _build_refusal(detail: str, *, agents: tuple[str, ...] = ()) -> Rejected:
@@ -172,18 +173,12 @@ def _describe_syntax_error(error: UnexpectedInput, *, text: str) -> str:
         at = len(text)
     found = _FOUND.match(text, at)
     place = _place(text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at))
-    return f"{place}: expected {_format_terminals(_find_expected(text))}, found {_quote(found)}"
-
-
-def _find_expected(text: str) -> set[str]:
-    """The terminals that fit where the text goes wrong.
-
-    Read step by step, as the error itself also lists what merged parser states would take.
-    """
+    # Read step by step, as the error itself also lists what merged parser states would take.
     steps = _build_parser().parse_interactive(text)
     with suppress(UnexpectedInput):
         steps.exhaust_lexer()
-    return set(steps.accepts())  # type: ignore[no-untyped-call]
+    expected = _format_terminals(steps.accepts())  # type: ignore[no-untyped-call]
+    return f"{place}: expected {expected}, found {_quote(found)}"
 
 
 def _quote(found: re.Match[str] | None) -> str:
@@ -216,20 +211,6 @@ def _describe_value_error(error: ValidationError) -> str:
     if fault["type"] == "value_error":
         return str(fault["ctx"]["error"])
     return f"{field} cannot be {str(fault['input'])[:_LONGEST_QUOTE]!r}"
-
-
-def _format_arguments(clause: Clause) -> list[str]:
-    """What stands between the parentheses."""
-    names = [clause.agent] if isinstance(clause, UnaryClause) else [clause.first, clause.second]
-    arguments = [name for name in names if name is not None]
-    if isinstance(clause, PassesThrough):
-        arguments.append(clause.region if clause.leg is None else f"{clause.region} {clause.leg}")
-    if isinstance(clause, Reacts):
-        arguments.append(clause.how)
-    if isinstance(clause, Contact):
-        arguments += [clause.kind] if clause.kind else []
-        arguments += [f"{_number(clause.speed)} m/s"] if clause.speed is not None else []
-    return arguments
 
 
 def _bound(clause: Clause) -> str:

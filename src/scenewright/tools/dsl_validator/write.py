@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -99,21 +99,16 @@ def _list_clauses(facts: Mapping[str, Any]) -> list[Clause]:
 
 def _build_motion(agent: str, motion: str) -> Clause:
     """The clause that brings a motion of an agent about."""
-    match motion:
-        case "stops_midway":
-            return Pauses(agent=agent)
-        case "stops_at_yellow":
-            return StopsAtYellow(agent=agent)
-        case "blocks_junction":
-            return BlocksJunction(agent=agent)
-        case "drives_wrong_way":
-            return DrivesWrongWay(agent=agent)
-        case "turns_back":
-            return TurnsBack(agent=agent)
-        case "passes_yellow":
-            return RunsYellow(agent=agent)
+    if motion in _MOTIONS:
+        return _MOTIONS[motion](agent=agent)
     low, high = _RUNNING
     return SpeedBetween(agent=agent, low=low, high=high)
+
+
+_MOTIONS: dict[str, Callable[..., Clause]] = {
+    "stops_midway": Pauses, "stops_at_yellow": StopsAtYellow, "blocks_junction": BlocksJunction,
+    "drives_wrong_way": DrivesWrongWay, "turns_back": TurnsBack, "passes_yellow": RunsYellow,
+}  # fmt: skip
 
 
 def _change(clause: Clause, **values: Any) -> Clause:
@@ -150,7 +145,12 @@ def _add_measure(measure: Measure, clauses: list[Clause]) -> list[Clause]:
     agents = {"agent": measure.agent}
     if measure.other is not None:
         agents = {"first": measure.agent, "second": measure.other}
-    written = [each for each in clauses if _is_about(each, name, agents)]
+    written = [  # of that name, and about these agents in either order
+        each
+        for each in clauses
+        if each.clause == name
+        and {getattr(each, key, None) for key in agents} == set(agents.values())
+    ]
     kept = [each for each in clauses if each not in written]
     if name == "brakes_for" and not written:
         # Without hard braking, the figure is looked at on what comes about.
@@ -164,12 +164,6 @@ def _add_measure(measure: Measure, clauses: list[Clause]) -> list[Clause]:
 
 _BESIDE = {"headway": "time_headway", "speed": "kept_speed"}
 """Clauses on the finished motion, beside those that candidates are chosen by."""
-
-
-def _is_about(clause: Clause, name: str, agents: Mapping[str, str]) -> bool:
-    """Whether it is a clause of that name about these agents, in either order."""
-    held = {getattr(clause, key, None) for key in agents}
-    return clause.clause == name and held == set(agents.values())
 
 
 def _build_figure(name: str, agents: Mapping[str, str], measure: Measure) -> Clause:

@@ -23,7 +23,6 @@ from scenewright.tools.relation_checker.reactions import (
     NEAR,
     Perception,
     Sights,
-    find_first_lasting,
 )
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
@@ -58,7 +57,12 @@ def find_avoidability(
             needed = after = None
             if begin is not None:
                 needed, after = _compute_needed_braking(tracks[number], tracks[by], event, begin)
-                why_not = _say_why_not(needed, after, HARDEST[tracks[number].type])
+                if needed is None:
+                    why_not = "braking does not help"
+                elif after is None:
+                    why_not = "no time"
+                elif after > HARDEST[tracks[number].type]:
+                    why_not = f"braking at {after:.1f} m/s² needed"
             if number in pushed and event.from_ == number:
                 why_not = "is pushed into it"
             row = {
@@ -77,24 +81,10 @@ def _find_begin(view: Perception, time: float) -> tuple[float | None, str | None
     by a hair, when the other is in sight in the last 3 s.
     """
     threat = view.near if view.near.any() else view.times >= time - NEAR - 1e-6
-    begin = find_first_lasting(threat & view.seen & view.ahead)
+    begin, why_not = view.find_begin(threat)
     if begin is not None:
         return round(float(view.times[begin]), 3), None
-    if not threat.any():
-        return None, "not there"
-    if find_first_lasting(threat & view.seen) is not None:
-        return None, "comes from behind"
-    hidden = find_first_lasting(threat) is not None
-    return None, "no line of sight" if hidden else "too late"
-
-
-def _say_why_not(needed: float | None, after: float | None, hardest: float) -> str | None:
-    """Why braking after the reaction does not help; None where it does."""
-    if needed is None:
-        return "braking does not help"
-    if after is None:
-        return "no time"
-    return f"braking at {after:.1f} m/s² needed" if after > hardest else None
+    return None, why_not if threat.any() else "not there"
 
 
 def _compute_needed_braking(
@@ -107,12 +97,14 @@ def _compute_needed_braking(
     until = event.time if contact else np.inf
     lag = 0.0 if contact or event.evidence.get("pet", np.inf) > NEAR_MISS_PET else NEAR_MISS_PET
     times = np.arange(max(begin - lag, other.start), event.time + AFTER, RESOLUTION)
-    course = _continue_other(other, until, times)
+    known, xy, heading = _cut(other, until)
+    last_speed = float(np.hypot(*estimate_velocity_before(other, time=float(known[-1]))))
+    course = _go_straight_on(known, xy, heading, times, speed=last_speed)
     ahead = np.arange(0.0, speed * (event.time + AFTER + lag - begin) + 1.0, SPACING)
-    room = _find_room(
-        *_follow_path(agent, until, float(agent.s[k]) + ahead), agent.box,
-        *course, other.box,
-    )  # fmt: skip
+    _, xy, heading = _cut(agent, until)
+    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))
+    path = _go_straight_on(way, xy, heading, float(agent.s[k]) + ahead)
+    room = _find_room(*path, agent.box, *course, other.box)
     due = times + lag - begin
     return tuple(_find_least_braking(speed, room, due, delay) for delay in (0.0, REACTION))  # type: ignore[return-value]
 
@@ -130,26 +122,14 @@ def _cut(track: Trajectory, until: float) -> tuple[FloatArray, FloatArray, Float
     )
 
 
-def _continue_other(
-    other: Trajectory, until: float, times: FloatArray
+def _go_straight_on(
+    known: FloatArray, xy: FloatArray, heading: FloatArray, at: FloatArray, *, speed: float = 1.0
 ) -> tuple[FloatArray, FloatArray]:
-    """[T, 2] positions [m] and [T] headings [rad] of the other, going on at its last speed."""
-    known, xy, heading = _cut(other, until)
-    speed = float(np.hypot(*estimate_velocity_before(other, time=float(known[-1]))))
+    """[T, 2] positions [m] and [T] headings [rad] at times or arc lengths, past the last known."""
     ahead = np.array((np.cos(heading[-1]), np.sin(heading[-1])))
-    beyond = speed * np.maximum(times - known[-1], 0.0)[:, None] * ahead
-    there = np.stack([np.interp(times, known, xy[:, axis]) for axis in (0, 1)], axis=1)
-    return there + beyond, np.interp(times, known, heading)
-
-
-def _follow_path(agent: Trajectory, until: float, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """[S, 2] positions [m] and [S] headings [rad] along an agent's way, straight on beyond it."""
-    _, xy, heading = _cut(agent, until)
-    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))
-    ahead = np.array((np.cos(heading[-1]), np.sin(heading[-1])))
-    beyond = np.maximum(s - way[-1], 0.0)[:, None] * ahead
-    there = np.stack([np.interp(s, way, xy[:, axis]) for axis in (0, 1)], axis=1)
-    return there + beyond, np.interp(s, way, heading)
+    beyond = speed * np.maximum(at - known[-1], 0.0)[:, None] * ahead
+    there = np.stack([np.interp(at, known, xy[:, axis]) for axis in (0, 1)], axis=1)
+    return there + beyond, np.interp(at, known, heading)
 
 
 def _find_least_braking(

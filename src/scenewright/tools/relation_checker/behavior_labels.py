@@ -15,7 +15,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import AgentRecord, SceneRecord, SegmentRecord
+from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.obstacles import HITTING
 from scenewright.tools.relation_checker.planar import geos
@@ -144,22 +144,18 @@ def _check_segments(agent: AgentRecord, track: Trajectory, collided: bool) -> It
         yield f"its segments begin at {segments[0].start:.1f} s, its track at {track.start:.1f} s"
     if (segments[-1].status == "terminate") != collided:
         yield "a collision and a segment 'terminate' at the end come together or not at all"
-    for segment in segments:
-        yield from _check_segment(segment, track)
-
-
-def _check_segment(segment: SegmentRecord, track: Trajectory) -> Iterator[str]:
-    if segment.end < segment.start:
-        yield f"a segment ends at {segment.end:.1f} s before it begins at {segment.start:.1f} s"
-    first = int(track.times.searchsorted(segment.start - 1e-6))
-    speed = track.speed[first : track.times.searchsorted(segment.end + 1e-6, side="right")]
-    if segment.status in ("keep", "proceed"):
-        stood = 0.1 * _count_longest_stand(speed)
-        if stood > LONGEST_STAND:
-            yield f"it stands for {stood:.1f} s of the segment {segment.status}"
     slow = STROLLING if track.type == "pedestrian" else ROLLING
-    if segment.status == "stop" and len(speed) > 10 and speed.min() > slow:
-        yield f"it never goes below {speed.min():.1f} m/s in a segment 'stop'"
+    for segment in segments:
+        if segment.end < segment.start:
+            yield f"a segment ends at {segment.end:.1f} s before it begins at {segment.start:.1f} s"
+        first = int(track.times.searchsorted(segment.start - 1e-6))
+        speed = track.speed[first : track.times.searchsorted(segment.end + 1e-6, side="right")]
+        if segment.status in ("keep", "proceed"):
+            stood = 0.1 * _count_longest_stand(speed)
+            if stood > LONGEST_STAND:
+                yield f"it stands for {stood:.1f} s of the segment {segment.status}"
+        if segment.status == "stop" and len(speed) > 10 and speed.min() > slow:
+            yield f"it never goes below {speed.min():.1f} m/s in a segment 'stop'"
 
 
 @compiled

@@ -52,14 +52,22 @@ def check_interference(
     Args:
         expected: positions in `seen.events` of the events that realise a relation.
     """
+    unasked = (
+        Finding(
+            rule=f"unasked_{e.type}", agents=(e.from_, e.to), time=e.time,
+            detail=f"{e.type} of {e.from_} and {e.to} at {e.time:.1f} s, "
+            "which no relation asks for",
+        )
+        for k, e in enumerate(observed.events)
+        if k not in expected and not is_incidental(e, roles)
+    )  # fmt: skip
     return (
-        *(_report_unasked(e) for k, e in enumerate(observed.events)
-          if k not in expected and not is_incidental(e, roles)),
+        *unasked,
         *find_contacts(observed),
         *_check_clearances(observed, roles),
         *_check_encroachments(observed, roles),
         *(f for lane in observed.lanes for f in _check_queueing(lane, observed.tracks, roles)),
-    )  # fmt: skip
+    )
 
 
 def is_incidental(event: Event, roles: AgentRoles) -> bool:
@@ -75,14 +83,6 @@ def is_incidental(event: Event, roles: AgentRoles) -> bool:
     if event.type == "yielding":
         return float(event.evidence.get("pet", np.inf)) > BACKGROUND_PET
     return event.type == "near_miss" and float(event.evidence.get("pet", 0.0)) > BACKGROUND_PET
-
-
-def _report_unasked(event: Event) -> Finding:
-    return Finding(
-        rule=f"unasked_{event.type}", agents=(event.from_, event.to), time=event.time,
-        detail=f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s, "
-        "which no relation asks for",
-    )  # fmt: skip
 
 
 def find_contacts(observed: SceneObservation) -> Iterator[Finding]:
@@ -189,19 +189,16 @@ def check_wrecks(
         for n in (event.from_, event.to):
             if n in pushed and event == find_strike(n, observed.events):
                 continue
-            if tracks[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
-                found.append(_report_driving_on(tracks[n], event))
-            found += check_wreck_clearance(tracks[n], observed.grid, {event.from_, event.to}, until)
+            track, after = tracks[n], tracks[n].end - event.time
+            if track.end > event.time + WRECK_ENDS_WITHIN + 1e-6:
+                found.append(Finding(
+                    rule="wreck_drives_on", agents=(n,), time=event.time,
+                    measured=round(after, 3), limit=WRECK_ENDS_WITHIN,
+                    detail=f"{track.type} {n} goes on for {after:.1f} s after its "
+                    f"collision at {event.time:.1f} s; at most {WRECK_ENDS_WITHIN} s",
+                ))  # fmt: skip
+            found += check_wreck_clearance(track, observed.grid, {event.from_, event.to}, until)
     return tuple(found)
-
-
-def _report_driving_on(track: Trajectory, event: Event) -> Finding:
-    return Finding(
-        rule="wreck_drives_on", agents=(track.id,), time=event.time,
-        measured=round(track.end - event.time, 3), limit=WRECK_ENDS_WITHIN,
-        detail=f"{track.type} {track.id} goes on for {track.end - event.time:.1f} s after its "
-        f"collision at {event.time:.1f} s; at most {WRECK_ENDS_WITHIN} s",
-    )  # fmt: skip
 
 
 def check_wreck_clearance(

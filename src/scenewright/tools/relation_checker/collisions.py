@@ -61,7 +61,7 @@ def measure_impact(first: Trajectory, second: Trajectory, *, time: float) -> Imp
         place=place,
         speeds=(float(np.hypot(*one)), float(np.hypot(*two))),
         relative_speed=float(np.hypot(*(one - two))),
-        sides=(_find_contact_side(first, *where[0]), _find_contact_side(second, *where[1])),
+        sides=(_find_contact_side(first, where[0][0]), _find_contact_side(second, where[1][0])),
         points=(_find_impact_point(first, *where[0]), _find_impact_point(second, *where[1])),
         angle=float(compute_angle_between(poses[0][1], poses[1][1])[0]),
     )
@@ -74,7 +74,7 @@ def _locate(place: tuple[float, float], xy: FloatArray, heading: FloatArray) -> 
     return east * cos + north * sin, north * cos - east * sin
 
 
-def _find_contact_side(track: Trajectory, along: float, _across: float) -> Side | None:
+def _find_contact_side(track: Trajectory, along: float) -> Side | None:
     """The side of a vehicle at which a point of contact lies; None for a pedestrian.
 
     Front and rear are the outer 0.3 m of the length, corners included; the rest is side.
@@ -132,7 +132,8 @@ def classify_collision(
     the turn to the right leads across the others' path, and that is what the kind means.
     """
     if not (first.is_vehicle and second.is_vehicle):
-        return _classify_pedestrian_strike(first, second, hit)
+        driven = [s for m, s in zip((first, second), hit.speeds, strict=True) if m.is_vehicle]
+        return "pedestrian_strike" if driven and driven[0] >= STRIKE_SPEED else None
     if hit.angle <= np.deg2rad(30.0):
         return "rear_end" if set(hit.sides) == {"front", "rear"} else "sideswipe"
     turned = max(measure_turn_across(m, time=time, left_hand=left_hand) for m in (first, second))
@@ -140,13 +141,6 @@ def classify_collision(
     if hit.angle >= np.deg2rad(135.0) and fronts:
         return "left_turn" if turned >= LEFT_TURN_HEAD_ON else "head_on"
     return "left_turn" if turned >= LEFT_TURN else "angle"
-
-
-def _classify_pedestrian_strike(
-    first: Trajectory, second: Trajectory, hit: Impact
-) -> CollisionKind | None:
-    vehicle = [s for m, s in zip((first, second), hit.speeds, strict=True) if m.is_vehicle]
-    return "pedestrian_strike" if vehicle and vehicle[0] >= STRIKE_SPEED else None
 
 
 def measure_turn_across(track: Trajectory, *, time: float, left_hand: bool = False) -> float:

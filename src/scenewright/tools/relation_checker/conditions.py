@@ -8,9 +8,9 @@ import numpy as np
 
 from scenewright.scene.base import Point
 from scenewright.scene.events import Event, EventZone
-from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import RelationRecord
-from scenewright.tools.relation_checker.conflict_zones import SHARED, find_conflict_zones
+from scenewright.tools.relation_checker.conflict_zones import SHARED, find_nearest_zone
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
@@ -38,12 +38,13 @@ def find_unmet_condition(
     intersection_map: IntersectionMap | None,
 ) -> str | None:
     """Why an event of the right type and roles is not what the relation's file demands."""
+    other_strikes = relation.strikes not in (None, event.from_)
     return (
         _check_bounds(relation, event)
         or _check_order(relation, event, observed)
-        or _check_striker(relation, event)
+        or (f"{event.from_} strikes, {relation.strikes} was to" if other_strikes else None)
         or find_missing_manoeuvre(relation, event, observed)
-        or (_check_zone(relation, event, observed, intersection_map))
+        or _check_zone(relation, event, observed, intersection_map)
     )
 
 
@@ -70,13 +71,6 @@ def _check_order(relation: RelationRecord, event: Event, observed: SceneObservat
     return f"{order.first} passes first, {relation.first} was to"
 
 
-def _check_striker(relation: RelationRecord, event: Event) -> str | None:
-    """Why another agent than the one asked for strikes."""
-    if relation.strikes in (None, event.from_):
-        return None
-    return f"{event.from_} strikes, {relation.strikes} was to"
-
-
 def _check_zone(
     relation: RelationRecord,
     event: Event,
@@ -84,20 +78,18 @@ def _check_zone(
     intersection_map: IntersectionMap | None,
 ) -> str | None:
     zone = relation.zone
-    if zone is None or (zone != "lane" and intersection_map is None):
-        return None
     tracks = {track.id: track for track in observed.tracks}
-    pair = tracks[event.from_], tracks[event.to]
-    inside = _run_in_one_direction(*pair, time=event.time) if zone == "lane" else False
-    if intersection_map is not None and zone != "lane":
-        inside = is_in_zone(
-            _find_meeting_place(event, *pair), zone, intersection_map, on_foot=_walks(*pair)
-        )
+    first, second = tracks[event.from_], tracks[event.to]
+    if zone == "lane":
+        time = np.array([event.time])
+        inside = bool(compute_angle_between(first.at(time)[1], second.at(time)[1])[0] <= SHARED)
+    elif zone is None or intersection_map is None:
+        return None
+    else:
+        place = _find_meeting_place(event, first, second)
+        on_foot = not (first.is_vehicle and second.is_vehicle)
+        inside = is_in_zone(place, zone, intersection_map, on_foot=on_foot)
     return None if inside else f"not in the zone demanded ({zone})"
-
-
-def _walks(first: Trajectory, second: Trajectory) -> bool:
-    return not (first.is_vehicle and second.is_vehicle)
 
 
 def is_in_zone(
@@ -113,24 +105,14 @@ def is_in_zone(
         case "sidewalk":
             return not marked and bool(ground.walkable.contains(np.array([place]))[0])
         case "conflict":
-            return on_road and not any(_covers(lane, point) for lane in intersection_map.lanelets)
+            # The lanes of the legs lie outside the junction.
+            legs = (each for each in intersection_map.lanelets if each.kind != "connector")
+            areas = (geos.Polygon([*each.left, *reversed(each.right)]) for each in legs)
+            return on_road and not any(area.intersects(point) for area in areas)
         case "roadway":
             return on_road and not (on_foot and marked)
         case "lane":
             return on_road
-
-
-def _covers(lane: Lanelet, point: geos.Point) -> bool:
-    """Whether a lane of a leg, thus outside the junction, covers the point."""
-    if lane.kind == "connector":
-        return False
-    return bool(geos.Polygon([*lane.left, *reversed(lane.right)]).intersects(point))
-
-
-def _run_in_one_direction(first: Trajectory, second: Trajectory, *, time: float) -> bool:
-    at = np.array([time])
-    headings = first.at(at)[1], second.at(at)[1]
-    return bool(compute_angle_between(*headings)[0] <= SHARED)
 
 
 def _find_meeting_place(event: Event, first: Trajectory, second: Trajectory) -> Point:
@@ -141,9 +123,7 @@ def _find_meeting_place(event: Event, first: Trajectory, second: Trajectory) -> 
         first = extend_straight(
             first, distance=_BEYOND[first.type], speed=2.0 if first.is_vehicle else 1.0
         )
-    here = geos.Point(event.location)
-    zones = [zone.polygon for zone in find_conflict_zones(first, second)]
-    if not zones:
+    zone = find_nearest_zone(first, second, event.location)
+    if zone is None:
         return event.location
-    middle = min(zones, key=lambda area: float(area.distance(here))).centroid
-    return float(middle.x), float(middle.y)
+    return float(zone.polygon.centroid.x), float(zone.polygon.centroid.y)

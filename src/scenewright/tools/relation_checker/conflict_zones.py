@@ -33,23 +33,24 @@ MERGE_LENGTH = 5.0
 def get_swept_path(track: Trajectory) -> Area:
     """The path widened by half the agent's width [m], ending where the centre does."""
     known = _swept.get(track)
-    if known is None:
-        known = _swept[track] = _sweep(track)
-    return known
+    if known is not None:
+        return known
+    path = track.path
+    if len(path.s) >= 2:
+        line = geos.LineString(path.xy).simplify(0.01, preserve_topology=False)
+        area = line.buffer(track.width / 2, cap_style="flat")
+    else:
+        xy, heading = track.at(np.array([track.start]))
+        if track.is_vehicle:
+            corners = compute_corners(xy, heading, length=track.length, width=track.width)
+            area = geos.Polygon(corners[0])
+        else:
+            area = geos.buffer(geos.Point(xy[0]), track.radius)
+    _swept[track] = area
+    return area
 
 
 _swept: WeakKeyDictionary[Trajectory, Area] = WeakKeyDictionary()
-
-
-def _sweep(track: Trajectory) -> Area:
-    path = track.path
-    if len(path.s) < 2:
-        return build_footprint_polygons(track, np.array([track.start]))[0]
-    return (
-        geos.LineString(path.xy)
-        .simplify(0.01, preserve_topology=False)
-        .buffer(track.width / 2, cap_style="flat")
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,17 +112,6 @@ def _drop_shared_lane(
     piece = geos.ops.substring(line, start, start + MERGE_LENGTH)
     begin = piece.buffer(track.width / 2 + 0.5, cap_style="flat").intersection(part)
     return PathConflictZone(begin, True)
-
-
-def build_footprint_polygons(
-    track: Trajectory, times: FloatArray
-) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-    """Footprints at times [s] as polygons."""
-    xy, heading = track.at(times)
-    if not track.is_vehicle:
-        return np.asarray(geos.buffer(geos.points(xy), track.radius))
-    box = compute_corners(xy, heading, length=track.length, width=track.width)
-    return np.asarray(geos.polygons(box))
 
 
 @dataclass(frozen=True)

@@ -101,11 +101,9 @@ def find_contact_point(
     """Middle of the contact [m]; of the shortest line between the footprints if they are apart."""
     one, two = _build_outline(first, time), _build_outline(second, time)
     if one.distance(two) > 0.05:
-        line = geos.shortest_line(one, two)
-        middle = line.interpolate(0.5, normalized=True)
-        return float(middle.x), float(middle.y)
-    overlap = one.buffer(0.05, quad_segs=2).intersection(two.buffer(0.05, quad_segs=2))
-    middle = overlap.centroid
+        middle = geos.shortest_line(one, two).interpolate(0.5, normalized=True)
+    else:
+        middle = one.buffer(0.05, quad_segs=2).intersection(two.buffer(0.05, quad_segs=2)).centroid
     return float(middle.x), float(middle.y)
 
 
@@ -205,7 +203,8 @@ class PairGrid:
     def find_rows(self, pairs: Collection[tuple[int, int]]) -> BoolArray:
         """[M] whether the pair of a row is one of these pairs of positions, in either order."""
         rows = np.sort(np.array([*pairs], dtype=np.intp).reshape(-1, 2))
-        return np.isin(self._number(self.pairs), self._number(rows))
+        weights = np.array((len(self.tracks), 1))
+        return np.isin(self.pairs @ weights, rows @ weights)
 
     def list_near(self, place: FloatArray, time: float, *, within: float) -> list[Trajectory]:
         """Movers that are present about a time [s] no further than this from a place [m]."""
@@ -214,9 +213,6 @@ class PairGrid:
         sample = self.origin[there] + np.minimum(np.maximum(k[there], 0), last[there])
         away = self.xy[sample] - place
         return [self.tracks[n] for n in there[np.hypot(*away.T) <= within].tolist()]
-
-    def _number(self, pairs: IntArray) -> IntArray:
-        return np.asarray(pairs[:, 0] * len(self.tracks) + pairs[:, 1])
 
 
 def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) -> PairGrid:

@@ -124,7 +124,12 @@ def find_encounters(
     """
     if len(tracks) < 2:
         return ()
-    occupancies = _tabulate_occupancies(tracks)
+    xy, heading, origin = concatenate_samples(tracks)
+    times, s = (
+        np.concatenate(each) for each in zip(*((m.times, m.s) for m in tracks), strict=True)
+    )
+    sizes = np.array([(*m.box, m.reach) for m in tracks])
+    occupancies = _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
     among = np.stack(np.triu_indices(len(tracks), 1), axis=1) if among is None else among
     first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
     alike = np.array([m.is_vehicle for m in tracks])
@@ -134,14 +139,6 @@ def find_encounters(
     _drop_shared_lanes(occupancies, tracks, pairs, first, second)
     found = _resolve_encounters(occupancies, pairs)
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
-
-
-def _tabulate_occupancies(tracks: tuple[Trajectory, ...]) -> _Occupancies:
-    xy, heading, origin = concatenate_samples(tracks)
-    times = np.concatenate([m.times for m in tracks])
-    s = np.concatenate([m.s for m in tracks])
-    sizes = np.array([(*m.box, m.reach) for m in tracks])
-    return _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
 
 
 def _find_overlapping_boxes(

@@ -175,22 +175,16 @@ def observe(
         grid, near, encounters, intersection_map, lights, frozenset(asked), until, timely
     )
     wanted = {m.id for m in grid.tracks} if detailed is None else set(detailed)
-    events = [*search.events(wanted), *_build_follow_events(grid.tracks, lanes)]
+    events = search.events(wanted)
+    for f in find_followings(lanes):
+        follower = grid.tracks[f.follower]
+        events.append(_build_event(
+            "follow", (follower, grid.tracks[f.leader]), time=f.start,
+            place=tuple(follower.xy[follower.index(f.start)]),
+            evidence={"until": f.end, "least_gap": f.least_gap, "least_headway": f.least_headway},
+        ))  # fmt: skip
     events.sort(key=lambda e: (e.time, e.from_, e.to))
     return SceneObservation(grid, near, encounters, lanes, lights, tuple(events))
-
-
-def _build_follow_events(
-    tracks: tuple[Trajectory, ...], lanes: tuple[LaneGaps, ...]
-) -> list[Event]:
-    return [
-        _build_event(
-            "follow", (tracks[f.follower], tracks[f.leader]), time=f.start,
-            place=tuple(tracks[f.follower].xy[tracks[f.follower].index(f.start)]),
-            evidence={"until": f.end, "least_gap": f.least_gap, "least_headway": f.least_headway},
-        )
-        for f in find_followings(lanes)
-    ]  # fmt: skip
 
 
 def _build_event(
@@ -237,11 +231,13 @@ class _EventSearch:
         braked = self._find_braked_pairs()
         for row in self._list_rows(braked):
             i, j = self.grid.pairs[row].tolist()
-            pair = self.grid.tracks[i], self.grid.tracks[j]
+            first, second = self.tracks[i], self.tracks[j]
+            ids = first.id, second.id
             if row in self.near.contacts:
-                found += self._find_collision(row, *pair)
-            elif pair[0].is_vehicle or pair[1].is_vehicle or self._is_asked(pair):
-                full = pair[0].id in detailed or pair[1].id in detailed
+                found += self._find_collision(row, first, second)
+            # Unasked, people on foot may pass closely.
+            elif first.is_vehicle or second.is_vehicle or {ids, ids[::-1]} & self.asked:
+                full = not detailed.isdisjoint(ids)
                 found += self._find_encounter_events(row, (i, j), braked.get(row, ()), full)
         return found
 
@@ -257,17 +253,11 @@ class _EventSearch:
         wanted[[*self.near.contacts, *braked]] = True
         return np.flatnonzero(wanted).tolist()
 
-    def _is_asked(self, pair: tuple[Trajectory, Trajectory]) -> bool:
-        """Whether a relation binds the two; unasked, people on foot may pass closely."""
-        first, second = (track.id for track in pair)
-        return (first, second) in self.asked or (second, first) in self.asked
-
     def _find_collision(self, row: int, first: Trajectory, second: Trajectory) -> list[Event]:
         contact = self.near.contacts[row]
         if contact.initial:
             return []
         hit = measure_impact(first, second, time=contact.time)
-        left_hand = self.intersection_map is not None and self.intersection_map.left_hand_traffic
         if hit.relative_speed < IMPACT_SPEED:
             return []
         k = find_striker(first, second, hit)
@@ -284,7 +274,9 @@ class _EventSearch:
         return [
             _build_event(
                 "collision", order, time=contact.time, place=hit.place, evidence=evidence,
-                kind=classify_collision(first, second, hit, time=contact.time, left_hand=left_hand),
+                kind=classify_collision(
+                    first, second, hit, time=contact.time, left_hand=self._left_hand
+                ),
                 cause=cause[0] if cause else None,
             )
         ]  # fmt: skip
@@ -293,42 +285,36 @@ class _EventSearch:
         self, row: int, pair: Pair, braked: Sequence[float], full: bool
     ) -> list[Event]:
         """Yields and near misses of a pair that never touches, one per encounter."""
+        first, second = (self.tracks[k] for k in pair)
         found: list[Event] = []
         covered: list[tuple[float, float]] = []
         for encounter in self.by_pair.get(pair, ()):
             yielded = self._find_yield(row, encounter)
             if yielded is not None:
                 covered.append((yielded.begin, yielded.cleared))
-            event = self._classify_encounter(pair, encounter, yielded, full)
-            found += [event] if event is not None else []
+            harsh = yielded is not None and (
+                encounter.pet < YIELD_PET or yielded.braking > YIELD_BRAKING
+            )
+            times = encounter.first_time, encounter.second_time
+            if yielded is not None and not harsh:
+                order = (first, second) if times[0] > times[1] else (second, first)
+                found.append(self._build_yield_event(order, yielded, full, encounter.pet))
+            elif harsh or encounter.pet <= NEAR_MISS_PET:
+                found += self._find_near_miss(pair, encounter.pet, full, around=times)
         if not found:
             found += self._find_unfinished_yield(row, pair, full)
         close_calls = [t for t in braked if not any(a <= t <= b for a, b in covered)]
         if close_calls and not any(e.type == "near_miss" for e in found):
             found += self._find_near_miss(pair, None, full, around=close_calls)
-        return found or self._find_close_overtaking(pair, full)
+        if not found:
+            passed = find_close_overtaking(first, second, left_hand=self._left_hand)
+            if passed is not None:
+                found += self._find_near_miss(pair, None, full, around=passed[:1])
+        return found
 
-    def _find_close_overtaking(self, pair: Pair, full: bool) -> list[Event]:
-        first, second = (self.grid.tracks[k] for k in pair)
-        left_hand = self.intersection_map is not None and self.intersection_map.left_hand_traffic
-        passed = find_close_overtaking(first, second, left_hand=left_hand)
-        return [] if passed is None else self._find_near_miss(pair, None, full, around=[passed[0]])
-
-    def _classify_encounter(
-        self, pair: Pair, encounter: Encounter, yielded: YieldEvent | None, full: bool
-    ) -> Event | None:
-        harsh = yielded is not None and (
-            encounter.pet < YIELD_PET or yielded.braking > YIELD_BRAKING
-        )
-        if yielded is not None and not harsh:
-            first, second = (self.tracks[k] for k in pair)
-            late = encounter.first_time > encounter.second_time
-            order = (first, second) if late else (second, first)
-            return self._build_yield_event(order, yielded, full, encounter.pet)
-        if harsh or encounter.pet <= NEAR_MISS_PET:
-            moments = [encounter.first_time, encounter.second_time]
-            return next(iter(self._find_near_miss(pair, encounter.pet, full, around=moments)), None)
-        return None
+    @property
+    def _left_hand(self) -> bool:
+        return self.intersection_map is not None and self.intersection_map.left_hand_traffic
 
     def _find_yield(self, row: int, encounter: Encounter) -> YieldEvent | None:
         if encounter.pet > MAX_PET or self.near.least[row] < YIELD_CLEARANCE:
@@ -417,12 +403,22 @@ class _EventSearch:
 
     @cached_property
     def _crossed(self) -> BoolArray:
-        """[M, 2] whether a pair's second crosses the way of its cut-off first, and the reverse."""
-        return _find_crossers_ahead(self.grid, self._cut_off)
+        """[M, 2] whether a pair's second crosses the way straight ahead of where its first was cut
+        off, and the reverse.
+
+        Cheap and necessary for a yield. And late enough: an agent standing at the end has not done
+        so for more than 4 s since.
+        """
+        table = np.array([
+            (*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type],
+             m.end - (RESUME_WITHIN + 1.0 if m.speed[-1] <= LIMITS[m.type].resumed else MAX_PET),
+             cut, m.is_vehicle, m.half_width + m.radius, m.half_length, *m.bounds)
+            for m, cut in zip(self.tracks, self._cut_off, strict=True)
+        ]).reshape(-1, 13)  # fmt: skip
+        return _search_crossers_ahead(self.grid.table, table)
 
     def _find_unfinished_yield(self, row: int, pair: Pair, full: bool) -> list[Event]:
         """A yield whose giver still waits when the scene, or a collision, ends its track."""
-        found: list[Event] = []
         for side, (i, j) in enumerate((pair, pair[::-1])):
             giver, other = self.grid.tracks[i], self.grid.tracks[j]
             asked = (giver.id, other.id) in self.asked
@@ -439,9 +435,8 @@ class _EventSearch:
             for zone in find_conflict_zones(further, other):
                 yielded = self._find_yield_at(zone, further, other, real_end=giver.end)
                 if yielded is not None and yielded.braking <= YIELD_BRAKING:
-                    found.append(self._build_yield_event((giver, other), yielded, full))
-                    break
-        return found[:1]
+                    return [self._build_yield_event((giver, other), yielded, full)]
+        return []
 
     def _build_yield_event(
         self,
@@ -542,22 +537,6 @@ def _slows(giver: Trajectory, *, until: float) -> bool:
     speed = giver.speed[: giver.index(until) + 1]
     peak = np.maximum.accumulate(speed)
     return bool(((peak >= LIMITS[giver.type].moving) & (speed <= 0.6 * peak)).any())
-
-
-def _find_crossers_ahead(grid: PairGrid, cut_off: Sequence[bool]) -> BoolArray:
-    """[M, 2] whether the second of a pair crosses the way straight ahead of the first's last place.
-
-    And the first that of the second; only of those that were cut off. Cheap and necessary for a
-    yield. And late enough: an agent standing at the end has not done so for more than 4 s since.
-    """
-    still = [RESUME_WITHIN + 1.0 if m.speed[-1] <= LIMITS[m.type].resumed else MAX_PET
-             for m in grid.tracks]  # fmt: skip
-    table = np.array([
-        (*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type], m.end - since, cut,
-         m.is_vehicle, m.half_width + m.radius, m.half_length, *m.bounds)
-        for m, since, cut in zip(grid.tracks, still, cut_off, strict=True)
-    ]).reshape(-1, 13)  # fmt: skip
-    return _search_crossers_ahead(grid.table, table)
 
 
 @compiled

@@ -183,31 +183,22 @@ class _RecordingSearch:
 
 def _clip_tracks(users: Sequence[RoadUser], begin: float, end: float) -> tuple[RoadUser, ...]:
     """What of each track lies between two times [s]."""
-    parts = (_clip_track(user, begin, end) for user in users)
-    return tuple(part for part in parts if part is not None)
-
-
-def _clip_track(user: RoadUser, begin: float, end: float) -> RoadUser | None:
-    track = user.track
-    if track.end < begin or track.start > end:
-        return None
-    first = max(math.ceil((begin - track.start) / track.step), 0)
-    first -= first % _find_period(track.step)
-    last = min(math.floor((end - track.start) / track.step), len(track.xy) - 1)
-    if last < first:
-        return None
-    if (first, last) == (0, len(track.xy) - 1):
-        return user
-    part = Track(
-        track.xy[first : last + 1], track.heading[first : last + 1],
-        track.start + first * track.step, track.step,
-    )  # fmt: skip
-    return RoadUser(user.id, part, user.shape)
-
-
-def _find_period(step: float) -> int:
-    """Samples in a multiple of 0.2 s: cut there, following is sampled at the same times."""
-    for count in (1, 2, 3, 4, 5, 6, 8, 10, 12, 20, 30):
-        if abs(count * step / 0.2 - round(count * step / 0.2)) < 1e-6:
-            return count
-    return 1
+    found = []
+    for user in users:
+        track = user.track
+        if track.end < begin or track.start > end:
+            continue
+        # Cut at a multiple of 0.2 s, following is sampled at the same times.
+        spans = ((n, n * track.step / 0.2) for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 20, 30))
+        period = next((n for n, span in spans if abs(span - round(span)) < 1e-6), 1)
+        first = max(math.ceil((begin - track.start) / track.step), 0) // period * period
+        last = min(math.floor((end - track.start) / track.step), len(track.xy) - 1)
+        if (first, last) == (0, len(track.xy) - 1):
+            found.append(user)
+        elif first <= last:
+            part = Track(
+                track.xy[first : last + 1], track.heading[first : last + 1],
+                track.start + first * track.step, track.step,
+            )  # fmt: skip
+            found.append(RoadUser(user.id, part, user.shape))
+    return tuple(found)

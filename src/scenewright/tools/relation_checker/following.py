@@ -73,7 +73,14 @@ class Following:
 
 def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
     """Leaders and gaps of all movers that have another ahead at some time."""
-    followers, others = _list_possible_leaders(grid)
+    # Pairs of which the second is at some time ahead of the first, in order.
+    vehicle = np.array([m.is_vehicle for m in grid.tracks])
+    alike = vehicle[grid.pairs[:, 0]] == vehicle[grid.pairs[:, 1]]
+    pairs = grid.pairs[alike]
+    cos, sin = np.cos(grid.heading), np.sin(grid.heading)
+    ahead, behind = _find_possible_leaders(grid.table, alike, cos, sin)[alike].T
+    both = np.concatenate((pairs[ahead], pairs[behind][:, ::-1]))
+    followers, others = both[np.lexsort((both[:, 1], both[:, 0]))].T
     if len(followers) == 0:
         return ()
     least = np.full(len(grid.xy), np.inf)
@@ -82,23 +89,15 @@ def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
     size = np.cumsum(np.diff(grid.origin)[followers])
     for part in np.split(np.arange(len(size)), np.flatnonzero(np.diff(size // ROOM)) + 1):
         _measure_gaps(grid, followers[part], others[part], least, leader)
-    found = (_build_lane_gaps(grid, n, least, leader) for n in dict.fromkeys(followers.tolist()))
-    return tuple(lane for lane in found if lane is not None)
-
-
-def _list_possible_leaders(grid: PairGrid) -> tuple[IntArray, IntArray]:
-    """Pairs of movers, in order, of which the second is at some time ahead of the first.
-
-    Generous: within 60 m, and heading roughly the same way.
-    """
-    vehicle = np.array([m.is_vehicle for m in grid.tracks])
-    alike = vehicle[grid.pairs[:, 0]] == vehicle[grid.pairs[:, 1]]
-    pairs = grid.pairs[alike]
-    cos, sin = np.cos(grid.heading), np.sin(grid.heading)
-    ahead, behind = _find_possible_leaders(grid.table, alike, cos, sin)[alike].T
-    both = np.concatenate((pairs[ahead], pairs[behind][:, ::-1]))
-    order = np.lexsort((both[:, 1], both[:, 0]))
-    return both[order, 0], both[order, 1]
+    found = []
+    for n in dict.fromkeys(followers.tolist()):
+        track, own = grid.tracks[n], slice(grid.origin[n], grid.origin[n + 1], STRIDE)
+        if (leader[own] >= 0).any():
+            lane = LaneGaps(
+                n, track.times[::STRIDE], leader[own], least[own], track.speed[::STRIDE]
+            )
+            found.append(lane)
+    return tuple(found)
 
 
 def _measure_gaps(
@@ -119,16 +118,6 @@ def _measure_gaps(
     inside = (foot.lateral < beside) & (gap > -nose[n]) & (foot.s > driven)
     inside &= compute_angle_between(grid.heading[theirs], foot.direction) <= np.deg2rad(30.0)
     _keep_least(mine[inside], k[inside], gap[inside], least, leader)
-
-
-def _build_lane_gaps(
-    grid: PairGrid, n: int, least: FloatArray, leader: IntArray
-) -> LaneGaps | None:
-    """What was noted of mover n; None if none of the others is ever ahead of it."""
-    track, own = grid.tracks[n], slice(grid.origin[n], grid.origin[n + 1], STRIDE)
-    if (leader[own] < 0).all():
-        return None
-    return LaneGaps(n, track.times[::STRIDE], leader[own], least[own], track.speed[::STRIDE])
 
 
 @compiled
@@ -203,18 +192,13 @@ def find_followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:
         )
         tag = np.where(fine, lane.leader, -1)
         runs = np.split(np.arange(len(tag)), np.flatnonzero(np.diff(tag)) + 1)
-        found += [
-            _build_following(lane, run)
-            for run in runs
-            if tag[run[0]] >= 0 and (len(run) - 1) * STRIDE * STEP >= MIN_DURATION - 1e-6
-        ]
+        for run in runs:
+            if tag[run[0]] < 0 or (len(run) - 1) * STRIDE * STEP < MIN_DURATION - 1e-6:
+                continue
+            headways = lane.headway[run[moving[run]]]
+            found.append(Following(
+                lane.follower, int(lane.leader[run[0]]),
+                float(lane.times[run[0]]), float(lane.times[run[-1]]), float(lane.gap[run].min()),
+                float(headways.min()) if len(headways) else None,
+            ))  # fmt: skip
     return tuple(found)
-
-
-def _build_following(lane: LaneGaps, run: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Following:
-    moving = run[lane.speed[run] > CREEP]
-    return Following(
-        lane.follower, int(lane.leader[run[0]]),
-        float(lane.times[run[0]]), float(lane.times[run[-1]]), float(lane.gap[run].min()),
-        float(lane.headway[moving].min()) if len(moving) else None,
-    )  # fmt: skip

@@ -46,7 +46,8 @@ def find_false_labels(
         lit: whether the lights were looked at; if not, a red light run cannot be borne out.
     """
     if not scene.events and not events:
-        return (_report_no_rows(),)
+        detail = "events is empty; where nothing happens it has one row of the type normal"
+        return (Finding(rule="label_missing", agents=(), detail=detail),)
     asked: set[tuple[str, int, int]] = {
         (r.type, r.from_, r.to) for r in scene.relations if r.kind not in DIRECTED
     }
@@ -58,10 +59,22 @@ def find_false_labels(
         borne_out = (e for e in left if _matches_event(label, e, asked, lit=lit))
         event = next(borne_out, None)
         if event is None:
-            found.append(_report_contradicted(label))
+            found.append(Finding(
+                rule="label_contradicted",
+                agents=tuple(n for n in (label.from_, label.to) if n is not None),
+                time=label.time if label.time is not None and math.isfinite(label.time) else None,
+                detail=f"the label {label.type} of {label.from_} and {label.to} at {label.time} s "
+                "is not borne out by the tracks",
+            ))  # fmt: skip
         else:
             left.remove(event)
-    return (*found, *(_report_unlabelled(event) for event in left))
+    for event in left:
+        what = f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s"
+        found.append(Finding(
+            rule="label_missing", agents=(event.from_, event.to), time=event.time,
+            detail=f"no label names the {what}",
+        ))  # fmt: skip
+    return tuple(found)
 
 
 def _matches_event(
@@ -78,29 +91,6 @@ def _matches_event(
         return False
     late, off = abs(label.time - event.time), math.dist(label.location, event.location)
     return late <= LABEL_TIME and off <= LABEL_PLACE
-
-
-def _report_contradicted(label: EventRecord) -> Finding:
-    return Finding(
-        rule="label_contradicted",
-        agents=tuple(n for n in (label.from_, label.to) if n is not None),
-        time=label.time if label.time is not None and math.isfinite(label.time) else None,
-        detail=f"the label {label.type} of {label.from_} and {label.to} at {label.time} s "
-        "is not borne out by the tracks",
-    )  # fmt: skip
-
-
-def _report_no_rows() -> Finding:
-    detail = "events is empty; where nothing happens it has one row of the type normal"
-    return Finding(rule="label_missing", agents=(), detail=detail)
-
-
-def _report_unlabelled(event: Event) -> Finding:
-    return Finding(
-        rule="label_missing", agents=(event.from_, event.to), time=event.time,
-        detail=f"no label names the {event.type} of {event.from_} and {event.to} at "
-        f"{event.time:.1f} s",
-    )  # fmt: skip
 
 
 def find_false_journeys(
@@ -140,8 +130,11 @@ def _find_misstatements(
         ):
             if seen is not None and seen != label:
                 yield f"it {word} the {seen}, its label says {label}"
-    elif agent.motion != "turns_back" and _walks_back(agent, track):
-        yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
+    elif agent.motion != "turns_back":
+        way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
+        east, north = (track.xy[-1] - track.xy[0]).tolist()
+        if way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS:
+            yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
 
 
 def _find_route_class(agent: AgentRecord) -> AgentClass:
@@ -149,12 +142,6 @@ def _find_route_class(agent: AgentRecord) -> AgentClass:
     if agent.type not in ("cyclist", "scooter"):
         return agent.type
     return "vehicle" if agent.crosswalk is None else "pedestrian"
-
-
-def _walks_back(agent: AgentRecord, track: Trajectory) -> bool:
-    way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
-    east, north = (track.xy[-1] - track.xy[0]).tolist()
-    return way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS
 
 
 def _is_goal_near_exit(agent: AgentRecord, intersection_map: IntersectionMap) -> bool:

@@ -55,40 +55,32 @@ class LanePoints:
 
 def find_entry_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
     """The leg along which a track comes in; None if it begins where that is unclear."""
-    lane = _get_lane_points(intersection_map, "approach").find_leg(
-        track.xy[0], float(track.heading[0])
-    )
-    return lane or _find_entry_by_direction(track, intersection_map)
-
-
-def _find_entry_by_direction(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
-    inwards = {leg.name: leg.bearing + np.pi for leg in intersection_map.legs}
-    begin = float(track.heading[0])
-    off = {name: float(np.abs(_turn(begin - way))) for name, way in inwards.items()}
-    name = min(off, key=off.__getitem__, default=None)
-    if name is None or off[name] > ALONG:
-        return None
-    outward = float(track.xy[0] @ (-np.cos(inwards[name]), -np.sin(inwards[name])))
-    return name if outward > 0.0 else None
+    return _find_leg(track, intersection_map, "approach")
 
 
 def find_exit_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
     """The leg along which a track goes out; None if it ends before that is clear."""
-    lane = _get_lane_points(intersection_map, "exit").find_leg(
-        track.xy[-1], float(track.heading[-1])
-    )
-    return lane or _find_exit_by_direction(track, intersection_map)
+    return _find_leg(track, intersection_map, "exit")
 
 
-def _find_exit_by_direction(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
-    end = float(track.heading[-1])
-    off = {leg.name: float(np.abs(_turn(end - leg.bearing))) for leg in intersection_map.legs}
-    name = min(off, key=off.__getitem__, default=None)
-    if name is None or off[name] > ALONG:
+_Kind = Literal["approach", "exit"]
+
+
+def _find_leg(track: Trajectory, intersection_map: IntersectionMap, kind: _Kind) -> str | None:
+    """The leg of the lane at that end of a track; beside the lanes that with its direction."""
+    k, turn, sign, least = (0, np.pi, -1.0, 0.0) if kind == "approach" else (-1, 0.0, 1.0, WELL_OUT)
+    heading = float(track.heading[k])
+    name = _get_lane_points(intersection_map, kind).find_leg(track.xy[k], heading)
+    if name is not None:
+        return name
+    ways = {leg.name: leg.bearing + turn for leg in intersection_map.legs}
+    off = {leg: float(np.abs(_turn(heading - way))) for leg, way in ways.items()}
+    nearest = min(off, key=off.__getitem__, default=None)
+    if nearest is None or off[nearest] > ALONG:
         return None
-    way = next(leg.bearing for leg in intersection_map.legs if leg.name == name)
-    outward = float(track.xy[-1] @ (np.cos(way), np.sin(way)))
-    return name if outward > WELL_OUT else None
+    way = ways[nearest]
+    outward = float(track.xy[k] @ (sign * np.cos(way), sign * np.sin(way)))
+    return nearest if outward > least else None
 
 
 def find_relative_side(entry: str, *, seen_from: str) -> str:
@@ -125,7 +117,6 @@ def check_ties(
     return tuple(found)
 
 
-_Kind = Literal["approach", "exit"]
 _known: list[tuple[IntersectionMap, dict[_Kind, LanePoints]]] = []
 
 

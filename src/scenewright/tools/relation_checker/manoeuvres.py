@@ -56,7 +56,8 @@ def describe_manoeuvre(
         case "cuts_in":
             return _describe_cut_in(first, second, event, observed)
         case "changes_lane":
-            return _describe_lane_change(first, second, event)
+            changed = _measure_lane_change(first, second, event.time, 0.0)
+            return None if changed is None else f"agent {first.id} moves {changed:.1f} m over"
         case "pushed":
             return describe_push(first, event, observed.tracks, observed.events)
         case None:
@@ -94,11 +95,6 @@ def _describe_cut_in(
             if (after & (lane.leader == ids.index(first.id))).any():
                 return f"agent {first.id} moves {changed:.1f} m over, in ahead of agent {second.id}"
     return None
-
-
-def _describe_lane_change(first: Trajectory, second: Trajectory, event: Event) -> str | None:
-    changed = _measure_lane_change(first, second, event.time, 0.0)
-    return None if changed is None else f"agent {first.id} moves {changed:.1f} m over"
 
 
 def _measure_lane_change(

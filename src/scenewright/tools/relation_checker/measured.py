@@ -48,25 +48,29 @@ class MeasuredFigures:
     def list_unmet(self, measures: Sequence[MeasureRecord]) -> tuple[Finding, ...]:
         """A finding for every measure that the tracks do not show."""
         return tuple(
-            Finding(rule="measure_not_met", agents=_list_agents(each), detail=detail)
+            Finding(
+                rule="measure_not_met",
+                agents=(each.agent,) if each.other is None else (each.agent, each.other),
+                detail=detail,
+            )
             for each in measures
             if (detail := self._find_shortfall(each)) is not None
         )
 
     def _find_shortfall(self, measure: MeasureRecord) -> str | None:
         """Why a measure is not met; None if it is."""
-        slack = ROUNDING[UNITS[measure.kind].unit]
+        unit = UNITS[measure.kind].unit
+        slack = ROUNDING[unit]
         values = self.measure(measure)
         low, high = measure.low - slack, measure.high + slack
         if values and all(low <= value <= high for value in values):
             return None
-        unit = UNITS[measure.kind].unit
+        name = {"pet": "PET", "ttc": "TTC"}.get(measure.kind, measure.kind.replace("_", " "))
+        of = f"{measure.agent}" if measure.other is None else f"{measure.agent} and {measure.other}"
+        seen = " to ".join(f"{value:.2f}" for value in sorted(set(values)))
+        seen = f"{seen} {unit}" if seen else "none"
         asked = f"{measure.low:.4g} to {measure.high:.4g} {unit} asked for"
-        return f"{_describe(measure)}: {self._describe_measure(measure)} observed, {asked}"
-
-    def _describe_measure(self, measure: MeasureRecord) -> str:
-        values = " to ".join(f"{value:.2f}" for value in sorted(set(self.measure(measure))))
-        return f"{values} {UNITS[measure.kind].unit}" if values else "none"
+        return f"{name} of {of}: {seen} observed, {asked}"
 
     def measure(self, measure: MeasureRecord) -> tuple[float, ...]:
         """The values that must lie in the range; none where nothing of the kind is seen."""
@@ -201,17 +205,6 @@ def measure_impact_share(
         kind = "front_point_left" if float((after - before) @ left) < 0.0 else "front_point_right"
     share = from_left if kind == "front_point_left" else 1.0 - from_left
     return (100.0 * share,) if at_front else ()
-
-
-def _describe(measure: MeasureRecord) -> str:
-    names = {"pet": "PET", "ttc": "TTC"}
-    name = names.get(measure.kind, measure.kind.replace("_", " "))
-    of = f"{measure.agent}" if measure.other is None else f"{measure.agent} and {measure.other}"
-    return f"{name} of {of}"
-
-
-def _list_agents(measure: MeasureRecord) -> tuple[int, ...]:
-    return (measure.agent,) if measure.other is None else (measure.agent, measure.other)
 
 
 def _list_values(value: object) -> tuple[float, ...]:

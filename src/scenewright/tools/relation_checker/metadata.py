@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 
 from scenewright.scene.events import EVENT_OF_RELATION, Finding
 from scenewright.scene.map import IntersectionMap
@@ -25,31 +25,28 @@ def find_false_metadata(
     scene: SceneRecord, intersection_map: IntersectionMap | None
 ) -> tuple[Finding, ...]:
     """What contradicts the map, or another part of the same file."""
-    details = [*_check_place(scene, intersection_map), *_check_clock(scene), *_check_words(scene)]
-    found = [Finding(rule="metadata_contradicted", agents=(), detail=each) for each in details]
-    bound = _list_bound_agents(scene)
-    for agent in scene.agents:
-        found += [
-            Finding(rule="metadata_contradicted", agents=(agent.id,), detail=each)
-            for each in _check_agent(agent, bound)
-        ]
-    found += [
-        Finding(rule="metadata_contradicted", agents=(), detail=each)
-        for kept in scene.objects
-        for each in _check_object(kept)
-    ]
-    return (*found, *_check_names(scene), *_check_relations_said(scene))
+    named = {number for entry in scene.said for number in entry.agents}
+    bound = named.union(*({each.from_, each.to} for each in scene.relations))
+    rows = (
+        *(((), detail) for detail in _check_meta(scene, intersection_map)),
+        *(((each.id,), detail) for each in scene.agents for detail in _check_agent(each, bound)),
+        *(((), detail) for each in scene.objects for detail in _check_object(each)),
+        *_check_names(scene),
+        *_check_relations_said(scene),
+    )
+    return tuple(
+        Finding(rule="metadata_contradicted", agents=agents, detail=detail)
+        for agents, detail in rows
+    )
 
 
-def _check_place(scene: SceneRecord, intersection_map: IntersectionMap | None) -> Iterator[str]:
+def _check_meta(scene: SceneRecord, intersection_map: IntersectionMap | None) -> Iterator[str]:
+    """The map and the time are those named; the account's words stand where it has them."""
     if intersection_map is not None and scene.meta.map_id != intersection_map.map_id:
         yield (
             f"map_id is {scene.meta.map_id}; that of {intersection_map.name} is "
             f"{intersection_map.map_id}"
         )
-
-
-def _check_clock(scene: SceneRecord) -> Iterator[str]:
     time = _CLOCK.fullmatch(scene.meta.time_of_day)
     if time is None:
         yield f"time_of_day {scene.meta.time_of_day!r} is no time such as 08:00"
@@ -58,25 +55,13 @@ def _check_clock(scene: SceneRecord) -> Iterator[str]:
             f"timestamp {scene.meta.timestamp:g} s after midnight is not at "
             f"{scene.meta.time_of_day}"
         )
-
-
-def _check_words(scene: SceneRecord) -> Iterator[str]:
-    """Words of the account stand in the instruction where the account has them."""
     prompt = scene.meta.user_prompt
-    if _CUT in prompt:
-        return
-    for entry in scene.said:
+    for entry in scene.said if _CUT not in prompt else ():
         if entry.end and prompt[entry.start : entry.end].casefold() != entry.words.casefold():
             yield f"the instruction does not say {entry.words!r} where the account has it"
 
 
-def _list_bound_agents(scene: SceneRecord) -> frozenset[int]:
-    """The agents named by the instruction or by the request."""
-    named = {number for entry in scene.said for number in entry.agents}
-    return frozenset(named.union(*({each.from_, each.to} for each in scene.relations)))
-
-
-def _check_agent(agent: AgentRecord, bound: frozenset[int]) -> Iterator[str]:
+def _check_agent(agent: AgentRecord, bound: Container[int]) -> Iterator[str]:
     if agent.role == "background" and agent.id in bound:
         yield f"{agent.type} {agent.id} was asked for and is called background"
     if not re.fullmatch(rf"{agent.type}-[1-9]\d*", agent.name):
@@ -102,16 +87,16 @@ def _check_object(each: ObjectRecord) -> Iterator[str]:
         yield f"{each.id}, a {each.subtype or each.kind}, is not {each.height}"
 
 
-def _check_names(scene: SceneRecord) -> Iterator[Finding]:
+def _check_names(scene: SceneRecord) -> Iterator[tuple[tuple[int, ...], str]]:
     first: dict[str, int] = {}
     for agent in scene.agents:
         other = first.setdefault(agent.name, agent.id)
         if other != agent.id:
             detail = f"agents {other} and {agent.id} have the same name {agent.name!r}"
-            yield Finding(rule="metadata_contradicted", agents=(other, agent.id), detail=detail)
+            yield (other, agent.id), detail
 
 
-def _check_relations_said(scene: SceneRecord) -> Iterator[Finding]:
+def _check_relations_said(scene: SceneRecord) -> Iterator[tuple[tuple[int, ...], str]]:
     """A relation that the account says was asked for stands among the relations."""
     asked = {(each.type, frozenset((each.from_, each.to))) for each in scene.relations}
     for entry in scene.said:
@@ -120,4 +105,4 @@ def _check_relations_said(scene: SceneRecord) -> Iterator[Finding]:
             continue
         if (event, frozenset(entry.agents)) not in asked:
             detail = f"'{entry.words}' asks for {event}; relations has none of these agents"
-            yield Finding(rule="metadata_contradicted", agents=entry.agents, detail=detail)
+            yield entry.agents, detail

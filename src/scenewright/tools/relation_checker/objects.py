@@ -170,16 +170,11 @@ def _is_outermost(each: ObjectRecord, intersection_map: IntersectionMap) -> bool
 
 def _make_outline(each: ObjectRecord) -> Any:
     cos, sin = math.cos(each.heading), math.sin(each.heading)
-    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    return geos.Polygon(
-        [
-            (
-                each.x + a * each.length / 2 * cos - b * each.width / 2 * sin,
-                each.y + a * each.length / 2 * sin + b * each.width / 2 * cos,
-            )
-            for a, b in corners
-        ]
-    )
+    length, width = each.length / 2, each.width / 2
+    return geos.Polygon([
+        (each.x + a * length * cos - b * width * sin, each.y + a * length * sin + b * width * cos)
+        for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    ])  # fmt: skip
 
 
 def _report_place(each: ObjectRecord, what: str) -> Finding:
@@ -206,7 +201,12 @@ def check_sights(
         fault = "the two have no event" if event is None else _find_fault(sight, event, measured)
         fault = fault or _find_wrong_gap(scene, observed, sight)
         if fault is not None:
-            findings.append(_report_sight(sight, fault))
+            detail = (
+                f"{sight.object} should hide agent {sight.subject} from agent {sight.observer}: "
+                f"{fault}"
+            )
+            pair = sight.observer, sight.subject
+            findings.append(Finding(rule="sight_not_blocked", agents=pair, detail=detail))
         if event is not None and measured is not None and measured[0] is not None:
             figures.append(
                 {
@@ -287,11 +287,3 @@ def _find_event(scene: SceneRecord, events: Sequence[Event], sight: SightRecord)
     asked = {r.type for r in scene.relations if {r.from_, r.to} == pair}
     known = set(EVENT_OF_RELATION.values()) & asked
     return next((e for e in events if {e.from_, e.to} == pair and e.type in known), None)
-
-
-def _report_sight(sight: SightRecord, fault: str) -> Finding:
-    return Finding(
-        rule="sight_not_blocked", agents=(sight.observer, sight.subject),
-        detail=f"{sight.object} should hide agent {sight.subject} from agent {sight.observer}: "
-        f"{fault}",
-    )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -70,25 +70,22 @@ def check_encounters(
             others = [o for o in scene.encounters if o.object == each.object and o != each]
             standing = [tracks[o.agent] for o in others if o.how in STANDS_BEHIND]
             things = [_make_last_outline(other) for other in standing]
-        found = _pick(_ENCOUNTERS[each.how](track, thing, until) for thing in things)
-        found = found if isinstance(found, str) else _find_figure_fault(each, found) or found
+        # The first that was measured, else the last fault.
+        found: Measured | str = "no agent stands, or no door opens, that it could meet"
+        for thing in things:
+            found = _ENCOUNTERS[each.how](track, thing, until)
+            if not isinstance(found, str):
+                found = _find_figure_fault(each, found) or found
+                break
         if isinstance(found, str):
-            findings.append(_report(each, found))
+            detail = f"agent {each.agent} {_WORDS[each.how]} {each.object}: {found}"
+            rule = "encounter_not_realised"
+            findings.append(Finding(rule=rule, agents=(each.agent,), detail=detail))
             continue
         figures.append({"agent": each.agent, "object": each.object, "how": each.how, **found})
         if each.how in HITTING:
             findings += check_wreck_clearance(track, observed.grid, {track.id}, scene.meta.duration)
     return figures, tuple(findings)
-
-
-def _pick(found: Iterable[Measured | str]) -> Measured | str:
-    """The first that was measured, else the last fault."""
-    fault = "no agent stands, or no door opens, that it could meet"
-    for each in found:
-        if not isinstance(each, str):
-            return each
-        fault = each
-    return fault
 
 
 def _find_figure_fault(each: EncounterRecord, found: Measured) -> str | None:
@@ -116,13 +113,6 @@ def list_asked_hits(scene: SceneRecord) -> frozenset[tuple[int, str]]:
     hits = ((each.agent, each.object) for each in scene.encounters if each.how == "hits")
     doored = (each for each in scene.encounters if each.how == "doored")
     return frozenset((*hits, *((each.agent, name_door(each.object)) for each in doored)))
-
-
-def _report(each: EncounterRecord, fault: str) -> Finding:
-    return Finding(
-        rule="encounter_not_realised", agents=(each.agent,),
-        detail=f"agent {each.agent} {_WORDS[each.how]} {each.object}: {fault}",
-    )  # fmt: skip
 
 
 _WORDS = {
@@ -167,10 +157,8 @@ def _measure_late_passing(track: Trajectory, thing: ObjectRecord, _: float) -> M
     passing = _measure_passing(track, thing, 0.0, least=0.0)
     if isinstance(passing, str):
         return passing
-    gaps, ahead = (
-        measure_gaps(track.xy, track.heading, track.box, thing),
-        _heads_for(track, thing, moving=False),
-    )
+    gaps = measure_gaps(track.xy, track.heading, track.box, thing)
+    ahead = _heads_for(track, thing, moving=False)
     low, high = PULLS_OUT_GAP
     stands = (track.speed <= STANDING) & ahead & (gaps >= low) & (gaps <= high)
     stands &= track.times < passing["time"]

@@ -41,30 +41,22 @@ def check_pedestrian_motions(
     if intersection_map is None:
         return ()
     tracks = {track.id: track for track in observed.tracks}
-    return tuple(
-        Finding(
-            rule="motion_not_seen",
-            agents=(agent.id,),
-            detail=f"agent {agent.id} was to move so: {agent.motion}; its track does not show it",
-        )
-        for agent in agents
-        if agent.motion is not None
-        and describe_motion(agent.motion, tracks[agent.id], observed, intersection_map) is None
-    )
-
-
-def describe_motion(
-    motion: str | None,
-    track: Trajectory,
-    observed: SceneObservation,
-    intersection_map: IntersectionMap,
-) -> str | None:
-    """What a track shows of an agent's motion; None if it does not."""
-    if track.type == "pedestrian":
-        hits = (e for e in observed.events if e.type == "collision")
-        struck = any(track.id in (e.from_, e.to) for e in hits)
-        return describe_pedestrian_motion(motion, track, intersection_map, struck=struck)
-    return describe_vehicle_motion(motion, track, observed.lights, intersection_map)
+    struck = {n for e in observed.events if e.type == "collision" for n in (e.from_, e.to)}
+    found = []
+    for agent in agents:
+        motion, track = agent.motion, tracks[agent.id]
+        if motion is None:
+            continue
+        if track.type != "pedestrian":
+            shown = describe_vehicle_motion(motion, track, observed.lights, intersection_map)
+        else:
+            shown = describe_pedestrian_motion(
+                motion, track, intersection_map, struck=track.id in struck
+            )
+        if shown is None:
+            detail = f"agent {agent.id} was to move so: {motion}; its track does not show it"
+            found.append(Finding(rule="motion_not_seen", agents=(agent.id,), detail=detail))
+    return tuple(found)
 
 
 def describe_pedestrian_motion(
@@ -89,21 +81,14 @@ def describe_pedestrian_motion(
         return _describe_return(track, first, last, struck)
     if motion not in RUNNING:
         return None
-    kept = _find_kept_speed(track.speed[first : last + 1])
-    if kept < RUN or (motion == "darts_out" and _find_standstill(track, first)):
+    speed = track.speed[first : last + 1]
+    # Kept for a second, or as long as it is there.
+    seconds = np.lib.stride_tricks.sliding_window_view(speed, min(10, len(speed)))
+    kept = float(seconds.min(axis=1).max())
+    before = track.speed[max(first - round(AT_ONCE / 0.1), 0) : first]
+    if kept < RUN or (motion == "darts_out" and (before <= STANDING).any()):
         return None
     return f"agent {track.id} runs at {kept:.1f} m/s"
-
-
-def _find_kept_speed(speed: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """The highest speed that is kept for a second, or as long as it is there [m/s]."""
-    window = min(10, len(speed))
-    return float(np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1).max())
-
-
-def _find_standstill(track: Trajectory, first: int) -> bool:
-    before = track.speed[max(first - round(AT_ONCE / 0.1), 0) : first]
-    return bool((before <= STANDING).any())
 
 
 def _describe_stop(track: Trajectory, first: int, last: int) -> str | None:

@@ -80,10 +80,8 @@ def check_form(scene: SceneRecord) -> tuple[Finding, ...]:
 
 
 def _has_usual_size(agent: AgentRecord) -> bool:
-    if agent.type == "pedestrian":
-        return max(abs(agent.length - 0.6), abs(agent.width - 0.6)) < 0.01
-    if agent.type in RIDER_SIZES:
-        length, width = RIDER_SIZES[agent.type]
+    if agent.type != "vehicle":
+        length, width = RIDER_SIZES.get(agent.type, (0.6, 0.6))
         return max(abs(agent.length - length), abs(agent.width - width)) < 0.01
     named = VEHICLE_SIZES.get(agent.subtype or "")
     sizes = [named] if named else VEHICLE_SIZES.values()
@@ -121,44 +119,44 @@ def check_motion_limits(
         chosen = [tracks[n] for n in rows]
         origin = concatenate_samples(chosen)[2]
         for rule in rules(chosen, [exceptions[n] for n in rows], origin) if rows else ():
-            for n, k in _find_violations(rule, origin):
-                found[rows[n]].append(_report_violation(chosen[n], rule, origin[n], k))
+            for n, finding in _find_violations(rule, chosen, origin):
+                found[rows[n]].append(finding)
     return tuple(map(tuple, found))
 
 
-def _find_violations(rule: _MotionLimit, origin: IntArray) -> Iterator[tuple[int, int]]:
-    """Whose samples break a rule, and at which sample most."""
+def _find_violations(
+    rule: _MotionLimit, tracks: Sequence[Trajectory], origin: IntArray
+) -> Iterator[tuple[int, Finding]]:
+    """Which tracks break a rule, and where most."""
     excess = rule.values - rule.limit
     worst = np.maximum.reduceat(excess, origin[:-1])
     for n in np.flatnonzero(worst > rule.tolerance).tolist():
-        yield n, int(excess[origin[n] : origin[n + 1]].argmax())
-
-
-def _report_violation(track: Trajectory, rule: _MotionLimit, begin: int, k: int) -> Finding:
-    measured = float(rule.values[begin + k])
-    limit = rule.limit if isinstance(rule.limit, float) else float(rule.limit[begin + k])
-    return Finding(
-        rule=rule.name, agents=(track.id,), time=round(float(track.times[k]), 3),
-        measured=round(measured, 3), limit=round(limit, 3),
-        detail=f"{track.type} {track.id}: {rule.name} {measured:.2f} {rule.unit} at "
-        f"{track.times[k]:.1f} s; at most {limit:.2f}",
-    )  # fmt: skip
+        track, k = tracks[n], int(excess[origin[n] : origin[n + 1]].argmax())
+        measured = float(rule.values[origin[n] + k])
+        limit = rule.limit if isinstance(rule.limit, float) else float(rule.limit[origin[n] + k])
+        yield n, Finding(
+            rule=rule.name, agents=(track.id,), time=round(float(track.times[k]), 3),
+            measured=round(measured, 3), limit=round(limit, 3),
+            detail=f"{track.type} {track.id}: {rule.name} {measured:.2f} {rule.unit} at "
+            f"{track.times[k]:.1f} s; at most {limit:.2f}",
+        )  # fmt: skip
 
 
 def _limit_vehicles(
     tracks: Sequence[Trajectory], exceptions: Sequence[AllowedExceptions], origin: IntArray
 ) -> Iterator[_MotionLimit]:
     speed, acceleration = _concatenate(tracks, "speed"), _concatenate(tracks, "acceleration")
-    heading = _concatenate(tracks, "heading")
-    braking = np.concatenate(
-        [_compute_braking_limit(*each) for each in zip(tracks, exceptions, strict=True)]
-    )
+    braking = [np.full(len(track), VEHICLE_BRAKING) for track in tracks]
+    for limit, track, allowed in zip(braking, tracks, exceptions, strict=True):
+        for time in allowed.emergencies:
+            near = (track.times >= time - EMERGENCY_SPAN) & (track.times <= time + AFTERMATH)
+            limit[near] = EMERGENCY_BRAKING
     lateral = _concatenate(tracks, "lateral_acceleration")
     yield _MotionLimit("speed", speed, VEHICLE_SPEED, "m/s")
     yield _MotionLimit("acceleration", acceleration, VEHICLE_ACCELERATION, "m/s^2")
-    yield _MotionLimit("braking", -acceleration, braking, "m/s^2")
+    yield _MotionLimit("braking", -acceleration, np.concatenate(braking), "m/s^2")
     yield _MotionLimit("lateral_acceleration", lateral, LATERAL, "m/s^2")
-    yield from _limit_heading(tracks, speed, heading, origin)
+    yield from _limit_heading(tracks, speed, origin)
     yield _limit_steps(tracks, origin)
 
 
@@ -175,27 +173,29 @@ def _limit_riders(
     yield _MotionLimit("braking", -acceleration, RIDER_BRAKING, "m/s^2")
     yield _MotionLimit("lateral_acceleration", lateral, LATERAL, "m/s^2")
     yield _MotionLimit("curvature", bend, RIDER_CURVATURE, "1/m")
-    yield from _limit_heading(tracks, speed, _concatenate(tracks, "heading"), origin)
+    yield from _limit_heading(tracks, speed, origin)
     yield _limit_steps(tracks, origin)
 
 
 def _limit_heading(
-    tracks: Sequence[Trajectory], speed: FloatArray, heading: FloatArray, origin: IntArray
+    tracks: Sequence[Trajectory], speed: FloatArray, origin: IntArray
 ) -> Iterator[_MotionLimit]:
     """What faces forwards goes forwards, and does not turn on the spot."""
-    yield _MotionLimit(
-        "heading",
-        _compute_slip(_concatenate(tracks, "velocity"), speed, heading),
-        SLIP,
-        "rad from the motion",
-    )
-    yield _MotionLimit("heading_step", _compute_turns(heading, origin), SLIP, "rad in one step")
-    yield _MotionLimit(
-        "heading_held",
-        _compute_standing_turns(speed, heading, origin),
-        HELD,
-        "rad turned at standstill",
-    )
+    heading, velocity = _concatenate(tracks, "heading"), _concatenate(tracks, "velocity")
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    slip = np.where(speed > SLIP_ABOVE, compute_angle_between(course, heading), 0.0)
+    yield _MotionLimit("heading", slip, SLIP, "rad from the motion")
+    turns = np.zeros(len(heading))
+    turns[:-1] = np.abs(heading[1:] - heading[:-1])
+    turns[origin[1:] - 1] = 0.0
+    yield _MotionLimit("heading_step", turns, SLIP, "rad in one step")
+    # How far it has turned since this standstill began.
+    still = speed < 0.05
+    begin = np.where(still, 0, np.arange(1, len(speed) + 1))
+    begin[origin[:-1]] = np.maximum(begin[origin[:-1]], origin[:-1])
+    begin = np.minimum(np.maximum.accumulate(begin), len(speed) - 1)
+    held = np.where(still, np.abs(heading - heading[begin]), 0.0)
+    yield _MotionLimit("heading_held", held, HELD, "rad turned at standstill")
 
 
 def _limit_pedestrians(
@@ -212,37 +212,6 @@ def _limit_pedestrians(
 
 def _concatenate(tracks: Sequence[Trajectory], name: str) -> FloatArray:
     return np.concatenate([getattr(track, name) for track in tracks])
-
-
-def _compute_braking_limit(track: Trajectory, allowed: AllowedExceptions) -> FloatArray:
-    limit = np.full(len(track), VEHICLE_BRAKING)
-    for time in allowed.emergencies:
-        limit[(track.times >= time - EMERGENCY_SPAN) & (track.times <= time + AFTERMATH)] = (
-            EMERGENCY_BRAKING
-        )
-    return limit
-
-
-def _compute_slip(velocity: FloatArray, speed: FloatArray, heading: FloatArray) -> FloatArray:
-    """[S] angle between heading and motion [rad]; 0 at speeds up to 1 m/s."""
-    course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    return np.where(speed > SLIP_ABOVE, compute_angle_between(course, heading), 0.0)
-
-
-def _compute_turns(heading: FloatArray, origin: IntArray) -> FloatArray:
-    turns = np.zeros(len(heading))
-    turns[:-1] = np.abs(heading[1:] - heading[:-1])
-    turns[origin[1:] - 1] = 0.0
-    return turns
-
-
-def _compute_standing_turns(speed: FloatArray, heading: FloatArray, origin: IntArray) -> FloatArray:
-    """[S] how far the heading has turned since this standstill began [rad]; 0 while moving."""
-    still = speed < 0.05
-    begin = np.where(still, 0, np.arange(1, len(speed) + 1))
-    begin[origin[:-1]] = np.maximum(begin[origin[:-1]], origin[:-1])
-    begin = np.minimum(np.maximum.accumulate(begin), len(speed) - 1)
-    return np.where(still, np.abs(heading - heading[begin]), 0.0)
 
 
 def _limit_steps(tracks: Sequence[Trajectory], origin: IntArray) -> _MotionLimit:

@@ -118,6 +118,14 @@ class Perception:
     seen: BoolArray
     ahead: BoolArray
 
+    def find_begin(self, threat: BoolArray) -> tuple[int | None, str]:
+        """The first sample from which a threat [T] can be seen, or why it cannot."""
+        begin = find_first_lasting(threat & self.seen & self.ahead)
+        if begin is not None or find_first_lasting(threat & self.seen) is not None:
+            return begin, "comes from behind"
+        hidden = find_first_lasting(threat) is not None
+        return None, "no line of sight" if hidden else "too late"
+
 
 @dataclass(frozen=True, eq=False)
 class Sights:
@@ -154,30 +162,19 @@ def _measure(view: Perception, event: Event) -> dict[str, Any]:
         return {"why_not": "not there"}
     if not near.any():
         return {"why_not": "no conflict on present courses"}
-    begin = find_first_lasting(near & view.seen & view.ahead)
+    begin, why_not = view.find_begin(near)
     if begin is None:
-        if find_first_lasting(near & view.seen) is not None:
-            return {"why_not": "comes from behind"}
-        hidden = find_first_lasting(near) is not None
-        return {"why_not": "no line of sight" if hidden else "too late"}
+        return {"why_not": why_not}
     known = {"perceptible_from": round(float(times[begin]), 3)}
-    if event.type == "yielding":
-        return known | _describe_giving_way(event)
-    ends = _find_last(near & view.seen & view.ahead, begin)
+    if event.type == "yielding":  # it may have begun to give way before it was urgent
+        since, braking = event.evidence["begins_to_slow"], event.evidence["braking"]
+        return known | {"reacted_at": since, "how": "gives_way", "strength": braking}
+    ends = int(np.flatnonzero(near & view.seen & view.ahead)[-1])
     lasts = float(times[min(ends + 1, len(times) - 1)] - times[begin])
     found = _find_reaction(agent, float(times[begin]), event)
     if found is not None:
         return known | found
     return known | {"why_not": _say_why_not(agent, float(times[begin]), lasts, event)}
-
-
-def _describe_giving_way(event: Event) -> dict[str, Any]:
-    """A yielding agent reacts by that, and may have begun before it was urgent."""
-    return {
-        "reacted_at": event.evidence["begins_to_slow"],
-        "how": "gives_way",
-        "strength": event.evidence["braking"],
-    }
 
 
 def _say_why_not(agent: Trajectory, begin: float, lasts: float, event: Event) -> str:
@@ -209,26 +206,19 @@ def find_first_lasting(holds: BoolArray) -> int | None:
     return None
 
 
-def _find_last(holds: BoolArray, begin: int) -> int:
-    """Last sample at which something still holds, gaps aside."""
-    return begin + int(np.flatnonzero(holds[begin:])[-1])
-
-
 def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, Any] | None:
     """When and how it departs from what it did when the conflict became perceptible."""
     first, last = agent.index(begin), agent.index(event.time)
     window = slice(first + round(SOONEST / STEP), last + 1)
-    change = agent.acceleration[window]
-    if not len(change):
+    if not len(agent.acceleration[window]):
         return None
-    limit = THRESHOLDS[agent.type]
-    usual = float(agent.acceleration[first])
-    found = _find_slowing(agent, change, window.start, _expect(agent, first, window), limit)
+    found = _find_change(agent, window, _expect(agent, first, window), slows=True)
     back = _find_way_back(agent, first, window)
     if found is not None and back is not None:
         return found | {"how": back}
     if agent.type == "pedestrian":
-        hurry = _find_hurry(agent, change, window.start, max(usual, 0.0), limit)
+        usual = max(float(agent.acceleration[first]), 0.0)
+        hurry = _find_change(agent, window, usual, slows=False)
         # After running it slows down again, after stopping it walks on: what came first counts.
         known = [each for each in (found, hurry) if each is not None]
         found = min(known, key=lambda each: float(each["reacted_at"]), default=None)
@@ -246,31 +236,21 @@ def _expect(agent: Trajectory, first: int, window: slice) -> FloatArray:
     return np.asarray(np.minimum(usual, bends))
 
 
-def _find_slowing(
-    agent: Trajectory, change: FloatArray, start: int, usual: FloatArray, limit: _Threshold
+def _find_change(
+    agent: Trajectory, window: slice, usual: FloatArray | float, *, slows: bool
 ) -> dict[str, Any] | None:
-    below = np.flatnonzero(change < usual - limit.acceleration)
-    if not len(below):
+    """Where it brakes, or hurries, by more than is usual [m/s^2] and so that its speed shows it."""
+    limit, sign = THRESHOLDS[agent.type], -1.0 if slows else 1.0
+    change, speed = sign * agent.acceleration[window], sign * agent.speed
+    beyond = np.flatnonzero(change > sign * usual + limit.acceleration)
+    if not len(beyond):
         return None
-    onset = start + int(below[0])
-    after = agent.speed[onset : start + len(change)]
-    if float(agent.speed[onset - 2 : onset + 1].max() - after.min()) < limit.speed:
+    onset = window.start + int(beyond[0])
+    after = speed[onset : window.start + len(change)]
+    if float(after.max() - speed[onset - 2 : onset + 1].min()) < limit.speed:
         return None
-    how = "stops" if agent.type == "pedestrian" else "brakes"
-    return _build_row(agent, onset, how, float(-change[below[0] :].min()))
-
-
-def _find_hurry(
-    agent: Trajectory, change: FloatArray, start: int, usual: float, limit: _Threshold
-) -> dict[str, Any] | None:
-    above = np.flatnonzero(change > usual + limit.acceleration)
-    if not len(above):
-        return None
-    onset = start + int(above[0])
-    after = agent.speed[onset : start + len(change)]
-    if float(after.max() - agent.speed[onset - 2 : onset + 1].min()) < limit.speed:
-        return None
-    return _build_row(agent, onset, "runs", float(change[above[0] :].max()))
+    how = "runs" if not slows else "stops" if agent.type == "pedestrian" else "brakes"
+    return _build_row(agent, onset, how, float(change[beyond[0] :].max()))
 
 
 def _find_way_back(agent: Trajectory, first: int, window: slice) -> str | None:

@@ -11,9 +11,9 @@ from math import isfinite
 
 import numpy as np
 
-from scenewright.scene.base import Colour, Compass, FloatArray
+from scenewright.scene.base import Colour, FloatArray
 from scenewright.scene.events import Finding
-from scenewright.scene.map import IntersectionMap, SignalProgram, StopLine
+from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.ground_raster import CrosswalkArea, get_ground_raster
@@ -97,12 +97,20 @@ class SignalPlan:
 
     @cached_property
     def _lines(self) -> _StopLines:
-        lines = self._map.stop_lines if self._map else ()
-        legs = self._map.legs if self._map else ()
-        shown = [line for line in lines if line.id in self._spans]
+        lines = [e for e in (self._map.stop_lines if self._map else ()) if e.id in self._spans]
+        bearing = {leg.name: leg.bearing for leg in (self._map.legs if self._map else ())}
+        ends = np.array([line.line for line in lines]).reshape(-1, 2, 2)
+        way = ends[:, 1] - ends[:, 0]
+        length = np.hypot(way[:, 0], way[:, 1])
+        outward = tuple(bearing.get(line.leg) for line in lines)
+        facing = np.array([np.nan if each is None else each + np.pi for each in outward])
+        left = np.sign(way[:, 1] * np.cos(facing) - way[:, 0] * np.sin(facing))
         left_hand = self._map is not None and self._map.left_hand_traffic
-        bearing = {leg.name: leg.bearing for leg in legs}
-        return _build_stop_lines(shown, bearing, left_hand=left_hand)
+        return _StopLines(
+            ids=tuple(line.id for line in lines), start=ends[:, 0], length=length,
+            along=way / np.maximum(length, 1e-9)[:, None], outward=outward,
+            left=np.nan_to_num(-left if left_hand else left),
+        )  # fmt: skip
 
     def find_red_crossings(self, track: Trajectory) -> tuple[LightCrossing, ...]:
         """Crossings on red."""
@@ -205,22 +213,6 @@ class _StopLines:
                 part = float(side[line, i] / (side[line, i] - side[line, i + 1]))
                 time = float(tracks[m].times[i - origin[m]])
                 yield tracks[m], time + STEP * part, self.ids[line]
-
-
-def _build_stop_lines(
-    lines: Sequence[StopLine], bearing: Mapping[Compass, float], *, left_hand: bool
-) -> _StopLines:
-    ends = np.array([line.line for line in lines]).reshape(-1, 2, 2)
-    way = ends[:, 1] - ends[:, 0]
-    length = np.hypot(way[:, 0], way[:, 1])
-    outward = tuple(bearing.get(line.leg) for line in lines)
-    facing = np.array([np.nan if each is None else each + np.pi for each in outward])
-    left = np.sign(way[:, 1] * np.cos(facing) - way[:, 0] * np.sin(facing))
-    return _StopLines(
-        ids=tuple(line.id for line in lines), start=ends[:, 0], length=length,
-        along=way / np.maximum(length, 1e-9)[:, None], outward=outward,
-        left=np.nan_to_num(-left if left_hand else left),
-    )  # fmt: skip
 
 
 def _leads_to_junction(step: FloatArray, outward: float | None, *, least: float) -> bool:

@@ -54,7 +54,12 @@ def check_ends(
     found = []
     conflicts = [event for event in events if event.type != "follow"]
     for track in tracks if intersection_map.goal_regions else ():
-        late = track.start > STARTS_WITHIN and not _leaves_object(track, objects)
+        # A pedestrian may step out of what it begins beside.
+        steps_out = track.type == "pedestrian" and any(
+            math.dist(track.xy[0], (each.x, each.y)) <= each.length / 2 + BESIDE_OBJECT
+            for each in objects
+        )
+        late = track.start > STARTS_WITHIN and not steps_out
         early = track.end < until - ENDS_WITHIN and track.id not in collided
         named = track.id in foreground
         for rule, does, asked, k, seen in (
@@ -70,14 +75,6 @@ def check_ends(
                     f"({x:.1f}, {y:.1f})",
                 ))  # fmt: skip
     return tuple(found)
-
-
-def _leaves_object(track: Trajectory, objects: Sequence[ObjectRecord]) -> bool:
-    """Whether it is a pedestrian that begins beside an object."""
-    return track.type == "pedestrian" and any(
-        math.dist(track.xy[0], (each.x, each.y)) <= each.length / 2 + BESIDE_OBJECT
-        for each in objects
-    )
 
 
 def _find_fault(

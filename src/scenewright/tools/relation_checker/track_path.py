@@ -42,17 +42,15 @@ class TrackPath:
 
     def extend(self, *, before: float, after: float) -> TrackPath:
         """The path with straight pieces at both ends [m]."""
-        back, intersection_map = (
-            SPACING * np.arange(1, int(d / SPACING) + 1) for d in (before, after)
-        )
+        back, forth = (SPACING * np.arange(1, int(d / SPACING) + 1) for d in (before, after))
         ends = self.direction[[0, -1]]
         (tail, front), way = self.xy[[0, -1]], np.stack((np.cos(ends), np.sin(ends)), axis=1)
-        tail, front = tail - back[::-1, None] * way[0], front + intersection_map[:, None] * way[1]
+        tail, front = tail - back[::-1, None] * way[0], front + forth[:, None] * way[1]
         return TrackPath(
-            np.concatenate((self.s[0] - back[::-1], self.s, self.s[-1] + intersection_map)),
+            np.concatenate((self.s[0] - back[::-1], self.s, self.s[-1] + forth)),
             np.concatenate((tail, self.xy, front)),
             np.concatenate(
-                (ends[:1].repeat(len(back)), self.direction, ends[1:].repeat(len(intersection_map)))
+                (ends[:1].repeat(len(back)), self.direction, ends[1:].repeat(len(forth)))
             ),
         )
 

@@ -74,7 +74,7 @@ from scenewright.tools.relation_checker.reactions import (
 )
 from scenewright.tools.relation_checker.signals import check_signal_plan
 from scenewright.tools.relation_checker.track_ends import check_ends, list_late_beginnings
-from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
+from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 
 PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
@@ -106,9 +106,8 @@ def check(
     users = read_users(scene)
     read_objects(scene)
     known = {a.id for a in scene.agents}
-    _check_ties(scene, known)
-    _check_measures(scene, known)
-    asked = tuple(_check_pair(r, known) for r in scene.relations)
+    _check_names(scene, known)
+    asked = tuple((r.from_, r.to) for r in scene.relations)
     groups = list_groups(scene.agents)
     bound = [each for pair in asked for each in list_group_pairs(pair, groups)]
     roles = AgentRoles(
@@ -121,11 +120,13 @@ def check(
         detailed=frozenset(n for pair in bound for n in pair), until=scene.meta.duration,
         timely=scene.meta.rules is not None,
     )  # fmt: skip
-    asked_for = (
-        scene.relations
-        if intersection_map and scene.signals
-        else _drop_light_causes(scene.relations)
-    )
+    asked_for = scene.relations
+    if not (intersection_map and scene.signals):
+        # Without lights no agent runs red, so that such a cause is not looked for.
+        no_cause = {"cause": None, "cause_agent": None}
+        asked_for = tuple(
+            r.model_copy(update=no_cause) if r.cause == "red_light_run" else r for r in asked_for
+        )
     matched, missing = _match_events(asked_for, observed, intersection_map)
     matched |= find_group_events(scene.relations, observed.events, groups) if groups else matched
     return _build_proof(
@@ -158,20 +159,22 @@ def _build_proof(
     reactions = find_reactions(scene, matching, views) if reacts else []
     avoidability = find_avoidability(matching, views, pushed=pushed) if rules else []
     lit = bool(intersection_map and scene.signals)
+    figures = MeasuredFigures(observed.events, observed, intersection_map)
+    journeys: tuple[Finding, ...] = ()
+    ties: tuple[Finding, ...] = ()
+    if intersection_map is not None:
+        journeys = find_false_journeys(scene, observed.tracks, intersection_map)
+        ties = check_ties(scene.ties, {m.id: m for m in observed.tracks}, intersection_map)
     missing = (
         *missing,
         *unhidden,
         *unmet,
-        *_check_asked_figures(scene, observed, intersection_map),
+        *figures.list_unmet(scene.measures),
         *(find_false_labels(scene, events, lit=lit) if scene.events or labelled else ()),
         *find_false_metadata(scene, intersection_map),
         *find_false_behavior(scene, observed.tracks, events, intersection_map),
-        *(
-            find_false_journeys(scene, observed.tracks, intersection_map)
-            if intersection_map
-            else ()
-        ),
-        *_check_tied_entries(scene, observed, intersection_map),
+        *journeys,
+        *ties,
         *_check_asked_red_runs(scene, observed, intersection_map, roles),
         *check_pedestrian_motions(scene.agents, observed, intersection_map),
         *check_groups(scene.agents, observed),
@@ -186,10 +189,9 @@ def _build_proof(
         *check_form(scene),
         *check_places(scene.objects, intersection_map),
         *_check_motion(scene, observed, intersection_map, roles, matching),
-        *_check_standing(scene, observed, roles),
     )
     red = _check_red_crossings(scene, observed, intersection_map, roles)
-    late = list_late_beginnings(observed.tracks, matching) if scene.meta.rules is not None else []
+    late = list_late_beginnings(observed.tracks, matching) if rules else []
     return Proof(
         verified=not (missing or unasked or motion or red),
         events=events,
@@ -202,17 +204,6 @@ def _build_proof(
         | ({"avoidability": avoidability} if avoidability else {})
         | ({"late_beginnings": late} if late else {}),
     )  # fmt: skip
-
-
-def _check_standing(
-    scene: SceneRecord, observed: SceneObservation, roles: AgentRoles
-) -> tuple[Finding, ...]:
-    """Agents of the background that stand without a reason; a drive may hold them up."""
-    if scene.meta.rules != 3 or scene.meta.driven_by is not None:
-        return ()
-    return check_liveness(
-        observed, background={agent.id for agent in scene.agents} - roles.foreground
-    )
 
 
 def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:
@@ -269,42 +260,21 @@ def _find_largest(xy: FloatArray, heading: FloatArray) -> float:
     return largest
 
 
-def _check_pair(relation: RelationRecord, known: set[int]) -> tuple[int, int]:
-    pair = relation.from_, relation.to
-    for n in pair:
-        if n not in known:
-            raise InputError(f"relation {relation.type} names agent {n}, which the scene lacks")
-    if pair[0] == pair[1]:
-        raise InputError(f"relation {relation.type} names agent {pair[0]} twice")
-    return pair
-
-
-def _check_ties(scene: SceneRecord, known: set[int]) -> None:
+def _check_names(scene: SceneRecord, known: set[int]) -> None:
+    """Refuses ties, measures and relations that name agents whom the scene lacks."""
     for tie in scene.ties:
         for n in (tie.agent, tie.of):
             if n not in known:
                 raise InputError(f"ties name agent {n}, which the scene lacks")
-
-
-def _check_measures(scene: SceneRecord, known: set[int]) -> None:
     for each in scene.measures:
         if not {each.agent, each.agent if each.other is None else each.other} <= known:
             raise InputError(f"measure {each.kind} names an agent that the scene lacks")
-
-
-def _check_asked_figures(
-    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
-) -> tuple[Finding, ...]:
-    figures = MeasuredFigures(observed.events, observed, intersection_map)
-    return figures.list_unmet(scene.measures)
-
-
-def _drop_light_causes(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
-    """Without lights no agent runs red, so that such a cause is not looked for."""
-    no_cause = {"cause": None, "cause_agent": None}
-    return tuple(
-        r.model_copy(update=no_cause) if r.cause == "red_light_run" else r for r in relations
-    )
+    for relation in scene.relations:
+        for n in (relation.from_, relation.to):
+            if n not in known:
+                raise InputError(f"relation {relation.type} names agent {n}, which the scene lacks")
+        if relation.from_ == relation.to:
+            raise InputError(f"relation {relation.type} names agent {relation.to} twice")
 
 
 def _match_events(
@@ -347,7 +317,9 @@ def _find_shortfall(relation: RelationRecord, event: Event) -> str | None:
     if uncaused is not None:
         return uncaused
     pet, ttc = event.evidence.get("pet"), event.evidence.get("path_ttc")
-    speed = _get_impact_speed(relation, event)
+    # Of the striking vehicle; of the relation's `from` where both are vehicles.
+    striker = event.kind == "pedestrian_strike" or relation.from_ == event.from_
+    speed = event.evidence.get("speed_from" if striker else "speed_to")
     for name, target, value, tolerance in (
         ("PET", relation.target_pet, pet, PET_TOLERANCE),
         ("path TTC", relation.target_ttc, ttc, TTC_TOLERANCE),
@@ -384,14 +356,6 @@ def _find_wrong_impact_point(relation: RelationRecord, event: Event) -> str | No
     return None
 
 
-def _get_impact_speed(relation: RelationRecord, event: Event) -> float | None:
-    """Speed of the striking vehicle; of the relation's `from` where both are vehicles."""
-    striker = event.evidence.get("speed_from")
-    if event.kind == "pedestrian_strike" or relation.from_ == event.from_:
-        return striker
-    return event.evidence.get("speed_to")
-
-
 def _report_unrealised(
     relation: RelationRecord, failures: list[str], events: Sequence[Event]
 ) -> Finding:
@@ -412,44 +376,38 @@ def _check_motion(
     matching: Sequence[Event],
 ) -> tuple[Finding, ...]:
     found: list[Finding] = []
-    exceptions = [_list_exceptions(agent, observed.events) for agent in scene.agents]
+    serious = [e for e in observed.events if e.type in ("collision", "near_miss")]
+    exceptions = [
+        AllowedExceptions(
+            emergencies=tuple(e.time for e in serious if agent.id in (e.from_, e.to)),
+            running=agent.subtype in RUNNERS or agent.motion in RUNNING,
+        )
+        for agent in scene.agents
+    ]
+    last = scene.meta.duration
     driven = cut_pushed(observed.tracks, observed.events, list_pushed(scene.relations))
     for track, broken in zip(observed.tracks, check_motion_limits(driven, exceptions), strict=True):
         found += broken
-        found += _check_time_span(track, scene.meta.duration)
+        if track.start < -1e-6 or track.end > last + 0.1 + 1e-6:
+            found.append(Finding(
+                rule="outside_scene", agents=(track.id,), time=track.end, limit=last,
+                detail=f"{track.type} {track.id} is present from {track.start:.1f} to "
+                f"{track.end:.1f} s; the scene lasts from 0 to {last:.1f} s",
+            ))  # fmt: skip
     if intersection_map is not None:
         hits = (e for e in observed.events if e.type == "collision")
         collided = frozenset(n for e in hits for n in (e.from_, e.to))
         collided |= {agent for agent, _ in list_asked_hits(scene)}
         found += check_ends(
-            observed.tracks, intersection_map, until=scene.meta.duration, collided=collided,
+            observed.tracks, intersection_map, until=last, collided=collided,
             foreground=roles.foreground, events=matching, objects=scene.objects,
         )  # fmt: skip
         jaywalkers = frozenset(a.id for a in scene.agents if _jaywalks(a, roles))
         found += check_ground(observed.tracks, intersection_map, jaywalkers=jaywalkers)
+    if scene.meta.rules == 3 and scene.meta.driven_by is None:  # a drive may hold others up
+        background = {agent.id for agent in scene.agents} - roles.foreground
+        found += check_liveness(observed, background=background)
     return tuple(found)
-
-
-def _list_exceptions(agent: AgentRecord, events: Sequence[Event]) -> AllowedExceptions:
-    times = tuple(
-        e.time
-        for e in events
-        if e.type in ("collision", "near_miss") and agent.id in (e.from_, e.to)
-    )
-    running = agent.subtype in RUNNERS or agent.motion in RUNNING
-    return AllowedExceptions(emergencies=times, running=running)
-
-
-def _check_time_span(track: Trajectory, duration: float) -> list[Finding]:
-    if track.start >= -1e-6 and track.end <= duration + 0.1 + 1e-6:
-        return []
-    return [
-        Finding(
-            rule="outside_scene", agents=(track.id,), time=track.end, limit=duration,
-            detail=f"{track.type} {track.id} is present from {track.start:.1f} to {track.end:.1f} "
-            f"s; the scene lasts from 0 to {duration:.1f} s",
-        )
-    ]  # fmt: skip
 
 
 def _jaywalks(agent: AgentRecord, roles: AgentRoles) -> bool:
@@ -481,14 +439,6 @@ def _check_red_crossings(
     )  # fmt: skip
 
 
-def _check_tied_entries(
-    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
-) -> tuple[Finding, ...]:
-    if intersection_map is None:
-        return ()
-    return check_ties(scene.ties, {m.id: m for m in observed.tracks}, intersection_map)
-
-
 def _check_asked_red_runs(
     scene: SceneRecord,
     observed: SceneObservation,
@@ -509,21 +459,6 @@ def _check_asked_red_runs(
     )  # fmt: skip
 
 
-def _list_red_runs(observed: SceneObservation) -> list[dict[str, Any]]:
-    return [
-        {"agent": track.id, "time": round(crossing.time, 3), "light": crossing.light}
-        for track in observed.tracks
-        for crossing in observed.lights.find_red_crossings(track)
-    ]
-
-
-def _list_unasked_red_runs(scene: SceneRecord, observed: SceneObservation) -> list[dict[str, Any]]:
-    """Red lights run by agents allowed to, although no word of the request asks for it."""
-    asked = any(each.became == "runs_red" for each in scene.said)
-    asked |= any(relation.cause == "red_light_run" for relation in scene.relations)
-    return [] if asked or scene.meta.rules is None else _list_red_runs(observed)
-
-
 def _collect_figures(
     scene: SceneRecord,
     observed: SceneObservation,
@@ -532,13 +467,21 @@ def _collect_figures(
 ) -> dict[str, Any]:
     pairs = [(r.from_, r.to) for r in scene.relations]
     pet = {f"{a}-{b}": observed.pet((a, b)) for a, b in pairs}
-    unasked = _list_unasked_red_runs(scene, observed)
+    red_runs = [
+        {"agent": track.id, "time": round(crossing.time, 3), "light": crossing.light}
+        for track in observed.tracks
+        for crossing in observed.lights.find_red_crossings(track)
+    ]
+    # Red lights may be run by agents allowed to, although no word of the request asks for it.
+    asked = any(each.became == "runs_red" for each in scene.said)
+    asked |= any(relation.cause == "red_light_run" for relation in scene.relations)
+    unasked = red_runs if red_runs and not asked and scene.meta.rules is not None else None
     driven = cut_pushed(observed.tracks, observed.events, list_pushed(scene.relations))
     return {
         "agents": len(scene.agents),
         "map_checked": intersection_map is not None,
         "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
         "passing_orders": list_passing_orders(observed, foreground),
-        "red_light_runs": _list_red_runs(observed),
+        "red_light_runs": red_runs,
         "extremes": find_extremes(driven),
     } | ({"unasked_red_light_runs": unasked} if unasked else {})

@@ -131,12 +131,10 @@ def compute_free_speed_profile(track: Trajectory, *, begin: int) -> FreeSpeedPro
     start = float(track.s[begin])
     keep = path.s > start + 1e-6
     s = np.concatenate(([start], path.s[keep]))
-    bend = np.abs(
-        np.concatenate((compute_curvature(path)[~keep][-1:], compute_curvature(path)[keep]))
-    )
-    cap = np.minimum(
-        compute_approach_speed(track, begin=begin) ** 2, CURVE_COMFORT / np.maximum(bend, 1e-6)
-    )
+    curvature = compute_curvature(path)
+    bend = np.abs(np.concatenate((curvature[~keep][-1:], curvature[keep])))
+    approach = compute_approach_speed(track, begin=begin)
+    cap = np.minimum(approach**2, CURVE_COMFORT / np.maximum(bend, 1e-6))
     square = _limit_acceleration(cap, np.diff(s), float(track.speed[begin]) ** 2)
     speed = np.sqrt(np.maximum(square, 0.01))
     time = np.concatenate(([0.0], np.cumsum(2 * np.diff(s) / (speed[1:] + speed[:-1]))))
@@ -178,11 +176,6 @@ class ZonePassage:
     def until(self) -> float:
         """When the giver's wait is over at the latest: it enters, or its track ends [s]."""
         return self.stay.enter if self.real_end is None else self.real_end
-
-    @property
-    def s_enter(self) -> float:
-        """Arc length of the giver's centre when it enters [m]."""
-        return float(np.interp(self.stay.enter, self.giver.times, self.giver.s))
 
 
 def find_yield(passage: ZonePassage) -> YieldEvent | None:
@@ -267,25 +260,22 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
     low = _find_slow_moment(passage, begin, lowest, drive)
     if low is None:
         return None
-    arrival, leaving = _compute_free_times(passage, drive)
+    # When it would have entered and left the zone at its free speed.
+    s = np.interp((passage.stay.enter, passage.stay.leave), giver.times, giver.s)
+    arrival, leaving = np.interp(s, drive.s, drive.time).tolist()
+    leaving = np.inf if passage.stay.ends_inside else leaving
     caused = arrival <= other.leave + MARGIN and leaving >= other.enter - MARGIN
     if not (caused or passage.around.on_crosswalk(float(giver.times[begin]))):
         return None
-    if _is_out_of_time(passage, begin, low):
-        return None
+    if passage.other_start is not None:
+        # It slows for an agent not there yet, or is slowest once the other has gone.
+        early = giver.times[begin] < passage.other_start - STEP / 2
+        if early or giver.times[low] > other.leave + LATE + 1e-6:
+            return None
     yield_event = _build_yield(passage, begin, low, arrival)
     if not _resumes(passage, low) or _is_held_otherwise(yield_event, passage.around):
         return None
     return yield_event
-
-
-def _is_out_of_time(passage: ZonePassage, begin: int, low: int) -> bool:
-    """Whether it slows for an agent not there yet, or is slowest once the other has gone."""
-    times = passage.giver.times
-    if passage.other_start is None:
-        return False
-    early = times[begin] < passage.other_start - STEP / 2
-    return bool(early or times[low] > passage.other.leave + LATE + 1e-6)
 
 
 def _find_slow_moment(
@@ -293,7 +283,7 @@ def _find_slow_moment(
 ) -> int | None:
     """Start of standstill, or the lowest speed, if either is low enough upstream of the zone."""
     giver, limits = passage.giver, LIMITS[passage.giver.type]
-    if giver.s[lowest] < passage.s_enter - limits.upstream:
+    if giver.s[lowest] < np.interp(passage.stay.enter, giver.times, giver.s) - limits.upstream:
         return None
     first, after = _find_standstill(giver, begin, lowest, giver.index(passage.until))
     if giver.speed[lowest] <= STANDING and (after - first) * STEP >= STANDING_TIME - 1e-9:
@@ -308,14 +298,6 @@ def _find_standstill(giver: Trajectory, begin: int, lowest: int, last: int) -> t
     before, after = moving[moving < lowest], moving[moving > lowest]
     first = int(before[-1]) + 1 if len(before) else begin
     return first, int(after[0]) - 1 if len(after) else last
-
-
-def _compute_free_times(passage: ZonePassage, drive: FreeSpeedProfile) -> tuple[float, float]:
-    """When the giver would have entered and left the zone at its free speed [s]."""
-    giver, stay = passage.giver, passage.stay
-    s = np.interp((stay.enter, stay.leave), giver.times, giver.s)
-    enter, leave = np.interp(s, drive.s, drive.time)
-    return float(enter), float("inf") if stay.ends_inside else float(leave)
 
 
 def _build_yield(passage: ZonePassage, begin: int, low: int, arrival: float) -> YieldEvent:
