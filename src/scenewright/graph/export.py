@@ -68,18 +68,13 @@ def _prepare(
     """The scenes as arrays; a second scene of the same id gets a number behind its name."""
     seen = Counter[str]()
     for scene in scenes:
-        record = _read_record(scene)
+        given = scene.record if isinstance(scene, Scene) else scene
+        record = given if isinstance(given, SceneRecord) else load_scene(given)
         place = load_map(intersection or record.meta.intersection)
         seen[record.meta.scene_id] += 1
         count = seen[record.meta.scene_id]
         name = record.meta.scene_id + (f"-{count}" if count > 1 else "")
         yield prepare_scene(record, place, ego=ego, name=name)
-
-
-def _read_record(scene: Exportable) -> SceneRecord:
-    if isinstance(scene, Scene):
-        return scene.record
-    return scene if isinstance(scene, SceneRecord) else load_scene(scene)
 
 
 class _Staging:

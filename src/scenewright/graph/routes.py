@@ -88,7 +88,12 @@ def route_after_verifier(
     refinement, budgets = state.get("refinement"), runtime.context.budgets
     if _count_attempts(state, "scene_verifier", *MISPLANNED) > budgets.misplanned:
         return "give_up"
-    if refused.code in MISPLANNED and _can_plan_anew(state, runtime.context):
+    # Only a planner that may give another plan is asked again.
+    if (
+        refused.code in MISPLANNED
+        and state.get("planned") is None
+        and not get_backend_of_task(runtime.context.backend, "plan").deterministic
+    ):
         asked = _count_attempts(state, "scene_planner") + _count_attempts(
             state, "scene_verifier", *MISPLANNED
         )
@@ -99,31 +104,22 @@ def route_after_verifier(
     return _sample_afresh(state, runtime.context)
 
 
-def _can_plan_anew(state: SceneState, context: RunContext) -> bool:
-    """Whether the planner, asked again, may give another plan."""
-    return (
-        state.get("planned") is None
-        and not get_backend_of_task(context.backend, "plan").deterministic
-    )
-
-
 def _sample_afresh(state: SceneState, context: RunContext) -> Literal["agent_generator", "give_up"]:
     """Lawful samples within the budget; then as many with a red light that is run unasked."""
     spent = count_samples(state.get("rejections", []), state.get("refinement"))
     budget = context.budgets.generator
     if spent == budget + 1:
-        more = not context.lawful and _may_break_the_law(state, context)
+        # The last sample was lawful and another need not be.
+        more = (
+            not context.lawful
+            and not list_unasked_runners(state["social_graph"], state["candidates"].cast)
+            and may_run_unasked(
+                state["social_graph"], state["grounding"], intersection_map=context.intersection
+            )
+        )
     else:
         more = spent <= 2 * budget + 1
     return "agent_generator" if more else "give_up"
-
-
-def _may_break_the_law(state: SceneState, context: RunContext) -> bool:
-    """Whether the last sample was lawful and another need not be."""
-    graph = state["social_graph"]
-    return not list_unasked_runners(graph, state["candidates"].cast) and may_run_unasked(
-        graph, state["grounding"], intersection_map=context.intersection
-    )
 
 
 def _count_attempts(state: SceneState, stage: Stage, *codes: str) -> int:

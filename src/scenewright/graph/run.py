@@ -48,7 +48,6 @@ from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, Stage
 from scenewright.scene.relations import get_pattern
-from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import (
     DEFAULT_LIMIT,
@@ -615,17 +614,18 @@ def _choose_best_reason(rejections: tuple[Rejection, ...]) -> str:
     # Where most attempts failed on a clause that never held, the nearest of them says most.
     unserved = [each for each in rejections if each.missed is not None]
     if 2 * len(unserved) > len(rejections):
-        return f"nearest: {min(unserved, key=_rank_miss).detail}"
+        return f"nearest: {min(unserved, key=lambda each: each.missed or (0, 0.0)).detail}"
     return f"last: {rejections[-1].detail}"
-
-
-def _rank_miss(rejection: Rejection) -> tuple[int, float]:
-    return rejection.missed or (0, 0.0)
 
 
 def _describe_provenance(
     context: RunContext, state: SceneState, seconds: dict[str, float]
 ) -> dict[str, Any]:
+    names = [each.pattern for each in state["candidates"].cast.patterns]
+    patterns, selection = [get_pattern(name) for name in names], state["selection"]
+    optimality: dict[str, Any] = {}
+    if context.selection == "map":
+        optimality = {"optimal": selection.optimal, "gap": round(selection.figures["gap"], 3)}
     return {
         "schema_version": 1,
         "seed": context.seed,
@@ -634,17 +634,15 @@ def _describe_provenance(
         **({} if context.max_agents is None else {"max_agents": context.max_agents}),
         **({"lenient": True} if context.lenient else {}),
         **({"lawful": True} if context.lawful else {}),
-        **_describe_optimality(state["selection"], context.selection),
+        **optimality,
         "refiner": context.refiner,
         "refinement": state["refinement"].model_dump(mode="json"),
         "intersection": context.intersection.name,
         "scene_digest": state["proof"].scene_digest,
         "versions": _list_versions(),
         "constraints": [format_clause(each) for each in state["constraints"].clauses],
-        "patterns": [each.pattern for each in state["candidates"].cast.patterns],
-        "taxonomy": [
-            _find_taxonomy_leaf(each.pattern) for each in state["candidates"].cast.patterns
-        ],
+        "patterns": names,
+        "taxonomy": [f"{each.theme} / {each.subtype} / {each.id}" for each in patterns],
         "rejections": [each.model_dump(mode="json") for each in state.get("rejections", [])],
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
     }
@@ -680,19 +678,6 @@ def _sum_costs(calls: Sequence[Call]) -> dict[str, Any]:
         "seconds": round(sum(call.seconds for call in calls), 3),
         "prompts": list(dict.fromkeys(call.prompt for call in calls)),
     }
-
-
-def _describe_optimality(selection: Selection, mode: Mode) -> dict[str, Any]:
-    """Whether no other combination can cost less, and if so by how much [nats] (`map`)."""
-    if mode != "map":
-        return {}
-    return {"optimal": selection.optimal, "gap": round(selection.figures["gap"], 3)}
-
-
-def _find_taxonomy_leaf(pattern: str) -> str:
-    """Where a pattern stands in the taxonomy (paper 3.1)."""
-    found = get_pattern(pattern)
-    return f"{found.theme} / {found.subtype} / {found.id}"
 
 
 @cache

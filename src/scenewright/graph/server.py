@@ -14,7 +14,7 @@ from langgraph.graph.state import CompiledStateGraph
 from typing_extensions import TypedDict
 
 from scenewright.errors import InputError, Unsatisfiable
-from scenewright.graph.run import DEFAULT_INTERSECTION, Scene, synthesize
+from scenewright.graph.run import DEFAULT_INTERSECTION, synthesize
 
 
 class MakeRequest(TypedDict):
@@ -75,22 +75,28 @@ def make(state: MakeRequest) -> MakeReply:
     """One run of the pipeline."""
     write = get_stream_writer()
     try:
+        text: object = state.get("instruction")
+        if not isinstance(text, str):
+            raise InputError("a request needs an instruction, as a string")
         scene = synthesize(
-            _get_text(state),
+            text,
             seed=_get_seed(state),
             intersection=state.get("intersection") or DEFAULT_INTERSECTION,
             log=lambda stage, line: write({"stage": stage, "line": line}),
         )
     except (InputError, Unsatisfiable) as error:
-        return {"scene": None, "proof": None, "refusal": _build_refusal(error)}
-    return _build_reply(scene)
-
-
-def _get_text(request: MakeRequest) -> str:
-    text: object = request.get("instruction")
-    if not isinstance(text, str):
-        raise InputError("a request needs an instruction, as a string")
-    return text
+        rejections = error.rejections if isinstance(error, Unsatisfiable) else ()
+        return {
+            "scene": None,
+            "proof": None,
+            "refusal": {
+                "code": "unsatisfiable" if isinstance(error, Unsatisfiable) else "unusable_input",
+                "reason": str(error),
+                "rejections": [each.model_dump(mode="json") for each in rejections],
+            },
+        }
+    proof = scene.proof.model_dump(mode="json", by_alias=True)
+    return {"scene": scene.record.to_json(), "proof": proof, "refusal": None}
 
 
 def _get_seed(request: MakeRequest) -> int:
@@ -100,17 +106,3 @@ def _get_seed(request: MakeRequest) -> int:
     if not isinstance(seed, int) or isinstance(seed, bool):
         raise InputError("a seed is a whole number")
     return seed
-
-
-def _build_reply(scene: Scene) -> MakeReply:
-    proof = scene.proof.model_dump(mode="json", by_alias=True)
-    return {"scene": scene.record.to_json(), "proof": proof, "refusal": None}
-
-
-def _build_refusal(error: InputError | Unsatisfiable) -> RefusedRequest:
-    rejections = error.rejections if isinstance(error, Unsatisfiable) else ()
-    return {
-        "code": "unsatisfiable" if isinstance(error, Unsatisfiable) else "unusable_input",
-        "reason": str(error),
-        "rejections": [each.model_dump(mode="json") for each in rejections],
-    }

@@ -79,7 +79,21 @@ class Episodes:
         if len(json.dumps(dict(graph))) > _LONGEST_GRAPH:
             return
         kept = [each for each in self.list_all() if each.request != new.request]
-        self._write([*kept, new][-self.most :])
+        lines = [
+            json.dumps(
+                {"request": e.request, "graph": dict(e.graph), "taxonomy": list(e.taxonomy)},
+                allow_nan=False,
+            )
+            for e in [*kept, new][-self.most :]
+        ]
+        part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            part.write_text("".join(f"{line}\n" for line in lines), "utf-8")
+            part.replace(self.path)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
 
     def wipe(self) -> int:
         """Forgets everything; how many episodes that were."""
@@ -94,10 +108,11 @@ class Episodes:
         after others, so that three examples are not three times the same.
         """
         wanted = embed_text(text)
-        scored = [
-            (_compute_cosine(wanted, embed_text(each.request)), n, each)
-            for n, each in enumerate(self.list_all())
-        ]
+        scored: list[tuple[float, int, Episode]] = []
+        for n, each in enumerate(self.list_all()):
+            own = embed_text(each.request)
+            cosine = sum(value * own.get(place, 0.0) for place, value in wanted.items())
+            scored.append((cosine, n, each))
         near = sorted((s for s in scored if s[0] >= _LEAST_ALIKE), key=lambda s: (-s[0], -s[1]))
         shown: set[tuple[str, ...]] = set()
         first: list[Episode] = []
@@ -106,23 +121,6 @@ class Episodes:
             (later if episode.taxonomy in shown else first).append(episode)
             shown.add(episode.taxonomy)
         return tuple((*first, *later)[:k])
-
-    def _write(self, episodes: Sequence[Episode]) -> None:
-        lines = [
-            json.dumps(
-                {"request": e.request, "graph": dict(e.graph), "taxonomy": list(e.taxonomy)},
-                allow_nan=False,
-            )
-            for e in episodes
-        ]
-        part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            part.write_text("".join(f"{line}\n" for line in lines), "utf-8")
-            part.replace(self.path)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
 
 
 def embed_text(text: str) -> dict[int, float]:
@@ -137,10 +135,6 @@ def embed_text(text: str) -> dict[int, float]:
     damped = {place: 1.0 + math.log(count) for place, count in counts.items()}
     length = math.sqrt(sum(value * value for value in damped.values()))
     return {place: value / length for place, value in damped.items()} if length else {}
-
-
-def _compute_cosine(a: Mapping[int, float], b: Mapping[int, float]) -> float:
-    return sum(value * b.get(place, 0.0) for place, value in a.items())
 
 
 def _parse_episode(line: str) -> Episode | None:

@@ -111,11 +111,14 @@ def _serialize_agent(each: PreviousAgent) -> dict[str, Any]:
 
 def _read_agent(value: Mapping[str, Any]) -> PreviousAgent:
     track = value["track"]
+    role = value["role"]
+    if role not in ("foreground", "background"):
+        raise ValueError(f"there is no role {role!r}")
     return PreviousAgent(
         number=int(value["number"]),
         agent=SelectedAgent(
             name=str(value["name"]),
-            role=_parse_role(value["role"]),
+            role=role,
             candidate=_read_candidate(value["candidate"]),
             index=int(value["index"]),
             enters=float(value["enters"]),
@@ -142,12 +145,13 @@ def _read_path(value: Sequence[Any]) -> Path:
 
 
 def _read_candidate(value: Mapping[str, Any]) -> Candidate:
+    law = value["time_law"]
     return Candidate(
         route=Route.model_validate(value["route"]),
         waypoints=_read_array(value["waypoints"]),
         path=_read_path(value["path"]),
         nll=float(value["nll"]),
-        time_law=_read_profile(value["time_law"]),
+        time_law=DrivingProfile(**{**law, "pace": tuple(law.get("pace", ()))}),
         time_nll=float(value["time_nll"]),
         shape=Shape(**value["shape"]),
         subtype=value["subtype"],
@@ -161,20 +165,10 @@ def _write_profile(profile: DrivingProfile) -> dict[str, Any]:
     return values if profile.pace else {k: v for k, v in values.items() if k != "pace"}
 
 
-def _read_profile(value: Mapping[str, Any]) -> DrivingProfile:
-    return DrivingProfile(**{**value, "pace": tuple(value.get("pace", ()))})
-
-
 def _read_event(value: Mapping[str, Any]) -> PlannedEvent:
     first, second = value["agents"]
     x, y = value["location"]
     return PlannedEvent(value["clause"], (first, second), float(value["time"]), (x, y))
-
-
-def _parse_role(text: str) -> Any:
-    if text not in ("foreground", "background"):
-        raise ValueError(f"there is no role {text!r}")
-    return text
 
 
 def _serialize_array(values: FloatArray) -> dict[str, Any]:

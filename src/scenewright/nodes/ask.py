@@ -32,7 +32,11 @@ def ask(
     try:
         return reply.model_validate(_get_answer(backend, question))
     except ValidationError as error:
-        raise Rejected(_prefix_detail(_to_rejection(error, stage), of)) from error
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "reply"
+        detail = f"{where}: {_describe_fault(first)}"
+        rejection = Rejection(stage=stage, code="malformed_reply", detail=detail)
+        raise Rejected(_prefix_detail(rejection, of)) from error
     except Rejected as error:
         raise Rejected(_prefix_detail(error.rejection, of)) from error
 
@@ -66,14 +70,6 @@ def list_latest_rejections(rejections: list[Rejection], *stages: Stage) -> tuple
             break
         found.insert(0, each)
     return tuple(found)
-
-
-def _to_rejection(error: ValidationError, stage: Stage) -> Rejection:
-    first = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"]) or "reply"
-    return Rejection(
-        stage=stage, code="malformed_reply", detail=f"{where}: {_describe_fault(first)}"
-    )
 
 
 def _describe_fault(error: ErrorDetails) -> str:

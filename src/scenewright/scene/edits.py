@@ -393,7 +393,7 @@ def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     found += [ChangeAgent(node=n) for name, n in new.items() if name in old and n != old[name]]
     found += [AddAgent(node=node) for name, node in new.items() if name not in old]
     found += _compare_relations(before, after, set(new))
-    if _open_ties(before, set(new)) != after.ties:
+    if tuple(each for each in before.ties if {each.agent, each.of} <= set(new)) != after.ties:
         found.append(Tie(ties=after.ties))
     found += [RemoveObject(object=o.id) for o in before.objects if o not in after.objects]
     found += [AddObject(node=o) for o in after.objects if o not in before.objects]
@@ -420,7 +420,3 @@ def _compare_relations(before: SocialGraph, after: SocialGraph, present: set[str
         if pairs.get(frozenset((edge.from_, edge.to))) != edge
     ]
     return found
-
-
-def _open_ties(graph: SocialGraph, present: set[str]) -> tuple[EntryTie, ...]:
-    return tuple(each for each in graph.ties if {each.agent, each.of} <= present)

@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 from scenewright.scene.base import AgentClass
-from scenewright.scene.measures import Measure
 from scenewright.scene.social import (
     AgentNode,
-    ObjectNode,
     RelationEdge,
     SceneContext,
     SocialGraph,
@@ -81,7 +79,11 @@ def describe_graph(graph: SocialGraph) -> str:
     if not graph.relations and not any(each.met_by for each in graph.objects):
         sentences.append("nothing happens")
     sentences += _describe_objects(graph, names)
-    sentences += [_describe_speed(m, names) for m in graph.measures if m.kind == "speed"]
+    sentences += [
+        f"{names[m.agent]} drives at {(m.low + m.high) / 2:g} m/s"
+        for m in graph.measures
+        if m.kind == "speed"
+    ]
     sentences += _describe_context(graph.context)
     return ". ".join(each[0].upper() + each[1:] for each in sentences) + "."
 
@@ -156,7 +158,10 @@ def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str
     """What stands, whom it hides and who meets it."""
     ends = {each.beyond for each in graph.objects}
     for node in graph.objects:
-        thing = _name_object(node)
+        place = f" on the {node.leg} {'exit' if node.side == 'exit' else 'leg'}" if node.leg else ""
+        noun: str = (node.subtype or "car") if node.kind in _STATES else node.kind
+        noun = "bus at its stop" if node.kind == "bus_stop" else noun
+        thing = f"a {_STATES.get(node.kind, '')}{noun.replace('_', ' ')}{place}"
         for each in node.list_meetings():
             yield _ENCOUNTERS[each.encounter].format(names[each.agent], thing)
         if node.hides is not None and node.id in ends:
@@ -166,17 +171,6 @@ def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str
             yield f"{names[node.hides]} comes out from behind {thing}{lead}"
         elif node.met_by is None and node.beyond is None:
             yield f"there is {thing}"
-
-
-def _name_object(node: ObjectNode) -> str:
-    place = f" on the {node.leg} {'exit' if node.side == 'exit' else 'leg'}" if node.leg else ""
-    noun: str = (node.subtype or "car") if node.kind in _STATES else node.kind
-    noun = "bus at its stop" if node.kind == "bus_stop" else noun
-    return f"a {_STATES.get(node.kind, '')}{noun.replace('_', ' ')}{place}"
-
-
-def _describe_speed(measure: Measure, names: dict[str, str]) -> str:
-    return f"{names[measure.agent]} drives at {(measure.low + measure.high) / 2:g} m/s"
 
 
 def _describe_context(context: SceneContext) -> Iterator[str]:

@@ -21,6 +21,7 @@ from scenewright.scene.measures import UNITS
 from scenewright.scene.social import (
     FIGURES,
     AgentNode,
+    Meeting,
     ObjectNode,
     RelationEdge,
     SocialGraph,
@@ -107,7 +108,11 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
         InputError: unreadable, or no plan; names the line and the field.
     """
     if isinstance(source, Mapping):
-        name, data, lines = "plan", _copy_plain(source), dict[Path_, int]()
+        name, lines = "plan", dict[Path_, int]()
+        try:
+            data = json.loads(json.dumps(source))
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"plan: {error}") from error
     else:
         name = str(source)
         data, lines = _parse_yaml(_read_text(Path(source)), name)
@@ -228,14 +233,6 @@ _CONVERT: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _copy_plain(value: Any) -> Any:
-    """A copy of plain data that JSON can hold."""
-    try:
-        return json.loads(json.dumps(value))
-    except (TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"plan: {error}") from error
-
-
 def _fault(name: str, lines: Mapping[Path_, int], path: Path_, what: str) -> InputError:
     """The error of a field, with the line of it or of what holds it."""
     held = next((path[:n] for n in range(len(path), -1, -1) if path[:n] in lines), None)
@@ -302,18 +299,7 @@ def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> 
     for key, value in (("text", text), ("read_as", digest)):
         if not isinstance(value, str | None):
             raise _fault(name, lines, (key,), "must be words")
-    _complete(data, name, lines)
-    try:
-        plan = SocialGraph.model_validate(data)
-    except ValidationError as error:
-        raise _describe_fault(error, name, lines) from error
-    except RecursionError as error:
-        raise InputError(f"{name}: nested too deeply") from error
-    return PlanFile(plan, text or "", bool(text) and digest == compute_digest(plan, text))
-
-
-def _complete(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> None:
-    """Fill in what is plain from the rest: sections without content, classes, bounds of a value."""
+    # Fill in what is plain from the rest: sections without content, classes, bounds of a value.
     for key in [key for key, value in data.items() if value is None]:
         del data[key]
     data.setdefault("agents", [])
@@ -328,6 +314,13 @@ def _complete(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> No
                 raise _fault(name, lines, at, "is one number, and stands in place of low and high")
             slack = UNITS[kind].tolerance if isinstance(kind, str) and kind in UNITS else 0.0
             each.update(low=max(value - slack, 0.0), high=value + slack)
+    try:
+        plan = SocialGraph.model_validate(data)
+    except ValidationError as error:
+        raise _describe_fault(error, name, lines) from error
+    except RecursionError as error:
+        raise InputError(f"{name}: nested too deeply") from error
+    return PlanFile(plan, text or "", bool(text) and digest == compute_digest(plan, text))
 
 
 def _describe_fault(error: ValidationError, name: str, lines: Mapping[Path_, int]) -> InputError:
@@ -405,23 +398,21 @@ def format_plan(plan: SocialGraph, text: str = "") -> str:
     for name, info in SocialGraph.model_fields.items():
         value = getattr(plan, name)
         if name == "said":
-            lines += _format_said(plan)
+            lines += [f"\n{_SAID_HELP}said:"] if plan.said else []
+            for each in plan.said:
+                own = each.model_dump(exclude_defaults=True).items()
+                lines.append(f"  - {{{', '.join(f'{k}: {_format(v)}' for k, v in own)}}}")
         elif isinstance(value, Model):
             lines += ["", f"{name}:", *_format_model(value, "  ", told)]
         elif value:
             lines += ["", f"{name}:  # {info.description}", *_format_items(value, "  ", told)]
         else:
             lines += ["", f"# {name}:  # {info.description}"]
-            lines += [f"#   {each}" for each in _format_free(find_model(info.annotation))]
+            model = find_model(info.annotation)
+            for n, (free, own_info) in enumerate(model.model_fields.items() if model else ()):
+                lead, help_ = "  " if n else "- ", _describe_field(own_info)
+                lines.append(f"#   {lead}{own_info.alias or free}:  # {help_}")
     return _HEAD + "\n".join(lines) + "\n"
-
-
-def _format_said(plan: SocialGraph) -> Iterator[str]:
-    if plan.said:
-        yield f"\n{_SAID_HELP}said:"
-    for each in plan.said:
-        fields = each.model_dump(exclude_defaults=True).items()
-        yield f"  - {{{', '.join(f'{key}: {_format(value)}' for key, value in fields)}}}"
 
 
 def _format_items(
@@ -447,21 +438,11 @@ def _format_model(model: Model, indent: str, told: set[tuple[type[Model], str]])
         elif isinstance(value, tuple) and isinstance(value[0], Model):
             yield from (f"{indent}{key}:{note}", *_format_items(value, f"{indent}  ", told))
         else:
-            yield f"{indent}{key}: {_format(value, _find_written_unit(model, name))}{note}"
-
-
-def _find_written_unit(model: Any, name: str) -> str:
-    """The unit that numbers of a field are written with, after a blank; "" for none."""
-    if name == "figure" and model.figure is not None:
-        how = model.encounter
-        return f" {FIGURES[how][1]}"
-    unit = _find_unit(name, {"kind": getattr(model, "kind", None)})
-    return f" {unit}" if unit and unit != "any" else ""
-
-
-def _format_free(model: type[Model] | None) -> Iterator[str]:
-    for n, (name, info) in enumerate(model.model_fields.items() if model else ()):
-        yield f"{'  ' if n else '- '}{info.alias or name}:  # {_describe_field(info)}"
+            unit = _find_unit(name, {"kind": getattr(model, "kind", None)})
+            if isinstance(model, ObjectNode | Meeting) and name == "figure" and model.encounter:
+                unit = FIGURES[model.encounter][1]
+            written = f" {unit}" if unit and unit != "any" else ""
+            yield f"{indent}{key}: {_format(value, written)}{note}"
 
 
 def _describe_field(info: FieldInfo) -> str:

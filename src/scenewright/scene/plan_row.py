@@ -6,7 +6,7 @@ from typing import Any
 
 from scenewright.scene.account import list_unrealised
 from scenewright.scene.events import EVENT_OF_RELATION
-from scenewright.scene.social import AgentNode, Plan, Refusal, SceneContext, SocialGraph
+from scenewright.scene.social import AgentNode, Plan, Refusal, SocialGraph
 
 
 def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
@@ -38,11 +38,18 @@ def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
 def _build_row(
     row_id: str, plan: SocialGraph, *, relations: list[dict[str, Any]], reason: str | None
 ) -> dict[str, Any]:
+    # The context; numbers of the background also under the plural keys that rows once had.
+    time, counts = plan.context.time_of_day, plan.context.background
+    span = time.split("-") if time is not None and "-" in time else time
+    numbers = None
+    if counts is not None:
+        cars, people = counts.vehicles, counts.pedestrians
+        numbers = {"vehicle": cars, "pedestrian": people, "vehicles": cars, "pedestrians": people}
     return {
         "id": row_id,
         "agents": [_build_agent(agent) for agent in plan.agents],
         "relations": relations,
-        "context": _build_context(plan.context),
+        "context": {"density": plan.context.density, "time_of_day": span, "background": numbers},
         "refused": reason is not None,
         "reason": reason,
         "said": [each.model_dump(mode="json") for each in plan.said],
@@ -59,14 +66,3 @@ def _build_agent(agent: AgentNode) -> dict[str, Any]:
     return agent.model_dump(
         mode="json", include={"id", "type", "subtype", "entry", "exit", "movement", "crosswalk"}
     )
-
-
-def _build_context(context: SceneContext) -> dict[str, Any]:
-    """The context; numbers of the background also under the plural keys that rows once had."""
-    time, counts = context.time_of_day, context.background
-    span = time.split("-") if time is not None and "-" in time else time
-    numbers = None
-    if counts is not None:
-        cars, people = counts.vehicles, counts.pedestrians
-        numbers = {"vehicle": cars, "pedestrian": people, "vehicles": cars, "pedestrians": people}
-    return {"density": context.density, "time_of_day": span, "background": numbers}

@@ -114,7 +114,13 @@ class AnimatedScene:
         self.moving = list_motions(scene)
         self.view = choose_view(scene, self.moving, intersection)
         self.lights = find_light_positions(intersection)
-        self.still = self._draw_still(proof, intersection)
+        self.still = create_page(SIDE + 0.2, SIDE + HEAD + 0.1)
+        axes = self.still.add_map(self.view, 0.1, HEAD, SIDE, SIDE)
+        draw_basemap(axes, intersection, night=is_night(scene))
+        draw_objects(axes, scene)
+        draw_scale(axes)
+        draw_north(axes)
+        _draw_header(self.still, scene, proof)
         ground = Image.open(BytesIO(self.still.render(self.zoom))).convert("RGB")
         left, top, side = (round(each * dpi) * SMOOTH for each in (0.1, HEAD, SIDE))
         self.map = ground.crop((left, top, left + side, top + side))
@@ -170,16 +176,6 @@ class AnimatedScene:
             axes.mark(mark.spot, 26.5, stroke=INK, stroke_width=1.6)
             axes.write(mark.words, mark.at, 9, align="middle", bold=True, box=("#FFF4CC", INK))
         return axes
-
-    def _draw_still(self, proof: Proof | None, intersection: IntersectionMap) -> Drawing:
-        page = create_page(SIDE + 0.2, SIDE + HEAD + 0.1)
-        axes = page.add_map(self.view, 0.1, HEAD, SIDE, SIDE)
-        draw_basemap(axes, intersection, night=is_night(self.scene))
-        draw_objects(axes, self.scene)
-        draw_scale(axes)
-        draw_north(axes)
-        _draw_header(page, self.scene, proof)
-        return page
 
     def place_names(
         self, axes: Drawing, named: list[tuple[DrawnMotion, Box]], taken: list[Box]
@@ -260,10 +256,17 @@ def _encode_gif(frames: Iterator[Pixels], *, palette: bytes, fps: int) -> bytes:
     """An animated GIF with one palette for all frames; pixels that stay are not sent again."""
     from PIL import Image
 
-    table = _tabulate_nearest_entries(palette)
+    # [32768] nearest palette entry of every colour of 5 bits a channel.
+    levels = np.arange(32, dtype=np.uint8) * 8 + 4
+    cube = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1)
+    chart = Image.new("P", (1, 1))
+    chart.putpalette(palette[: 3 * UNUSED])
+    every = Image.fromarray(cube.reshape(256, 128, 3))
+    table = np.asarray(every.quantize(palette=chart, dither=Image.Dither.NONE)).reshape(-1)
     indexed = []
     for pixels in frames:
-        image = Image.fromarray(_look_up_entries(pixels, table), mode="P")
+        red, green, blue = (pixels[:, :, i].astype(np.uint16) >> 3 for i in range(3))
+        image = Image.fromarray(table[(red << 10) | (green << 5) | blue], mode="P")
         image.putpalette(palette)
         indexed.append(image)
     buffer = BytesIO()
@@ -281,20 +284,3 @@ def _choose_palette(pictures: list[Pixels]) -> bytes:
     sample = Image.fromarray(np.vstack([picture[::2, ::2] for picture in pictures]))
     colours = sample.quantize(UNUSED, method=Image.Quantize.MEDIANCUT).getpalette() or []
     return bytes((colours + [0] * 768)[:768])
-
-
-def _tabulate_nearest_entries(palette: bytes) -> Pixels:
-    """[32768] nearest palette entry of every colour of 5 bits a channel."""
-    from PIL import Image
-
-    levels = np.arange(32, dtype=np.uint8) * 8 + 4
-    cube = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1)
-    chart = Image.new("P", (1, 1))
-    chart.putpalette(palette[: 3 * UNUSED])
-    every = Image.fromarray(cube.reshape(256, 128, 3))
-    return np.asarray(every.quantize(palette=chart, dither=Image.Dither.NONE)).reshape(-1)
-
-
-def _look_up_entries(pixels: Pixels, table: Pixels) -> Pixels:
-    red, green, blue = (pixels[:, :, i].astype(np.uint16) >> 3 for i in range(3))
-    return np.asarray(table[(red << 10) | (green << 5) | blue])

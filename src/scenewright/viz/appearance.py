@@ -146,32 +146,26 @@ def list_motions(scene: SceneRecord) -> list[DrawnMotion]:
     """All agents as arrays, background first, so that the foreground is drawn on top."""
     shades, called = choose_colours(scene), call_agents(scene)
     ordered = sorted(scene.agents, key=lambda agent: (agent.role == "foreground", agent.id))
-    return [
-        _build_motion(agent, scene, shades[agent.id], called[agent.id])
-        for agent in ordered
-        if agent.trajectory
-    ]
-
-
-def _build_motion(agent: AgentRecord, scene: SceneRecord, colour: str, called: str) -> DrawnMotion:
-    xy = np.array(agent.trajectory, dtype=float).reshape(-1, 2)
-    times = agent.spawn_time + scene.meta.step * np.arange(len(xy), dtype=np.float64)
-    return DrawnMotion(
-        agent=agent,
-        times=times,
-        xy=xy,
-        heading=np.array(agent.heading, dtype=float),
-        speed=_compute_speed(xy, scene.meta.step),
-        colour=colour,
-        stays=_is_obstacle(agent.id, float(times[-1]), scene.events),
-        called=called,
-    )
-
-
-def _compute_speed(xy: FloatArray, step: float) -> FloatArray:
-    if len(xy) < 2:
-        return np.zeros(len(xy))
-    return np.asarray(np.linalg.norm(np.gradient(xy, step, axis=0), axis=1))
+    found = []
+    for agent in ordered:
+        if not agent.trajectory:
+            continue
+        xy = np.array(agent.trajectory, dtype=float).reshape(-1, 2)
+        times = agent.spawn_time + scene.meta.step * np.arange(len(xy), dtype=np.float64)
+        steps = np.gradient(xy, scene.meta.step, axis=0) if len(xy) > 1 else np.zeros_like(xy)
+        found.append(
+            DrawnMotion(
+                agent=agent,
+                times=times,
+                xy=xy,
+                heading=np.array(agent.heading, dtype=float),
+                speed=np.linalg.norm(steps, axis=1),
+                colour=shades[agent.id],
+                stays=_is_obstacle(agent.id, float(times[-1]), scene.events),
+                called=called[agent.id],
+            )
+        )
+    return found
 
 
 def _is_obstacle(number: int, end: float, events: Iterable[EventRecord]) -> bool:

@@ -79,7 +79,17 @@ def build_player(
         _SCRIPT: script,
         _DATA: encode_for_script(data),
     }
-    return _fill(_read_part("player.html"), values)
+    # The template with each mark replaced once; text that was put in is not looked at again.
+    template = _read_part("player.html")
+    for mark in values:
+        if template.count(mark) != 1:
+            raise ValueError(f"the page has {mark} {template.count(mark)} times")
+    places = sorted((template.index(mark), mark) for mark in values)
+    parts, at = [], 0
+    for start, mark in places:
+        parts += [template[at:start], values[mark]]
+        at = start + len(mark)
+    return "".join([*parts, template[at:]])
 
 
 def build_player_data(
@@ -224,19 +234,6 @@ def _round(values: ArrayLike, digits: int = 2) -> list[Any]:
 def _hash_source(text: str) -> str:
     """The hash by which a content security policy allows one inline script or style."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-def _fill(template: str, values: dict[str, str]) -> str:
-    """The template with each mark replaced once; text that was put in is not looked at again."""
-    for mark in values:
-        if template.count(mark) != 1:
-            raise ValueError(f"the page has {mark} {template.count(mark)} times")
-    places = sorted((template.index(mark), mark) for mark in values)
-    parts, at = [], 0
-    for start, mark in places:
-        parts += [template[at:start], values[mark]]
-        at = start + len(mark)
-    return "".join([*parts, template[at:]])
 
 
 @lru_cache

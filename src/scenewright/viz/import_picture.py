@@ -63,7 +63,12 @@ def _draw_page(intersection: IntersectionMap, layers: Layers, lines: Sequence[st
     page = create_page(_SIZE, 0.5 + side + 0.65 + 0.17 * len(rows))
     axes = page.add_map((-half, half, -half, half), left, 0.5, side, side)
     draw_basemap(axes, intersection)
-    _draw_layers(axes, layers)
+    for kind, colour in _LINES.items():
+        for line in layers.get(kind, ()):
+            axes.draw([line], order=8, stroke=colour, stroke_opacity=0.8,
+                      stroke_width=1.6 if kind == "crossings" else 0.8)  # fmt: skip
+    for kind, colour in _PLACES.items():
+        axes.mark(layers.get(kind, ()), 4.0, order=9, fill=colour, stroke="white", stroke_width=0.5)
     _draw_ours(axes, intersection)
     draw_scale(axes)
     draw_north(axes)
@@ -72,17 +77,12 @@ def _draw_page(intersection: IntersectionMap, layers: Layers, lines: Sequence[st
     for n, row in enumerate(rows):
         at = left, 0.5 + side + 0.63 + 0.17 * n
         page.write(make_printable(row, limit=160), at, 7, above=1.0, fill=SOFT_INK)
-    draw_key(page, _list_key_entries(layers), 0.5 + side + 0.28, columns=4)
+    key = {kind: KeyEntry(_WORDS[kind], colour, 2) for kind, colour in _LINES.items()}
+    key |= {kind: KeyEntry(_WORDS[kind], colour, 0) for kind, colour in _PLACES.items()}
+    shown = [entry for kind, entry in key.items() if len(layers.get(kind, ()))]
+    shown += [KeyEntry("our crosswalks", INK, 1.2), KeyEntry("our stop lines", _STOP, 2)]
+    draw_key(page, shown, 0.5 + side + 0.28, columns=4)
     return page
-
-
-def _draw_layers(axes: Drawing, layers: Layers) -> None:
-    for kind, colour in _LINES.items():
-        for line in layers.get(kind, ()):
-            axes.draw([line], order=8, stroke=colour, stroke_opacity=0.8,
-                      stroke_width=1.6 if kind == "crossings" else 0.8)  # fmt: skip
-    for kind, colour in _PLACES.items():
-        axes.mark(layers.get(kind, ()), 4.0, order=9, fill=colour, stroke="white", stroke_width=0.5)
 
 
 def _draw_ours(axes: Drawing, intersection: IntersectionMap) -> None:
@@ -98,24 +98,10 @@ def _draw_ours(axes: Drawing, intersection: IntersectionMap) -> None:
     for leg in intersection.legs:
         at, turn = place_leg_label(intersection, leg)
         words = make_printable(name_leg(leg), limit=60)
-        at = _keep_inside(axes, at, words, turn)
+        # Its middle stands where it does not run over the edge of the picture [m].
+        half = np.array(measure_block([words], 8)) / axes.scale / 2
+        c, s = abs(np.cos(np.deg2rad(turn))), abs(np.sin(np.deg2rad(turn)))
+        reach = np.array([[c, s], [s, c]]) @ half + _MARGIN / axes.scale
+        west, east, south, north = axes.view
+        at = np.clip(at, np.add((west, south), reach), np.subtract((east, north), reach))
         axes.write(words, at, 8, align="middle", turn=turn, halo="white", order=20, fill="black")
-
-
-def _keep_inside(axes: Drawing, at: FloatArray, words: str, turn: float) -> FloatArray:
-    """[2] where the middle of a label stands that must not run over the edge of the picture [m]."""
-    half = np.array(measure_block([words], 8)) / axes.scale / 2
-    c, s = abs(np.cos(np.deg2rad(turn))), abs(np.sin(np.deg2rad(turn)))
-    reach = np.array([[c, s], [s, c]]) @ half + _MARGIN / axes.scale
-    west, east, south, north = axes.view
-    return np.clip(at, np.add((west, south), reach), np.subtract((east, north), reach))
-
-
-def _list_key_entries(layers: Layers) -> list[KeyEntry]:
-    key = {kind: KeyEntry(_WORDS[kind], colour, 2) for kind, colour in _LINES.items()}
-    key |= {kind: KeyEntry(_WORDS[kind], colour, 0) for kind, colour in _PLACES.items()}
-    return [
-        *(entry for kind, entry in key.items() if len(layers.get(kind, ()))),
-        KeyEntry("our crosswalks", INK, 1.2),
-        KeyEntry("our stop lines", _STOP, 2),
-    ]

@@ -11,7 +11,7 @@ import numpy as np
 from scenewright.files import write_atomically
 from scenewright.geometry.polyline import interpolate_points
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import IntersectionMap, Leg, VehicleMovement
+from scenewright.scene.map import IntersectionMap, Leg
 from scenewright.viz.appearance import FOREGROUND, make_printable
 from scenewright.viz.basemap import KeyEntry, draw_basemap, draw_key, draw_north, draw_scale
 from scenewright.viz.drawing import INK, SOFT_INK, Drawing, create_page
@@ -89,25 +89,20 @@ def _draw_movements(
     }
     for movement in intersection.movements:
         colour = shades[movement.signal_group or "unsignalised"]
-        _draw_movement(axes, movement, colour, strength=0.45 if faint else 0.9)
+        strength = 0.45 if faint else 0.9
+        line = np.array(movement.centreline, dtype=float)
+        axes.draw([line], order=6, stroke=colour, stroke_width=1.1, stroke_opacity=strength)
+        s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        for place in (min(12.0, s[-1] / 3), s[-1] - min(12.0, s[-1] / 3)):
+            tail, tip = interpolate_points(np.array([place - 1.0, place + 1.0]), s, line)
+            ahead = (tip - tail) / max(float(np.linalg.norm(tip - tail)), 1e-9) / axes.scale
+            aside = np.array([-ahead[1], ahead[0]])
+            head = [tip, tip - 3.6 * ahead + 1.8 * aside, tip - 3.6 * ahead - 1.8 * aside]
+            axes.draw([head], closed=True, order=7, fill=colour, fill_opacity=strength)
     for walk in intersection.crosswalks:
         colour = shades.get(lights.get(walk.id, ""), SOFT_INK)
         axes.draw([walk.centreline], order=6, stroke=colour, stroke_width=1.4,
                   stroke_dasharray=_DASHES)  # fmt: skip
-
-
-def _draw_movement(
-    axes: Drawing, movement: VehicleMovement, colour: str, *, strength: float
-) -> None:
-    line = np.array(movement.centreline, dtype=float)
-    axes.draw([line], order=6, stroke=colour, stroke_width=1.1, stroke_opacity=strength)
-    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    for place in (min(12.0, s[-1] / 3), s[-1] - min(12.0, s[-1] / 3)):
-        tail, tip = interpolate_points(np.array([place - 1.0, place + 1.0]), s, line)
-        ahead = (tip - tail) / max(float(np.linalg.norm(tip - tail)), 1e-9) / axes.scale
-        aside = np.array([-ahead[1], ahead[0]])
-        head = [tip, tip - 3.6 * ahead + 1.8 * aside, tip - 3.6 * ahead - 1.8 * aside]
-        axes.draw([head], closed=True, order=7, fill=colour, fill_opacity=strength)
 
 
 def _write_leg_names(axes: Drawing, intersection: IntersectionMap) -> None:

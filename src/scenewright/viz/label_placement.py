@@ -57,14 +57,8 @@ class LabelLayout:
             for d in distances
             for a in _ANGLES
         ])  # fmt: skip
-        costs = self._compute_costs(centres - room / 2, centres + room / 2)
-        best = int(np.argmin(costs + np.arange(len(centres)) // len(_ANGLES)))
-        low, high = centres[best] - room / 2, centres[best] + room / 2
-        self.boxes.append((float(low[0]), float(low[1]), float(high[0]), float(high[1])))
-        return np.asarray(centres[best])
-
-    def _compute_costs(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """[C] what boxes with these corners [C, 2] [m] cover."""
+        # [C] what boxes with these corners [C, 2] [m] cover.
+        low, high = centres - room / 2, centres + room / 2
         x, y = np.vstack([np.empty((0, 2)), *self.points]).T
         inside = (x > low[:, :1]) & (x < high[:, :1]) & (y > low[:, 1:]) & (y < high[:, 1:])
         boxes = np.array(self.boxes).reshape(-1, 4)
@@ -73,7 +67,11 @@ class LabelLayout:
         west, east, south, north = self.axes.view
         margin = 0.01 * (east - west)
         outside = (low < (west + margin, south + margin)) | (high > (east - margin, north - margin))
-        return np.asarray(inside.sum(axis=1) + 40.0 * overlaps + 400.0 * outside.any(axis=1))
+        costs = inside.sum(axis=1) + 40.0 * overlaps + 400.0 * outside.any(axis=1)
+        best = int(np.argmin(costs + np.arange(len(centres)) // len(_ANGLES)))
+        low, high = low[best], high[best]
+        self.boxes.append((float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+        return np.asarray(centres[best])
 
 
 def _compute_reach(angle: float, size: FloatArray) -> float:

@@ -21,7 +21,7 @@ from scenewright.errors import InputError
 from scenewright.extras import require_extra
 from scenewright.files import write_atomically
 from scenewright.scene.base import RIDERS, FloatArray
-from scenewright.scene.events import Event, Finding, Proof
+from scenewright.scene.events import Event, Proof
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import EventRecord, SceneRecord, SignalRecord
@@ -115,7 +115,13 @@ def open_recording(path: str | Path) -> None:
         InputError: there is no readable recording, no viewer, or the viewer fails.
     """
     recording = _find_recording(Path(path))
-    command = [_find_viewer(), "--bind", "127.0.0.1", str(recording)]
+    # The `rerun` command of this environment, else the one on PATH.
+    name = "rerun.exe" if os.name == "nt" else "rerun"
+    beside = Path(sys.executable).with_name(name)
+    found = str(beside) if beside.is_file() else shutil.which(name)
+    if found is None:
+        raise InputError("no `rerun` command found: pip install 'scenewright[recording]'")
+    command = [found, "--bind", "127.0.0.1", str(recording)]
     try:
         done = subprocess.run(command, check=False, stderr=subprocess.PIPE, text=True)
     except OSError as error:
@@ -141,22 +147,14 @@ def _find_recording(path: Path) -> Path:
     return recording
 
 
-def _find_viewer() -> str:
-    """The `rerun` command of this environment, else the one on PATH."""
-    name = "rerun.exe" if os.name == "nt" else "rerun"
-    beside = Path(sys.executable).with_name(name)
-    found = str(beside) if beside.is_file() else shutil.which(name)
-    if found is None:
-        raise InputError("no `rerun` command found: pip install 'scenewright[recording]'")
-    return found
-
-
 def log_map(stream: rr.RecordingStream, intersection: IntersectionMap) -> None:
     """Log the ground, the markings and the movements of an intersection."""
     _log_area(stream, "map/walkable", intersection.walkable, PAVING)
     _log_area(stream, "map/road", intersection.road, ASPHALT)
     bars = [bar for walk in intersection.crosswalks for bar in build_crosswalk_bars(walk)]
-    _log_quads(stream, "map/crosswalks", bars)
+    if bars:
+        corners = np.vstack([quad[[0, 1, 2, 0, 2, 3]] for quad in bars])
+        _log_mesh(stream, "map/crosswalks", corners, PAINT, _LAYERS["crosswalks"])
     bounds = find_painted_bounds(intersection)
     broken = [dash for line in bounds["divider"] for dash in split_into_dashes(line)]
     _log_lines(stream, "map/lanes/median", bounds["median"], MEDIAN, 0.09)
@@ -206,12 +204,6 @@ def _triangulate(area: PolygonWithHoles) -> list[FloatArray]:
     polygon = Polygon(area.exterior, area.holes)  # type: ignore[no-untyped-call]
     parts = get_parts(constrained_delaunay_triangles(polygon))  # type: ignore[no-untyped-call]
     return [get_coordinates(part)[:3] for part in parts]
-
-
-def _log_quads(stream: rr.RecordingStream, path: str, quads: list[FloatArray]) -> None:
-    if quads:
-        corners = np.vstack([quad[[0, 1, 2, 0, 2, 3]] for quad in quads])
-        _log_mesh(stream, path, corners, PAINT, _LAYERS["crosswalks"])
 
 
 def _log_mesh(
@@ -469,7 +461,9 @@ def _write_report(scene: SceneRecord, proof: Proof | None) -> str:
     lines += ["", "### Proof", f"**{verdict[0].upper()}{verdict[1:]}.**", ""]
     lines += _format_events(proof.events, {agent.id: agent.name for agent in scene.agents})
     for title in ("missing", "interference", "implausible", "signal_violations"):
-        lines += _format_findings(title.replace("_", " "), getattr(proof, title))
+        name, findings = title.replace("_", " "), getattr(proof, title)
+        details = [escape_markdown(make_printable(each.detail, limit=400)) for each in findings]
+        lines += [f"- **{name}**: {each}" for each in details] or [f"- no {name}"]
     lines += ["", "### Words", "| words | state | claim | evidence |", "|---|---|---|---|"]
     for each in proof.account:
         cells = (each.words, each.state.replace("_", " "), each.claim or "", each.evidence)
@@ -495,14 +489,6 @@ def _format_events(events: tuple[Event, ...], names: Mapping[int, str]) -> list[
 
 def _format_evidence(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, float) else make_printable(str(value), limit=80)
-
-
-def _format_findings(title: str, findings: tuple[Finding, ...]) -> list[str]:
-    if not findings:
-        return [f"- no {title}"]
-    return [
-        f"- **{title}**: {escape_markdown(make_printable(f.detail, limit=400))}" for f in findings
-    ]
 
 
 def _build_blueprint(

@@ -90,7 +90,21 @@ def draw_page(scene: SceneRecord, proof: Proof | None, intersection: Intersectio
     _draw_agents(axes, scene, moving, intersection)
     draw_scale(axes)
     draw_north(axes)
-    _draw_title(page, title, beside, scene, proof)
+    # The instruction, facts and the verdict; below the verdict what stands beside it.
+    meta, room = scene.meta, page.scale * (WIDTH - 2 * MARGIN)
+    size = 10.5 / max(1.0, measure_block(title, 10.5)[0] / room)
+    page.write("\n".join(title), (MARGIN, 0.16), size, above=0.0)
+    facts = [meta.scene_id, meta.intersection, meta.time_of_day]
+    facts += [f"{meta.density} density"] if meta.density else []
+    facts += [f"seed {meta.seed}"]
+    below = 0.24 + 0.2 * len(title)
+    words = make_printable("  ·  ".join(facts), limit=110)
+    page.write(words, (MARGIN, below), 8, above=0.0, fill=SOFT_INK)
+    if proof is not None:
+        mark = "✓ " if proof.verified else ""
+        page.write(mark + "\n".join([proof.verdict, *beside]), (WIDTH - MARGIN, below), 8.5,
+                   align="end", above=0.0, bold=True, spacing=1.5,
+                   fill=colour_verdict(proof))  # fmt: skip
     _draw_legend(page, entries, above + side + 0.12)
     return page
 
@@ -110,7 +124,12 @@ def _draw_agents(
     for motion in moving:
         if motion.is_foreground:
             _draw_trail(axes, motion, time)
-            _draw_ghosts(axes, motion, time)
+            # Footprints before (filled, faint) and after (outlines) the time of the picture.
+            for index, offset in choose_ghost_samples(motion, time):
+                fade = max(0.12, 0.42 - 0.05 * abs(offset)) if offset < 0 else 0.0
+                axes.draw([motion.compute_outline(index)], closed=True, order=6.5,
+                          fill=motion.colour, fill_opacity=fade, stroke=motion.colour,
+                          stroke_opacity=0.5, stroke_width=0.8)  # fmt: skip
     for number, motion in enumerate(moving):
         _draw_footprint(axes, motion, time, order=10 + 2 * number / len(moving))
     _draw_labels(axes, layout, scene, moving)
@@ -221,15 +240,6 @@ def draw_fading_lines(
                   stroke_width=width, stroke_opacity=round(float(strength), 3))  # fmt: skip
 
 
-def _draw_ghosts(axes: Drawing, motion: DrawnMotion, time: float) -> None:
-    """Footprints before (filled, faint) and after (outlines) the time of the picture."""
-    for index, offset in choose_ghost_samples(motion, time):
-        fade = max(0.12, 0.42 - 0.05 * abs(offset)) if offset < 0 else 0.0
-        axes.draw([motion.compute_outline(index)], closed=True, order=6.5, fill=motion.colour,
-                  fill_opacity=fade, stroke=motion.colour, stroke_opacity=0.5,
-                  stroke_width=0.8)  # fmt: skip
-
-
 def choose_ghost_samples(motion: DrawnMotion, time: float) -> list[tuple[int, float]]:
     """Samples at full seconds whose footprints lie apart, and how much later than `time` [s]."""
     here = motion.find_sample(time)
@@ -294,7 +304,12 @@ def _draw_labels(
             _mark_stops(axes, layout, motion)
     for motion in moving:
         if motion.is_foreground:
-            _mark_times(axes, layout, motion, find_main_time(scene))
+            # The time of every faded footprint.
+            for index, _ in choose_ghost_samples(motion, find_main_time(scene)):
+                at = motion.xy[index]
+                if _is_inside(axes, at):
+                    layout.write(f"{motion.times[index]:.0f} s", at, 6.5, motion.colour, order=20,
+                                 distances=(motion.agent.width / 2 + 0.1,))  # fmt: skip
 
 
 def _draw_event(axes: Drawing, layout: LabelLayout, event: EventRecord) -> None:
@@ -334,52 +349,20 @@ def _mark_stops(axes: Drawing, layout: LabelLayout, motion: DrawnMotion) -> None
         )
         if stand is None or not _is_inside(axes, motion.xy[stand[0]]):
             continue
-        sign = _draw_stop_sign(axes, motion, stand[0])
+        index = stand[0]
+        angle = motion.heading[index]
+        ahead = np.array([np.cos(angle), np.sin(angle)])
+        right = np.array([ahead[1], -ahead[0]])
+        middle, reach = motion.compute_front(index) + 0.35 * ahead, 0.75 * motion.agent.width
+        bar = np.array([middle - reach * right, middle + (reach + 0.4) * right])
+        axes.draw([bar], order=13, stroke=STOP_RED, stroke_width=1.6)
+        axes.mark(bar[1], 7.9, corners=OCTAGON, order=14, fill=STOP_RED, stroke="white",
+                  stroke_width=0.9)  # fmt: skip
+        sign = bar[1]
         begin, end = motion.times[stand[0]], motion.times[stand[1]]
         layout.avoid(sign[None])
         layout.write(f"stands {begin:.1f}–{end:.1f} s", sign, 7.5, STOP_RED, order=24,
                      distances=(0.9, 1.8))  # fmt: skip
-
-
-def _draw_stop_sign(axes: Drawing, motion: DrawnMotion, index: int) -> FloatArray:
-    angle = motion.heading[index]
-    ahead = np.array([np.cos(angle), np.sin(angle)])
-    right = np.array([ahead[1], -ahead[0]])
-    middle, reach = motion.compute_front(index) + 0.35 * ahead, 0.75 * motion.agent.width
-    bar = np.array([middle - reach * right, middle + (reach + 0.4) * right])
-    axes.draw([bar], order=13, stroke=STOP_RED, stroke_width=1.6)
-    axes.mark(bar[1], 7.9, corners=OCTAGON, order=14, fill=STOP_RED, stroke="white",
-              stroke_width=0.9)  # fmt: skip
-    return np.asarray(bar[1])
-
-
-def _mark_times(axes: Drawing, layout: LabelLayout, motion: DrawnMotion, time: float) -> None:
-    """Write the time of every faded footprint."""
-    for index, _ in choose_ghost_samples(motion, time):
-        at = motion.xy[index]
-        if _is_inside(axes, at):
-            layout.write(f"{motion.times[index]:.0f} s", at, 6.5, motion.colour, order=20,
-                         distances=(motion.agent.width / 2 + 0.1,))  # fmt: skip
-
-
-def _draw_title(
-    page: Drawing, lines: list[str], beside: list[str], scene: SceneRecord, proof: Proof | None
-) -> None:
-    """The instruction, facts and the verdict; below the verdict what stands beside it."""
-    meta, room = scene.meta, page.scale * (WIDTH - 2 * MARGIN)
-    size = 10.5 / max(1.0, measure_block(lines, 10.5)[0] / room)
-    page.write("\n".join(lines), (MARGIN, 0.16), size, above=0.0)
-    facts = [meta.scene_id, meta.intersection, meta.time_of_day]
-    facts += [f"{meta.density} density"] if meta.density else []
-    facts += [f"seed {meta.seed}"]
-    below = 0.24 + 0.2 * len(lines)
-    words = make_printable("  ·  ".join(facts), limit=110)
-    page.write(words, (MARGIN, below), 8, above=0.0, fill=SOFT_INK)
-    if proof is not None:
-        mark = "✓ " if proof.verified else ""
-        page.write(mark + "\n".join([proof.verdict, *beside]), (WIDTH - MARGIN, below), 8.5,
-                   align="end", above=0.0, bold=True, spacing=1.5,
-                   fill=colour_verdict(proof))  # fmt: skip
 
 
 def _list_legend_entries(

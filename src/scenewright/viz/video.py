@@ -75,24 +75,21 @@ def _encode(program: str, frames: Iterator[Pixels]) -> bytes:
             "-s", f"{width}x{height}", "-r", str(FPS), "-i", "-", "-an", "-c:v", "libx264",
             "-crf", "20", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-y", str(part),
         ]  # fmt: skip
-        _run(command, (frame[:height, :width].tobytes() for frame in chain([first], frames)))
+        # Feed a program on its stdin; InputError with the last line of its stderr if it fails.
+        chunks = (frame[:height, :width].tobytes() for frame in chain([first], frames))
+        with tempfile.TemporaryFile() as errors:
+            try:
+                with (
+                    subprocess.Popen(command, stdin=subprocess.PIPE, stderr=errors) as encoder,
+                    suppress(BrokenPipeError),
+                    cast(IO[bytes], encoder.stdin) as sink,
+                ):
+                    for chunk in chunks:
+                        sink.write(chunk)
+            except OSError as error:
+                raise InputError(f"cannot run {command[0]}: {error.strerror or error}") from error
+            errors.seek(0)
+            said = errors.read().decode(errors="replace").strip().splitlines()
+        if encoder.returncode:
+            raise InputError(f"ffmpeg failed: {said[-1] if said else encoder.returncode}")
         return part.read_bytes()
-
-
-def _run(command: list[str], chunks: Iterator[bytes]) -> None:
-    """Feed a program on its stdin; InputError with the last line of its stderr if it fails."""
-    with tempfile.TemporaryFile() as errors:
-        try:
-            with (
-                subprocess.Popen(command, stdin=subprocess.PIPE, stderr=errors) as encoder,
-                suppress(BrokenPipeError),
-                cast(IO[bytes], encoder.stdin) as sink,
-            ):
-                for chunk in chunks:
-                    sink.write(chunk)
-        except OSError as error:
-            raise InputError(f"cannot run {command[0]}: {error.strerror or error}") from error
-        errors.seek(0)
-        said = errors.read().decode(errors="replace").strip().splitlines()
-    if encoder.returncode:
-        raise InputError(f"ffmpeg failed: {said[-1] if said else encoder.returncode}")

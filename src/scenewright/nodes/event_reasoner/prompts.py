@@ -14,7 +14,7 @@ from scenewright.nodes.prompts import (
     quote_text,
     render_prompt,
 )
-from scenewright.scene.behavior import AgentSummary, EventSummary, Segment
+from scenewright.scene.behavior import AgentSummary, EventSummary
 
 
 def render_stops_prompt(
@@ -26,10 +26,16 @@ def render_stops_prompt(
         summary: of the agents that the request names.
     """
     words = facts["words"]
+    # When what was solved for happens: closest approach, contact, the beginning of a wait.
+    solved = [
+        f"{each['clause']} at {each['time']:g} s"
+        for each in summary.evidence
+        if each.get("time") is not None
+    ]
     values = {
         "instruction": quote_text(facts["instruction"]),
         "relations": "; ".join(facts["relations"]) or "none",
-        "evidence": _format_evidence(summary),
+        "evidence": f"Solved: {'; '.join(solved)}." if solved else "",
         "agents": format_json(
             {each.agent: _describe_agent(each, summary.duration) for each in summary.agents}
         ),
@@ -40,23 +46,12 @@ def render_stops_prompt(
     return render_prompt("event_reasoner", "prompt.md", values, schema=schema)
 
 
-def _format_evidence(summary: EventSummary) -> str:
-    """When what was solved for happens: closest approach, contact, the beginning of a wait."""
-    solved = [
-        f"{each['clause']} at {each['time']:g} s"
-        for each in summary.evidence
-        if each.get("time") is not None
-    ]
-    return f"Solved: {'; '.join(solved)}." if solved else ""
-
-
 def _describe_agent(agent: AgentSummary, duration: float) -> dict[str, Any]:
     """Places with the way [m] to them, and the segments that are written."""
     return {
         "places": [[each.id, round(each.s, 1)] for each in agent.anchors],
-        "segments": [_format_segment(each) for each in agent.suggest_segments(duration)],
+        "segments": [
+            f"{each.status} {each.start:.1f}-{each.end:.1f} s {each.anchor}"
+            for each in agent.suggest_segments(duration)
+        ],
     }
-
-
-def _format_segment(segment: Segment) -> str:
-    return f"{segment.status} {segment.start:.1f}-{segment.end:.1f} s {segment.anchor}"

@@ -109,21 +109,20 @@ def build_stops_schema(agents: Sequence[AgentSummary], count: int) -> Schema:
     Args:
         count: of the words, which are numbered from 1.
     """
-    forms = [_build_stop_schema(each) for each in agents if each.anchors]
+    forms = []
+    for each in agents:
+        if each.anchors:
+            form = {
+                "words": build_reference("words"),
+                "agent": build_enum((each.agent,)),
+                "place": build_enum(anchor.id for anchor in each.anchors),
+                "ahead": build_number(0, 30),
+                "lasts": build_number(1, 10),
+            }
+            forms.append(build_object(form, required=form))
     stops = build_array(forms[0] if len(forms) == 1 else {"anyOf": forms}, most=_MOST_STOPS)
     keys = {"stops": stops, "cannot": build_array(build_reference("words"), most=count)}
     return build_object(keys, required=keys, defs={"words": build_integer(1, count)})
-
-
-def _build_stop_schema(agent: AgentSummary) -> Schema:
-    keys = {
-        "words": build_reference("words"),
-        "agent": build_enum((agent.agent,)),
-        "place": build_enum(anchor.id for anchor in agent.anchors),
-        "ahead": build_number(0, 30),
-        "lasts": build_number(1, 10),
-    }
-    return build_object(keys, required=keys)
 
 
 def chain_segments(

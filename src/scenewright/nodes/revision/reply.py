@@ -34,7 +34,6 @@ from scenewright.nodes.schema import (
 from scenewright.scene.base import RIDERS, AgentClass, AgentId
 from scenewright.scene.edits import (
     AddAgent,
-    AgentView,
     ChangeAgent,
     ChangeContext,
     ComeLater,
@@ -299,29 +298,23 @@ def to_reading(
     if reply.fresh:
         return NewScene()
     if reply.ask is not None:
-        return build_clarification(_list_candidates(reply.ask, situation, chosen), reply.ask.about)
+        if chosen:
+            choices = ", ".join(f"{noun}: {name}" for noun, name in chosen.items())
+            raise _build_rejection(f"ask: it was answered already ({choices}); give the edits")
+        here = {each.id: each for each in situation.present}
+        for name in reply.ask.among:
+            if name not in here:
+                raise _build_rejection(f"ask: there is no {name} in the scene")
+        found = [here[name] for name in dict.fromkeys(reply.ask.among)]
+        if len(found) < 2:
+            raise _build_rejection("ask: there is nothing to ask where only one agent is meant")
+        return build_clarification(found, reply.ask.about)
     reader = _ReplyReader(situation, ways)
     for line in reply.edits:
         reader.take(line)
     if not reader.found:
         raise _build_rejection("these edits leave everything as it is")
     return Edits(edits=tuple(reader.found))
-
-
-def _list_candidates(
-    asked: AskLine, situation: Situation, chosen: Mapping[str, str]
-) -> list[AgentView]:
-    here = {each.id: each for each in situation.present}
-    if chosen:
-        choices = ", ".join(f"{noun}: {name}" for noun, name in chosen.items())
-        raise _build_rejection(f"ask: it was answered already ({choices}); give the edits")
-    for name in asked.among:
-        if name not in here:
-            raise _build_rejection(f"ask: there is no {name} in the scene")
-    found = [here[name] for name in dict.fromkeys(asked.among)]
-    if len(found) < 2:
-        raise _build_rejection("ask: there is nothing to ask where only one agent is meant")
-    return found
 
 
 class _ReplyReader:
@@ -358,9 +351,19 @@ class _ReplyReader:
     def _build_edit(self, line: Line) -> Edit:
         match line:
             case AgentLine(edit="add_agent"):
-                return AddAgent(node=self._build_new_node(line))
+                if line.agent in self._present or line.agent in {e.id for e in self._graph.agents}:
+                    raise _build_rejection(
+                        f"add_agent: {line.agent} is there already; take {self._free[0]}"
+                    )
+                node = {"id": line.agent, "type": line.agent.partition("-")[0]}
+                return AddAgent(node=self._fit_route(AgentNode.model_validate(node), line))
             case AgentLine():
-                return ChangeAgent(node=self._build_changed_node(line))
+                self._require_participant(line.agent)
+                if not _list_fields(line):
+                    raise _build_rejection(
+                        f"change_agent: nothing is said that {line.agent} shall be"
+                    )
+                return ChangeAgent(node=self._fit_route(self._graph.agent(line.agent), line))
             case RemoveLine():
                 return RemoveAgent(agent=self._require_present(line.agent))
             case RedrawLine():
@@ -423,20 +426,6 @@ class _ReplyReader:
         if not found:
             raise _build_rejection("change_context: nothing is said that shall be new")
         return found
-
-    def _build_new_node(self, line: AgentLine) -> AgentNode:
-        if line.agent in self._present or line.agent in {e.id for e in self._graph.agents}:
-            raise _build_rejection(
-                f"add_agent: {line.agent} is there already; take {self._free[0]}"
-            )
-        node = {"id": line.agent, "type": line.agent.partition("-")[0]}
-        return self._fit_route(AgentNode.model_validate(node), line)
-
-    def _build_changed_node(self, line: AgentLine) -> AgentNode:
-        self._require_participant(line.agent)
-        if not _list_fields(line):
-            raise _build_rejection(f"change_agent: nothing is said that {line.agent} shall be")
-        return self._fit_route(self._graph.agent(line.agent), line)
 
     def _fit_route(self, node: AgentNode, line: AgentLine) -> AgentNode:
         """The agent with the fields given, and of its former route as much as fits these."""

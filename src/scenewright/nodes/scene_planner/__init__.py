@@ -62,7 +62,9 @@ def plan_scene(state: PlannerReads, *, runtime: Runtime) -> PlannerWrites:
     """Asks for the social graph, unless it is settled, and binds it to the map."""
     context = runtime.context
     plan = state.get("planned") or _get_plan(state, context)
-    context.log("scene_planner", _summarise(plan))
+    edges = [f"{edge.from_} {edge.type} {edge.to}" for edge in plan.relations]
+    told = f"{len(plan.agents)} agents; {', '.join(edges) or 'normal traffic'}"
+    context.log("scene_planner", told)
     grounding, pins = ground_graph(plan, intersection_map=context.intersection), state.get("pinned")
     if pins is not None:
         grounding = restrict_grounding(plan, grounding, pins, intersection_map=context.intersection)
@@ -73,10 +75,8 @@ def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
     # Loads the checker, which the command `plan` does not need.
     from scenewright.tools.account import blank_standing_facts, list_unknown_words
 
-    instruction, rejections = (
-        state["instruction"],
-        list_stage_faults(state.get("rejections", []), "scene_planner"),
-    )
+    instruction = state["instruction"]
+    rejections = list_stage_faults(state.get("rejections", []), "scene_planner")
     ways = describe_routes(context.intersection)
     question = Question(
         task="plan",
@@ -131,13 +131,6 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
     text = str(question.facts["instruction"])
     if get_backend_of_task(backend, "plan").deterministic:
         return name_strikers(plan, text)
-    _refuse_unknown_sides(plan, ways)
-    plan = complete_plan(plan, ways)
-    plan = plan.model_copy(update={"said": tuple(locate_hints(plan, text))})
-    return name_strikers(plan, text)
-
-
-def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[RouteDescription]) -> None:
     known = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
     for agent in plan.agents:
         for field in ("entry", "exit", "crosswalk"):
@@ -151,8 +144,6 @@ def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[RouteDescription]) -
                         detail=f"{agent.id}: {field} {side} is none of {', '.join(known)}",
                     )
                 )
-
-
-def _summarise(graph: SocialGraph) -> str:
-    edges = [f"{edge.from_} {edge.type} {edge.to}" for edge in graph.relations]
-    return f"{len(graph.agents)} agents; {', '.join(edges) or 'normal traffic'}"
+    plan = complete_plan(plan, ways)
+    plan = plan.model_copy(update={"said": tuple(locate_hints(plan, text))})
+    return name_strikers(plan, text)

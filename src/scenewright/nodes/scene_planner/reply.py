@@ -124,7 +124,11 @@ class PlanReply(
         if code is None and not rest:
             raise ValueError("name the agents and what happens, or refuse")
         if code is None:  # of a plan the reason is not asked, and does no harm
-            return _add_classes(rest)
+            # The plan, every agent of the class that its id names, where none is given.
+            agents = rest.get("agents")
+            if not isinstance(agents, list | tuple):
+                return dict(rest)
+            return {**rest, "agents": [_add_class(each) for each in agents]}
         if rest.get("agents") or rest.get("relations"):
             raise ValueError("either 'refused' or agents and relations, not both")
         if not isinstance(code, str):
@@ -132,14 +136,6 @@ class PlanReply(
         if not value.get("reason"):
             raise ValueError("a refusal needs its 'reason'")
         return {"code": code, "reason": value["reason"]}
-
-
-def _add_classes(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """The plan, every agent of the class that its id names, where none is given."""
-    agents = plan.get("agents")
-    if not isinstance(agents, list | tuple):
-        return dict(plan)
-    return {**plan, "agents": [_add_class(each) for each in agents]}
 
 
 def _add_class(agent: Any) -> Any:
@@ -350,7 +346,15 @@ def complete_plan(graph: SocialGraph, ways: Iterable[RouteDescription]) -> Socia
         agents = {name: _complete_agent(agent, ways) for name, agent in agents.items()}
         for name, other, side in _list_side_ties(graph):
             if agents[name].type == agents[other].type == "vehicle":
-                _tie(agents, name, other, side, ways)
+                # The entry of either from that of the other, where but one leg is left.
+                legs = dict.fromkeys(way.entry for way in ways if way.type == "vehicle")
+                one, two = agents[name], agents[other]
+                if one.entry is None and two.entry is not None:
+                    fits = [leg for leg in legs if is_on_side(side, leg, of=two.entry)]
+                    agents[name] = _set_entry(one, fits)
+                elif two.entry is None and one.entry is not None:
+                    fits = [leg for leg in legs if is_on_side(side, one.entry, of=leg)]
+                    agents[other] = _set_entry(two, fits)
     done = tuple(_complete_agent(agent, ways) for agent in agents.values())
     return graph.model_copy(update={"agents": done})
 
@@ -371,13 +375,10 @@ def _complete_agent(agent: AgentNode, ways: Sequence[RouteDescription]) -> Agent
     for field in fixed:
         options = {getattr(way, field) for way in open_}
         # An agent without any side given is left free, even if there is only one route.
-        if values[field] is None and len(options) == 1 and _has_two_sides(values):
+        told = sum(each is not None for each in values.values())
+        if values[field] is None and len(options) == 1 and told >= 2:
             values[field] = options.pop()
     return agent.model_copy(update=values)
-
-
-def _has_two_sides(values: Mapping[str, Any]) -> bool:
-    return sum(values[field] is not None for field in _FIELDS) >= 2
 
 
 def _list_side_ties(graph: SocialGraph) -> list[tuple[str, str, EntrySide]]:
@@ -394,24 +395,6 @@ def _get_entry_side(edge: RelationEdge) -> EntrySide | None:
     if edge.type == "follow" or edge.kind == "rear_end":
         return "same"
     return "opposite" if edge.kind == "head_on" else None
-
-
-def _tie(
-    agents: dict[str, AgentNode],
-    name: str,
-    other: str,
-    side: EntrySide,
-    ways: Sequence[RouteDescription],
-) -> None:
-    """The entry of either from that of the other, where but one leg is left."""
-    legs = dict.fromkeys(way.entry for way in ways if way.type == "vehicle")
-    one, two = agents[name], agents[other]
-    if one.entry is None and two.entry is not None:
-        fits = [leg for leg in legs if is_on_side(side, leg, of=two.entry)]
-        agents[name] = _set_entry(one, fits)
-    elif two.entry is None and one.entry is not None:
-        fits = [leg for leg in legs if is_on_side(side, one.entry, of=leg)]
-        agents[other] = _set_entry(two, fits)
 
 
 def _set_entry(agent: AgentNode, legs: Sequence[str]) -> AgentNode:

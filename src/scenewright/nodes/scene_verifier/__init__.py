@@ -71,9 +71,13 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime) -> VerifierWrites:
 
 def _assemble(state: VerifierReads, tracks: Tracks, context: RunContext) -> SceneRecord:
     """Assemble the scene with these tracks."""
+    # The social graph, its account with what later stages made of the words left to them.
+    graph = state["social_graph"]
+    clauses = state.get("added_clauses", AddedClauses())
+    stops = state.get("added_stops", AddedStops())
     return assemble(
         state["instruction"],
-        _close_account(state),
+        graph.model_copy(update={"said": close_account(graph.said, clauses, stops)}),
         state["candidates"],
         state["selection"],
         state["behavior"],
@@ -95,14 +99,6 @@ def _can_refining_less_mend(state: VerifierReads, context: RunContext) -> bool:
     same = {name: track for name, track in state["refined"].items() if name in frozen}
     unrefined = _assemble(state, {**state["edited"], **same}, context)
     return check(unrefined, context.intersection).verified
-
-
-def _close_account(state: VerifierReads) -> SocialGraph:
-    """The social graph, its account with what later stages made of the words left to them."""
-    graph = state["social_graph"]
-    clauses = state.get("added_clauses", AddedClauses())
-    stops = state.get("added_stops", AddedStops())
-    return graph.model_copy(update={"said": close_account(graph.said, clauses, stops)})
 
 
 def add_events(scene: SceneRecord, proof: Proof) -> SceneRecord:

@@ -25,7 +25,7 @@ from scenewright.scene.record import (
     SignalRecord,
     TieRecord,
 )
-from scenewright.scene.relations import Pattern, get_pattern
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import (
     DEFAULT_LEAD,
@@ -268,6 +268,8 @@ def _list_demands(
     brakes = edge.brakes
     severe = brakes or edge.target_pet is not None
     by_file = roles[pattern.order] if pattern.order and not brakes else None
+    striker = None if pattern.striker is None else roles[pattern.striker]
+    striker = striker if edge.strikes is None else numbers[edge.strikes]
     return {
         "type": pattern.proof.event,
         "kind": edge.kind or pattern.proof.kind,
@@ -275,18 +277,9 @@ def _list_demands(
         "manoeuvre": pattern.manoeuvre,
         "zone": pattern.zone,
         "first": by_file if edge.first is None else numbers[edge.first],
-        **_describe_striker(edge, pattern, roles, numbers),
+        **({} if striker is None else {"strikes": striker}),
         "within": {} if severe else pattern.compute_bounds(),
     }
-
-
-def _describe_striker(
-    edge: RelationEdge, pattern: Pattern, roles: dict[str, int], numbers: dict[str, int]
-) -> dict[str, Any]:
-    """Who strikes, where the text or the relation's file says so."""
-    if edge.strikes is not None:
-        return {"strikes": numbers[edge.strikes]}
-    return {} if pattern.striker is None else {"strikes": roles[pattern.striker]}
 
 
 def _find_culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:

@@ -75,17 +75,21 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime) -> RefinerWrit
             "edited": edited, "refined": _keep_frozen_tracks(edited, state), "rolled": {},
             "refinement": Refinement(refiner="none", note=note),
         }  # fmt: skip
-    before, most = _get_previous_refinement(state), runtime.context.budgets.refiner
+    # What was tried before with these very tracks; None where they are new.
+    earlier, most = state.get("refinement"), runtime.context.budgets.refiner
+    before = earlier if state.get("refused") is not None else None
     last = before is not None and (before.attempt >= most or _has_recurred(state, 3))
     agents, rolled, refined = _refine_motions(
         motions, edited, before, state, runtime.context, last=last
     )
+    kept = sum(each.reason is not None for each in agents.values())
     ran = Refinement(
         refiner="trajnet",
-        note=_summarise(agents) + _describe_foreign_weights(refiner, runtime.context),
+        note=f"{len(agents) - kept} refined, {kept} kept as edited"
+        + _describe_foreign_weights(refiner, runtime.context),
         weights=refiner.digest,
         attempt=1 if before is None else most + 1 if last else before.attempt + 1,
-        retries=_count_retries(state, before),
+        retries=(0 if earlier is None else earlier.retries) + (before is not None),
         agents=agents,
     )
     runtime.context.log("trajectory_refiner", f"{len(refined)} tracks, {ran.note}")
@@ -127,20 +131,10 @@ def _keep_frozen_tracks(tracks: Tracks, state: RefinerReads) -> Tracks:
     return {name: same.get(name, track) for name, track in tracks.items()}
 
 
-def _get_previous_refinement(state: RefinerReads) -> Refinement | None:
-    """What was tried before with these very tracks; None where they are new."""
-    return state.get("refinement") if state.get("refused") is not None else None
-
-
 def _has_recurred(state: RefinerReads, times: int) -> bool:
     """Whether so many refinements were refused for one figure: then the prior has the fault."""
     details = [each.detail for each in state["rejections"][-times:]]
     return len(details) == times and len({*details}) == 1
-
-
-def _count_retries(state: RefinerReads, before: Refinement | None) -> int:
-    earlier = state.get("refinement")
-    return (0 if earlier is None else earlier.retries) + (before is not None)
 
 
 def _refine_motions(
@@ -293,12 +287,6 @@ def _list_earlier_deviations(
         for name in same
         if pins is not None
     }
-
-
-def _summarise(agents: Mapping[str, AgentRefinement]) -> str:
-    """The account in a few words."""
-    kept = sum(each.reason is not None for each in agents.values())
-    return f"{len(agents) - kept} refined, {kept} kept as edited"
 
 
 def _describe_foreign_weights(learned: BundledRefiner, context: RunContext) -> str:

@@ -74,7 +74,13 @@ def _list_patterns(own: str | None) -> tuple[tuple[str, Pattern], ...]:
     found = _read(list(resources.files(__name__).iterdir()))
     if own is not None:
         found |= _read(_list_files(Path(own)))
-    _refuse_shared_phrases(found)
+    # Check that a phrase names one pattern. Shipped files come first, so a user's is refused.
+    owners: dict[str, str] = {}
+    for name, pattern in found.values():
+        for words, _ in pattern.list_phrase_words():
+            other = owners.setdefault(words, pattern.id)
+            if other != pattern.id:
+                raise _build_refusal(name, f"phrases: {words!r} asks for {other} already")
     return tuple(found[key] for key in sorted(found))
 
 
@@ -100,16 +106,6 @@ def _list_files(folder: Path) -> list[Traversable]:
     if len(files) > _MOST_FILES:
         raise InputError(f"cannot read relations in {folder}: more than {_MOST_FILES} files")
     return files
-
-
-def _refuse_shared_phrases(found: dict[str, tuple[str, Pattern]]) -> None:
-    """Check that a phrase names one pattern. Shipped files come first, so a user's is refused."""
-    owners: dict[str, str] = {}
-    for name, pattern in found.values():
-        for words, _ in pattern.list_phrase_words():
-            other = owners.setdefault(words, pattern.id)
-            if other != pattern.id:
-                raise _build_refusal(name, f"phrases: {words!r} asks for {other} already")
 
 
 def _load(file: Traversable) -> Pattern:

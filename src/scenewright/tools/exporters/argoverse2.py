@@ -41,7 +41,11 @@ def write_argoverse2(scene: ExportedScene, *, form: str = "window") -> dict[str,
 
 def _write_tracks(scene: ExportedScene) -> bytes:
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    focal = _find_focal(scene)
+    # Whom the ego meets in an event, if it is there at the last observed step; else the ego.
+    there = {a.id: a for a in scene.agents if a.first < OBSERVED <= a.last + 1}
+    pairs = [{event.from_, event.to} for event in scene.record.events]
+    met = [n for pair in pairs if scene.ego.id in pair for n in pair - {scene.ego.id}]
+    focal = next((there[n] for n in met if n in there), scene.ego)
     parts = [_describe_track(each, scene, focal) for each in (*scene.agents, *scene.objects)]
     columns: dict[str, Any] = {
         key: np.concatenate([part[key] for part in parts]) for key in parts[0]
@@ -61,14 +65,6 @@ def _write_tracks(scene: ExportedScene) -> bytes:
     stream = io.BytesIO()
     parquet.write_table(table, stream)
     return stream.getvalue()
-
-
-def _find_focal(scene: ExportedScene) -> ExportedAgent:
-    """Whom the ego meets in an event, if it is there at the last observed step; else the ego."""
-    there = {a.id: a for a in scene.agents if a.first < OBSERVED <= a.last + 1}
-    pairs = [{event.from_, event.to} for event in scene.record.events]
-    met = [n for pair in pairs if scene.ego.id in pair for n in pair - {scene.ego.id}]
-    return next((there[n] for n in met if n in there), scene.ego)
 
 
 def _name_track(agent: ExportedAgent, scene: ExportedScene) -> str:

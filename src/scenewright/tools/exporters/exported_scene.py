@@ -282,21 +282,17 @@ def prepare_scene(
     if not agents:
         raise InputError(f"scene {record.meta.scene_id[:40]} has no agents to export")
     steps = max(round(record.meta.duration / step), *(each.last for each in agents)) + 1
-    file_name = _clean_name(name or record.meta.scene_id)
+    # A name that any file system takes.
+    clean = re.sub(r"[^A-Za-z0-9._-]", "_", name or record.meta.scene_id)[:80].lstrip(".")
     first = max(agent.id for agent in agents) + 1
     objects = tuple(
         ExportedAgent.build_from_object(each, number, steps, step)
         for number, each in enumerate(record.objects, start=first)
     )
     return ExportedScene(
-        record, file_name, intersection_map, agents, steps, _find_ego(agents, ego),
+        record, clean or "scene", intersection_map, agents, steps, _find_ego(agents, ego),
         ego_named=ego is not None, objects=objects,
     )  # fmt: skip
-
-
-def _clean_name(text: str) -> str:
-    """A name that any file system takes."""
-    return re.sub(r"[^A-Za-z0-9._-]", "_", text)[:80].lstrip(".") or "scene"
 
 
 def _find_ego(agents: tuple[ExportedAgent, ...], ego: str | None) -> ExportedAgent:

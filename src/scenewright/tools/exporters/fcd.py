@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.exported_scene import ExportedScene
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 
@@ -22,19 +22,16 @@ def write_fcd(scene: ExportedScene) -> dict[str, bytes]:
     for k, time in enumerate(scene.times.tolist()):
         step = add(root, "timestep", time=f"{time:.2f}")
         for agent in agents:
-            if agent.first <= k <= agent.last:
-                _add_agent(step, agent, k - agent.first)
+            if not agent.first <= k <= agent.last:
+                continue
+            n, vehicle = k - agent.first, agent.names.is_vehicle
+            turn = float(agent.heading[n])
+            forward = agent.length / 2 * vehicle
+            x, y = (agent.xy[n] + forward * np.array([math.cos(turn), math.sin(turn)])).tolist()
+            add(
+                step, "vehicle" if vehicle else "person", id=agent.name,
+                x=round(x, 4), y=round(y, 4), angle=round(90.0 - math.degrees(turn), 4) % 360.0,
+                type=agent.names.sumo, speed=round(float(agent.speed[n]), 3),
+                length=agent.length, width=agent.width,
+            )  # fmt: skip
     return {f"{scene.name}.fcd.xml": write_bytes(root)}
-
-
-def _add_agent(step: ElementTree.Element, agent: ExportedAgent, k: int) -> None:
-    vehicle = agent.names.is_vehicle
-    turn = float(agent.heading[k])
-    forward = agent.length / 2 * vehicle
-    x, y = (agent.xy[k] + forward * np.array([math.cos(turn), math.sin(turn)])).tolist()
-    add(
-        step, "vehicle" if vehicle else "person", id=agent.name,
-        x=round(x, 4), y=round(y, 4), angle=round(90.0 - math.degrees(turn), 4) % 360.0,
-        type=agent.names.sumo, speed=round(float(agent.speed[k]), 3),
-        length=agent.length, width=agent.width,
-    )  # fmt: skip

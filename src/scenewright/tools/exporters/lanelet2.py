@@ -57,14 +57,13 @@ class _Writer:
         return self._last
 
     def _add_way(self, line: Sequence[Point]) -> int:
-        nodes = [self.nodes.get(p) or self._add_node(p) for p in line]
+        for point in line:
+            if point not in self.nodes:
+                self.nodes[point] = self._number()
+        nodes = [self.nodes[point] for point in line]
         number = self._number()
         self.ways.append((number, nodes))
         return number
-
-    def _add_node(self, point: Point) -> int:
-        self.nodes[point] = self._number()
-        return self.nodes[point]
 
     def add_lanelet(
         self, left: Sequence[Point], right: Sequence[Point], tags: dict[str, str]

@@ -19,7 +19,7 @@ from scenewright.geometry.polyline import (
     resample_to_count,
 )
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, SignalGroup, StopLine
+from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, StopLine
 from scenewright.tools.exporters.lanes import Side, list_predecessors, number_lanes
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
@@ -92,9 +92,23 @@ def write_opendrive(intersection_map: IntersectionMap) -> bytes:
     for name, road in roads.items():
         _add_objects(elements[name], road, intersection_map)
     if intersection_map.signals is not None:
+        ids = number_signals(intersection_map)
         for number, group in enumerate(intersection_map.signals.groups, start=2000):
-            _add_controller(root, number, group, intersection_map)
-    _add_junction(root, roads, left_hand)
+            # The lights that always show the same.
+            controller = add(root, "controller", id=number, name=group.id, sequence=0)
+            own = [each for each in intersection_map.movements if each.id in group.movements]
+            for name in sorted({each.stop_line for each in own}) + sorted(group.crosswalks):
+                add(controller, "control", signalId=ids[name])
+    # Every way from an approach into the junction.
+    junction = add(root, "junction", id=JUNCTION, name="junction", type="default")
+    lane, number = 1 if left_hand else -1, 0
+    for road in roads.values():
+        inside = [roads[name] for name in road.lanelet.successors if name in roads]
+        for other in inside if road.lanelet.kind == "approach" else ():
+            connection = add(junction, "connection", id=number, incomingRoad=road.number,
+                             connectingRoad=other.number, contactPoint="start")  # fmt: skip
+            add(connection, "laneLink", from_=lane, to=lane)
+            number += 1
     return write_bytes(root)
 
 
@@ -253,17 +267,13 @@ def _add_crosswalk(
     at = add(objects, "object", id=number, name=crosswalk.id, type="crosswalk", s=s, t=t,
              zOffset=0.0, hdg=0.0, orientation="none", validLength=0.0)  # fmt: skip
     outline = add(add(at, "outlines"), "outline", id=0, closed=True)
-    origin = _place(road, s, t)
+    # The point at s, t of the road.
+    k = int(np.argmin(np.abs(road.s - s)))
+    ahead = road.tangents[k]
+    origin = road.line[k] + (s - road.s[k]) * ahead + t * np.array([-ahead[1], ahead[0]])
     turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     for k, (u, v) in enumerate(((corners - origin) @ turn.T).tolist()):
         add(outline, "cornerLocal", id=k, u=u, v=v, z=0.0, height=0.0)
-
-
-def _place(road: Road, s: float, t: float) -> FloatArray:
-    """The point at s, t of a road."""
-    k = int(np.argmin(np.abs(road.s - s)))
-    ahead = road.tangents[k]
-    return np.asarray(road.line[k] + (s - road.s[k]) * ahead + t * np.array([-ahead[1], ahead[0]]))
 
 
 def _add_signal(
@@ -279,27 +289,3 @@ def _add_signal(
         type=VEHICLE_LIGHT if vehicle else PEDESTRIAN_LIGHT, subtype=-1, value=-1.0,
         width=0.3, height=0.9, hOffset=0.0,
     )  # fmt: skip
-
-
-def _add_controller(
-    root: ElementTree.Element, number: int, group: SignalGroup, intersection_map: IntersectionMap
-) -> None:
-    """A signal group: the lights that always show the same."""
-    ids = number_signals(intersection_map)
-    lines = {each.stop_line for each in intersection_map.movements if each.id in group.movements}
-    controller = add(root, "controller", id=number, name=group.id, sequence=0)
-    for name in sorted(lines) + sorted(group.crosswalks):
-        add(controller, "control", signalId=ids[name])
-
-
-def _add_junction(root: ElementTree.Element, roads: dict[str, Road], left_hand: bool) -> None:
-    """Every way from an approach into the junction."""
-    junction = add(root, "junction", id=JUNCTION, name="junction", type="default")
-    lane, number = 1 if left_hand else -1, 0
-    for road in roads.values():
-        inside = [roads[name] for name in road.lanelet.successors if name in roads]
-        for other in inside if road.lanelet.kind == "approach" else ():
-            connection = add(junction, "connection", id=number, incomingRoad=road.number,
-                             connectingRoad=other.number, contactPoint="start")  # fmt: skip
-            add(connection, "laneLink", from_=lane, to=lane)
-            number += 1

@@ -220,7 +220,16 @@ def _add_maneuvers(
         event = _add_event(maneuver, f"drive {name}", starter)
         _add_way(add(event, "PrivateAction"), agent, way)
         event = _add_event(maneuver, f"speed {name}", starter)
-        _add_speed_profile(add(event, "PrivateAction"), agent, scene)
+        # The agent's speed every half second and at last, which stays after a track's end.
+        action = add(event, "PrivateAction")
+        profile = add(
+            add(action, "LongitudinalAction"), "SpeedProfileAction", followingMode="follow"
+        )
+        stride = max(round(SPEED_SPACING / scene.step), 1)
+        last = len(agent.xy) - 1
+        for k in sorted({*range(0, last, stride), last}):
+            wait = round(min(k, (k - 1) % stride + 1) * scene.step, 3)
+            add(profile, "SpeedProfileEntry", speed=_scale_speed(agent, k, "reactive"), time=wait)
         end = _resample(agent)[-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
         _add_place_trigger(_add_removal(maneuver, agent), agent.name, end)
 
@@ -342,7 +351,22 @@ def _resample(agent: ExportedAgent) -> FloatArray:
 def _add_way(action: _Element, agent: ExportedAgent, way: _Way) -> None:
     """The lanes to drive on, or the line to go along where there are none."""
     if not way:
-        _add_line(action, agent)
+        # A trajectory without times: where to go, not when.
+        line = _resample(agent)
+        if len(line) < 2:
+            ahead = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
+            line = np.stack([line[0], line[0] + INSIDE * ahead])
+        follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
+        path = add(
+            add(follow, "TrajectoryRef"), "Trajectory", name=f"way {agent.name}", closed=False
+        )
+        add(path, "ParameterDeclarations")
+        shape = add(add(path, "Shape"), "Polyline")
+        slope = np.gradient(line, axis=0)
+        for xy, heading in zip(line, np.arctan2(slope[:, 1], slope[:, 0]).tolist(), strict=True):
+            _add_position(add(shape, "Vertex"), xy, heading)
+        add(add(follow, "TimeReference"), "None")
+        add(follow, "TrajectoryFollowingMode", followingMode="position")
         return
     route = add(add(add(action, "RoutingAction"), "AssignRouteAction"), "Route",
                 name=f"route {agent.name}", closed=False)  # fmt: skip
@@ -350,33 +374,6 @@ def _add_way(action: _Element, agent: ExportedAgent, way: _Way) -> None:
         waypoint = add(route, "Waypoint", routeStrategy="shortest")
         add(add(waypoint, "Position"), "LanePosition", roadId=road.number, laneId=road.lane,
             s=round(s, 3), offset=0.0)  # fmt: skip
-
-
-def _add_line(action: _Element, agent: ExportedAgent) -> None:
-    """A trajectory without times: where to go, not when."""
-    line = _resample(agent)
-    if len(line) < 2:
-        ahead = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
-        line = np.stack([line[0], line[0] + INSIDE * ahead])
-    follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
-    path = add(add(follow, "TrajectoryRef"), "Trajectory", name=f"way {agent.name}", closed=False)
-    add(path, "ParameterDeclarations")
-    shape = add(add(path, "Shape"), "Polyline")
-    slope = np.gradient(line, axis=0)
-    for xy, heading in zip(line, np.arctan2(slope[:, 1], slope[:, 0]).tolist(), strict=True):
-        _add_position(add(shape, "Vertex"), xy, heading)
-    add(add(follow, "TimeReference"), "None")
-    add(follow, "TrajectoryFollowingMode", followingMode="position")
-
-
-def _add_speed_profile(action: _Element, agent: ExportedAgent, scene: ExportedScene) -> None:
-    """The agent's speed every half second and at last, which stays after a track's end."""
-    profile = add(add(action, "LongitudinalAction"), "SpeedProfileAction", followingMode="follow")
-    stride = max(round(SPEED_SPACING / scene.step), 1)
-    last = len(agent.xy) - 1
-    for k in sorted({*range(0, last, stride), last}):
-        wait = round(min(k, (k - 1) % stride + 1) * scene.step, 3)
-        add(profile, "SpeedProfileEntry", speed=_scale_speed(agent, k, "reactive"), time=wait)
 
 
 def _add_position(parent: _Element, xy: FloatArray, heading: float | None) -> None:

@@ -44,8 +44,13 @@ def _build_file_name(scene: ExportedScene) -> str:
 
 def _describe(scene: ExportedScene) -> dict[str, Any]:
     scene = scene.begin_at_ego()
-    agents = [_extend(agent, scene) for agent in (*scene.agents, *scene.objects)]
-    tracks = {str(agent.id): _describe_track(agent, scene.steps) for agent in agents}
+    tracks: dict[str, Any] = {}
+    for agent in (*scene.agents, *scene.objects):
+        # The ego continues along its route after a collision; all others as in the scene.
+        goes_on = agent.id == scene.ego.id and agent.id in scene.collided
+        shown = agent.continue_until(scene.steps - 1) if goes_on else agent
+        tracks[str(agent.id)] = _describe_track(shown, scene.steps)
+    kinds = Counter(track["type"] for track in tracks.values())
     features = _describe_map(scene.intersection_map)
     lights = _describe_lights(scene)
     return {
@@ -69,16 +74,15 @@ def _describe(scene: ExportedScene) -> dict[str, Any]:
             "tracks_to_predict": {},
             "objects_of_interest": [str(n) for n in sorted(scene.collided)],
             "object_summary": {name: _summarize(name, track) for name, track in tracks.items()},
-            "number_summary": _count(tracks, lights, features),
+            "number_summary": {
+                "num_objects": len(tracks),
+                "num_objects_each_type": dict(kinds),
+                "object_types": sorted(kinds),
+                "num_traffic_lights": len(lights),
+                "num_map_features": len(features),
+            },
         },
     }
-
-
-def _extend(agent: ExportedAgent, scene: ExportedScene) -> ExportedAgent:
-    """The ego continues along its route after a collision; all others as in the scene."""
-    if agent.id != scene.ego.id or agent.id not in scene.collided:
-        return agent
-    return agent.continue_until(scene.steps - 1)
 
 
 def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
@@ -168,17 +172,4 @@ def _summarize(name: str, track: dict[str, Any]) -> dict[str, Any]:
         "moving_distance": float(np.hypot(*np.diff(way, axis=0).T).sum()),
         "valid_length": int(valid.sum()),
         "continuous_valid_length": int(valid.sum()),
-    }
-
-
-def _count(
-    tracks: dict[str, Any], lights: dict[str, Any], features: dict[str, Any]
-) -> dict[str, Any]:
-    kinds = Counter(track["type"] for track in tracks.values())
-    return {
-        "num_objects": len(tracks),
-        "num_objects_each_type": dict(kinds),
-        "object_types": sorted(kinds),
-        "num_traffic_lights": len(lights),
-        "num_map_features": len(features),
     }

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.exported_scene import ExportedScene
 
 SAMPLE = 0.4
 """Between samples [s]."""
@@ -32,7 +32,14 @@ def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
     stride = round(SAMPLE / scene.step)
     if stride == 0:
         raise InputError(f"scene {scene.name} has a step of {scene.step:g} s; at most {SAMPLE} s")
-    rows = [*_list_scene_rows(scene, stride), *_list_track_rows(scene, stride)]
+    rows = list(_list_scene_rows(scene, stride))
+    for frame in range(0, scene.steps, stride):
+        for agent in scene.agents:
+            if agent.first <= frame <= agent.last:
+                x, y = agent.xy[frame - agent.first].tolist()
+                heading = round(float(agent.heading[frame - agent.first]), 4)
+                place = {"f": frame, "p": agent.id, "x": x, "y": y}
+                rows.append({"track": {**place, "class": agent.names.tracks, "heading": heading}})
     text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
     return {f"{scene.name}.ndjson": text.encode()}
 
@@ -44,23 +51,9 @@ def _list_scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, An
     """
     met, number = scene.list_event_agents(), 0
     for agent in sorted(scene.agents, key=lambda a: (a.id not in met, a.role != "foreground")):
-        frames = _list_frames(agent, stride)[-LENGTH:]
+        # The frames at which the agent has a sample.
+        frames = np.arange(-(-agent.first // stride) * stride, agent.last + 1, stride)[-LENGTH:]
         if len(frames) >= (SHORTEST if agent.id in met else LENGTH):
             ends = {"s": int(frames[0]), "e": int(frames[-1])}
             yield {"scene": {"id": number, "p": agent.id, **ends, "fps": FPS}}
             number += 1
-
-
-def _list_track_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
-    for frame in range(0, scene.steps, stride):
-        for agent in scene.agents:
-            if agent.first <= frame <= agent.last:
-                x, y = agent.xy[frame - agent.first].tolist()
-                heading = round(float(agent.heading[frame - agent.first]), 4)
-                place = {"f": frame, "p": agent.id, "x": x, "y": y}
-                yield {"track": {**place, "class": agent.names.tracks, "heading": heading}}
-
-
-def _list_frames(agent: ExportedAgent, stride: int) -> np.ndarray:
-    """The frames at which the agent has a sample."""
-    return np.arange(-(-agent.first // stride) * stride, agent.last + 1, stride)

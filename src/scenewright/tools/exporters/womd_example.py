@@ -6,7 +6,6 @@ current one and 80 future ones, 16 lights, 30,000 points of the map.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -72,17 +71,29 @@ def _describe_objects(scene: ExportedScene) -> Features:
     found["state/type"] = _fill([a.names.womd for a in agents], _NOTHING).astype(np.float32)
     steps = PARTS["future"].stop
     for name in STATES:
-        whole: np.ndarray[Any, Any] = np.full((OBJECTS, steps), _NOTHING, _find_dtype(name))
+        dtype = np.int64 if name in ("valid", "timestamp_micros") else np.float32
+        whole: np.ndarray[Any, Any] = np.full((OBJECTS, steps), _NOTHING, dtype)
         if name == "valid":
             whole[:] = 0
         for row, agent in zip(whole, agents, strict=False):
-            row[agent.first : agent.last + 1] = _list_states(agent, scene)[name]
+            heading = np.where(agent.heading >= np.pi, -np.pi, agent.heading)
+            times = scene.times[agent.first : agent.last + 1]
+            row[agent.first : agent.last + 1] = {
+                "x": agent.xy[:, 0],
+                "y": agent.xy[:, 1],
+                "z": agent.height / 2,
+                "length": agent.length,
+                "width": agent.width,
+                "height": agent.height,
+                "bbox_yaw": heading,
+                "vel_yaw": np.arctan2(agent.velocity[:, 1], agent.velocity[:, 0]),
+                "velocity_x": agent.velocity[:, 0],
+                "velocity_y": agent.velocity[:, 1],
+                "timestamp_micros": np.round(times * 1e6),
+                "valid": 1.0,
+            }[name]
         found |= {f"state/{part}/{name}": whole[:, span] for part, span in PARTS.items()}
     return found
-
-
-def _find_dtype(name: str) -> type:
-    return np.int64 if name in ("valid", "timestamp_micros") else np.float32
 
 
 def _fill(values: list[Any], rest: int) -> np.ndarray[Any, Any]:
@@ -102,19 +113,6 @@ def _choose_objects(scene: ExportedScene) -> list[ExportedAgent]:
 
     kept = sorted(users, key=come_near)[:OBJECTS]
     return [agent for agent in users if any(agent is each for each in kept)]
-
-
-def _list_states(agent: ExportedAgent, scene: ExportedScene) -> Mapping[str, FloatArray | float]:
-    """By name of the state, values at the samples of the agent."""
-    heading = np.where(agent.heading >= np.pi, -np.pi, agent.heading)
-    times = scene.times[agent.first : agent.last + 1]
-    return {
-        "x": agent.xy[:, 0], "y": agent.xy[:, 1], "z": agent.height / 2,
-        "length": agent.length, "width": agent.width, "height": agent.height,
-        "bbox_yaw": heading, "vel_yaw": np.arctan2(agent.velocity[:, 1], agent.velocity[:, 0]),
-        "velocity_x": agent.velocity[:, 0], "velocity_y": agent.velocity[:, 1],
-        "timestamp_micros": np.round(times * 1e6), "valid": 1.0,
-    }  # fmt: skip
 
 
 def _describe_map(features: list[dict[str, Any]]) -> Features:

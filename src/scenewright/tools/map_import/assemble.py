@@ -162,7 +162,13 @@ class _Assembly:
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
         self.crossings = choose_crossings(survey, self.legs)
-        self.extent = _choose_extent(self.legs, extent, self._measure_crossing_reach())
+        # How far from the middle the file's crosswalks reach, seen along their legs [m].
+        reaches = [
+            float(np.abs(self.legs[k].throat).max())
+            + float((mapped.middle - self.legs[k].throat) @ self.legs[k].outwards)
+            for k, mapped in self.crossings.by_leg.items()
+        ]
+        self.extent = _choose_extent(self.legs, extent, max(reaches, default=0.0))
         self.connections = [each for each in survey.connections if self._leads_elsewhere(each)]
         if not self.connections:
             raise InputError(f"{survey.title} has no way for vehicles from one leg to another")
@@ -177,15 +183,6 @@ class _Assembly:
             for leg in self.legs
             for lane, is_approach in leg.directed_lanes
         }
-
-    def _measure_crossing_reach(self) -> float:
-        """How far from the middle the file's crosswalks reach, seen along their legs [m]."""
-        reaches = [
-            float(np.abs(self.legs[k].throat).max())
-            + float((mapped.middle - self.legs[k].throat) @ self.legs[k].outwards)
-            for k, mapped in self.crossings.by_leg.items()
-        ]
-        return max(reaches, default=0.0)
 
     def _add_note(self, line: str) -> None:
         if line not in self.notes:
@@ -291,7 +288,9 @@ class _Assembly:
         found = []
         for each in self.connections:
             before, after = self.extended[each.approach], self.extended[each.exit]
-            line = self._round(_smooth(np.concatenate([before, each.line, after])))
+            # Without the corners that readers leave where pieces meet; a point every half metre.
+            even = resample_by_spacing(np.concatenate([before, each.line, after]), 0.5)
+            line = self._round(smooth_gaussian(even, 3.0))
             inside = np.flatnonzero(self._is_inside(line))
             found.append(line[inside[0] : inside[-1] + 1] if len(inside) > 1 else line[-2:])
         return found
@@ -332,6 +331,7 @@ class _Assembly:
         movements = self._build_movements(program)
         lines = {m.id: self.vehicle_lines[f"vehicle:{m.id}"] for m in movements}
         crossed = {route.split(":")[1] for route in self.crossing_lines}
+        road = self.road.intersection(ground.build_square(self.extent))
         return IntersectionMap(
             name=name,
             map_id=zlib.crc32(name.encode()) % 1_000_000,
@@ -345,7 +345,7 @@ class _Assembly:
             lanelets=lanelets,
             stop_lines=stop_lines,
             crosswalks=crosswalks,
-            road=tuple(map(build_area, ground.list_polygons(self._clip_road()))),
+            road=tuple(map(build_area, ground.list_polygons(road))),
             walkable=tuple(map(build_area, ground.list_polygons(self._derive_sidewalks()))),
             goal_regions=(*self._build_vehicle_goals(), *self._build_pedestrian_goals()),
             movements=movements,
@@ -356,9 +356,6 @@ class _Assembly:
                 *build_pedestrian_routes(leg for leg in self.names if leg in crossed),
             ),
         )
-
-    def _clip_road(self) -> Any:
-        return self.road.intersection(ground.build_square(self.extent))
 
     def _derive_sidewalks(self) -> Any:
         self._add_note(f"sidewalks were derived: {self._describe_sidewalks()}")
@@ -371,12 +368,22 @@ class _Assembly:
         return f"3 m along every outer kerb{more}"
 
     def _build_signals(self, crosswalks: Sequence[Crosswalk], mode: str) -> SignalProgram | None:
+        # By entry leg, the survey's lights of its straightest connections.
+        found: dict[Compass, list[tuple[float, str]]] = {}
+        for (entry, _), own in self.by_movement.items():
+            for connection in (self.connections[i] for i in own):
+                if connection.light is not None:
+                    turn = round(abs(self._measure_turn(connection)), 1)
+                    found.setdefault(self.names[entry], []).append((turn, connection.light))
         program, self.signal_item = build_signal_program(
             self.survey,
             SignalInput(
                 straight=self._find_straight_pairs(),
                 clashes=self._find_clashes(),
-                lights=self._find_lights(),
+                lights={
+                    leg: [light for turn, light in each if turn <= min(each)[0] + 0.2]
+                    for leg, each in found.items()
+                },
                 walks=self._find_walk_lights(),
                 groups={
                     self.names[k]: name
@@ -423,19 +430,6 @@ class _Assembly:
         best = {a: min(own) for a, own in turns.items()}
         return {
             (self.names[a], self.names[b]) for a, (turn, b) in best.items() if turn < CLEARLY_TURNED
-        }
-
-    def _find_lights(self) -> dict[Compass, list[str]]:
-        """By entry leg, the survey's lights of its straightest connections."""
-        found: dict[Compass, list[tuple[float, str]]] = {}
-        for (entry, _), own in self.by_movement.items():
-            for connection in (self.connections[i] for i in own):
-                if connection.light is not None:
-                    turn = round(abs(self._measure_turn(connection)), 1)
-                    found.setdefault(self.names[entry], []).append((turn, connection.light))
-        return {
-            leg: [light for turn, light in each if turn <= min(each)[0] + 0.2]
-            for leg, each in found.items()
         }
 
     def _name_lane(self, lane: SurveyLane, k: int, side: str) -> str:
@@ -743,11 +737,6 @@ def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:
     breaks = np.flatnonzero(np.diff(where) > 1)
     first = where[breaks[-1] + 1] if len(breaks) else where[0]
     return line[first : where[-1] + 1]
-
-
-def _smooth(line: FloatArray) -> FloatArray:
-    """Without the corners that readers leave where pieces meet; a point every half metre."""
-    return smooth_gaussian(resample_by_spacing(line, 0.5), 3.0)
 
 
 def _round_corners(line: FloatArray) -> FloatArray:

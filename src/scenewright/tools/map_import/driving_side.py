@@ -53,7 +53,20 @@ def find_sumo_side(left_hand: bool) -> DrivingSide:
 
 def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
     """By the tags of the file, else its place, else how its one-way roads lie."""
-    drawn = _count_drawn_sides(osm)
+    # How many roundabouts and pairs of carriageways are drawn for each side.
+    drawn = {"left": 0, "right": 0}
+    streets: dict[str, list[FloatArray]] = {}
+    for _, tags, nodes in osm.list_roads():
+        line = np.array([osm.nodes[n] for n in nodes if n in osm.nodes])
+        if len(line) < 2:
+            continue
+        if tags.get("junction") == "roundabout":
+            drawn["left" if _measure_turn(line) < 0 else "right"] += 1
+        elif tags.get("oneway") in ("yes", "1", "true") and tags.get("name"):
+            streets.setdefault(tags["name"], []).append(line)
+    for lines in streets.values():
+        for side in _count_oncoming(lines):
+            drawn[side] += 1
     found = (
         _read_side_tags(osm) or _read_country_tags(_list_tags(osm)) or find_side_of_place(origin)
     )
@@ -115,24 +128,6 @@ def find_side_of_place(origin: LatLon) -> DrivingSide | None:
     town = towns.get(origin)
     code, name = str(town["country_code"]), str(town["city"])
     return DrivingSide(code in _LEFT_HAND.split(), f"the place is near {name}, in country {code}")
-
-
-def _count_drawn_sides(osm: OsmFile) -> dict[str, int]:
-    """How many roundabouts and pairs of carriageways are drawn for each side."""
-    counts = {"left": 0, "right": 0}
-    streets: dict[str, list[FloatArray]] = {}
-    for _, tags, nodes in osm.list_roads():
-        line = np.array([osm.nodes[n] for n in nodes if n in osm.nodes])
-        if len(line) < 2:
-            continue
-        if tags.get("junction") == "roundabout":
-            counts["left" if _measure_turn(line) < 0 else "right"] += 1
-        elif tags.get("oneway") in ("yes", "1", "true") and tags.get("name"):
-            streets.setdefault(tags["name"], []).append(line)
-    for lines in streets.values():
-        for side in _count_oncoming(lines):
-            counts[side] += 1
-    return counts
 
 
 def _measure_turn(line: FloatArray) -> float:

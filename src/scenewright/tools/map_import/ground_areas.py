@@ -181,7 +181,8 @@ def _place_mapped_crosswalk(
     ends, refuges = kerbs.copy(), []
     drawn = mapped.ends if mapped.is_bounded else mapped.limits
     if drawn is not None:
-        drawn = drawn if _is_turned(drawn, kerbs) else drawn[::-1]
+        # Whether both lines lead the same way.
+        drawn = drawn if (drawn[1] - drawn[0]) @ (kerbs[1] - kerbs[0]) > 0 else drawn[::-1]
         for i in (0, 1):
             end = _choose_end(kerbs[i], drawn[i], mapped.middle, leg)
             beyond = np.hypot(*(kerbs[i] - mapped.middle)) - np.hypot(*(end - mapped.middle))
@@ -192,11 +193,6 @@ def _place_mapped_crosswalk(
     distance = float((mapped.middle - leg.throat) @ leg.outwards)
     width = float(np.clip(mapped.width, 2.0, 8.0))
     return CrosswalkPlacement(distance, ends, width, mapped, tuple(refuges))
-
-
-def _is_turned(ends: FloatArray, kerbs: FloatArray) -> bool:
-    """Whether both lines lead the same way."""
-    return float((ends[1] - ends[0]) @ (kerbs[1] - kerbs[0])) > 0
 
 
 def _choose_end(

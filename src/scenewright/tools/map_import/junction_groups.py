@@ -260,18 +260,14 @@ def _build_group(
             ahead = find_point(line, _AHEAD) - line[0]
             arms.append(JunctionLeg(piece.name_at(node), math.atan2(ahead[1], ahead[0])))
     middle = np.mean([places[node] for node in nodes], axis=0)
-    return JunctionGroup(
-        nodes=frozenset(nodes),
-        xy=(float(middle[0]), float(middle[1])),
-        legs=tuple(_merge_arms(arms)),
-        is_roundabout=is_roundabout,
-    )
-
-
-def _merge_arms(arms: Sequence[JunctionLeg]) -> list[JunctionLeg]:
-    """Arms that lead the same way as one leg: the carriageways of a divided street."""
+    # Arms that lead the same way as one leg: the carriageways of a divided street.
     found: list[JunctionLeg] = []
     for arm in sorted(arms, key=lambda each: (not each.street, each.bearing, each.street)):
         if all(abs(_turn(arm.bearing, other.bearing)) > _SAME_LEG for other in found):
             found.append(arm)
-    return sorted(found, key=lambda each: each.bearing)
+    return JunctionGroup(
+        nodes=frozenset(nodes),
+        xy=(float(middle[0]), float(middle[1])),
+        legs=tuple(sorted(found, key=lambda each: each.bearing)),
+        is_roundabout=is_roundabout,
+    )

@@ -135,8 +135,14 @@ def _trace_shape(
     shape: Any, ds: FloatArray, length: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """x, y and heading of a shape in its own frame."""
-    if shape.tag in ("paramPoly3", "poly3"):
-        return _trace_cubic(shape, ds, length)
+    if shape.tag == "poly3":
+        v, dv = _evaluate([_read(shape, name) for name in "abcd"], ds)
+        return ds, v, np.arctan2(dv, np.ones_like(ds))
+    if shape.tag == "paramPoly3":
+        p = ds if shape.get("pRange") == "arcLength" else ds / length
+        u, du = _evaluate([_read(shape, f"{name}U") for name in "abcd"], p)
+        v, dv = _evaluate([_read(shape, f"{name}V") for name in "abcd"], p)
+        return u, v, np.arctan2(dv, du)
     begin = _read(shape, "curvature") if shape.tag == "arc" else _read(shape, "curvStart")
     end = begin if shape.tag == "arc" else _read(shape, "curvEnd")
     turn = begin * ds + (end - begin) * ds**2 / (2 * length)
@@ -145,19 +151,6 @@ def _trace_shape(
     x = np.concatenate([[0.0], np.cumsum(step * np.cos(between))])
     y = np.concatenate([[0.0], np.cumsum(step * np.sin(between))])
     return x, y, turn
-
-
-def _trace_cubic(
-    shape: Any, ds: FloatArray, length: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    if shape.tag == "poly3":
-        u, du = ds, np.ones_like(ds)
-        v, dv = _evaluate([_read(shape, name) for name in "abcd"], ds)
-        return u, v, np.arctan2(dv, du)
-    p = ds if shape.get("pRange") == "arcLength" else ds / length
-    u, du = _evaluate([_read(shape, f"{name}U") for name in "abcd"], p)
-    v, dv = _evaluate([_read(shape, f"{name}V") for name in "abcd"], p)
-    return u, v, np.arctan2(dv, du)
 
 
 def _evaluate(c: Sequence[float], p: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -165,7 +165,11 @@ def _finish(
     source: str,
     limits: FloatArray | None,
 ) -> SurveyCrossing:
-    half = _estimate_road_width(road) / 2
+    # [m] the lanes that are tagged, else one for each direction; and a little beside them.
+    is_oneway = road.get("oneway") in ("yes", "1", "true", "-1")
+    is_oneway = is_oneway or road.get("junction") == "roundabout"
+    lanes = _read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
+    half = (_LANE * max(lanes, 1.0) + (1.0 if is_oneway else 3.0)) / 2
     signalised = {"traffic_signals": True, "uncontrolled": False, "zebra": False, "unmarked": False}
     kind = (
         "traffic_signals" if known.get("crossing:signals") == "yes" else known.get("crossing", "")
@@ -188,15 +192,6 @@ def _find_direction(osm: OsmFile, nodes: tuple[str, ...], i: int) -> FloatArray 
     step = around[-1] - around[0] if len(around) > 1 else np.zeros(2)
     length = float(np.hypot(*step))
     return None if length < 0.1 else np.asarray(step / length)
-
-
-def _estimate_road_width(road: Tags) -> float:
-    """[m] the lanes that are tagged, else one for each direction; and a little beside them."""
-    is_oneway = road.get("oneway") in ("yes", "1", "true", "-1") or "roundabout" in (
-        road.get("junction"),
-    )
-    lanes = _read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
-    return _LANE * max(lanes, 1.0) + (1.0 if is_oneway else 3.0)
 
 
 def _read_number(text: str | None) -> float | None:

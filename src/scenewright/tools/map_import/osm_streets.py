@@ -73,7 +73,13 @@ def read_streets(file: Path) -> StreetMap:
     count = 0
     for element in iterate_elements(file):
         if isinstance(element, OsmNodes):
-            _check_degrees(element, file)
+            far = ~(np.abs(element.degrees) <= (85.0, 180.0)).all(axis=1)
+            if far.any():
+                lat, lon = element.degrees[far.argmax()]
+                raise InputError(
+                    f"{file} has a node at latitude {lat:g}, longitude {lon:g}: these are no "
+                    "degrees; OpenStreetMap files are not projected"
+                )
             ids.append(element.ids)
             degrees.append(element.degrees)
             if (count := count + len(element.ids)) > MOST_NODES:
@@ -96,16 +102,6 @@ def is_closed(tags: Mapping[str, str]) -> bool:
     access = next((tags[key] for key in _ACCESS if key in tags), "yes")
     bus = any(tags.get(key) in ("yes", "designated") for key in ("bus", "psv"))
     return access in _CLOSED or (access in ("private", "permit") and bus)
-
-
-def _check_degrees(nodes: OsmNodes, file: Path) -> None:
-    far = ~(np.abs(nodes.degrees) <= (85.0, 180.0)).all(axis=1)
-    if far.any():
-        lat, lon = nodes.degrees[far.argmax()]
-        raise InputError(
-            f"{file} has a node at latitude {lat:g}, longitude {lon:g}: these are no degrees; "
-            "OpenStreetMap files are not projected"
-        )
 
 
 def _build_street_map(ids: Any, degrees: FloatArray, ways: list[OsmWay], file: Path) -> StreetMap:
@@ -132,26 +128,19 @@ def _cut_ways(ways: Iterable[OsmWay], places: Mapping[str, FloatArray]) -> Itera
         count.update(nodes)
         count.update([*nodes[:1], *nodes[-1:]])
     for nodes, tags in lines:
+        ring, oneway = tags.get("junction") in _RINGS, tags.get("oneway")
         cuts = [k for k, node in enumerate(nodes) if count[node] > 1]
         for a, b in pairwise(cuts):
-            yield _build_piece(nodes[a : b + 1], tags, places)
-
-
-def _build_piece(
-    nodes: list[str], tags: Mapping[str, str], places: Mapping[str, FloatArray]
-) -> StreetPiece:
-    ring = tags.get("junction") in _RINGS
-    if tags.get("oneway") == "-1":
-        nodes = nodes[::-1]
-    return StreetPiece(
-        start=nodes[0],
-        end=nodes[-1],
-        line=np.array([places[node] for node in nodes]),
-        name=tags.get("name") or tags.get("ref") or "",
-        is_one_way=ring or tags.get("oneway") in ("yes", "1", "true", "-1"),
-        is_ring=ring,
-        is_slip=tags.get("highway") in _SLIPS,
-    )
+            own = nodes[a : b + 1][:: -1 if oneway == "-1" else 1]
+            yield StreetPiece(
+                start=own[0],
+                end=own[-1],
+                line=np.array([places[node] for node in own]),
+                name=tags.get("name") or tags.get("ref") or "",
+                is_one_way=ring or oneway in ("yes", "1", "true", "-1"),
+                is_ring=ring,
+                is_slip=tags.get("highway") in _SLIPS,
+            )
 
 
 def survey_osm_junctions(file: Path) -> JunctionOverview:
@@ -160,15 +149,7 @@ def survey_osm_junctions(file: Path) -> JunctionOverview:
     So it does not depend on how the file is converted, nor on the side that is driven on.
     """
     streets = read_streets(file)
-    found = group_junctions(streets.places, _merge_through(streets))
-    return JunctionOverview(
-        tuple(describe_group(group, streets.origin) for group in found),
-        tuple(piece.line for piece in streets.pieces),
-    )
-
-
-def _merge_through(streets: StreetMap) -> list[StreetPiece]:
-    """The pieces, those joined that only meet one another at the end of ways."""
+    # The pieces, those joined that only meet one another at the end of ways.
     at: dict[str, list[int]] = {}
     pieces: list[StreetPiece | None] = list(streets.pieces)
     for k, piece in enumerate(streets.pieces):
@@ -185,7 +166,11 @@ def _merge_through(streets: StreetMap) -> list[StreetPiece]:
         pieces[own[0]], pieces[own[1]] = joined, None
         for other in (joined.start, joined.end):
             at[other] = [own[0] if k == own[1] else k for k in at[other]]
-    return [each for each in pieces if each is not None]
+    found = group_junctions(streets.places, [each for each in pieces if each is not None])
+    return JunctionOverview(
+        tuple(describe_group(group, streets.origin) for group in found),
+        tuple(piece.line for piece in streets.pieces),
+    )
 
 
 def _join_pieces(a: StreetPiece, b: StreetPiece, node: str) -> StreetPiece | None:
@@ -281,7 +266,10 @@ def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:
             inside.update(element.ids[near].tolist())
         elif isinstance(element, OsmWay):
             if not inside.isdisjoint(element.nodes) and not _is_closed_street(element):
-                kept_ways.append(_clip_way(element, inside))
+                # From one node before the first inside to one after the last.
+                where = [k for k, node in enumerate(element.nodes) if node in inside]
+                stretch = element.nodes[max(where[0] - 1, 0) : where[-1] + 2]
+                kept_ways.append(OsmWay(element.id, stretch, element.tags))
                 ways.add(element.id)
         elif any(kind == "way" and number in ways for kind, number, _ in element.members):
             relations.append(element)
@@ -295,12 +283,6 @@ def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:
         stream.writelines(map(_write_element, kept_ways))
         stream.writelines(map(_write_element, relations))
         stream.write("</osm>\n")
-
-
-def _clip_way(way: OsmWay, inside: set[int]) -> OsmWay:
-    """The stretch of a way from one node before the first inside to one after the last."""
-    where = [k for k, node in enumerate(way.nodes) if node in inside]
-    return OsmWay(way.id, way.nodes[max(where[0] - 1, 0) : where[-1] + 2], way.tags)
 
 
 def _write_nodes(nodes: OsmNodes, wanted: set[int]) -> Iterator[str]:

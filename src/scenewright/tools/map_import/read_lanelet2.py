@@ -219,7 +219,15 @@ class LaneletFile:
     @cached_property
     def follows(self) -> Mapping[str, list[str]]:
         """Which lanelets begin where one ends, both bounds within reach."""
-        return _find_successors(self.lanelets)
+        names = sorted(self.lanelets)
+        starts = np.array([[self.lanelets[n].left[0], self.lanelets[n].right[0]] for n in names])
+        ends = np.array([[self.lanelets[n].left[-1], self.lanelets[n].right[-1]] for n in names])
+        left = geos.STRtree(geos.points(starts[:, 0])), geos.points(ends[:, 0])
+        found: dict[str, list[str]] = {name: [] for name in names}
+        for i, j in zip(*left[0].query(left[1], "dwithin", _TOUCHING).tolist(), strict=True):
+            if i != j and math.dist(ends[i, 1], starts[j, 1]) < _TOUCHING:
+                found[names[i]].append(names[j])
+        return {name: sorted(following) for name, following in found.items()}
 
     @cached_property
     def leads_to(self) -> Mapping[str, list[str]]:
@@ -612,18 +620,6 @@ def _keep_shorter(lines: _Lines, name: str, line: FloatArray) -> None:
     """Of two stretches of one lane, keep that which stays farther from the junction."""
     if name not in lines or measure_length(line) < measure_length(lines[name]):
         lines[name] = line
-
-
-def _find_successors(lanelets: _Lanelets) -> dict[str, list[str]]:
-    names = sorted(lanelets)
-    starts = np.array([[lanelets[n].left[0], lanelets[n].right[0]] for n in names])
-    ends = np.array([[lanelets[n].left[-1], lanelets[n].right[-1]] for n in names])
-    left = geos.STRtree(geos.points(starts[:, 0])), geos.points(ends[:, 0])
-    found: dict[str, list[str]] = {name: [] for name in names}
-    for i, j in zip(*left[0].query(left[1], "dwithin", _TOUCHING).tolist(), strict=True):
-        if i != j and math.dist(ends[i, 1], starts[j, 1]) < _TOUCHING:
-            found[names[i]].append(names[j])
-    return {name: sorted(following) for name, following in found.items()}
 
 
 def _list_paths(held: LaneletFile, inside: set[str], is_ring: bool) -> Iterator[list[str]]:

@@ -163,14 +163,13 @@ def _read_steps(
     steps = []
     for duration, colours in survey.phases:
         shown = {leg: {colours[light] for light in lights[leg]} for leg in entries}
-        merged = {leg: _merge_colours(own) for leg, own in shown.items()}
+        merged: dict[Compass, Colour] = {
+            leg: "green" if "green" in own else "yellow" if "yellow" in own else "red"
+            for leg, own in shown.items()
+        }
         steps.append((duration, merged, colours))
     if all(any(shown[leg] == "green" for _, shown, _ in steps) for leg in entries):
         yield from _split_clearance(steps)
-
-
-def _merge_colours(colours: set[Colour]) -> Colour:
-    return "green" if "green" in colours else "yellow" if "yellow" in colours else "red"
 
 
 def _has_groups(entries: Sequence[Compass], given: SignalInput) -> bool:

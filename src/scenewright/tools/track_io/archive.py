@@ -35,8 +35,19 @@ def save_recordings(file: Path, recordings: Sequence[Recording]) -> None:
     save: Any = np.savez_compressed
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        save(partial, format=np.array(FORMAT), **_pack_header(recordings), **_pack_labels(agents),
-             **_pack_motion(agents))  # fmt: skip
+        tracks = [agent.track for agent in agents]
+        steps = [_encode_steps(t.xy, XY_UNIT) for t in tracks]
+        turns = [_encode_steps(t.heading, HEADING_UNIT) for t in tracks]
+        save(
+            partial,
+            format=np.array(FORMAT),
+            **_pack_header(recordings),
+            **_pack_labels(agents),
+            first=np.array([round(t.start / STEP) for t in tracks], dtype=np.int64),
+            length=np.array([len(t.xy) for t in tracks], dtype=np.int64),
+            xy=np.concatenate([np.zeros((0, 2), dtype=np.int32), *steps]),
+            heading=np.concatenate([np.zeros(0, dtype=np.int32), *turns]),
+        )
         partial.replace(file)
     except OSError as fault:
         raise InputError(f"cannot write {file}: {fault.strerror or fault}") from None
@@ -72,20 +83,6 @@ def _pack_text(words: Sequence[str | None]) -> NDArray[np.str_]:
     return np.array([word or "" for word in words], dtype=np.str_)
 
 
-def _pack_motion(agents: Sequence[RecordedAgent]) -> dict[str, NDArray[Any]]:
-    tracks = [agent.track for agent in agents]
-    return {
-        "first": np.array([round(t.start / STEP) for t in tracks], dtype=np.int64),
-        "length": np.array([len(t.xy) for t in tracks], dtype=np.int64),
-        "xy": np.concatenate(
-            [np.zeros((0, 2), dtype=np.int32), *(_encode_steps(t.xy, XY_UNIT) for t in tracks)]
-        ),
-        "heading": np.concatenate(
-            [np.zeros(0, dtype=np.int32), *(_encode_steps(t.heading, HEADING_UNIT) for t in tracks)]
-        ),
-    }
-
-
 def _encode_steps(values: NDArray[np.float64], unit: float) -> NDArray[np.int32]:
     """The first value and the differences after it, in whole units."""
     whole = np.rint(values / unit).astype(np.int32)
@@ -102,16 +99,12 @@ def load_recordings(file: Path, *, split: Split | None = None) -> tuple[Recordin
     try:
         if int(held["format"]) != FORMAT:
             raise InputError(f"{file} holds no recordings of format {FORMAT}")
-        return _unpack_recordings(held, split)
+        ends = np.cumsum(held["agents"])
+        wanted = [k for k in range(len(ends)) if split is None or str(held["split"][k]) == split]
+        origin = np.cumsum(held["length"]) - held["length"]
+        return tuple(_unpack_recording(held, k, int(ends[k]), origin) for k in wanted)
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
         raise InputError(f"{file} holds no recordings of format {FORMAT}: {fault}") from None
-
-
-def _unpack_recordings(held: dict[str, NDArray[Any]], split: Split | None) -> tuple[Recording, ...]:
-    ends = np.cumsum(held["agents"])
-    wanted = [k for k in range(len(ends)) if split is None or str(held["split"][k]) == split]
-    origin = np.cumsum(held["length"]) - held["length"]
-    return tuple(_unpack_recording(held, k, int(ends[k]), origin) for k in wanted)
 
 
 def _unpack_recording(

@@ -102,8 +102,14 @@ def clean_track(seen: RawTrack, *, smoothing: float, removed: CleaningReport) ->
     """
     removed.tracks += 1
     removed.seconds += len(seen.time) * STEP
-    for number, part in enumerate(_split_pieces(seen, removed)):
-        skipped = round(seen.settling / STEP) if number == 0 else 0
+    gap = np.abs(np.diff(seen.time) - STEP) > STEP / 4
+    way = np.linalg.norm(np.diff(seen.xy, axis=0), axis=1)
+    jump = ~gap & (way > FASTEST["vehicle"] * STEP + JUMP_TOLERANCE)
+    removed.add_cut("jumps", float(jump.sum()) * STEP)
+    cuts = [0, *(np.flatnonzero(gap | jump) + 1).tolist(), len(seen.time)]
+    for a, b in pairwise(cuts):
+        part = slice(a, b)
+        skipped = round(seen.settling / STEP) if a == 0 else 0
         start, xy = float(seen.time[part][0]) + skipped * STEP, seen.xy[part][skipped:]
         reason = find_fault(seen.type, xy)
         if reason is not None:
@@ -114,16 +120,6 @@ def clean_track(seen: RawTrack, *, smoothing: float, removed: CleaningReport) ->
         removed.seconds_kept += len(xy) * STEP
         smoothed = smooth(xy, smoothing)
         yield Track(smoothed, compute_course(smoothed), round(round(start / STEP) * STEP, 1))
-
-
-def _split_pieces(seen: RawTrack, removed: CleaningReport) -> Iterator[slice]:
-    """The stretches of a track without gaps, jumps and two samples at one time."""
-    gap = np.abs(np.diff(seen.time) - STEP) > STEP / 4
-    way = np.linalg.norm(np.diff(seen.xy, axis=0), axis=1)
-    jump = ~gap & (way > FASTEST["vehicle"] * STEP + JUMP_TOLERANCE)
-    removed.add_cut("jumps", float(jump.sum()) * STEP)
-    cuts = [0, *(np.flatnonzero(gap | jump) + 1).tolist(), len(seen.time)]
-    return (slice(a, b) for a, b in pairwise(cuts))
 
 
 def find_fault(kind: AgentClass, xy: FloatArray) -> str | None:

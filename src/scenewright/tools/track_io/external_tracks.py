@@ -130,20 +130,19 @@ class _Table:
             self.refuse(line, f"id {_crop(who)} is a {subtype} here and a {rows.subtype} in line "
                         f"{rows.lines[0]}; give each agent an id of its own")  # fmt: skip
         if rows.t and values["t"] <= rows.t[-1]:
-            self._check_order(line, who, values["t"], rows)
+            time = values["t"]
+            at = f"{self.clock} = {time:.13g}"
+            if time == rows.t[-1]:
+                self.refuse(line, f"a second row of id {_crop(who)} at {at}, the first is line "
+                            f"{rows.lines[-1]}; keep one")  # fmt: skip
+            self.refuse(line, f"{at} of id {_crop(who)} comes after {self.clock} = "
+                        f"{rows.t[-1]:.13g}; sort the rows by time, and give each agent an id of "
+                        "its own")  # fmt: skip
         rows.lines.append(line)
         for name in ("t", "x", "y"):
             getattr(rows, name).append(values[name])
         for name in _OPTIONAL:
             getattr(rows, name).append(values.get(name, math.nan))
-
-    def _check_order(self, line: int, who: str, time: float, rows: _AgentRows) -> NoReturn:
-        at = f"{self.clock} = {time:.13g}"
-        if time == rows.t[-1]:
-            self.refuse(line, f"a second row of id {_crop(who)} at {at}, the first is line "
-                        f"{rows.lines[-1]}; keep one")  # fmt: skip
-        self.refuse(line, f"{at} of id {_crop(who)} comes after {self.clock} = {rows.t[-1]:.13g}; "
-                    "sort the rows by time, and give each agent an id of its own")  # fmt: skip
 
 
 def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
@@ -250,11 +249,15 @@ def read_csv(text: str, *, name: str) -> ExternalTracks:
             hint = f"; {SEPARATE}" if len(cells) > len(header) else ""
             table.refuse(line, f"{len(cells)} cells under {len(header)} columns{hint}")
         row = {column: cells[k].strip() for column, k in columns.items()}
-        agent, subtype = (
-            _check_id(row["id"], line, table),
-            _check_subtype(row["class"], line, table),
-        )
-        table.add(line, agent, subtype, _parse_values(row, line, table))
+        if not row["id"]:
+            table.refuse(line, "no id; give each agent one")
+        subtype = _check_subtype(row["class"], line, table)
+        # Empty optional cells are left out.
+        wanted = [c for c in ("t", "x", "y", *_OPTIONAL) if c in row and (row[c] or c in _REQUIRED)]
+        numbers = {
+            c: _check_value(c, _parse_number(row[c], c, line, table), line, table) for c in wanted
+        }
+        table.add(line, row["id"], subtype, numbers)
     return _build_tracks(table, unit=1.0)
 
 
@@ -286,12 +289,6 @@ def _find_columns(header: list[str], line: int, table: _Table) -> dict[str, int]
     return {column: names.index(column) for column in (*_REQUIRED, *_OPTIONAL) if column in names}
 
 
-def _check_id(cell: str, line: int, table: _Table) -> str:
-    if not cell:
-        table.refuse(line, "no id; give each agent one")
-    return cell
-
-
 def _check_subtype(cell: object, line: int, table: _Table) -> str:
     cell = str(cell)
     subtype = find_subtype(cell)
@@ -299,12 +296,6 @@ def _check_subtype(cell: object, line: int, table: _Table) -> str:
         table.refuse(line, f"class {_crop(cell)!r} is unknown; use vehicle or pedestrian, or one "
                      "of car, truck, bus, motorcycle, bicycle")  # fmt: skip
     return subtype
-
-
-def _parse_values(row: Mapping[str, str], line: int, table: _Table) -> dict[str, float]:
-    """The numbers of a row; empty optional cells are left out."""
-    wanted = [c for c in ("t", "x", "y", *_OPTIONAL) if c in row and (row[c] or c in _REQUIRED)]
-    return {c: _check_value(c, _parse_number(row[c], c, line, table), line, table) for c in wanted}
 
 
 def _parse_number(cell: str, column: str, line: int, table: _Table) -> float:
@@ -352,7 +343,11 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
     if len(fps) > 1:
         (one, _), (other, line) = list(fps.items())[:2]
         table.refuse(line, f"fps {other:g} here and {one:g} elsewhere; split the file by fps")
-    return _build_tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * _find_stride(table)))
+    # The commonest step from one row of an agent to the next [frames]; 1 if there is none.
+    steps = [np.diff(rows.get_column("t")) for rows in table.agents.values()]
+    found, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
+    stride = float(found[np.argmax(counts)]) if len(found) else 1.0
+    return _build_tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * stride))
 
 
 def _read_fps(scene: Mapping[str, Any], line: int, table: _Table) -> float:
@@ -386,13 +381,6 @@ def _check_json_number(value: Any, key: str, line: int, table: _Table) -> float:
         table.refuse(line, f"{key} is too large")
 
 
-def _find_stride(table: _Table) -> float:
-    """The commonest step from one row of an agent to the next [frames]; 1 if there is none."""
-    steps = [np.diff(rows.get_column("t")) for rows in table.agents.values()]
-    values, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
-    return float(values[np.argmax(counts)]) if len(values) else 1.0
-
-
 @dataclass(frozen=True)
 class _TimeUnit:
     """How the file's times become seconds: unit and step between samples [s], and where 0 is."""
@@ -410,7 +398,10 @@ def _build_tracks(table: _Table, *, unit: float) -> ExternalTracks:
     """
     if not table.agents:
         raise InputError(f"{table.name} holds no tracks")
-    clock = _TimeUnit(unit, _find_step(table, unit), _find_origin(table, unit))
+    # Where the times of the users begin: far from 0, too little of a number is left for them.
+    first = min(rows.t[0] for rows in table.agents.values()) * unit
+    origin = math.floor(first) if abs(first) > FAR_FROM_ZERO else 0.0
+    clock = _TimeUnit(unit, _find_step(table, unit), origin)
     stretches, table.rides = leave_out_passengers(
         [
             (who, _build_user(rows, part, clock))
@@ -426,12 +417,6 @@ def _build_tracks(table: _Table, *, unit: float) -> ExternalTracks:
     subtypes = {n: table.agents[who].subtype for n, who in names.items()}
     notes = _collect_notes(table, names, users, clock.origin)
     return ExternalTracks(users, names, subtypes, clock.step, clock.origin, notes)
-
-
-def _find_origin(table: _Table, unit: float) -> float:
-    """Where the times of the users begin: far from 0, too little of a number is left for them."""
-    first = min(rows.t[0] for rows in table.agents.values()) * unit
-    return math.floor(first) if abs(first) > FAR_FROM_ZERO else 0.0
 
 
 def _find_step(table: _Table, unit: float) -> float:
@@ -468,38 +453,29 @@ def _split(who: str, rows: _AgentRows, table: _Table, clock: _TimeUnit) -> list[
     count = np.rint(steps / clock.step)
     off = np.flatnonzero((np.abs(steps - count * clock.step) > JITTER * clock.step) | (count < 1))
     if len(off):
-        _refuse_step(who, rows, int(off[0]), float(steps[off[0]]), table, clock)
+        k = int(off[0])
+        table.refuse(
+            rows.lines[k + 1],
+            f"{table.clock} = {rows.t[k + 1]:.13g} of id {_crop(who)} is {steps[k]:.4g} s after "
+            f"its last row, but the file has a step of {clock.step:.4g} s; resample it evenly",
+        )
     cuts = [0, *(np.flatnonzero(count > 1) + 1).tolist(), len(rows.t)]
     table.gapped += [who] if len(cuts) > 2 else []
     parts: list[slice] = []
     for a, b in pairwise(cuts):
-        _check_drift(who, rows, slice(a, b), table, clock)
+        t = rows.get_column("t")[a:b] * clock.unit
+        drift = np.abs(t - t[0] - clock.step * np.arange(len(t)))
+        late = np.flatnonzero(drift > JITTER * clock.step + 1e-6)
+        if len(late):
+            table.refuse(
+                rows.lines[a + int(late[0])],
+                f"the rows of id {_crop(who)} do not keep the file's step of {clock.step:.4g} s; "
+                "resample it evenly",
+            )
         jumps = _find_jumps(who, rows, slice(a, b), table, clock)
         ends = [a, *(a + k + 1 for k in jumps), b]
         parts += [slice(i, j) for i, j in pairwise(ends) if not jumps or j - i > 1]
     return parts
-
-
-def _refuse_step(
-    who: str, rows: _AgentRows, k: int, seconds: float, table: _Table, clock: _TimeUnit
-) -> NoReturn:
-    table.refuse(
-        rows.lines[k + 1],
-        f"{table.clock} = {rows.t[k + 1]:.13g} of id {_crop(who)} is {seconds:.4g} s after its "
-        f"last row, but the file has a step of {clock.step:.4g} s; resample it evenly",
-    )
-
-
-def _check_drift(who: str, rows: _AgentRows, part: slice, table: _Table, clock: _TimeUnit) -> None:
-    t = rows.get_column("t")[part] * clock.unit
-    drift = np.abs(t - t[0] - clock.step * np.arange(len(t)))
-    late = np.flatnonzero(drift > JITTER * clock.step + 1e-6)
-    if len(late):
-        table.refuse(
-            rows.lines[part.start + int(late[0])],
-            f"the rows of id {_crop(who)} do not keep the file's step of {clock.step:.4g} s; "
-            "resample it evenly",
-        )
 
 
 def _find_jumps(
@@ -542,7 +518,10 @@ def _assign_ids(names: list[str]) -> list[int]:
     Later stretches of a track get numbers above all others.
     """
     first = dict.fromkeys(names)
-    own = all(_is_number(name) for name in first)
+    own = all(
+        len(name) < 19 and name.isascii() and name.isdigit() and str(int(name)) == name
+        for name in first
+    )
     ids = {name: int(name) if own else k for k, name in enumerate(first, start=1)}
     free = max(ids.values()) + 1
     result = []
@@ -551,10 +530,6 @@ def _assign_ids(names: list[str]) -> list[int]:
         result.append(free if number is None else number)
         free += number is None
     return result
-
-
-def _is_number(name: str) -> bool:
-    return len(name) < 19 and name.isascii() and name.isdigit() and str(int(name)) == name
 
 
 def _build_user(rows: _AgentRows, part: slice, clock: _TimeUnit) -> RoadUser:

@@ -64,13 +64,23 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
         parser.Parse(data, True)
     except expat.ExpatError as fault:
         raise InputError(f"{name} is not well-formed XML (line {fault.lineno})") from None
-    found = [("", _convert_to_samples(key, agent)) for key, agent in agents.items()]
+    found = []
+    for key, agent in agents.items():
+        t, x, y, heading = np.array(agent.rows).T
+        turns = None if np.isnan(heading).any() else heading
+        xy = np.column_stack([x, y])
+        found.append(("", AgentSamples(key, agent.subtype, t, xy, turns, *agent.size)))
     return [sort_out("", found, describe_rides(rides))]
 
 
 def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: float) -> None:
     x, y = float(row["x"]), float(row["y"])
-    word = "pedestrian" if tag == "person" else _find_class(row.get("type", ""))
+    word = "pedestrian"
+    if tag == "vehicle":
+        # The class that the type's name speaks of; a car where it speaks of none.
+        said = row.get("type", "")
+        words = (w for w, s in SUBTYPE_OF_WORD.items() if w in said.lower() and s != "pedestrian")
+        word = find_road_user(said) or SUBTYPE_OF_WORD[next(words, "car")]
     length, width = (float(row[key]) if key in row else None for key in ("length", "width"))
     turn = math.nan
     if "angle" in row:
@@ -79,15 +89,3 @@ def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: fl
         x, y = x - back * math.cos(turn), y - back * math.sin(turn)
     agent = agents.setdefault(f"{tag} {row['id']}", _FcdRows(word, (length, width)))
     agent.rows.append((now, x, y, turn))
-
-
-def _find_class(word: str) -> str:
-    """The class that a vehicle type's name speaks of; a car where it speaks of none."""
-    words = (w for w, s in SUBTYPE_OF_WORD.items() if w in word.lower() and s != "pedestrian")
-    return find_road_user(word) or SUBTYPE_OF_WORD[next(words, "car")]
-
-
-def _convert_to_samples(name: str, agent: _FcdRows) -> AgentSamples:
-    rows = np.array(agent.rows)
-    heading = None if np.isnan(rows[:, 3]).any() else rows[:, 3]
-    return AgentSamples(name, agent.subtype, rows[:, 0], rows[:, 1:3], heading, *agent.size)

@@ -60,8 +60,11 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
     for message in _read_messages(data, name):
         time = message.timestamp.seconds + 1e-9 * message.timestamp.nanos
         for thing in message.moving_object:
-            subtype = _find_subtype(thing)
-            if subtype is None:
+            if thing.type == PEDESTRIAN:
+                subtype = "pedestrian"
+            elif thing.type == VEHICLE:
+                subtype = _VEHICLES.get(thing.vehicle_classification.type, "car")
+            else:
                 left_out[f"type {thing.type}"] += 1
                 continue
             base = thing.base
@@ -69,7 +72,12 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
                 (round(time, 6), base.position.x, base.position.y, base.orientation.yaw,
                  base.dimension.length, base.dimension.width)
             )  # fmt: skip
-    agents = [_convert_to_samples(str(n), subtype, rows) for (n, subtype), rows in samples.items()]
+    agents = []
+    for (n, subtype), rows in samples.items():
+        table = np.array(sorted(rows))
+        length, width = (size or None for size in np.median(table[:, 4:], axis=0).tolist())
+        t, xy, heading = table[:, 0], table[:, 1:3], table[:, 3]
+        agents.append(AgentSamples(str(n), subtype, t, xy, heading, length, width))
     return [SampledRecording("", tuple(agents), left_out)]
 
 
@@ -90,17 +98,3 @@ def _read_messages(data: bytes, name: str) -> list[Any]:
     if not found:
         raise InputError(f"{name} has no OSI ground truth")
     return found
-
-
-def _find_subtype(thing: Any) -> str | None:
-    if thing.type == PEDESTRIAN:
-        return "pedestrian"
-    return (
-        _VEHICLES.get(thing.vehicle_classification.type, "car") if thing.type == VEHICLE else None
-    )
-
-
-def _convert_to_samples(name: str, subtype: str, rows: list[tuple[float, ...]]) -> AgentSamples:
-    table = np.array(sorted(rows))
-    length, width = (size or None for size in np.median(table[:, 4:], axis=0).tolist())
-    return AgentSamples(name, subtype, table[:, 0], table[:, 1:3], table[:, 3], length, width)

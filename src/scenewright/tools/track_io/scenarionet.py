@@ -121,13 +121,10 @@ def _read_track(
         for name in ("length", "width")
         if name in state and valid.any()
     }
+    # The subtype by our own exporter's note, which says more than VEHICLE.
+    kind = track.get("metadata", {}).get("kind")
+    subtype = (find_road_user(kind) if isinstance(kind, str) else None) or subtype
     return word, AgentSamples(
-        key, _refine(subtype, track), times[valid], xy, heading,
+        key, subtype, times[valid], xy, heading,
         sizes.get("length"), sizes.get("width"),
     )  # fmt: skip
-
-
-def _refine(subtype: str, track: Mapping[str, Any]) -> str:
-    """The subtype by our own exporter's note, which says more than VEHICLE."""
-    kind = track.get("metadata", {}).get("kind")
-    return (find_road_user(kind) if isinstance(kind, str) else None) or subtype

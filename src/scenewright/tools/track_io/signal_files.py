@@ -93,27 +93,20 @@ def _read_rows(
         if number > _MOST_ROWS:
             raise InputError(f"{path} has more than {_MOST_ROWS:,} rows")
         light, time, state = (str(row[name] or "").strip() for name in names)
-        colour = _read_state(path, number, state)
-        if colour is not None:
-            found.setdefault(light, []).append((_read_time(path, number, time) * scale, colour))
+        word = state.lower().replace("-", "_")
+        if word not in _STATES:
+            raise InputError(f"{path}, line {number}: {state[:30]!r} is no state of a light")
+        colour = _STATES[word]
+        if colour is None:
+            continue
+        try:
+            seconds = float(time) * scale
+        except ValueError:
+            seconds = math.nan
+        if not math.isfinite(seconds):
+            raise InputError(f"{path}, line {number}: {time[:30]!r} is no time")
+        found.setdefault(light, []).append((seconds, colour))
     return {light: sorted(own) for light, own in sorted(found.items())}
-
-
-def _read_state(path: Path, number: int, state: str) -> Colour | None:
-    word = state.lower().replace("-", "_")
-    if word not in _STATES:
-        raise InputError(f"{path}, line {number}: {state[:30]!r} is no state of a light")
-    return _STATES[word]
-
-
-def _read_time(path: Path, number: int, text: str) -> float:
-    try:
-        time = float(text)
-    except ValueError:
-        time = math.nan
-    if not math.isfinite(time):
-        raise InputError(f"{path}, line {number}: {text[:30]!r} is no time")
-    return time
 
 
 def _keep_changes(own: list[tuple[float, Colour]]) -> tuple[tuple[float, Colour], ...]:

@@ -119,14 +119,11 @@ def _read_raw_tracks(file: Path, site: str) -> Iterator[tuple[str, RawTrack]]:
                 rows.setdefault(row["track_id"], []).append(row)
         for track in rows.values():
             word = track[0]["agent_type"]
-            yield word, _build_raw_track(track, _CLASSES[word][0], site)
+            kind = _CLASSES[word][0]
+            time = np.array([int(row["timestamp_ms"]) / 1000 for row in track])
+            xy = np.array([(float(row["x"]), float(row["y"])) for row in track])
+            _, first = np.unique(np.rint(time / STEP), return_index=True)
+            settling = SETTLING.get(site.split("_", maxsplit=1)[0], SETTLING["k733"])[kind]
+            yield word, RawTrack(kind, time[first], xy[first], settling)
     except (OSError, KeyError, TypeError, ValueError) as fault:
         raise InputError(f"{file} is no file of TAF-BW tracks: {fault!r}") from fault
-
-
-def _build_raw_track(rows: list[dict[str, str]], kind: AgentClass, site: str) -> RawTrack:
-    time = np.array([int(row["timestamp_ms"]) / 1000 for row in rows])
-    xy = np.array([(float(row["x"]), float(row["y"])) for row in rows])
-    _, first = np.unique(np.rint(time / STEP), return_index=True)
-    settling = SETTLING.get(site.split("_", maxsplit=1)[0], SETTLING["k733"])[kind]
-    return RawTrack(kind, time[first], xy[first], settling)

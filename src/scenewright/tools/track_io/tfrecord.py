@@ -18,7 +18,11 @@ _MASK = 0xA282EAD8
 
 def write_records(records: Iterable[bytes]) -> bytes:
     """The records as the content of a TFRecord file."""
-    return b"".join(_frame(record) for record in records)
+    parts: list[bytes] = []
+    for record in records:
+        for part in (struct.pack("<Q", len(record)), record):
+            parts += [part, struct.pack("<I", compute_masked_crc(part))]
+    return b"".join(parts)
 
 
 def read_records(data: bytes, *, name: str) -> Iterator[bytes]:
@@ -46,12 +50,6 @@ def compute_masked_crc(data: bytes) -> int:
     """CRC32C of the bytes (Castagnoli), rotated and shifted as TFRecord has it."""
     crc = int(_compute_crc32c(_build_table(), np.frombuffer(data, np.uint8)))
     return ((crc >> 15 | crc << 17) + _MASK) & 0xFFFFFFFF
-
-
-def _frame(record: bytes) -> bytes:
-    length = struct.pack("<Q", len(record))
-    checksums = (struct.pack("<I", compute_masked_crc(each)) for each in (length, record))
-    return length + next(checksums) + record + next(checksums)
 
 
 @cache

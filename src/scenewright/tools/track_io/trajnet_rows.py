@@ -32,22 +32,18 @@ def iterate_trajnet_rows(
     for line, content in enumerate(lines, start=1):
         if not content.strip():
             continue
-        row = _read_row(line, content, refuse)
+        try:
+            entry = json.loads(content)
+        except (ValueError, RecursionError) as error:
+            refuse(line, f"no JSON: {getattr(error, 'msg', None) or 'cannot be read'}")
+        if not isinstance(entry, dict):
+            refuse(line, "expected one JSON object per line")
+        kind = next((each for each in _KINDS if isinstance(entry.get(each), dict)), None)
+        if kind is None:
+            refuse(line, 'expected {"scene": {...}} or {"track": {"f", "p", "x", "y"}}')
+        row = TrajnetRow(line, kind, entry[kind])
         number = row.values.get("prediction_number") if row.kind == "track" else None
         if number is not None and predictions == "refuse":
             refuse(line, "this is a prediction; leave out tracks with a prediction_number")
         if number is None or (number == 0 and predictions == "first as tracks"):
             yield row
-
-
-def _read_row(line: int, content: str, refuse: Callable[[int, str], NoReturn]) -> TrajnetRow:
-    try:
-        entry = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        refuse(line, f"no JSON: {getattr(error, 'msg', None) or 'cannot be read'}")
-    if not isinstance(entry, dict):
-        refuse(line, "expected one JSON object per line")
-    kind = next((each for each in _KINDS if isinstance(entry.get(each), dict)), None)
-    if kind is None:
-        refuse(line, 'expected {"scene": {...}} or {"track": {"f", "p", "x", "y"}}')
-    return TrajnetRow(line, kind, entry[kind])

@@ -71,7 +71,11 @@ def _check_scale(users: Sequence[RoadUser]) -> list[str]:
                 f"half of the {kind}s reach {np.median(tops):.0f} m/s; positions are metres, "
                 "times seconds"
             )
-    cars = [u for u in users if u.shape.type == "vehicle" and _measure_displacement(u) > DRIVEN]
+    cars = [
+        u
+        for u in users
+        if u.shape.type == "vehicle" and np.hypot(*(u.track.xy[-1] - u.track.xy[0])) > DRIVEN
+    ]
     if cars and cars[0].track.step >= LONG_STEP and max(map(_compute_top_speed, cars)) < SLOW:
         notes.append(f"no vehicle is faster than {SLOW:.0f} m/s; times are seconds, not frames")
     return notes
@@ -80,10 +84,6 @@ def _check_scale(users: Sequence[RoadUser]) -> list[str]:
 def _compute_top_speed(user: RoadUser) -> float:
     velocity = _compute_velocity(user)
     return float(np.percentile(np.hypot(velocity[:, 0], velocity[:, 1]), 95))
-
-
-def _measure_displacement(user: RoadUser) -> float:
-    return float(np.hypot(*(user.track.xy[-1] - user.track.xy[0])))
 
 
 def _check_noise(users: Sequence[RoadUser]) -> list[str]:

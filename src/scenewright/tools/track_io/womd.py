@@ -56,10 +56,6 @@ def _read_record(record: bytes, name: str) -> SampledRecording:
     tensors = read_example(record)
     if tensors is not None:
         return read_example_tracks(tensors, name, _TYPES)
-    return _read_scenario(record, name)
-
-
-def _read_scenario(record: bytes, name: str) -> SampledRecording:
     from google.protobuf.message import DecodeError
 
     try:
