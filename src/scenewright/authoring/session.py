@@ -779,7 +779,8 @@ def _describe_version(
 
 
 def _load_scene(version: Version, context: SessionContext) -> tuple[SceneRecord, Proof]:
-    scene, proof = (context.threads.get_bytes(version[part]) for part in ("scene", "proof"))
+    scene = context.threads.get_bytes(version["scene"])
+    proof = context.threads.get_bytes(version["proof"])
     return SceneRecord.model_validate_json(scene), Proof.model_validate_json(proof)
 
 

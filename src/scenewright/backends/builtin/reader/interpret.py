@@ -1222,14 +1222,16 @@ def _settle(result: Interpretation) -> None:
     draft = result.draft
     # A TTC, or a PET of a near miss, asks for that where no event of the two is named.
     if _is_measured(result) and not draft.relations and len(draft.agents) == 2:
-        draft.relations.append(RelationDraft("near_miss", *draft.agents))
+        first, second = draft.agents
+        draft.relations.append(RelationDraft("near_miss", first, second))
     _read_overtaking(result)
     _read_numbers(result)
     _ask_half_of_day(result)
     _settle_places(result)
     threatened = result.braking or result.dodging
     if threatened and not draft.relations and len(draft.agents) == 2:
-        draft.relations.append(RelationDraft("near_miss", *draft.agents))
+        first, second = draft.agents
+        draft.relations.append(RelationDraft("near_miss", first, second))
     settle_lead_braking(result)
     settle_lanes(result)
     for agent in map(result.users.get, result.braking):
