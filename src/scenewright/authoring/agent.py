@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 
 from langchain_core.messages import AIMessage, AnyMessage, HumanMessage, SystemMessage, ToolMessage
@@ -161,7 +160,11 @@ def _converse(
     hide: Callable[[str], str],
 ) -> str:
     """The loop; the last words of the model."""
-    done = partial(_is_done, bench, calls)
+
+    def done() -> bool:
+        """Verified, and asked to be kept."""
+        return bench.verified and ("record_scene", True) in calls
+
     graph = build_agent(model, tools, calls, most_calls, done, hide).compile()
     quoted = json.dumps(instruction[:2000], ensure_ascii=False)
     start: AgentState = {
@@ -170,11 +173,6 @@ def _converse(
     }
     final = graph.invoke(start, config={"recursion_limit": 2 * most_calls + 6})
     return str(final["messages"][-1].text)[:500]
-
-
-def _is_done(bench: ToolState, calls: Sequence[tuple[str, bool]]) -> bool:
-    """Verified, and asked to be kept."""
-    return bench.verified and ("record_scene", True) in calls
 
 
 def build_agent(

@@ -84,23 +84,18 @@ def answer_question(
     plain = " ".join(words.lower().rstrip(" ?.!").split())
     scene = _SceneFacts(record, proof, intersection_map, plain)
     about, absent = _find_agents(plain, scene), _find_absent(plain, scene)
-    return [*absent, *_answer(scene, about, topic)]
+    return [*absent, *_choose_answer(plain, topic)(scene, about)]
 
 
-def _answer(scene: _SceneFacts, about: list[AgentRecord], topic: str | None) -> list[str]:
-    plain = scene.plain
+def _choose_answer(plain: str, topic: str | None) -> _Answer:
     if topic in _BY_TOPIC:
-        return _BY_TOPIC[topic](scene, about)
+        return _BY_TOPIC[topic]
     for pattern, answer in _TOPICS:
         if re.search(rf"\b(?:{pattern})", plain):
-            return answer(scene, about)
+            return answer
     if set(re.findall(r"[a-z]+", plain)) <= {*_NOUNS, "the", "and", "a"}:
-        return [
-            *_describe_routes(scene, about),
-            *_describe_speeds(scene, about),
-            *_describe_lights(scene, about),
-        ]
-    return ["The scene has no answer to that.", TOPICS]
+        return _join(_describe_routes, _describe_speeds, _describe_lights)
+    return _say("The scene has no answer to that.", TOPICS)
 
 
 def _find_agents(plain: str, scene: _SceneFacts) -> list[AgentRecord]:
@@ -236,25 +231,23 @@ def _format_speed(value: float, plain: str = "") -> str:
 
 
 def _describe_braking(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    return [_describe_agent_braking(scene, agent) for agent in about]
-
-
-def _describe_agent_braking(scene: _SceneFacts, agent: AgentRecord) -> str:
-    motion = scene.move(agent)
-    starts, stops = motion.find_braking_start(), motion.list_stops()
-    line = f"{_name(agent)} does not slow"
-    if starts is not None:
-        at, hardest = motion.index(starts), int(motion.slowing.argmax())
-        speed = _format_speed(motion.speed[at or 0], scene.plain)
-        line = (
-            f"{_name(agent)} begins to brake at {starts:.1f} s, from {speed}, and slows hardest "
-            f"at {motion.times[hardest]:.1f} s, by {motion.slowing[hardest]:.1f} m/s²"
-        )
-    if not stops:
-        return f"{line}; it never stands still."
-    spans = [f"from {a:.1f} to {b:.1f} s" for a, b in stops]
-    total = sum(b - a for a, b in stops)
-    return f"{line}; it stands for {total:.1f} s ({', '.join(spans)})."
+    lines = []
+    for agent in about:
+        motion = scene.move(agent)
+        starts, stops = motion.find_braking_start(), motion.list_stops()
+        line = f"{_name(agent)} does not slow"
+        if starts is not None:
+            at, hardest = motion.index(starts), int(motion.slowing.argmax())
+            speed = _format_speed(motion.speed[at or 0], scene.plain)
+            line = (
+                f"{_name(agent)} begins to brake at {starts:.1f} s, from {speed}, and slows "
+                f"hardest at {motion.times[hardest]:.1f} s, by {motion.slowing[hardest]:.1f} m/s²"
+            )
+        spans = ", ".join(f"from {a:.1f} to {b:.1f} s" for a, b in stops)
+        total = sum(b - a for a, b in stops)
+        stands = f"it stands for {total:.1f} s ({spans})" if stops else "it never stands still"
+        lines.append(f"{line}; {stands}.")
+    return lines
 
 
 def _describe_order(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
@@ -329,10 +322,6 @@ def list_formats() -> list[str]:
     ]
 
 
-def _list_formats(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
-    return list_formats()
-
-
 def _describe_routes(_scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     lines = []
     for agent in about:
@@ -345,19 +334,14 @@ def _describe_routes(_scene: _SceneFacts, about: list[AgentRecord]) -> list[str]
 def _describe_lights(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     if not scene.record.signals:
         return ["There are no traffic lights here."]
-    sides = re.findall(r"\b(north|south|east|west)\b", scene.plain)
-    lines = [line for side in dict.fromkeys(sides) for line in _describe_leg_light(scene, side)]
+    lines = []
+    for leg in dict.fromkeys(re.findall(r"\b(north|south|east|west)\b", scene.plain)):
+        stops = {line.id for line in scene.intersection_map.stop_lines if line.leg == leg}
+        rows = [row for row in scene.record.signals if row.stop_line in stops]
+        time = min((event.time for event in scene.proof.events), default=None)
+        if rows:  # as it is when something happens
+            lines.append(f"The light for traffic from the {leg} {_describe_rows(rows, time)}.")
     return lines + [line for agent in about for line in _describe_light(scene, agent)]
-
-
-def _describe_leg_light(scene: _SceneFacts, leg: str) -> list[str]:
-    """The light of those who come from a leg, as it is when something happens."""
-    stops = {line.id for line in scene.intersection_map.stop_lines if line.leg == leg}
-    rows = [row for row in scene.record.signals if row.stop_line in stops]
-    time = min((event.time for event in scene.proof.events), default=None)
-    if not rows:
-        return []
-    return [f"The light for traffic from the {leg} {_describe_rows(rows, time)}."]
 
 
 def _describe_rows(rows: Sequence[SignalRecord], time: float | None) -> str:
@@ -369,7 +353,11 @@ def _describe_rows(rows: Sequence[SignalRecord], time: float | None) -> str:
 
 
 def _describe_light(scene: _SceneFacts, agent: AgentRecord) -> list[str]:
-    names = _find_light_names(scene.intersection_map, agent)
+    plan = scene.intersection_map
+    if agent.type == "vehicle" or agent.crosswalk is None:
+        names = {line.id for line in plan.stop_lines if line.leg == agent.entry}
+    else:
+        names = {walk.id for walk in plan.crosswalks if walk.leg == agent.crosswalk}
     rows = [row for row in scene.record.signals if (row.crosswalk or row.stop_line) in names]
     if not rows:
         return [f"No light concerns {_name(agent)}."]
@@ -381,13 +369,6 @@ def _describe_light(scene: _SceneFacts, agent: AgentRecord) -> list[str]:
             lines.append(f"{row.colour} when it {what} ({time:.1f} s)")
     ran = ["it runs a red light"] if agent.violates_signal else []
     return ["; ".join([*lines, *ran]) + "."]
-
-
-def _find_light_names(intersection_map: IntersectionMap, agent: AgentRecord) -> set[str]:
-    """The stop line of the agent's leg, or the crosswalk that it takes."""
-    if agent.type == "vehicle" or agent.crosswalk is None:
-        return {line.id for line in intersection_map.stop_lines if line.leg == agent.entry}
-    return {walk.id for walk in intersection_map.crosswalks if walk.leg == agent.crosswalk}
 
 
 def _describe_counts(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
@@ -457,10 +438,6 @@ def _find_fault(scene: _SceneFacts, event: Event) -> str:
     return "The tracks show no rule broken."
 
 
-def _describe_scene(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    return [*_describe_closeness(scene, about), *_describe_counts(scene, about)]
-
-
 def _describe_danger(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     kinds = {event.type for event in scene.proof.events}
     first = (
@@ -477,20 +454,8 @@ def _describe_speed_limit(scene: _SceneFacts, about: list[AgentRecord]) -> list[
     return [f"The speed limit here is {limit}.", *_describe_speeds(scene, about)]
 
 
-def _explain_no_weather(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
-    return ["There is no weather here: the road is dry and all agents see equally far."]
-
-
-def _explain_no_age(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    return [
-        "Pedestrians have no age or sex here; all are about as wide.",
-        *_describe_counts(scene, about),
-    ]
-
-
-def _describe_kinds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    kinds = [f"{each.name} is a {each.subtype or each.type}." for each in about]
-    return [*kinds, *_describe_routes(scene, about)]
+def _describe_kinds(_scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
+    return [f"{each.name} is a {each.subtype or each.type}." for each in about]
 
 
 def define_terms() -> list[str]:
@@ -501,16 +466,6 @@ def define_terms() -> list[str]:
         "DRAC is the braking that just avoids the collision [m/s²].",
         "Headway is the time by which one follows another [s].",
     ]
-
-
-def _define_figures(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
-    return define_terms()
-
-
-def _describe_causes(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    """Causes: the event, the agents that broke a rule, the motion of each."""
-    lines = _describe_fault(scene, about)
-    return [*lines, *_describe_braking(scene, about)]
 
 
 def _describe_sight(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
@@ -532,41 +487,40 @@ def _describe_proof(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     ]
 
 
-def _describe_counts_and_kinds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    return [
-        *_describe_counts(scene, about),
-        *(f"{each.name} is a {each.subtype or each.type}." for each in about),
-    ]
+def _say(*lines: str) -> _Answer:
+    """The answer that is the same for all scenes."""
+    return lambda _scene, _about: [*lines]
 
 
-def _describe_places(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    return [*_describe_routes(scene, about), *_describe_events(scene, about)]
+def _join(*answers: _Answer) -> _Answer:
+    """Several answers, one after the other."""
+    return lambda scene, about: [line for each in answers for line in each(scene, about)]
 
 
-def _list_topics(_scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
-    return [
-        TOPICS,
-        'Or say what shall be different: "make the car a truck", "have it be a collision".',
-    ]
-
-
+_describe_places = _join(_describe_routes, _describe_events)
+_explain_no_weather = _say(
+    "There is no weather here: the road is dry and all agents see equally far."
+)
 _TOPICS: tuple[tuple[str, _Answer], ...] = (
-    (r"(?:what(?:'s| is| does| are)|explain) (?:an? |the )?(?:pet|ttc|drac)\b", _define_figures),
+    (r"(?:what(?:'s| is| does| are)|explain) (?:an? |the )?(?:pet|ttc|drac)\b",
+     lambda _scene, _about: define_terms()),
     (r"speed limit|allowed to (?:go|drive)", _describe_speed_limit),
     (r"rain|snow|weather|wet\b|fog|icy?\b|slippery", _explain_no_weather),
     (r"(?:are|is) (?:there|any).*\b(?:kids?|child(?:ren)?|wom[ae]n|m[ae]n|old|elderly)\b|how "
-     r"old", _explain_no_age),
+     r"old", _join(_say("Pedestrians have no age or sex here; all are about as wide."),
+                   _describe_counts)),
     (r"(?:who|what)(?:'s| is| are) (?:she|he|her|him|it|they|them)$|(?:is|are) (?:that|it|this|"
      r"he|she|the \w+) "
-     r"(?:really )?an? \w+", _describe_kinds),
+     r"(?:really )?an? \w+", _join(_describe_kinds, _describe_routes)),
     (r"would (?:have|it|he|she|they)\b|could (?:he|she|it|they|the \w+) have", _explain_what_if),
-    (r"formats?\b|file types?", _list_formats),
+    (r"formats?\b|file types?", lambda _scene, _about: list_formats()),
     (r"first\b|before or after|order\b|already (?:there|gone)", _describe_order),
     (r"(?:on|from|which) (?:which |the )?(?:side|left|right)\b|point of view", _describe_sides),
     (r"second by second|in order|step by step|the whole (?:story|thing)|sentences|timeline",
      _describe_story),
     (r"what (?:else )?can (?:i|you|we)\b|what (?:could|should) i (?:say|ask)\b|how do i\b",
-     _list_topics),
+     _say(TOPICS, 'Or say what shall be different: "make the car a truck", "have it be a '
+                  'collision".')),
     (r"fault|blame|right of way|priority|had to (?:yield|give way)|guilty", _describe_fault),
     (r"lights?\b|signals?\b|green\b|red\b|yellow\b", _describe_lights),
     (r"danger|safe\b|risk|serious|severe|critical|how bad", _describe_danger),
@@ -581,17 +535,19 @@ _TOPICS: tuple[tuple[str, _Answer], ...] = (
     (r"when\b|what time|how long|take so long|take that long|what hour|day or night\b|time of "
      r"day", _describe_time),
     (r"hit|touch|collid|crash|happen|where\b|miss|yield|give way|follow|whom?\b", _describe_events),
-    (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's", _describe_scene),
+    (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's",
+     _join(_describe_closeness, _describe_counts)),
 )  # fmt: skip
 """Words of a question -> what answers it, the more special topic first."""
 _BY_TOPIC: dict[str, _Answer] = {
     "q_what": _describe_events, "q_speed": _describe_speeds, "q_brake": _describe_braking,
-    "q_close": _describe_closeness, "q_define": _define_figures,
-    "q_who": _describe_counts_and_kinds,
+    "q_close": _describe_closeness, "q_define": lambda _scene, _about: define_terms(),
+    "q_who": _join(_describe_counts, _describe_kinds),
     "q_where": _describe_places, "q_when": _describe_time, "q_light": _describe_lights,
-    "q_danger": _describe_danger, "q_fault": _describe_fault, "q_why": _describe_causes,
+    "q_danger": _describe_danger, "q_fault": _describe_fault,
+    "q_why": _join(_describe_fault, _describe_braking),
     "q_sight": _describe_sight, "q_limit": _describe_speed_limit, "q_weather": _explain_no_weather,
     "q_proof": _describe_proof, "q_order": _describe_order, "q_what_if": _explain_what_if,
-    "q_story": _describe_story, "q_formats": _list_formats,
+    "q_story": _describe_story, "q_formats": lambda _scene, _about: list_formats(),
 }  # fmt: skip
 """Intents of the model of turns -> what answers them."""

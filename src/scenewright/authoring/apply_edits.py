@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from scenewright.authoring.motion_edits import extend_stop, move_stop, move_time
-from scenewright.errors import Rejected
+from scenewright.authoring.motion_edits import build_rejection, extend_stop, move_stop, move_time
 from scenewright.scene.base import AgentClass
 from scenewright.scene.edits import (
     AddAgent,
@@ -30,7 +29,6 @@ from scenewright.scene.edits import (
 from scenewright.scene.frozen_agents import PreviousVersion
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.gmm_sampler.background_counts import DENSITIES
@@ -153,14 +151,10 @@ def _find_touched(
     new = {each.id for each in graph.agents} - {each.id for each in before.agents}
     # A new agent is the one that comes to the other.
     if touched & new:
-        stay = {name for name in touched - new if not _is_changed(name, before, graph)}
+        stay = {name for name in touched - new if before.agent(name) == graph.agent(name)}
         touched, other = touched - stay, (other | stay) - new
     foreground = {each.id for each in graph.agents}
     return frozenset(touched & foreground), frozenset((other - touched) & foreground)
-
-
-def _is_changed(name: str, before: SocialGraph, graph: SocialGraph) -> bool:
-    return before.agent(name) != graph.agent(name)
 
 
 def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
@@ -193,7 +187,7 @@ def _amend_agents(
         if not isinstance(edit, MoveStop | WaitLonger | ComeLater | SetPace):
             continue
         if edit.agent not in earlier.agents:
-            raise _build_rejection(edit.agent, "is not in the scene")
+            raise build_rejection(edit.agent, "is not in the scene")
         agent = amended.get(edit.agent, earlier.agents[edit.agent].agent)
         match edit:
             case MoveStop(metres=metres):
@@ -258,11 +252,3 @@ def _choose_hour(earlier: PreviousVersion, edits: tuple[Edit, ...]) -> float:
 def _parse_clock(text: str) -> float:
     hours, minutes = text.split(":")
     return int(hours) + int(minutes) / 60.0
-
-
-def _build_rejection(name: str, what: str) -> Rejected:
-    return Rejected(
-        Rejection(
-            stage="scene_planner", code="contradictory", agents=(name,), detail=f"{name} {what}"
-        )
-    )

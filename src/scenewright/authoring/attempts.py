@@ -51,7 +51,9 @@ def _generate_attempts(revision: Revision) -> Iterator[FrozenAgents]:
         yield _build_pins(revision, all_agents, keep_paths=True)
         yield _build_pins(revision, all_agents, keep_paths=False)
         yield _build_pins(revision, all_agents, keep_paths=True, lights=False)
-    for share in _SHARES if _is_background_free(revision.graph) else _SHARES[:1]:
+    context = revision.graph.context
+    asked = context.background is not None or context.density is not None
+    for share in _SHARES[:1] if asked else _SHARES:
         yield FrozenAgents(
             earlier=revision.earlier,
             background={kind: int(share * n) for kind, n in revision.background.items()},
@@ -59,11 +61,6 @@ def _generate_attempts(revision: Revision) -> Iterator[FrozenAgents]:
             lights=False,
             pace=revision.pace,
         )
-
-
-def _is_background_free(graph: SocialGraph) -> bool:
-    """Whether the size of the background was not asked for."""
-    return graph.context.background is None and graph.context.density is None
 
 
 def _build_pins(
@@ -79,7 +76,8 @@ def _build_pins(
         if name in placed:
             continue
         if name in free:
-            if keep_paths and name in foreground and _can_keep(name, agent, revision):
+            kept = keep_paths and name in foreground and name not in revision.redrawn
+            if kept and agent.candidate.route in revision.grounding.routes[name]:
                 offered[name] = _fit_agent(name, agent, revision)
         elif lights:
             fixed[name] = agent
@@ -134,10 +132,6 @@ def _is_acting(name: str, edge: RelationEdge) -> bool:
         return True
     brakes = edge.type == "near_miss" and (edge.target_ttc is not None or edge.cause is not None)
     return brakes or (name == edge.from_ and edge.type in ("yield_to", "follow"))
-
-
-def _can_keep(name: str, agent: SelectedAgent, revision: Revision) -> bool:
-    return name not in revision.redrawn and agent.candidate.route in revision.grounding.routes[name]
 
 
 def _fit_agent(name: str, agent: SelectedAgent, revision: Revision) -> SelectedAgent:

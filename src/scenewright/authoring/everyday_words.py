@@ -32,7 +32,7 @@ from scenewright.scene.events import Event
 from scenewright.scene.measures import UNITS, Measure, MeasureKind
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
 
-_WEATHER = re.compile(
+_WEATHER = (
     r"\b(?:rain(?:s|ing|y)?|snow(?:s|ing|y)?|fog(?:gy)?|mist|ice|icy|wet|slippery|storm(?:y)?|"
     r"wind(?:y)?|sunny|weather|hail)\b"
 )
@@ -40,7 +40,7 @@ WEATHER = (
     "There is no weather here: the road is dry and all agents see equally far. What can be had "
     'instead: "make it night", "slow the car down", "have her step out from behind a parked van".'
 )
-_LENGTH = re.compile(
+_LENGTH = (
     r"^(?:make|let|have) (?:it|the scene|the (?:video|clip)) (?:a bit |much )?(?:last )?"
     r"(?:longer|shorter)$|^(?:a )?(?:longer|shorter)(?: scene)?$"
 )
@@ -211,11 +211,13 @@ def _read_part(plain: str, talk: Talk) -> Reading | None:
     return None
 
 
-def _edit(*edits: Edit) -> Edits:
+def make_edits(*edits: Edit) -> Edits:
+    """Edits that are made together."""
     return Edits(edits=edits)
 
 
-def _decline(reason: str) -> DeclinedTurn:
+def decline(reason: str) -> DeclinedTurn:
+    """The refusal of what no scene can show."""
     return DeclinedTurn(code="impossible", reason=reason)
 
 
@@ -230,14 +232,14 @@ def _change_pace(found: re.Match[str], talk: Talk) -> Reading | None:
         slower = groups["pace"] == "fast"
     very = groups.get("much") in ("a lot", "much", "way", "far", "really", "very")
     strong = _VERY if slower else 1 / _VERY
-    return _edit(SetPace(agent=node.id, factor=strong if very else _SLOW if slower else _FAST))
+    return make_edits(SetPace(agent=node.id, factor=strong if very else _SLOW if slower else _FAST))
 
 
 def _run(found: re.Match[str], talk: Talk) -> Reading | None:
     node = talk.find(found["who"])
     if node is None or node.type != "pedestrian" or node.motion == "runs":
         return None
-    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"motion": "runs"})))
+    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update={"motion": "runs"})))
 
 
 def _change_reaction(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -249,19 +251,19 @@ def _change_reaction(found: re.Match[str], talk: Talk) -> Reading | None:
     if node is None:
         return None
     if not any(node.id in (e.from_, e.to) for e in _list_edges(talk, ("collide_at", "near_miss"))):
-        return _decline(
+        return decline(
             f"{node.id} is in no collision and no near miss, so there is nothing to react to. "
             'Say what shall happen first, such as "have it be a near miss".'
         )
     wanted = "none" if groups.get("not") else None
     if node.reaction == wanted:
-        return _decline(f"{node.id} {'does not react' if wanted else 'may react'} already.")
-    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"reaction": wanted})))
+        return decline(f"{node.id} {'does not react' if wanted else 'may react'} already.")
+    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update={"reaction": wanted})))
 
 
 def _remove(found: re.Match[str], talk: Talk) -> Reading | None:
     node = talk.find(found["who"])
-    return None if node is None else _edit(RemoveAgent(agent=node.id))
+    return None if node is None else make_edits(RemoveAgent(agent=node.id))
 
 
 def _become(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -272,13 +274,13 @@ def _become(found: re.Match[str], talk: Talk) -> Reading | None:
     if kind != node.type and kind in RIDERS and node.type != "pedestrian":
         return _replace_by_rider(node, kind, talk)
     if kind != node.type:
-        return _decline(
+        return decline(
             f"{node.id} stays a {node.type}: those of another class move in other ways. Say what "
             f'the {noun} does instead, such as "new scene: a {noun} ...".'
         )
     if kind != "vehicle" or subtype in (None, node.subtype):
         return None
-    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"subtype": subtype})))
+    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update={"subtype": subtype})))
 
 
 def _reverse(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -287,7 +289,7 @@ def _reverse(found: re.Match[str], talk: Talk) -> Reading | None:
     if node is None or view is None or (node.type == "vehicle" and view.movement != "straight"):
         return None
     way = {"entry": view.exit, "exit": view.entry}
-    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
+    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
 
 
 def _come_from(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -302,7 +304,7 @@ def _come_from(found: re.Match[str], talk: Talk) -> Reading | None:
     if groups.get("turn"):
         turn: Movement = "straight" if groups["turn"].startswith("straight") else "left"
         way["movement"] = "right" if groups["turn"] == "right" else turn
-    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
+    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
 
 
 def _wait(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -310,7 +312,7 @@ def _wait(found: re.Match[str], talk: Talk) -> Reading | None:
     if node is None:
         return None
     seconds = float(found["seconds"]) if found["seconds"] else 2.0
-    return _edit(WaitLonger(agent=node.id, seconds=min(seconds, 20.0)))
+    return make_edits(WaitLonger(agent=node.id, seconds=min(seconds, 20.0)))
 
 
 def _change_numbers(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -327,7 +329,7 @@ def _change_numbers(found: re.Match[str], talk: Talk) -> Reading | None:
     if noun in ("traffic", "agents", "others", "everybody"):
         kinds = ["vehicles", "pedestrians"]
     wanted = {kind: min(round(counts[kind] * factor), MOST_BACKGROUND) for kind in kinds}
-    return _edit(SetBackground.model_validate(wanted))
+    return make_edits(SetBackground.model_validate(wanted))
 
 
 def _change_gap(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -341,7 +343,7 @@ def _change_gap(found: re.Match[str], talk: Talk) -> Reading | None:
     )
     pet = float(event.evidence["pet"]) * (_CLOSER if closer else 1 / _CLOSER)
     wanted = edge.model_copy(update={"target_pet": round(min(max(pet, 0.3), 8.0), 1)})
-    return _edit(Relate(edge=wanted))
+    return make_edits(Relate(edge=wanted))
 
 
 def _change_impact(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -351,7 +353,9 @@ def _change_impact(found: re.Match[str], talk: Talk) -> Reading | None:
         return None
     softer = re.search(r"less|softer|lighter|gentler|milder|slower", found[0]) is not None
     speed = float(event.evidence["relative_speed"]) * (_CLOSER if softer else 1 / _CLOSER)
-    return _edit(Relate(edge=edge.model_copy(update={"impact_speed": round(min(speed, 20.0), 1)})))
+    return make_edits(
+        Relate(edge=edge.model_copy(update={"impact_speed": round(min(speed, 20.0), 1)}))
+    )
 
 
 def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -382,11 +386,7 @@ def set_measure(kind: MeasureKind, value: float, agent: str, other: str | None =
     tolerance = UNITS[kind].tolerance
     bounds = {"low": round(max(value - tolerance, 0.0), 2), "high": round(value + tolerance, 2)}
     measure = Measure.model_validate({"kind": kind, "agent": agent, "other": other, **bounds})
-    return _edit(SetMeasure(measure=measure))
-
-
-def _ask_who(_found: re.Match[str], _talk: Talk) -> Reading | None:
-    return _decline('Say who does that, such as "the car from the west follows the bus".')
+    return make_edits(SetMeasure(measure=measure))
 
 
 def _find_edge(talk: Talk, kinds: tuple[str, ...]) -> RelationEdge | None:
@@ -398,7 +398,7 @@ def _list_edges(talk: Talk, kinds: tuple[str, ...]) -> list[RelationEdge]:
     return [each for each in talk.situation.graph.relations if each.type in kinds]
 
 
-def _choose_id(kind: str, talk: Talk) -> str:
+def choose_id(kind: str, talk: Talk) -> str:
     """The first id of a class that no agent has."""
     taken = {each.id for each in talk.situation.present} | {
         each.id for each in talk.situation.graph.agents
@@ -408,7 +408,7 @@ def _choose_id(kind: str, talk: Talk) -> str:
 
 def _replace_by_rider(node: AgentNode, kind: AgentClass, talk: Talk) -> Reading:
     """A rider in the agent's place, on its way as far as riders take it, in its relations."""
-    graph, name = talk.situation.graph, _choose_id(kind, talk)
+    graph, name = talk.situation.graph, choose_id(kind, talk)
     kept = talk.keep_way(node)
     way = {key: getattr(kept, key) for key in ("entry", "exit", "movement", "crosswalk")}
     rider = AgentNode.model_validate({"id": name, "type": kind, **way})
@@ -424,31 +424,28 @@ def _replace_by_rider(node: AgentNode, kind: AgentClass, talk: Talk) -> Reading:
         return edge.model_copy(update={**open_, **ends})
 
     related = (Relate(edge=rename(each)) for each in edges)
-    return _edit(RemoveAgent(agent=node.id), AddAgent(node=rider), *related)
+    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=rider), *related)
 
 
 def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
     groups = found.groupdict()
     kind = CLASSES[groups["what"]][0]
     node = AgentNode.model_validate(
-        {"id": _choose_id(kind, talk), "type": kind, "entry": groups.get("entry"),
+        {"id": choose_id(kind, talk), "type": kind, "entry": groups.get("entry"),
          "exit": groups.get("exit")}
     )  # fmt: skip
     if not groups.get("who"):
-        return _edit(AddAgent(node=node))
+        return make_edits(AddAgent(node=node))
     ahead = talk.find(groups["who"])
     if ahead is None:
         return None
     edge = RelationEdge.model_validate({"type": "follow", "from": node.id, "to": ahead.id})
-    return _edit(AddAgent(node=node), Relate(edge=edge))
+    return make_edits(AddAgent(node=node), Relate(edge=edge))
 
 
-def _say_no_weather(_found: re.Match[str], _talk: Talk) -> Reading | None:
-    return _decline(WEATHER)
-
-
-def _say_length(_found: re.Match[str], _talk: Talk) -> Reading | None:
-    return _decline(LENGTH)
+def _say(reason: str) -> _Rule:
+    """The rule for what no scene has."""
+    return lambda _found, _talk: decline(reason)
 
 
 _PACE = r"(?P<pace>slower|faster|slowly|quicker|quickly|slow|fast|less fast)"
@@ -457,9 +454,9 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
     (re.compile(pattern), rule)
     for pattern, rule in (
         (rf"^(?:{_MAKE} (?:it|there be)|with(?:out)?|add|in|no|and|it)"
-         rf"?.{{0,12}}{_WEATHER.pattern}.{{0,25}}$",
-         _say_no_weather),
-        (_LENGTH.pattern, _say_length),
+         rf"?.{{0,12}}{_WEATHER}.{{0,25}}$",
+         _say(WEATHER)),
+        (_LENGTH, _say(LENGTH)),
         (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must| needs? to| has to)? {_GOES} "
          rf"(?:{_ADVERB} )?{_PACE}$", _change_pace),
         (rf"^{_MAKE} {_WHO} (?:{_ADVERB} )?{_PACE}$", _change_pace),
@@ -482,7 +479,8 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
          r"com(?:e|es|ing)|run(?:s|ning)?|driv(?:e|es|ing)) (?:in |from )?the (?:other|opposite) "
          r"(?:way|direction|side)(?: round| around)?$", _reverse),
         (rf"^(?:reverse|turn around|flip) {_WHO}$", _reverse),
-        (r"^(?:from the |from |to the |follows |behind |in front of )\b", _ask_who),
+        (r"^(?:from the |from |to the |follows |behind |in front of )\b",
+         _say('Say who does that, such as "the car from the west follows the bus".')),
         (rf"^(?:{_MAKE} (?:it|this|that|them|the \w+) (?:to )?happen )?(?:a (?:bit|little) |much )?"
          r"(?:(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|secs?|seconds?) )?(?P<when>earlier|later)$",
          _shift_event),

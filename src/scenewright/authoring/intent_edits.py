@@ -20,6 +20,9 @@ from scenewright.authoring.everyday_words import (
     OPPOSITE,
     WEATHER,
     Talk,
+    choose_id,
+    decline,
+    make_edits,
     set_measure,
     simplify,
 )
@@ -28,7 +31,6 @@ from scenewright.scene.edits import (
     AddAgent,
     AgentView,
     ChangeAgent,
-    DeclinedTurn,
     Edits,
     Reading,
     Redraw,
@@ -266,14 +268,13 @@ _Answer = str | Reading | None
 def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
     """The wish as a plain sentence or a reading; None where the words leave out the agent or the
     change."""
-    make = _WISHES.get(intent)
-    if make is None:
+    if (make := _WISHES.get(intent)) is None:
         return None
     plain = simplify(words)
     named = find_named(plain, talk)
     if intent not in _OF_OTHERS and not named and (noun := _find_stranger(plain, talk)):
         there = ", ".join(f"{e.id} ({e.subtype or e.type})" for e in talk.list_named())
-        return _decline(f"There is no {noun} that takes part; there is {there or 'none'}.")
+        return decline(f"There is no {noun} that takes part; there is {there or 'none'}.")
     if intent not in _OF_OTHERS and _find_stranger(plain, talk, new=True):
         return None  # "have a truck hit the car" brings in a truck, which no such change does
     return make(EditIntent(intent, plain, talk, tuple(named)))
@@ -318,10 +319,6 @@ def find_named(plain: str, talk: Talk) -> list[AgentNode]:
     return found
 
 
-def _decline(reason: str) -> DeclinedTurn:
-    return DeclinedTurn(code="impossible", reason=reason)
-
-
 def _change_pace(wish: EditIntent) -> _Answer:
     faster = wish.intent == "faster"
     every = list(wish.named) if len(wish.named) > 1 else [wish.choose()]
@@ -342,7 +339,7 @@ def _change_speed(wish: EditIntent) -> _Answer:
     if view is not None and re.search(r"\bmore\b|\bby \d|\bexceed|\bextra\b", wish.plain):
         value += round(view.speed / _UNITS[unit])
     if re.search(r"-\d", wish.plain):
-        return _decline("No agent drives backwards here; say a speed above zero.")
+        return decline("No agent drives backwards here; say a speed above zero.")
     return f"let {node.id} drive at {value:g} {unit}"
 
 
@@ -371,7 +368,7 @@ def _add(wish: EditIntent) -> _Answer:
     behind = re.search(r"\b(?:follow|behind|after)", wish.plain) and wish.named
     if re.search(r"\b(?:follow|behind)", wish.plain) and not behind:
         stranger = _find_stranger(wish.plain, wish.talk)
-        return _decline(f"There is no {stranger} that takes part.") if stranger else None
+        return decline(f"There is no {stranger} that takes part.") if stranger else None
     return f"add a {noun}{where}" + (f" that follows {wish.named[0].id}" if behind else "")
 
 
@@ -395,23 +392,17 @@ def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
     """Another agent of another class in the place of one: same way, same relations."""
     kind, subtype = CLASSES[noun]
     graph, view = talk.situation.graph, next(e for e in talk.situation.present if e.id == node.id)
-    taken = {each.id for each in talk.situation.present} | {each.id for each in graph.agents}
-    name = next(f"{kind}-{n}" for n in range(1, 99) if f"{kind}-{n}" not in taken)
+    name = choose_id(kind, talk)
     walks = "pedestrian" in (kind, node.type)
     fields = {"id": name, "type": kind, "subtype": subtype}
     way = {} if walks else {"entry": view.entry, "movement": view.movement}
-    joined = [each for each in graph.relations if node.id in (each.from_, each.to)]
     swapped = []
-    for each in joined:
-        mine = "from_" if each.from_ == node.id else "to"
-        swapped.append(Relate(edge=each.model_copy(update={mine: name, "kind": None})))
-    return Edits(
-        edits=(
-            AddAgent(node=AgentNode.model_validate({**fields, **way})),
-            *swapped,
-            RemoveAgent(agent=node.id),
-        )
-    )
+    for each in graph.relations:
+        if node.id in (each.from_, each.to):
+            mine = "from_" if each.from_ == node.id else "to"
+            swapped.append(Relate(edge=each.model_copy(update={mine: name, "kind": None})))
+    added = AddAgent(node=AgentNode.model_validate({**fields, **way}))
+    return make_edits(added, *swapped, RemoveAgent(agent=node.id))
 
 
 def _find_side(plain: str) -> str | None:
@@ -439,9 +430,9 @@ def _turn(wish: EditIntent) -> _Answer:
     if node is None or view is None or turn is None:
         return None
     if node.type == "pedestrian":
-        return _decline(f"{node.id} walks; say which crosswalk, or from which side it comes.")
+        return decline(f"{node.id} walks; say which crosswalk, or from which side it comes.")
     way = {"entry": view.entry, "exit": None, "movement": turn}
-    return Edits(edits=(ChangeAgent(node=AgentNode.model_validate({**node.model_dump(), **way})),))
+    return make_edits(ChangeAgent(node=AgentNode.model_validate({**node.model_dump(), **way})))
 
 
 def _cross(wish: EditIntent) -> _Answer:
@@ -449,13 +440,8 @@ def _cross(wish: EditIntent) -> _Answer:
     node = next((each for each in wish.named if each.type == "pedestrian"), None)
     node = node or (walkers[0] if len(walkers) == 1 else None)
     view, side = (None if node is None else wish.view(node)), _find_side(wish.plain)
-    if (
-        side is None
-        and view is not None
-        and view.crosswalk
-        and re.search(r"\b(?:other|opposite)\b", wish.plain)
-    ):
-        side = OPPOSITE[view.crosswalk]
+    if side is None and re.search(r"\b(?:other|opposite)\b", wish.plain):
+        side = OPPOSITE[view.crosswalk] if view is not None and view.crosswalk else None
     return None if node is None or side is None else f"put {node.id} on the {side} crosswalk"
 
 
@@ -467,10 +453,6 @@ def _reverse(wish: EditIntent) -> _Answer:
     if node.type == "pedestrian":
         return f"{node.id} goes the other way"
     return f"make {node.id} come from the {OPPOSITE[view.entry]}"
-
-
-def _write_clock(hour: int, minutes: str | None) -> str:
-    return f"{hour % 24:02d}:{minutes or '00'}"
 
 
 _HOURS = (
@@ -492,7 +474,7 @@ def _change_clock(wish: EditIntent) -> _Answer:
             continue
         if hour is None:
             late = re.search(r"evening|afternoon|night|\bpm\b", wish.plain) and int(found[1]) < 12
-            return f"make it {_write_clock(int(found[1]) + (12 if late else 0), found[2])}"
+            return f"make it {(int(found[1]) + (12 if late else 0)) % 24:02d}:{found[2] or '00'}"
         return f"make it {hour}"
     return None
 
@@ -502,22 +484,17 @@ def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
         edge, pair = wish.find_edge(), wish.pair()
         if edge is not None and (len(wish.named) < 2 or pair is None or kind != "yield_to"):
             turned = kind == "yield_to" and wish.named and wish.named[0].id == edge.to
-            ends = (
-                {"from": edge.to, "to": edge.from_}
-                if turned
-                else {"from": edge.from_, "to": edge.to}
-            )
-            return Edits(edits=(Relate(edge=RelationEdge.model_validate({"type": kind, **ends})),))
+            pair = (edge.to, edge.from_) if turned else (edge.from_, edge.to)
         if pair is None:
             return None
         fields = {"type": kind, "from": pair[0], "to": pair[1]}
-        return Edits(edits=(Relate(edge=RelationEdge.model_validate(fields)),))
+        return make_edits(Relate(edge=RelationEdge.model_validate(fields)))
 
     return make
 
 
-def _say(sentence: str) -> Callable[[EditIntent], _Answer]:
-    return lambda _wish: sentence
+def _say(answer: _Answer) -> Callable[[EditIntent], _Answer]:
+    return lambda _wish: answer
 
 
 def _change_gap(wish: EditIntent) -> _Answer:
@@ -530,13 +507,11 @@ def _change_gap(wish: EditIntent) -> _Answer:
         (e for e in wish.talk.events if isinstance(e.evidence.get("least_headway"), float)), None
     )
     if edge is not None and event is not None:
-        now = float(event.evidence["least_headway"])
-        wanted = min(
-            max(now * (0.6 if closer else 1.7), UNITS["headway"].least), UNITS["headway"].most
-        )
+        wanted = float(event.evidence["least_headway"]) * (0.6 if closer else 1.7)
+        wanted = min(max(wanted, UNITS["headway"].least), UNITS["headway"].most)
         return set_measure("headway", round(wanted, 1), edge.from_, edge.to)
     if wish.find_edge("collide_at") is not None:
-        return _decline(
+        return decline(
             'They collide, so there is no gap; say "make it a near miss", or "a softer crash".'
             if not closer else 'They collide already; say "a harder crash" or "a softer crash".'
         )  # fmt: skip
@@ -551,9 +526,9 @@ def _set_gap(wish: EditIntent) -> _Answer:
     if edge.type == "follow":
         return set_measure("gap" if metres else "headway", value, edge.from_, edge.to)
     if metres:
-        return _decline('How near they come is set in seconds (PET): say "a PET of 1 s".')
+        return decline('How near they come is set in seconds (PET): say "a PET of 1 s".')
     if edge.type in ("near_miss", "yield_to"):
-        return Edits(edits=(Relate(edge=edge.model_copy(update={"target_pet": min(value, 8.0)})),))
+        return make_edits(Relate(edge=edge.model_copy(update={"target_pet": min(value, 8.0)})))
     return None
 
 
@@ -566,9 +541,8 @@ def _set_impact(wish: EditIntent) -> _Answer:
     if value is None or edge is None:
         return None
     speed = value if "m/s" in wish.plain else value / 3.6
-    return Edits(
-        edits=(Relate(edge=edge.model_copy(update={"impact_speed": round(min(speed, 20.0), 2)})),)
-    )
+    update = {"impact_speed": round(min(speed, 20.0), 2)}
+    return make_edits(Relate(edge=edge.model_copy(update=update)))
 
 
 def _change_event_time(wish: EditIntent) -> _Answer:
@@ -623,10 +597,8 @@ def _change_motion(wish: EditIntent) -> _Answer:
     if node is None:
         return None
     walks = re.search(r"\bwalk(?!s? or run)|\bno running|\bnot run|\bstop running", wish.plain)
-    motion = None if walks else "runs"
-    return Edits(
-        edits=(ChangeAgent(node=wish.talk.keep_way(node).model_copy(update={"motion": motion})),)
-    )
+    update = {"motion": None if walks else "runs"}
+    return make_edits(ChangeAgent(node=wish.talk.keep_way(node).model_copy(update=update)))
 
 
 _PEOPLE = r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b"
@@ -662,43 +634,35 @@ def _change_background(wish: EditIntent) -> _Answer:
             change = max(change, 3)
         wanted[kind] = min(max(was + change, 0), MOST_BACKGROUND)
     if all(wanted[kind] == now[kind] for kind in kinds):
-        return _decline(
+        return decline(
             f"There are {now['vehicles']} vehicles and {now['pedestrians']} pedestrians already."
         )
-    return Edits(edits=(SetBackground.model_validate(wanted),))
+    return make_edits(SetBackground.model_validate(wanted))
 
 
 def _remove_background(wish: EditIntent) -> _Answer:
     """No agent besides those of the event; or none of a kind of vehicle."""
-    rare = {CLASSES[each][1] for each in re.findall(rf"\b({_NOUN})(?:e?s)\b", wish.plain)} - {
-        None,
-        "car",
-    }
-    if rare:
+    nouns = re.findall(rf"\b({_NOUN})(?:e?s)\b", wish.plain)
+    if rare := {CLASSES[each][1] for each in nouns} - {None, "car"}:
         gone = [each.id for each in wish.talk.situation.present
                 if each.role == "background" and each.subtype in rare]  # fmt: skip
         if not gone:
-            return _decline("There is none of these besides those that you spoke of.")
-        return Edits(edits=tuple(RemoveAgent(agent=each) for each in gone))
+            return decline("There is none of these besides those that you spoke of.")
+        return make_edits(*(RemoveAgent(agent=each) for each in gone))
     kinds = _find_kinds(re.sub(r"\bonly\b.*|\bjust\b.*|\bleave\b.*", "", wish.plain))
-    return Edits(edits=(SetBackground.model_validate(dict.fromkeys(kinds, 0)),))
+    return make_edits(SetBackground.model_validate(dict.fromkeys(kinds, 0)))
 
 
 def _set_count(wish: EditIntent) -> _Answer:
     number, kinds = wish.number(), _find_kinds(wish.plain)
     if number is None:
         return None
-    kinds = kinds[:1] if len(kinds) > 1 else kinds
-    return Edits(
-        edits=(
-            SetBackground.model_validate(dict.fromkeys(kinds, round(min(number, MOST_BACKGROUND)))),
-        )
-    )
+    return make_edits(SetBackground.model_validate({kinds[0]: round(min(number, MOST_BACKGROUND))}))
 
 
 def _redraw(wish: EditIntent) -> _Answer:
     one = wish.named and re.search(r"\b(?:path|way|route)\b", wish.plain)
-    return Edits(edits=(Redraw(agent=wish.named[0].id if one else None),))
+    return make_edits(Redraw(agent=wish.named[0].id if one else None))
 
 
 def _park_vehicle(wish: EditIntent) -> _Answer:
@@ -713,18 +677,14 @@ def _park_vehicle(wish: EditIntent) -> _Answer:
 def _remove_parked(wish: EditIntent) -> _Answer:
     objects = wish.talk.situation.graph.objects
     if not objects:
-        return _decline("Nothing stands in this scene that could be taken away.")
-    return (
-        Edits(edits=tuple(RemoveObject(object=each.id) for each in objects))
-        if len(objects) == 1
-        else None
-    )
+        return decline("Nothing stands in this scene that could be taken away.")
+    return make_edits(RemoveObject(object=objects[0].id)) if len(objects) == 1 else None
 
 
 def _hide(wish: EditIntent) -> _Answer:
     walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
     if len(walkers) != 1:
-        return _decline(
+        return decline(
             "A parked vehicle can hide a pedestrian from a vehicle; there is no pedestrian here."
         )
     found = re.search(r"\b(?:van|truck|bus|car|lorry)\b", re.sub(r"from the \w+", "", wish.plain))
@@ -736,9 +696,9 @@ def _change_light(wish: EditIntent) -> _Answer:
     runs = wish.intent == "run_red"
     node = wish.choose() if runs else (running[0] if running else None)
     if node is None:
-        return None if runs else _decline("No agent runs a red light in this scene.")
+        return None if runs else decline("No agent runs a red light in this scene.")
     made = wish.talk.keep_way(node).model_copy(update={"runs_red": runs})
-    return Edits(edits=(ChangeAgent(node=made),))
+    return make_edits(ChangeAgent(node=made))
 
 
 def _make_jaywalker(wish: EditIntent) -> _Answer:
@@ -771,6 +731,6 @@ _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "park": _park_vehicle,
     "unpark": _remove_parked, "hide": _hide, "run_red": _change_light, "obey": _change_light,
     "jaywalk": _make_jaywalker,
-    "weather": lambda _wish: _decline(WEATHER), "length": lambda _wish: _decline(LENGTH),
-    "beyond": lambda _wish: _decline(BEYOND),
+    "weather": _say(decline(WEATHER)), "length": _say(decline(LENGTH)),
+    "beyond": _say(decline(BEYOND)),
 }  # fmt: skip

@@ -18,7 +18,7 @@ def move_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
     stop = _find_stop(agent)
     s = stop.s + metres
     if not 2.0 < s < agent.candidate.path.length - 1.0:
-        raise _build_rejection(agent, f"has no room to stop {metres:+g} m from where it does")
+        raise build_rejection(agent.name, f"has no room to stop {metres:+g} m from where it does")
     others = tuple(each for each in agent.stops if each is not stop)
     holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
     stands = (
@@ -47,8 +47,8 @@ def extend_stop(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     stop = _find_stop(agent)
     until = stop.until + seconds
     if until < stop.start + _LEAST_STAND:
-        raise _build_rejection(
-            agent, f"stands for {stop.until - stop.start:.1f} s, which leaves nothing"
+        raise build_rejection(
+            agent.name, f"stands for {stop.until - stop.start:.1f} s, which leaves nothing"
         )
     others = tuple(each for each in agent.stops if each is not stop)
     return replace(agent, stops=_sort_stops(*others, replace(stop, until=until)))
@@ -96,11 +96,16 @@ def _find_stop(agent: SelectedAgent) -> Stop:
     stops = [each for each in agent.stands if each.reason == "gives_way"] or agent.stands
     rolling = _find_slowest(agent)
     if rolling is not None:
-        raise _build_rejection(agent, _describe_slowing(rolling))
+        where = "" if rolling.ahead is None else f", {rolling.ahead:.1f} m before the other's way"
+        raise build_rejection(
+            agent.name,
+            f"gives way without standing: it slows to {rolling.speed:.1f} m/s{where}; say 'make it "
+            "stop' first, and then where or how long",
+        )
     if not stops:
         but = " but at its light" if agent.stops else ""
-        raise _build_rejection(
-            agent, f"gives way to no agent and stands nowhere in this scene{but}"
+        raise build_rejection(
+            agent.name, f"gives way to no agent and stands nowhere in this scene{but}"
         )
     return stops[0]
 
@@ -111,25 +116,14 @@ def _find_slowest(agent: SelectedAgent) -> Stop | None:
     return yields[0] if yields and all(each.rolls for each in yields) else None
 
 
-def _describe_slowing(rolling: Stop) -> str:
-    """What an agent that gives way without standing does, and what may be asked instead."""
-    where = "" if rolling.ahead is None else f", {rolling.ahead:.1f} m before the other's way"
-    return (
-        f"gives way without standing: it slows to {rolling.speed:.1f} m/s{where}; say 'make it "
-        "stop' first, and then where or how long"
-    )
-
-
 def _sort_stops(*stops: Stop) -> tuple[Stop, ...]:
     return tuple(sorted(stops, key=lambda each: each.s))
 
 
-def _build_rejection(agent: SelectedAgent, what: str) -> Rejected:
+def build_rejection(name: str, what: str) -> Rejected:
+    """The rejection of a change by hand that cannot be."""
     return Rejected(
         Rejection(
-            stage="scene_planner",
-            code="contradictory",
-            agents=(agent.name,),
-            detail=f"{agent.name} {what}",
+            stage="scene_planner", code="contradictory", agents=(name,), detail=f"{name} {what}"
         )
     )

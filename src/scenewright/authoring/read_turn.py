@@ -102,6 +102,7 @@ _TELLS_EVENT = re.compile(
     r"follow|brake|stop|conflict|cut|dodge"
 )
 _NOTHING = "Nothing happens"
+"""In an offered sentence without an event."""
 _SENTENCES = re.compile(r"(?<=[.!?;:])\s+|\n+")
 _MOST_PARTS = 6
 _NARRATOR = re.compile(
@@ -119,11 +120,6 @@ def find_narrator(words: str) -> str | None:
 def _tells_event(words: str) -> bool:
     """Whether the words speak of something that happens between road users."""
     return _TELLS_EVENT.search(words.lower()) is not None
-
-
-def _says_nothing_happens(sentence: str) -> bool:
-    """Whether an offered sentence has no event."""
-    return _NOTHING in sentence
 
 
 def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarification | None:
@@ -149,12 +145,12 @@ def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarific
                 offers.append(("I could not read all of that.", sentences))
     if not offers:
         return None
-    return _offer(*max(offers, key=lambda each: _measure_cover(each[1][0], words)))
+    return offer_sentences(*max(offers, key=lambda each: _measure_cover(each[1][0], words)))
 
 
 def _measure_cover(sentence: str, words: str) -> int:
     """How much of what the words name a sentence has: road users, and that something happens."""
-    happens = _tells_event(words) and _tells_event(sentence) and not _says_nothing_happens(sentence)
+    happens = _tells_event(words) and _tells_event(sentence) and _NOTHING not in sentence
     return len(_list_classes(words) & _list_classes(sentence)) + 2 * happens
 
 
@@ -164,7 +160,7 @@ def _list_classes(text: str) -> set[tuple[str, str | None]]:
     return {CLASSES[each] for each in nouns if each in CLASSES}
 
 
-def _offer(what: str, sentences: Sequence[str]) -> Clarification:
+def offer_sentences(what: str, sentences: Sequence[str]) -> Clarification:
     """A question with sentences to choose from."""
     numbered = list(enumerate(sentences, start=1))
     choices = [Choice(answer=str(k), means=f"{SENTENCE}={each}") for k, each in numbered]

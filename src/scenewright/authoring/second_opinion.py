@@ -26,10 +26,10 @@ from scenewright.authoring.intent_edits import (
     replace_agent,
     spell_out,
 )
+from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
 from scenewright.backends.offline import rank_intents
 from scenewright.scene.edits import (
-    Choice,
     Clarification,
     DeclinedTurn,
     Edit,
@@ -216,7 +216,7 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
     if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= _LONGEST_FIRST:
         sentences = [f"{one} {verb} {other}" for one, other in _PARTIES]
-        return _offer("Who takes part?", sentences)
+        return offer_sentences("Who takes part?", sentences)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
     if not is_change(guess.intent) or guess.chance < SURE or guess.intent in events:
         return None
@@ -278,7 +278,7 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
         return _ask(words, talk, read) or _decline_change()
     hits = any(isinstance(each, Relate) and each.edge.type == "collide_at" for each in found.edits)
     if hits and _NO_CONTACT.search(plain):
-        return _offer("I am not sure what shall be different.", ["make it a near miss"])
+        return offer_sentences("I am not sure what shall be different.", ["make it a near miss"])
     return found
 
 
@@ -291,7 +291,7 @@ def _choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Rea
     guess = guess_intent(words)
     if (noun := simplify(words)) in CLASSES:
         there = [f"remove {each.id}" for each in find_named(f"the {noun}", talk)[:1]]
-        return _offer(f"What about the {noun}?", [f"add a {noun}", *there])
+        return offer_sentences(f"What about the {noun}?", [f"add a {noun}", *there])
     if is_consistent(by_rule, guess.intent, words):
         return by_rule
     counts = guess.intent == "set_count" and guess.chance >= SURE  # "cars 6" is not vehicle-6
@@ -346,13 +346,8 @@ def _keep(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
         return by_rule
     if isinstance(by_rule, DeclinedTurn) and by_rule.code not in ("no_change", "out_of_scope"):
         return by_rule
-    return _ask(words, talk, read) or _give_up(by_rule)
-
-
-def _give_up(by_rule: Reading) -> DeclinedTurn:
-    if isinstance(by_rule, DeclinedTurn) and by_rule.code != "no_change":
-        return by_rule
-    return _decline_change()
+    refused = isinstance(by_rule, DeclinedTurn) and by_rule.code != "no_change"
+    return _ask(words, talk, read) or (by_rule if refused else _decline_change())
 
 
 def _decline_change() -> DeclinedTurn:
@@ -392,18 +387,7 @@ def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:
             offered.append(sentence)
     if not offered:
         return None
-    return _offer("I am not sure what shall be different.", offered[:_MOST_OFFERED])
-
-
-def _offer(what: str, sentences: list[str]) -> Clarification:
-    """A question with sentences to choose from."""
-    numbered = list(enumerate(sentences, start=1))
-    listed = " ".join(f"{k}: {each}" for k, each in numbered)
-    choices = [Choice(answer=str(k), means=f"sentence={each}") for k, each in numbered]
-    return Clarification(
-        question=f"{what} Do you mean {listed} 0: none of these",
-        choices=(*choices, Choice(answer="0", means="sentence=")),
-    )
+    return offer_sentences("I am not sure what shall be different.", offered[:_MOST_OFFERED])
 
 
 _REMARKS = re.compile(r"(?:that|this|those|these)(?:'s| is| are|'re)\b|it'?s how\b|because\b")

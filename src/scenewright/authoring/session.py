@@ -57,7 +57,6 @@ from scenewright.backends.offline import begins_anew, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     ProgressCallback,
-    Scene,
     check_arguments,
     encode_proof,
     encode_scene,
@@ -228,7 +227,8 @@ class Session:
                 raise InputError("there is no scene yet; say what shall happen")
             graph = SocialGraph.model_validate(version["graph"])
             edits, words = read_direct_edits(asked, graph)
-            return self._turn({"act": "edit", "words": words, "argument": _dump_edits(edits)})
+            argument = _EDITS.dump_json(edits, by_alias=True).decode()
+            return self._turn({"act": "edit", "words": words, "argument": argument})
 
     def list_handles(self, which: str | int | None = None) -> list[dict[str, Any]]:
         """What can be changed by hand in a version (`list_handles`); empty before there is one."""
@@ -301,10 +301,6 @@ class Session:
             proof,
             self._threads.get_bytes(version["provenance"]),
         )
-
-
-def _dump_edits(edits: tuple[Edit, ...]) -> str:
-    return _EDITS.dump_json(edits, by_alias=True).decode()
 
 
 def _check_setting(setting: ThreadSetting) -> ThreadSetting:
@@ -621,19 +617,20 @@ def _enter_version(
     keep, scene = context.threads.keep, made.scene
     versions = state.get("versions", [])
     parent = state.get("current")
+    dumped = [each.model_dump(mode="json", by_alias=True) for each in edits]
+    paid = {**state.get("models", {}), **scene.provenance.get("models", {})}
+    provenance = {**scene.provenance, "edits": dumped, **_build_costs(paid)}
     version: Version = {
         "number": max((each["number"] for each in versions), default=0) + 1,
         "parent": parent,
         "words": state["words"],
         "text": text,
-        "edits": [each.model_dump(mode="json", by_alias=True) for each in edits],
+        "edits": dumped,
         "graph": made.graph.model_dump(mode="json", by_alias=True),
         "pace": dict(made.pace),
         "scene": keep(encode_scene(scene.record)),
         "proof": keep(encode_proof(scene.proof)),
-        "provenance": keep(
-            format_json_line(_build_provenance(scene, edits, state.get("models", {})))
-        ),
+        "provenance": keep(format_json_line(provenance)),
         "earlier": keep(serialize_version(made.earlier)),
         "moved": list(made.moved),
         "gone": list(made.gone),
@@ -647,20 +644,8 @@ def _enter_version(
         "current": version["number"],
         "ahead": [],
         "refused": None,
-        "reply": {
-            "kind": "made",
-            "version": version["number"],
-            "from": parent,
-        },
+        "reply": {"kind": "made", "version": version["number"], "from": parent},
     }
-
-
-def _build_provenance(
-    scene: Scene, edits: tuple[Edit, ...], models: Mapping[str, Any]
-) -> dict[str, Any]:
-    dumped = [each.model_dump(mode="json", by_alias=True) for each in edits]
-    paid = {**models, **scene.provenance.get("models", {})}
-    return {**scene.provenance, "edits": dumped, **({"models": paid} if paid else {})}
 
 
 def _build_refusal(
@@ -686,7 +671,7 @@ def _build_refusal(
 
 
 def _build_costs(models: Mapping[str, Any]) -> dict[str, Any]:
-    """What models were asked for a turn that made nothing; nothing where none was."""
+    """What models were asked for a turn; nothing where none was."""
     return {"models": dict(models)} if models else {}
 
 
@@ -729,7 +714,10 @@ def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext)
         case "redo":
             return _redo(state, turn.count)
         case "version":
-            return _move_to(state, turn.number) if turn.number else _ask_version(state)
+            if turn.number:
+                return _move_to(state, turn.number)
+            lines = ["Which version? Say its number.", *_format_versions(state)]
+            return {"reply": {"kind": "answer", "lines": lines}}
         case "restart":
             return _restart(state)
         case "question":
@@ -739,11 +727,6 @@ def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext)
             return {"reply": {"kind": "nothing", "reason": reason}}
     named = {"name": turn.name} if turn.name else {}
     return {"reply": {"kind": "wish", "wish": turn.kind, **named}}
-
-
-def _ask_version(state: ThreadState) -> ThreadState:
-    lines = _format_versions(state)
-    return {"reply": {"kind": "answer", "lines": ["Which version? Say its number.", *lines]}}
 
 
 def _format_versions(state: ThreadState) -> list[str]:
@@ -765,8 +748,7 @@ def _answer_question(state: ThreadState, turn: TurnKind, context: SessionContext
         return {"kind": "nothing", "reason": _NOTHING_YET}
     if turn.topic in ("q_changed", "q_version") or _ABOUT_VERSION.search(words.lower()):
         return {"kind": "answer", "lines": _describe_version(state, version, words, context)}
-    record = SceneRecord.model_validate_json(context.threads.get_bytes(version["scene"]))
-    proof = Proof.model_validate_json(context.threads.get_bytes(version["proof"]))
+    record, proof = _load_scene(version, context)
     place = load_map(record.meta.intersection)
     lines = answer_question(words, record, proof, place, topic=turn.topic)
     return {"kind": "answer", "lines": lines}
@@ -781,30 +763,25 @@ def _describe_version(
     first = [1] if re.search(r"\b(?:first|original)\b", words.lower()) else []
     other = versions.get((named or first or [version["parent"] or 0])[0])
     came = "" if version["parent"] is None else f", made from version {version['parent']}"
-    lines = [
-        f"Version {version['number']} of {len(versions)}{came}: {version['words']}",
-    ]
+    lines = [f"Version {version['number']} of {len(versions)}{came}: {version['words']}"]
     if re.search(r"\b(?:versions|numbers?|list|order|history|many)\b", words.lower()):
         return [*lines, *_format_versions(state)]
     if other is None or other["number"] == version["number"]:
         return lines
-    pair = [
-        (
-            SceneRecord.model_validate_json(context.threads.get_bytes(each["scene"])),
-            Proof.model_validate_json(context.threads.get_bytes(each["proof"])),
-        )
-        for each in (other, version)
-    ]
-    found = compare_versions(*pair[0], *pair[1])
+    found = compare_versions(*_load_scene(other, context), *_load_scene(version, context))
     lines += [
         f"{what}: {before} in version {other['number']}, now {now}"
         for what, before, now in found["differences"]
     ]
     names = found["changed"] + found["only_first"] + found["only_second"]
-    return [
-        *lines,
-        f"Other than in version {other['number']}: {', '.join(names[:12]) or 'no agent'}",
-    ]
+    unlike = ", ".join(names[:12]) or "no agent"
+    return [*lines, f"Other than in version {other['number']}: {unlike}"]
+
+
+def _load_scene(version: Version, context: SessionContext) -> tuple[SceneRecord, Proof]:
+    scene = context.threads.get_bytes(version["scene"])
+    proof = context.threads.get_bytes(version["proof"])
+    return SceneRecord.model_validate_json(scene), Proof.model_validate_json(proof)
 
 
 def _move_to(state: ThreadState, number: int | None) -> ThreadState:
@@ -814,8 +791,13 @@ def _move_to(state: ThreadState, number: int | None) -> ThreadState:
         return {"reply": {"kind": "nothing", "reason": str(error)}}
     if version is None:
         return {"reply": {"kind": "nothing", "reason": "there is no version yet"}}
-    moved = {"kind": "moved_to", "version": version["number"]}
-    return {"current": version["number"], "ahead": [], "pending": None, "reply": moved}
+    return _go_to(version["number"], [])
+
+
+def _go_to(number: int, ahead: list[int], **named: str) -> ThreadState:
+    """The thread at another version, with those that `redo` goes to."""
+    moved = {"kind": "moved_to", "version": number, **named}
+    return {"current": number, "ahead": ahead, "pending": None, "reply": moved}
 
 
 def _restart(state: ThreadState) -> ThreadState:
@@ -823,12 +805,8 @@ def _restart(state: ThreadState) -> ThreadState:
     current = state.get("current")
     ahead = [] if current is None else [current]
     reason = "Say what shall happen; the versions so far are kept (/history)."
-    return {
-        "current": None,
-        "ahead": ahead,
-        "pending": None,
-        "reply": {"kind": "nothing", "reason": reason},
-    }
+    reply = {"kind": "nothing", "reason": reason}
+    return {"current": None, "ahead": ahead, "pending": None, "reply": reply}
 
 
 def _undo(state: ThreadState, count: int = 1) -> ThreadState:
@@ -844,16 +822,9 @@ def _undo(state: ThreadState, count: int = 1) -> ThreadState:
 
 def _undo_once(state: ThreadState) -> ThreadState:
     version = _find_version(state, None)
-    parent = None if version is None else version["parent"]
-    if version is None or parent is None:
+    if version is None or version["parent"] is None:
         return {"reply": {"kind": "nothing", "reason": "there is nothing to undo"}}
-    ahead = [*state.get("ahead", []), version["number"]]
-    return {
-        "current": parent,
-        "ahead": ahead,
-        "pending": None,
-        "reply": {"kind": "moved_to", "version": parent},
-    }
+    return _go_to(version["parent"], [*state.get("ahead", []), version["number"]])
 
 
 def _redo(state: ThreadState, count: int = 1) -> ThreadState:
@@ -863,12 +834,7 @@ def _redo(state: ThreadState, count: int = 1) -> ThreadState:
         return {"reply": {"kind": "nothing", "reason": "there is nothing to redo"}}
     for _ in range(min(count, len(ahead))):
         number = ahead.pop()
-    return {
-        "current": number,
-        "ahead": ahead,
-        "pending": None,
-        "reply": {"kind": "moved_to", "version": number},
-    }
+    return _go_to(number, ahead)
 
 
 def _branch(state: ThreadState, name: str) -> ThreadState:
@@ -881,21 +847,8 @@ def _branch(state: ThreadState, name: str) -> ThreadState:
             "versions have"
         )
         return {"reply": {"kind": "nothing", "reason": reason}}
-    if name in branches:
-        return {
-            "branches": branches,
-            "branch": name,
-            "current": branches[name],
-            "ahead": [],
-            "pending": None,
-            "reply": {"kind": "moved_to", "version": branches[name], "branch": name},
-        }
-    if current is None:
+    number = branches.get(name, current)
+    if number is None:
         return {"reply": {"kind": "nothing", "reason": "there is no scene to branch from yet"}}
-    return {
-        "branches": {**branches, name: current},
-        "branch": name,
-        "ahead": [],
-        "pending": None,
-        "reply": {"kind": "moved_to", "version": current, "branch": name},
-    }
+    moved = _go_to(number, [], branch=name)
+    return {**moved, "branches": {**branches, name: number}, "branch": name}

@@ -155,37 +155,28 @@ class _Trial:
             self._tries += 1
             count = len(pins.earlier.agents)
             self._log("session", f"trying with {len(pins.same)} of {count} agents as they are")
+            setting = self._setting
             try:
-                scene = _solve(self._text, self._setting, self._revision, pins, self._log)
+                scene = synthesize(
+                    self._text,
+                    intersection=setting.intersection,
+                    backend=setting.backend,
+                    seed=setting.seed,
+                    refiner=setting.refiner,
+                    planned=self._revision.graph,
+                    pinned=pins,
+                    budgets=_PINNED if pins.known else _UNPINNED,
+                    recall=setting.recall,
+                    lawful=setting.lawful,
+                    lenient=setting.lenient,
+                    time_limit=setting.time_limit,
+                    log=self._log,
+                )
             except Unsatisfiable as error:
                 refused, pins = error, _loosen(pins, self._revision, error)
             else:
                 return scene if _has_given_stops(scene, self._revision) else refused
         return refused
-
-
-def _solve(
-    text: str,
-    setting: Setting,
-    revision: Revision,
-    pins: FrozenAgents,
-    log: ProgressCallback | None,
-) -> Scene:
-    return synthesize(
-        text,
-        intersection=setting.intersection,
-        backend=setting.backend,
-        seed=setting.seed,
-        refiner=setting.refiner,
-        planned=revision.graph,
-        pinned=pins,
-        budgets=_PINNED if pins.known else _UNPINNED,
-        recall=setting.recall,
-        lawful=setting.lawful,
-        lenient=setting.lenient,
-        time_limit=setting.time_limit,
-        log=log,
-    )
 
 
 def _has_given_stops(scene: Scene, revision: Revision) -> bool:

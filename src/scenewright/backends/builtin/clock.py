@@ -10,26 +10,8 @@ from scenewright.backends.builtin.draft import Refused
 
 _Reader = Callable[[re.Match[str]], str | None]
 _DAY = 24 * 60
-_HOURS = {
-    word: number
-    for number, word in enumerate(
-        [
-            "one",
-            "two",
-            "three",
-            "four",
-            "five",
-            "six",
-            "seven",
-            "eight",
-            "nine",
-            "ten",
-            "eleven",
-            "twelve",
-        ],
-        start=1,
-    )
-}
+_HOUR_WORDS = "one two three four five six seven eight nine ten eleven twelve"
+_HOURS = {word: number for number, word in enumerate(_HOUR_WORDS.split(), start=1)}
 _MINUTES = {
     "quarter": 15, "a quarter": 15, "half": 30, "five": 5, "ten": 10, "twenty": 20,
     "fifteen": 15, "thirty": 30, "forty": 40, "fifty": 50, "forty five": 45,

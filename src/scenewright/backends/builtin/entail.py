@@ -51,16 +51,15 @@ def fill_agent(agent: AgentDraft, site: Site) -> None:
         raise Refused(
             "impossible", "Only pedestrians cross or jaywalk; give the crossing to a pedestrian."
         )
-    if agent.type == "pedestrian" and agent.movement == "jaywalking":
-        _fill_unmarked(agent)
-    if site.compass:
-        _fill_by_compass(agent)
-
-
-def _fill_by_compass(agent: AgentDraft) -> None:
-    if agent.drives:
+    jaywalks = agent.type == "pedestrian" and agent.movement == "jaywalking"
+    if jaywalks and agent.crosswalk is not None and agent.marked:
+        raise Refused(
+            "contradictory",
+            "A jaywalker is outside the crosswalks; drop the jaywalking or the crosswalk.",
+        )
+    if site.compass and agent.drives:
         _fill_vehicle(agent)
-    elif agent.movement == "crossing":
+    elif site.compass and agent.movement == "crossing":
         _fill_pedestrian(agent)
 
 
@@ -80,14 +79,6 @@ def _fill_vehicle(agent: AgentDraft) -> None:
         agent.entry = next((e for e, x in TURNS[movement].items() if x == exit_), None)
     elif movement is None and entry is not None and exit_ is not None:
         agent.movement = next((m for m, table in TURNS.items() if table.get(entry) == exit_), None)
-
-
-def _fill_unmarked(agent: AgentDraft) -> None:
-    if agent.crosswalk is not None and agent.marked:
-        raise Refused(
-            "contradictory",
-            "A jaywalker is outside the crosswalks; drop the jaywalking or the crosswalk.",
-        )
 
 
 def _fill_pedestrian(agent: AgentDraft) -> None:
@@ -128,8 +119,11 @@ def _fill_relatives(agent: AgentDraft, draft: Draft) -> None:
             agent.entry = _compute_relative_entry(word, other.entry)
         elif agent.entry is not None and other.entry is None and word == "same":
             other.entry = agent.entry
-        elif agent.entry is not None and other.entry is not None and word == "opposite":
-            _check_opposite(agent, other)
+        elif agent.entry == other.entry is not None and word == "opposite" and agent.drives:
+            raise Refused(
+                "contradictory",
+                f"Oncoming vehicles cannot both come from the {agent.entry}; change one of them.",
+            )
 
 
 def _meet_on_crosswalk(relation: RelationDraft) -> None:
@@ -146,25 +140,11 @@ def _meet_on_crosswalk(relation: RelationDraft) -> None:
             agent.crosswalk = other.crosswalk
 
 
-def _check_opposite(agent: AgentDraft, other: AgentDraft) -> None:
-    if agent.drives and agent.entry == other.entry:
-        raise Refused(
-            "contradictory",
-            f"Oncoming vehicles cannot both come from the {agent.entry}; change one of them.",
-        )
-
-
 def _compute_relative_entry(word: str, entry: str) -> str | None:
     heading = OPPOSITE[entry]
-    if word in {"opposite", "mutual"}:
-        return OPPOSITE[entry]
-    if word == "same":
-        return entry
-    if word == "of_left":
-        return LEFT_OF_HEADING.get(heading)
-    if word == "of_right":
-        return OPPOSITE.get(LEFT_OF_HEADING.get(heading, ""))
-    return None
+    left = LEFT_OF_HEADING.get(heading)
+    sides = {"of_left": left, "of_right": OPPOSITE.get(left or ""), "same": entry}
+    return {**sides, "opposite": heading, "mutual": heading}.get(word)
 
 
 def find_partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
@@ -223,14 +203,12 @@ def _turn_across(relation: RelationDraft, site: Site) -> None:
 
 
 def _check_head_on(relation: RelationDraft, site: Site) -> None:
-    if relation.kind != "head_on" or not (relation.from_.drives and relation.to.drives):
+    first, second = relation.from_, relation.to
+    if relation.kind != "head_on" or not (first.drives and second.drives and site.compass):
         return
-    if not site.compass:
-        return
-    for agent, other in ((relation.from_, relation.to), (relation.to, relation.from_)):
+    for agent, other in ((first, second), (second, first)):
         if agent.entry is not None and other.entry is None:
             other.entry = OPPOSITE[agent.entry]
-    first, second = relation.from_, relation.to
     if (
         first.entry is not None
         and first.entry == second.entry
@@ -259,7 +237,14 @@ def _check_possible(relation: RelationDraft, site: Site) -> None:
     if relation.type != "follow" and first.walks != second.walks and site.compass:
         _check_crosswalk(*((first, second) if first.drives else (second, first)))
     if relation.type == "collide_at" and "pedestrian" in (first.type, second.type):
-        _check_strike(relation)
+        # A car may hit a pedestrian head-on; a pedestrian never rear-ends.
+        if relation.kind in _VEHICLE_TAKES and first.type == "pedestrian":
+            raise Refused(
+                "impossible",
+                f"Only two vehicles collide as {relation.kind.replace('_', ' ')}; name two "
+                "vehicles or just a collision.",
+            )
+        relation.kind = None
 
 
 def _check_crosswalk(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:
@@ -275,14 +260,3 @@ def _check_crosswalk(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:
             f"A vehicle from the {legs[0]} to the {legs[1]} never gets to the {crosswalk} "
             "crosswalk; change its way or the crosswalk.",
         )
-
-
-def _check_strike(relation: RelationDraft) -> None:
-    """A car may hit a pedestrian head-on; a pedestrian never rear-ends."""
-    if relation.kind in _VEHICLE_TAKES and relation.from_.type == "pedestrian":
-        raise Refused(
-            "impossible",
-            f"Only two vehicles collide as {relation.kind.replace('_', ' ')}; name two "
-            "vehicles or just a collision.",
-        )
-    relation.kind = None

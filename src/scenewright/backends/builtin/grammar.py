@@ -99,12 +99,10 @@ def _match(
     if here:
         tail = _match(rest, chunks, at + 1)
         if tail is not None:
-            return (tail[0], (_get_kept(item, chunks[at]), *tail[1])) if item.keep else tail
+            tags = chunks[at].tags
+            kept = (tags[tag] for tag in sorted(item.tags) if tag in tags)
+            return (tail[0], (next(kept), *tail[1])) if item.keep else tail
     return _match(rest, chunks, at) if item.optional else None
-
-
-def _get_kept(item: _Item, chunk: Chunk) -> str:
-    return next(chunk.tags[tag] for tag in sorted(item.tags) if tag in chunk.tags)
 
 
 def _fits(item: _Item, chunk: Chunk) -> bool:

@@ -34,7 +34,15 @@ _SUBTYPES = frozenset(get_args(Subtype))
 
 def finish_draft(draft: Draft) -> Draft:
     """The draft with all that follows from it; Refused where it cannot be."""
-    _check_numbers(draft)
+    for what, found, most in (
+        ("agents", draft.agents, MOST_AGENTS),
+        ("relations", draft.relations, MOST_RELATIONS),
+    ):
+        if len(found) > most:
+            raise Refused(
+                "out_of_scope",
+                f"The text names {len(found)} {what}; a scene holds at most {most}, so name fewer.",
+            )
     if any(edge.from_ is edge.to for edge in draft.relations):
         raise Refused("impossible", "Nothing happens between an agent and itself; name another.")
     _keep_one_event_per_pair(draft)
@@ -46,7 +54,11 @@ def finish_draft(draft: Draft) -> Draft:
     if any(agent.runs_red for agent in draft.agents):
         set_cause(draft, "red_light_run")
     for relation in draft.relations:
-        _orient(relation)
+        # The vehicle strikes, also where the pedestrian is the sentence's subject.
+        on_foot = [each.type == "pedestrian" for each in (relation.from_, relation.to)]
+        if relation.type in {"collide_at", "near_miss"} and on_foot == [True, False]:
+            relation.from_, relation.to = relation.to, relation.from_
+            relation.point_from, relation.point_to = relation.point_to, relation.point_from
     speed = draft.context.speed
     if speed is not None and speed > _FASTEST:
         raise Refused(
@@ -63,19 +75,6 @@ def finish_draft(draft: Draft) -> Draft:
     if not draft.agents and empty:
         raise build_nothing_planned()
     return draft
-
-
-def _check_numbers(draft: Draft) -> None:
-    """Refused for more agents or relations than a graph holds."""
-    for what, found, most in (
-        ("agents", draft.agents, MOST_AGENTS),
-        ("relations", draft.relations, MOST_RELATIONS),
-    ):
-        if len(found) > most:
-            raise Refused(
-                "out_of_scope",
-                f"The text names {len(found)} {what}; a scene holds at most {most}, so name fewer.",
-            )
 
 
 def _keep_one_event_per_pair(draft: Draft) -> None:
@@ -128,14 +127,6 @@ def place_impacts(draft: Draft, impacts: Impacts) -> None:
         hit.point_to = impacts.struck
 
 
-def _orient(relation: RelationDraft) -> None:
-    """Make the vehicle the striking agent, also where the pedestrian is the sentence's subject."""
-    on_foot = [each.type == "pedestrian" for each in (relation.from_, relation.to)]
-    if relation.type in {"collide_at", "near_miss"} and on_foot == [True, False]:
-        relation.from_, relation.to = relation.to, relation.from_
-        relation.point_from, relation.point_to = relation.point_to, relation.point_from
-
-
 def make_graph(draft: Draft) -> SocialGraph:
     """The social graph of a finished draft."""
     ids = name_agents(draft.agents)
@@ -165,18 +156,14 @@ def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
     return result
 
 
-def _find_subtype(agent: AgentDraft) -> str | None:
-    subtype = narrow_subtype(agent.subtype, agent.head) if agent.type == "vehicle" else None
-    return subtype if subtype in _SUBTYPES else None
-
-
 def make_node(agent: AgentDraft, name: str) -> AgentNode:
     """The vertex of a draft."""
+    subtype = narrow_subtype(agent.subtype, agent.head) if agent.type == "vehicle" else None
     return AgentNode.model_validate(
         {
             "id": name,
             "type": agent.type,
-            "subtype": _find_subtype(agent),
+            "subtype": subtype if subtype in _SUBTYPES else None,
             "entry": agent.entry,
             "exit": agent.exit,
             "movement": agent.movement,

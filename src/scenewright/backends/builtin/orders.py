@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft
+from scenewright.backends.builtin.draft import Refused, RelationDraft
 
 _UNORDERED = ("sideswipe", "head_on")
 """Collisions along one road, where no agent comes first to a place that both pass."""
@@ -38,17 +38,9 @@ def settle_orders(relations: Iterable[RelationDraft]) -> None:
                 "An agent that brakes hard for another lets it pass first; say that the other "
                 "one brakes, or that it passes first.",
             )
-        if relation.ahead is not None or _is_along_one_road(relation):
+        one, two = relation.from_, relation.to
+        vehicles = one.type == two.type == "vehicle"
+        one_way = vehicles and one.entry is not None and one.entry == two.entry
+        along_one_road = relation.kind in _UNORDERED or one_way
+        if relation.ahead is not None or (relation.type == "collide_at" and along_one_road):
             relation.first = None
-
-
-def _is_along_one_road(relation: RelationDraft) -> bool:
-    from_one_side = relation.from_.entry is not None and relation.from_.entry == relation.to.entry
-    vehicles = _are_vehicles(relation.from_, relation.to)
-    return relation.type == "collide_at" and (
-        relation.kind in _UNORDERED or (vehicles and from_one_side)
-    )
-
-
-def _are_vehicles(*agents: AgentDraft) -> bool:
-    return all(agent.type == "vehicle" for agent in agents)

@@ -16,44 +16,11 @@ from scenewright.scene.social import Subtype
 ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
 _NEW = frozenset({"indefinite", "another", "no"})
 _SUBTYPES = frozenset(get_args(Subtype))
-_PLAIN_WORDS = frozenset(
-    [
-        "the",
-        "a",
-        "an",
-        "one",
-        "that",
-        "which",
-        "who",
-        "is",
-        "on",
-        "in",
-        "at",
-        "of",
-        "from",
-        "to",
-        "leg",
-        "side",
-        "please",
-        "i",
-        "mean",
-        "meant",
-        "it",
-        "with",
-        "and",
-        "crosswalk",
-        "crossing",
-        "coming",
-        "comes",
-        "going",
-        "goes",
-        "street",
-        "road",
-        "agent",
-        "number",
-        "no",
-    ]
-)
+_PLAIN_WORDS = frozenset((
+    "the", "a", "an", "one", "that", "which", "who", "is", "on", "in", "at", "of", "from", "to",
+    "leg", "side", "please", "i", "mean", "meant", "it", "with", "and", "crosswalk", "crossing",
+    "coming", "comes", "going", "goes", "street", "road", "agent", "number", "no",
+))  # fmt: skip
 _RESTRICTS = frozenset({"from", "leg", "crosswalk"})
 """What may follow a noun to say which one; turns are movements asked for."""
 
@@ -200,20 +167,19 @@ def read_choice(words: str, ask: Clarification) -> Choice | None:
     exact = [each for each in ask.choices if each.answer in said.split()]
     if len(exact) == 1:
         return exact[0]
-    index = {"1": 0, "2": 1, "3": 2, "first": 0, "second": 1, "third": 2, "last": -1}
+    index = {"1": 0, "2": 1, "3": 2, **ORDINALS}
     only = set(re.findall(r"[a-z0-9-]+", said)) - _PLAIN_WORDS
     if len(only) == 1 and (only & index.keys()):
         at = index[only.pop()]
         return ask.choices[at] if at < len(ask.choices) else None
     only = {_SIDE_OF.get(word, word) for word in only}
+    meanings = [each.means.partition(":")[2].lower() for each in ask.choices]
     fits = [
-        each for each in ask.choices if only and only <= _split_words(each.means.partition(":")[2])
+        each
+        for each, meaning in zip(ask.choices, meanings, strict=True)
+        if only and only <= set(re.findall(r"[a-z0-9-]+", meaning))
     ]
     return fits[0] if len(fits) == 1 else None
-
-
-def _split_words(text: str) -> set[str]:
-    return set(re.findall(r"[a-z0-9-]+", text.lower()))
 
 
 def _is_alike(agent: AgentView, mention: Mention) -> bool:
@@ -228,9 +194,9 @@ def _is_as_described(agent: AgentView, given: Modifier) -> bool:
         return given.means != "straight" or agent.movement == "straight"
     value = given.values[0]
     match given.means:
-        case "from" | "from_to" | "leg" if agent.type == "vehicle":
-            return agent.entry == value
         case "from":
+            return agent.entry == value
+        case "from_to" | "leg" if agent.type == "vehicle":
             return agent.entry == value
         case "bound":
             return agent.entry == OPPOSITE[value]

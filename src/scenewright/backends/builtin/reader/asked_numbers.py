@@ -108,7 +108,8 @@ def read_number(
     span = _give_to_striker(_make_driven(span, text, spans), text, spans)
     before = _get_words_before(span, text)
     unit = parse_range(span.words, before, 0.0)
-    kind = _find_kind(span, users, spans, _get_words_after(span, text))
+    after = text[span.end : span.end + _NEAR].partition(",")[0]
+    kind = _find_kind(span, users, spans, after)
     about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
     if span.negated or kind is None:
@@ -174,10 +175,6 @@ _TOUCHES = re.compile(
     re.IGNORECASE,
 )
 """Words of a bound that a figure may follow."""
-
-
-def _get_words_after(span: ReadSpan, text: str) -> str:
-    return text[span.end : span.end + _NEAR].partition(",")[0]
 
 
 def _give_to_striker(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NoReturn, cast, get_args
+from typing import cast, get_args
 
 from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
+    OPPOSITE,
     AgentDraft,
     Draft,
     MeasureDraft,
@@ -54,11 +55,6 @@ from scenewright.scene.social import (
 )
 from scenewright.scene.track import EMERGENCY
 
-OPPOSITE = {
-    "north": "south", "south": "north", "east": "west", "west": "east",
-    "northeast": "southwest", "southwest": "northeast",
-    "northwest": "southeast", "southeast": "northwest",
-}  # fmt: skip
 RELATIONS = {"hit": "collide_at", "near": "near_miss", "yield": "yield_to", "follow": "follow"}
 _KINDS = {"rear": "rear_end", "side": "sideswipe", "head": "head_on", "tbone": "angle"}
 _RELATIVE = {
@@ -274,7 +270,8 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
         if 0 <= change < span.start and not result.changing:
             _settle(result)
             result.changing = True
-        _apply(result, span)
+        if span.tag not in MENTIONS:
+            _RULES.get(span.tag, _leave_out)(result, span)
     _settle(result)
     return result
 
@@ -431,20 +428,10 @@ def _deny_class(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "background" if kind else "denied", value=value)
 
 
-def _apply(result: Interpretation, span: ReadSpan) -> None:
-    """Write what one span says into the draft."""
-    if span.tag == "yield":
-        span = _turn_yield(span)
-    if span.tag not in MENTIONS:
-        _RULES.get(span.tag, _leave_out)(result, span)
-
-
-def _turn_yield(span: ReadSpan) -> ReadSpan:
+def _read_yield(result: Interpretation, span: ReadSpan) -> None:
     """ "Lets nobody go first" is no yield;  "does not move until" is one."""
-    waits = span.negated and _UNTIL.search(span.words) is not None
-    if waits or (not span.negated and _TO_NOBODY.search(span.words)):
-        return replace(span, negated=not span.negated)
-    return span
+    turned = (_UNTIL if span.negated else _TO_NOBODY).search(span.words) is not None
+    _relate(result, replace(span, negated=span.negated != turned))
 
 
 def _note(became: Became) -> Rule:
@@ -454,6 +441,11 @@ def _note(became: Became) -> Rule:
         result.enter(span, became, span.subjects)
 
     return enter
+
+
+def _keep(held: str) -> Rule:
+    """The rule for spans that are read once all that happens is known (`_settle`)."""
+    return lambda result, span: getattr(result, held).append(span)
 
 
 def _refer(result: Interpretation, span: ReadSpan) -> None:
@@ -469,18 +461,10 @@ def _brake(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "cause", span.subjects, "late_brake")
 
 
-def _keep_order(result: Interpretation, span: ReadSpan) -> None:
-    result.first.append(span)
-
-
 def _refuse_condition(_: Interpretation, span: ReadSpan) -> None:
     raise Refused(
         "out_of_scope", f"'{span.words}' leaves open what happens; say it as it should be."
     )
-
-
-def _keep_place(result: Interpretation, span: ReadSpan) -> None:
-    result.places.append(span)
 
 
 def _settle_places(result: Interpretation) -> None:
@@ -496,19 +480,15 @@ def _settle_places(result: Interpretation) -> None:
             result.enter(span, "manner")
             continue
         if not known or not _CORNER.search(span.words):
-            _refuse_place(span)
+            raise Refused(
+                "out_of_scope",
+                f"Scenes take place at one intersection, not at '{span.words}'; move it there.",
+            )
         for edge in walking:
             edge.pattern = known.get(edge.type)
             pair = [n for n, agent in result.users.items() if agent in (edge.from_, edge.to)]
             result.enter(span, "relation", pair, edge.type)
     result.places = []
-
-
-def _refuse_place(span: ReadSpan) -> NoReturn:
-    raise Refused(
-        "out_of_scope",
-        f"Scenes take place at one intersection, not at '{span.words}'; move it there.",
-    )
 
 
 def _leave_out(result: Interpretation, span: ReadSpan) -> None:
@@ -667,10 +647,6 @@ def _get_leg(result: Interpretation, span: ReadSpan) -> str | None:
     return side
 
 
-def _keep_road(result: Interpretation, span: ReadSpan) -> None:
-    result.roads.append(span)
-
-
 def _read_roads(result: Interpretation) -> None:
     """ "On Amsterdam Avenue", once all sides are known; of one leg, it is where agents are from."""
     for span in result.roads:
@@ -818,8 +794,10 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "relation", (first, second), "near_miss")
             continue
         edge = RelationDraft(RELATIONS[span.tag], users[first], users[second])
-        if span.tag == "yield" and _CROSSES.search(span.words):
-            _let_cross(users[second])
+        # "Lets a pedestrian cross" says what the pedestrian does.
+        lets_cross = span.tag == "yield" and _CROSSES.search(span.words)
+        if lets_cross and (users[second].type, users[second].movement) == ("pedestrian", None):
+            users[second].movement = "crossing"
         turn = _TURN_CRASH.search(result.text[: span.start])
         edge.kind = _KINDS.get(span.value or "")
         if span.tag == "hit" and turn is not None and edge.kind is None:
@@ -854,9 +832,8 @@ def _is_near_miss(result: Interpretation, first: AgentDraft, second: AgentDraft)
 def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
     """The pair of a vehicle that is hit from behind by an unnamed one."""
     struck = [n for n in span.objects if n in result.users]
-    if span.tag != "hit" or span.value != "rear" or span.subjects or len(struck) != 1:
-        return []
-    if result.users[struck[0]].type != "vehicle":
+    behind = (span.tag, span.value) == ("hit", "rear") and not span.subjects
+    if not behind or [result.users[n].type for n in struck] != ["vehicle"]:
         return []
     return [(_add_implied_vehicle(result), struck[0])]
 
@@ -921,16 +898,6 @@ _REACTIONS: dict[tuple[str | None, bool], AskedReaction] = {
 _JUMPS = re.compile(r"\b(?:jump|leap|leapt|spr[aiu]ng)", re.IGNORECASE)
 
 
-def _push(result: Interpretation, span: ReadSpan) -> None:
-    """An agent that is hit from behind is pushed on into another one."""
-    _relate(result, replace(span, tag="hit", value="rear"))
-
-
-def _keep_lane(result: Interpretation, span: ReadSpan) -> None:
-    """Lane changes and following close up belong to the event of the two."""
-    result.lanes.append(span)
-
-
 def _react_so(result: Interpretation, span: ReadSpan) -> None:
     """How the agent reacts to the threat, or that it does not."""
     for number in span.subjects:
@@ -976,12 +943,6 @@ def _chain_followers(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
     if len(leaders) != 1:
         return pairs
     return list(zip(followers, [*leaders, *followers[:-1]], strict=True))
-
-
-def _let_cross(agent: AgentDraft) -> None:
-    """ "Lets a pedestrian cross" says what the pedestrian does."""
-    if agent.type == "pedestrian" and agent.movement is None:
-        agent.movement = "crossing"
 
 
 def _keep_fitting_classes(
@@ -1044,16 +1005,11 @@ _STEPS: dict[str, dict[str | None, str]] = {
 }
 
 
-def _set_context(result: Interpretation, span: ReadSpan) -> None:
-    if span.tag == "density":
-        _set_density(result, span)
-    elif span.tag == "normal":
-        result.draft.normal = not span.negated
-        if result.changing and not span.negated:
-            result.draft.relations.clear()
-        result.enter(span, "normal")
-    else:
-        _set_background(result, span)
+def _set_normal(result: Interpretation, span: ReadSpan) -> None:
+    result.draft.normal = not span.negated
+    if result.changing and not span.negated:
+        result.draft.relations.clear()
+    result.enter(span, "normal")
 
 
 def _set_background(result: Interpretation, span: ReadSpan) -> None:
@@ -1195,10 +1151,6 @@ def _keep_specific(names: list[str]) -> list[str]:
     return names
 
 
-def _keep_number(result: Interpretation, span: ReadSpan) -> None:
-    result.numbers.append(span)
-
-
 _SEVERITY = {"pet": "pet", "ttc": "ttc", "contact_speed": "speed"}
 """Fields of the draft's context by kind of measure."""
 
@@ -1267,23 +1219,25 @@ def _settle(result: Interpretation) -> None:
     result.settling = False
     read_lanes(result, _BEYOND["act"])
     _read_order(result)
-    _read_severity(result)
+    draft = result.draft
+    # A TTC, or a PET of a near miss, asks for that where no event of the two is named.
+    if _is_measured(result) and not draft.relations and len(draft.agents) == 2:
+        first, second = draft.agents
+        draft.relations.append(RelationDraft("near_miss", first, second))
     _read_overtaking(result)
     _read_numbers(result)
     _ask_half_of_day(result)
     _settle_places(result)
     threatened = result.braking or result.dodging
-    if threatened and not result.draft.relations and len(result.draft.agents) == 2:
-        first, second = result.draft.agents
-        result.draft.relations.append(RelationDraft("near_miss", first, second))
+    if threatened and not draft.relations and len(draft.agents) == 2:
+        first, second = draft.agents
+        draft.relations.append(RelationDraft("near_miss", first, second))
     settle_lead_braking(result)
     settle_lanes(result)
-    for user in result.braking:
-        agent = result.users.get(user)
-        for edge in result.draft.relations:
-            if edge.type in ("near_miss", "collide_at") and agent in (edge.from_, edge.to):
-                if edge.manoeuvre is not None:
-                    continue
+    for agent in map(result.users.get, result.braking):
+        for edge in draft.relations:
+            dangerous = edge.type in ("near_miss", "collide_at") and edge.manoeuvre is None
+            if agent is not None and dangerous and agent in (edge.from_, edge.to):
                 edge.cause = "late_brake"
                 edge.braker = agent if agent.type == "vehicle" else None  # riders brake softly
     for span in result.absent:
@@ -1389,14 +1343,6 @@ def _describe_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
     )
 
 
-def _read_severity(result: Interpretation) -> None:
-    """A TTC, or a PET of a near miss, asks for that where no event of the two is named."""
-    draft = result.draft
-    if _is_measured(result) and not draft.relations and len(draft.agents) == 2:
-        first, second = draft.agents
-        draft.relations.append(RelationDraft("near_miss", first, second))
-
-
 def _check_absent(result: Interpretation, span: ReadSpan) -> None:
     """Refuse a text that denies all agents of a class and names one of that class."""
     classes = {"veh": "vehicle", "bgveh": "vehicle", "ped": "pedestrian", "bgped": "pedestrian"}
@@ -1467,25 +1413,29 @@ _RULES: dict[str, Rule] = {
     **dict.fromkeys(("from", "to", "heading", "cw"), _place),
     **dict.fromkeys(("left", "right", "straight", "uturn", "cross", "jay"), _move),
     **dict.fromkeys(EVENTS, _relate),
-    **dict.fromkeys(("density", "normal", "bgveh", "bgped", "bgall"), _set_context),
-    **dict.fromkeys(("impact", "pet", "ttc", *NUMBERS), _keep_number),
+    "yield": _read_yield,
+    "density": _set_density,
+    "normal": _set_normal,
+    **dict.fromkeys(("bgveh", "bgped", "bgall"), _set_background),
+    **dict.fromkeys(("impact", "pet", "ttc", *NUMBERS), _keep("numbers")),
     **dict.fromkeys(("drop", "swap", "becomes"), _edit),
     **dict.fromkeys(("manner", "pace", "turn"), _note("manner")),
     "time": _set_time,
-    "first": _keep_order,
+    "first": _keep("first"),
     "motion": _move_so,
     "reaction": _react_so,
     "react": _react,
-    "push": _push,
-    "lane": _keep_lane,
+    # An agent that is hit from behind is pushed on into another one.
+    "push": lambda result, span: _relate(result, replace(span, tag="hit", value="rear")),
+    "lane": _keep("lanes"),
     **dict.fromkeys(("meet", "door"), _leave_out_act),
     "red": _run_red,
     "brake": _brake,
     "cond": _refuse_condition,
-    "place": _keep_place,
+    "place": _keep("places"),
     "ref": _refer,
     "del": _note("retracted"),
     "light": _note("signals"),
-    "road": _keep_road,
+    "road": _keep("roads"),
 }
 """What is done with a span, by its tag; all others are left out, and said to be."""

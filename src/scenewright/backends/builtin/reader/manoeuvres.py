@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, get_args
 
@@ -249,23 +248,8 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
 
 
 _OF_THE_WAY = (
-    "jay",
-    "cross",
-    "act",
-    "turn",
-    "cw",
-    "yield",
-    "near",
-    "pace",
-    "manner",
-    "dist",
-    "red",
-    "light",
-    "broken",
-    "thing",
-    "place",
-    "uturn",
-    "brake",
+    *("jay", "cross", "act", "turn", "cw", "yield", "near", "pace", "manner", "dist", "red"),
+    *("light", "broken", "thing", "place", "uturn", "brake"),
 )
 
 
@@ -305,24 +289,22 @@ def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
 
 
 def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
+    sure = max(span.confidence, _KNOWN)
     if span.tag == "place" and _LANE_CHANGE.search(span.words):
         return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
     if span.tag == "act" and _LANE_CHANGE.search(span.words):
-        return replace(span, confidence=max(span.confidence, _KNOWN))
+        return replace(span, confidence=sure)
     if span.tag == "follow" and _CLOSE_UP.search(span.words):
-        return replace(span, confidence=max(span.confidence, _KNOWN))
+        return replace(span, confidence=sure)
     if span.tag not in ("hit", "near", "yield", "follow") or not driving:
         return span
     if is_stopping_in_time(span):
-        sure = max(span.confidence, _KNOWN)
         known = replace(span, negated=False, confidence=sure)
         if _CANNOT.search(span.words):
             return replace(known, tag="hit", value="rear")
         return replace(known, tag="follow", value=None)
-    if span.negated:
-        return span
-    if _NARROWLY.search(span.words) and _STOPS.search(span.words):
-        return replace(span, tag="near", value=None, confidence=max(span.confidence, _KNOWN))
+    if not span.negated and _NARROWLY.search(span.words) and _STOPS.search(span.words):
+        return replace(span, tag="near", value=None, confidence=sure)
     return span
 
 
@@ -440,18 +422,19 @@ def settle_lead_braking(result: Interpretation) -> None:
     """Hard braking ahead of another agent in its lane is a manoeuvre of their relation."""
     for user in sorted(result.braking):
         agent = result.users.get(user)
-        for edge in list(result.draft.relations):
-            if (
-                agent is None
-                or agent.type != "vehicle"
-                or not _is_braking_ahead(result, edge, agent)
-            ):
+        if agent is None or agent.type != "vehicle":
+            continue
+        for edge in result.draft.relations:
+            if not _is_braking_ahead(result, edge, agent):
                 continue
             edge.manoeuvre = "lead_brakes"
             if edge.type == "collide_at":
                 edge.kind = "rear_end"
-            _turn_round(edge, agent)
-            _take_in(result, edge, user)
+            if edge.from_ is agent:  # `from` is the agent that drives behind
+                edge.from_, edge.to = edge.to, agent
+            for n, entry in enumerate(result.entries):
+                if entry.became == "cause" and entry.users == (user,):
+                    result.entries[n] = replace(entry, became="manoeuvre", value=edge.manoeuvre)
     _drop_follows(result)
 
 
@@ -473,35 +456,13 @@ def _is_in_line(result: Interpretation, agent: AgentDraft, other: AgentDraft) ->
         edge.type == "follow" and edge.from_ is other and edge.to is agent
         for edge in result.draft.relations
     )
-    named = bool(_AHEAD.search(agent.head) or _BEHIND.search(other.head))
-    return (
-        follows
-        or named
-        or any(map(_INTO_THE_BACK.search, _list_words_between(result, agent, other)))
+    named = _AHEAD.search(agent.head) or _BEHIND.search(other.head)
+    into_the_back = any(
+        _INTO_THE_BACK.search(entry.span.words)
+        for entry in result.entries
+        if entry.became == "relation" and result.list_agents(entry.users) == [other, agent]
     )
-
-
-def _list_words_between(
-    result: Interpretation, agent: AgentDraft, other: AgentDraft
-) -> Iterator[str]:
-    """The words of relations in which the other does something to the agent."""
-    for entry in result.entries:
-        users = result.list_agents(entry.users)
-        if entry.became == "relation" and users == [other, agent]:
-            yield entry.span.words
-
-
-def _turn_round(edge: RelationDraft, leader: AgentDraft) -> None:
-    """`from` is the agent that drives behind."""
-    if edge.from_ is leader:
-        edge.from_, edge.to = edge.to, leader
-
-
-def _take_in(result: Interpretation, edge: RelationDraft, user: int) -> None:
-    """The words for the braking became the manoeuvre."""
-    for n, entry in enumerate(result.entries):
-        if entry.became == "cause" and entry.users == (user,):
-            result.entries[n] = replace(entry, became="manoeuvre", value=edge.manoeuvre)
+    return follows or named is not None or into_the_back
 
 
 def _drop_follows(result: Interpretation) -> None:

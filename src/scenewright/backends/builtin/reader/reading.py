@@ -196,20 +196,9 @@ def _describe(
         side = COMPASS[int(sides[at].argmax())] if is_side_label(label) else None
         denied = bool(negated[at] > 0.5)
         sure = min(sure, each.confidence, float(max(negated[at], 1 - negated[at])))
+        sures = round(sure, 4), round(each.confidence, 4)
         result.append(
-            ReadSpan(
-                start,
-                end,
-                said,
-                tag,
-                value,
-                denied,
-                side,
-                subjects,
-                objects,
-                round(sure, 4),
-                round(each.confidence, 4),
-            )
+            ReadSpan(start, end, said, tag, value, denied, side, subjects, objects, *sures)
         )
     return tuple(result), users
 

@@ -12,14 +12,8 @@ from rapidfuzz.distance import OSA
 from scenewright.scene.base import AgentClass
 
 _SUBTYPES = (
-    (
-        "motorcycle",
-        r"\bpolice (?:motor ?-?(?:cycle|bike)|bike)",
-    ),
-    (
-        "ambulance",
-        r"\b(?:ambulances?|paramedics?|rescue vehicle)\b",
-    ),
+    ("motorcycle", r"\bpolice (?:motor ?-?(?:cycle|bike)|bike)"),
+    ("ambulance", r"\b(?:ambulances?|paramedics?|rescue vehicle)\b"),
     (
         "fire_engine",
         r"\bfire[- ]?(?:engine|truck|appliance|tender)s?\b|\bladder truck\b|\bpumper\b",
@@ -34,14 +28,8 @@ _SUBTYPES = (
         r"\b(?:emergency|blue[- ]light) (?:vehicle|car|van|truck|service)s?\b|"
         r"\bpolice (?:van|truck)s?\b",
     ),
-    (
-        "taxi",
-        r"\b(?:taxis?|(?:mini|taxi)?cabs?|cabbies?|hackney)\b",
-    ),
-    (
-        "van",
-        r"(?<!camper )(?<!mini)\bvans?\b|\bsprinter\b|\bford transit\b|\bminibus",
-    ),
+    ("taxi", r"\b(?:taxis?|(?:mini|taxi)?cabs?|cabbies?|hackney)\b"),
+    ("van", r"(?<!camper )(?<!mini)\bvans?\b|\bsprinter\b|\bford transit\b|\bminibus"),
     (
         "bus",
         r"\b(?:mini|school |city |tour )?bus(?:es)?\b|\bcoach(?:es)?\b|double-?decker|\bomnibus",
