@@ -6,14 +6,10 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenewright.cli.backend_options import Lawful, ModelOptions, TimeLimit
 from scenewright.cli.console import (
     format_one_line,
     is_terminal,
@@ -23,16 +19,15 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
-from scenewright.cli.output_folder import try_folder
 from scenewright.cli.user_folders import find_memory_file, find_threads_file
 from scenewright.errors import InputError
 from scenewright.intersections import find_data_folder
-from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from scenewright.authoring.session import Session, SessionVersion
+    from scenewright.cli.chat_options import ChatOptions
     from scenewright.cli.views import ViewKind
     from scenewright.graph.run import ProgressCallback
     from scenewright.memory.episodes import Episodes
@@ -56,32 +51,6 @@ Say what shall happen, then what shall be different: "make the pedestrian come f
 
 _LONGEST_WORDS = 20_000
 _LONGEST_HISTORY = 2000
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChatOptions:
-    """What `chat` is asked for."""
-
-    thread: Annotated[
-        str | None, typer.Option(help="Thread to go on with; a new one if none is named.")
-    ] = None
-    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120"
-    model: ModelOptions
-    time_limit: TimeLimit = DEFAULT_LIMIT
-    lawful: Lawful = False
-    seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0
-    refiner: Annotated[
-        str | None, typer.Option(help="trajnet or none, in a new thread; that of make.")
-    ] = None
-    out: Annotated[
-        str | None, typer.Option(help="Folder that /save writes to.", callback=try_folder)
-    ] = None
-    threads: Annotated[str | None, typer.Option(metavar="FILE", help="Where threads are kept.")] = (
-        None
-    )
-    no_memory: Annotated[
-        bool, typer.Option("--no-memory", help="Recall nothing, remember nothing.")
-    ] = False
 
 
 def run_chat(options: ChatOptions, *, quiet: bool = False, as_json: bool = False) -> None:

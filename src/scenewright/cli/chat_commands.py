@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from scenewright.cli.backend_options import Lawful, ModelOptions, TimeLimit
-from scenewright.cli.chat import ChatOptions
+from scenewright.cli.chat_options import ChatOptions
 from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
 from scenewright.cli.output_folder import try_folder
