@@ -2,34 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenewright.cli.backend_options import (
-    BackendNames,
-    BaseUrl,
-    LawfulOrder,
-    Record,
-    TimeLimit,
-    Timeout,
-)
-from scenewright.cli.batch import (
-    AtOnce,
-    EngineName,
-    Out,
-    Place,
-    Refiner,
-    RowTimeout,
-    Workers,
-    build_asking,
-    build_options,
-    check_row_timeout,
-    count_cores,
-    show_batch_progress,
-)
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.backend_options import LawfulOrder
+from scenewright.cli.batch import Out, RunOptions, show_batch_progress
+from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -40,32 +21,40 @@ from scenewright.cli.console import (
 from scenewright.cli.dataset import dataset
 from scenewright.cli.tables import Corpus, RealTracks, parse_path, write_tables
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.dataset.orders.run import Order
 
-OrderSeed = Annotated[int, typer.Option(min=0, help="The same seed, the same dataset.")]
-WriterName = Annotated[
-    str, typer.Option(help="Writer of the instructions: builtin, or a backend with a model.")
-]
 _SHOWN = 8
 
 
+@dataclass(frozen=True)
+class OrderOptions(RunOptions):
+    """How an order is filled."""
+
+    lawful: LawfulOrder = True
+    seed: Annotated[int, typer.Option(min=0, help="The same seed, the same dataset.")] = 0
+    writer: Annotated[
+        str, typer.Option(help="Writer of the instructions: builtin, or a backend with a model.")
+    ] = "builtin"
+
+
+@dataclass(frozen=True)
+class PaperOptions(OrderOptions):
+    """The same for the paper's composition, which has a share for each backend."""
+
+    backend: Annotated[
+        list[str] | None,
+        typer.Option(help="Planner and reasoner; may be given again. builtin if not given."),
+    ] = None
+
+
+@spread_options
 def run_agent(
+    *,
     order: Annotated[str, typer.Argument(help="How many scenes of which kinds.")],
     out: Out,
-    writer: WriterName = "builtin",
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
-    at_once: AtOnce = None,
-    row_timeout: RowTimeout = None,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    lawful: LawfulOrder = True,
-    refiner: Refiner = None,
-    intersection: Place = "amsterdam_120",
+    options: OrderOptions,
     intersections: Annotated[
         str | None,
         typer.Option(
@@ -73,13 +62,10 @@ def run_agent(
             help="Several places in turn; the later half is held out as the test split.",
         ),
     ] = None,
-    seed: OrderSeed = 0,
     budget: Annotated[
         int | None,
         typer.Option(min=1, help="Instructions at most; twice the scenes and 20 if not said."),
     ] = None,
-    workers: Workers = None,
-    engine: EngineName = "process",
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what was understood, write nothing.")
     ] = False,
@@ -109,49 +95,24 @@ def run_agent(
         text=order,
         wish=wish,
         out=Path(out),
-        options=build_options(
-            intersection=places[0] if places else intersection,
-            backend=backend,
-            refiner=refiner,
-            seed=seed,
-            base_url=base_url,
-            lawful=lawful,
-            time_limit=time_limit,
-        ),
+        options=options.build_options(intersection=[*places, options.intersection][0]),
         places=places,
-        writer=writer,
+        writer=options.writer,
         budget=budget,
-        workers=count_cores() if workers is None else workers,
-        engine=engine,
-        row_timeout=check_row_timeout(row_timeout),
-        asking=build_asking(record=record, timeout=timeout, at_once=at_once),
+        **options.choose_work(),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
 
 
 @dataset.command("paper")
+@spread_options
 def make_paper_dataset(
+    *,
     out: Out,
-    backend: Annotated[
-        list[str] | None,
-        typer.Option(help="Planner and reasoner; may be given again. builtin if not given."),
-    ] = None,
-    writer: WriterName = "builtin",
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
-    at_once: AtOnce = None,
-    row_timeout: RowTimeout = None,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    lawful: LawfulOrder = True,
-    refiner: Refiner = None,
-    intersection: Place = "amsterdam_120",
-    seed: OrderSeed = 0,
+    options: PaperOptions,
     scale: Annotated[
         float, typer.Option(min=0.01, max=100.0, help="Of all counts, for a small one to try.")
     ] = 1.0,
-    workers: Workers = None,
-    engine: EngineName = "process",
     tables: Annotated[
         bool, typer.Option("--tables", help="Then measure Tables 1 to 5, as `evals tables` does.")
     ] = False,
@@ -171,26 +132,15 @@ def make_paper_dataset(
     if not tables and (corpus or taf_bw):
         raise InputError("--corpus and --taf-bw are for the tables: say --tables as well")
     recorded, real = parse_path(corpus), parse_path(taf_bw)
-    backends = list(dict.fromkeys(backend or ["builtin"]))
+    backends = list(dict.fromkeys(options.backend or ["builtin"]))
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
         wish=build_paper_order(backends, scale=scale),
         out=Path(out),
-        options=build_options(
-            intersection=intersection,
-            backend=backends[:1],
-            refiner=refiner,
-            seed=seed,
-            base_url=base_url,
-            lawful=lawful,
-            time_limit=time_limit,
-        ),
-        writer=writer,
-        workers=count_cores() if workers is None else workers,
-        engine=engine,
+        options=options.build_options(backend=backends[:1]),
+        writer=options.writer,
         title="The paper's composition",
-        row_timeout=check_row_timeout(row_timeout),
-        asking=build_asking(record=record, timeout=timeout, at_once=at_once),
+        **options.choose_work(),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
     if tables:

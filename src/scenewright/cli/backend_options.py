@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -68,22 +69,25 @@ TimeLimit = Annotated[
 ]
 
 
-def load_named_backend(
-    names: list[str] | None,
-    *,
-    base_url: str | None = None,
-    record: str | None = None,
-    timeout: float | None = None,
-) -> Backend:
-    """The backend that the options name.
+@dataclass(frozen=True)
+class ModelOptions:
+    """Who plans and reasons, and how models are asked."""
 
-    Raises:
-        InputError: there is none such; says which option to mend.
-    """
-    from scenewright import backends
+    backend: BackendNames = None
+    base_url: BaseUrl = None
+    record: Record = None
+    timeout: Timeout = None
 
-    named = names or ["builtin"]
-    one = named[0] if len(named) == 1 else named
-    if base_url is None and record is None and timeout is None:
-        return backends.load_backend(one)
-    return backends.load_backend(one, base_url=base_url, record=record, timeout=timeout)
+    def load(self) -> Backend:
+        """The backend that the options name.
+
+        Raises:
+            InputError: there is none such; says which option to mend.
+        """
+        from scenewright.backends import load_backend
+
+        named = self.backend or ["builtin"]
+        return load_backend(
+            named[0] if len(named) == 1 else named,
+            base_url=self.base_url, record=self.record, timeout=self.timeout,
+        )  # fmt: skip

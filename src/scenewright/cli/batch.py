@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -21,7 +22,7 @@ from scenewright.cli.backend_options import (
     TimeLimit,
     Timeout,
 )
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import format_one_line, is_terminal, log_line, write_json, write_stdout
 from scenewright.cli.interruption import keep
 from scenewright.cli.interrupts import stop_if_asked
@@ -30,7 +31,6 @@ from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
-    from scenewright.dataset.batch.answering import Asking
     from scenewright.dataset.batch.carry_out import Progress, ProgressCallback
     from scenewright.dataset.batch.run import Request, Summary
     from scenewright.dataset.batch.worker import Options
@@ -65,31 +65,61 @@ Seed = Annotated[int, typer.Option(help="Rows without a seed get one from this a
 Place = Annotated[str, typer.Option(help="Where it happens.")]
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """How the scenes of a dataset are made, and on how many processes."""
+
+    workers: Workers = None
+    engine: EngineName = "process"
+    backend: BackendNames = None
+    base_url: BaseUrl = None
+    record: Record = None
+    timeout: Timeout = None
+    at_once: AtOnce = None
+    row_timeout: RowTimeout = None
+    time_limit: TimeLimit = DEFAULT_LIMIT
+    lawful: Lawful = False
+    refiner: Refiner = None
+    intersection: Place = "amsterdam_120"
+    seed: Seed = 0
+
+    def build_options(self, **others: Any) -> Options:
+        """What all rows share; `others` are further fields of `Options`, or other values."""
+        shared = {
+            name: getattr(self, name)
+            for name in ("backend", "base_url", "time_limit", "lawful", "refiner", "intersection",
+                         "seed")
+        }  # fmt: skip
+        return build_options(**{**shared, **others})
+
+    def choose_work(self) -> dict[str, Any]:
+        """The fields of a request or an order that say how it is worked on."""
+        from scenewright.dataset.batch.answering import Asking
+
+        record = None if self.record is None else Path(self.record)
+        return {
+            "workers": count_cores() if self.workers is None else self.workers,
+            "engine": self.engine,
+            "row_timeout": check_row_timeout(self.row_timeout),
+            "asking": Asking(record, self.timeout, self.at_once),
+        }
+
+
+@spread_options
 def make_batch(
+    *,
     rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows with `id` and `text`.")],
     out: Out,
-    workers: Workers = None,
-    engine: EngineName = "process",
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
-    at_once: AtOnce = None,
-    row_timeout: RowTimeout = None,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    refiner: Refiner = None,
+    run: RunOptions,
     selection: Annotated[
         Literal["draw", "map"],
         typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
     ] = "draw",
-    intersection: Place = "amsterdam_120",
-    seed: Seed = 0,
     lenient: Annotated[
         bool,
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
     max_agents: MaxAgents = None,
-    lawful: Lawful = False,
     exports: Annotated[
         list[str] | None,
         typer.Option(
@@ -112,61 +142,35 @@ def make_batch(
     the reason and stop nothing.
     """
     from scenewright.dataset.batch.run import Request, parse_shard, run_batch
+    from scenewright.dataset.batch.scenes import EXPORTS, list_scenes
+    from scenewright.graph.export import export
+    from scenewright.tools.exporters import find_format
 
     request = Request(
         source=Path(rows),
         out=Path(out),
-        options=build_options(
-            intersection=intersection,
-            backend=backend,
-            refiner=refiner,
-            selection=selection,
-            seed=seed,
-            base_url=base_url,
-            lenient=lenient,
-            max_agents=max_agents,
-            lawful=lawful,
-            time_limit=time_limit,
-        ),
-        workers=workers or count_cores(),
-        engine=engine,
+        options=run.build_options(selection=selection, lenient=lenient, max_agents=max_agents),
         limit=limit,
         shard=parse_shard(shard),
-        row_timeout=check_row_timeout(row_timeout),
-        asking=build_asking(record=record, timeout=timeout, at_once=at_once),
+        **run.choose_work(),
     )
-    if workers is not None and workers < 1:
-        raise InputError(f"--workers is a number from 1, got {workers}")
-    _check_formats(exports or ())
+    if request.workers < 1:
+        raise InputError(f"--workers is a number from 1, got {request.workers}")
+    for name in exports or ():
+        find_format(name)  # before hours are spent
     if dry_run:
         _print_plan(request, as_json=as_json)
         return
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
-    _export_scenes(request.out, exports if summary.made else None)
+    for name in exports or () if summary.made else ():
+        export(list_scenes(request.out), name, request.out / EXPORTS / name)
     if not quiet:
         log_summary(summary)
     if as_json:
         write_json({"ok": True, "out": out, **build_summary_object(summary)})
     else:
         write_stdout(f"{out}\n")
-
-
-def _check_formats(formats: Sequence[str]) -> None:
-    """InputError for a format that there is not, before hours are spent."""
-    from scenewright.tools.exporters import find_format
-
-    for name in formats:
-        find_format(name)
-
-
-def _export_scenes(out: Path, formats: Sequence[str] | None) -> None:
-    """All scenes of the dataset in each format, below its folder `exports`."""
-    from scenewright.dataset.batch.scenes import EXPORTS, list_scenes
-    from scenewright.graph.export import export
-
-    for name in formats or ():
-        export(list_scenes(out), name, out / EXPORTS / name)
 
 
 def count_cores() -> int:
@@ -177,11 +181,7 @@ def count_cores() -> int:
 
 
 def build_options(
-    *,
-    intersection: str,
-    backend: Sequence[str] | None,
-    refiner: str | None,
-    **others: Any,
+    *, intersection: str, backend: Sequence[str] | None, refiner: str | None, **others: Any
 ) -> Options:
     """What all rows share, as the command line says it; `others` are fields of `Options`."""
     from scenewright.dataset.batch.answering import BUILTIN
@@ -202,13 +202,6 @@ def check_row_timeout(row_timeout: float | None) -> float:
     from scenewright.dataset.batch.run import ROW_TIMEOUT
 
     return ROW_TIMEOUT if row_timeout is None else row_timeout
-
-
-def build_asking(*, record: str | None, timeout: float | None, at_once: int | None) -> Asking:
-    """How the options say that questions are put."""
-    from scenewright.dataset.batch.answering import Asking
-
-    return Asking(None if record is None else Path(record), timeout, at_once)
 
 
 def _print_plan(request: Request, *, as_json: bool) -> None:

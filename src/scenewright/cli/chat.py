@@ -6,7 +6,6 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
-from scenewright.cli.user_folders import find_threads_file
+from scenewright.cli.user_folders import find_memory_file, find_threads_file
 from scenewright.errors import InputError
 from scenewright.intersections import find_data_folder
 
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from scenewright.authoring.session import Session, SessionVersion
-    from scenewright.backends import Backend
+    from scenewright.cli.chat_options import ChatOptions
     from scenewright.cli.views import ViewKind
     from scenewright.graph.run import ProgressCallback
     from scenewright.memory.episodes import Episodes
@@ -54,25 +53,7 @@ _LONGEST_WORDS = 20_000
 _LONGEST_HISTORY = 2000
 
 
-@dataclass(frozen=True)
-class ChatRequest:
-    """What `chat` was asked for."""
-
-    thread: str | None
-    threads: str | None
-    intersection: str
-    backend: Backend
-    seed: int
-    refiner: str | None
-    out: str | None
-    memory: bool
-    time_limit: float
-    lawful: bool
-    quiet: bool
-    as_json: bool
-
-
-def run_chat(request: ChatRequest) -> None:
+def run_chat(options: ChatOptions, *, quiet: bool = False, as_json: bool = False) -> None:
     """Talks until the input ends.
 
     Raises:
@@ -81,30 +62,43 @@ def run_chat(request: ChatRequest) -> None:
     from scenewright.authoring.session import Session
     from scenewright.graph.examples import recall_from
     from scenewright.graph.run import choose_refiner
+    from scenewright.memory.episodes import Episodes
     from scenewright.memory.threads import Threads
 
-    threads = Threads(find_threads_file(request.threads))
+    backend = options.model.load()
+    threads = Threads(find_threads_file(options.threads))
     try:
-        thread = request.thread or _choose_unused_name(list(threads.list_names()))
-        _check_name(thread)
+        thread = options.thread
+        if not thread:
+            names, number = list(threads.list_names()), 1
+            while f"thread-{number}" in names:
+                number += 1
+            thread = f"thread-{number}"
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
+            raise InputError(
+                f"{format_one_line(thread, limit=80)!r} is no name for a thread; use up to 64 "
+                "letters, digits, ., - and _"
+            )
         threads.hold(thread)
-        episodes = _open_episodes(request)
+        episodes = None if options.no_memory else Episodes(find_memory_file())
         progress_log = _ProgressLog()
         session = Session(
             threads,
             thread,
-            backend=request.backend,
+            backend=backend,
             setting={
-                "intersection": request.intersection,
-                "seed": request.seed,
-                "refiner": choose_refiner(request.refiner),
+                "intersection": options.intersection,
+                "seed": options.seed,
+                "refiner": choose_refiner(options.refiner),
             },
             log=progress_log,
             recall=None if episodes is None else recall_from(episodes),
-            time_limit=request.time_limit,
-            lawful=request.lawful,
+            time_limit=options.time_limit,
+            lawful=options.lawful,
         )
-        talk = _ChatLoop(session, request, progress_log, episodes)
+        talk = _ChatLoop(
+            session, progress_log, episodes, out=options.out, quiet=quiet, as_json=as_json
+        )
         talk.run()
     finally:
         threads.close()
@@ -119,28 +113,6 @@ def list_threads(path: str | None) -> list[str]:
         return list(threads.list_names())
     finally:
         threads.close()
-
-
-def _open_episodes(request: ChatRequest) -> Episodes | None:
-    from scenewright.cli.user_folders import find_memory_file
-    from scenewright.memory.episodes import Episodes
-
-    return Episodes(find_memory_file()) if request.memory else None
-
-
-def _choose_unused_name(names: list[str]) -> str:
-    number = 1
-    while f"thread-{number}" in names:
-        number += 1
-    return f"thread-{number}"
-
-
-def _check_name(thread: str) -> None:
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
-        raise InputError(
-            f"{format_one_line(thread, limit=80)!r} is no name for a thread; use up to 64 letters, "
-            "digits, ., - and _"
-        )
 
 
 class _ProgressLog:
@@ -159,14 +131,17 @@ class _ChatLoop:
     def __init__(
         self,
         session: Session,
-        request: ChatRequest,
         progress_log: _ProgressLog,
         episodes: Episodes | None,
+        *,
+        out: str | None,
+        quiet: bool,
+        as_json: bool,
     ) -> None:
-        self._session, self._request, self._progress_log = session, request, progress_log
-        self._episodes = episodes
-        self._json = request.as_json
-        self._page = None if request.as_json else _make_console()
+        self._session, self._progress_log, self._episodes = session, progress_log, episodes
+        self._out, self._json = out, as_json
+        self._quiet = quiet or as_json or not is_terminal(sys.stderr)
+        self._page = None if as_json else _make_console()
         self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
             "undo": lambda _: self._session.undo(),
             "redo": lambda _: self._session.redo(),
@@ -187,8 +162,9 @@ class _ChatLoop:
 
     def run(self) -> None:
         """Runs until the input ends or the user quits."""
-        self._greet()
-        for line in _lines(self._format_prompt(), quiet=self._json):
+        if not self._json:
+            self._greet()
+        for line in _lines(f"{self._session.thread}> ", quiet=self._json):
             words = line.strip()
             if not words:
                 continue
@@ -196,14 +172,9 @@ class _ChatLoop:
                 return
             self._say_back(words, self._answer(words))
 
-    def _format_prompt(self) -> str:
-        return f"{self._session.thread}> "
-
     def _greet(self) -> None:
         state, cut = self._session.state, self._session.interrupted
         version = state.get("current")
-        if self._json:
-            return
         if version is None:
             log_line(f"thread {self._session.thread}: say what shall happen, or /help")
         else:
@@ -216,21 +187,30 @@ class _ChatLoop:
     def _answer(self, words: str) -> dict[str, Any]:
         try:
             if words.startswith("/"):
-                return self._run_command(words)
+                name, *arguments = words[1:].split() or [""]
+                if name.lower() not in self._commands:
+                    name = format_one_line(name, limit=40)
+                    raise InputError(f"there is no /{name}; /help lists all")
+                return self._commands[name.lower()](arguments)
             if len(words) > _LONGEST_WORDS:
                 raise InputError(f"{len(words)} characters are too many for one turn")
             if any("\ud800" <= char <= "\udfff" for char in words):
                 raise InputError("these words are not valid UTF-8 text")
             reply = self._run_turn(words)
-            return self._wish(reply) if reply["kind"] == "wish" else reply
+            if reply["kind"] != "wish":
+                return reply
+            if reply["wish"] == "quit":
+                reason = "Goodbye; the conversation is kept. /quit ends it."
+                return {"kind": "nothing", "reason": reason}
+            folder = [str(Path("scenes") / reply["name"])] if "name" in reply else []
+            return self._commands[reply["wish"]](folder)
         except InputError as error:
             return {"kind": "refused", "code": "unusable_input", "reason": str(error)}
 
     def _run_turn(self, words: str) -> dict[str, Any]:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""
-        quiet = self._json or self._request.quiet or not is_terminal(sys.stderr)
         try:
-            with show_progress(quiet=quiet) as log:
+            with show_progress(quiet=self._quiet) as log:
                 self._progress_log.to = log
                 return self._session.say(words)
         except KeyboardInterrupt:
@@ -240,25 +220,6 @@ class _ChatLoop:
             return {"kind": "nothing", "reason": "given up; the scene is as it was"}
         finally:
             self._progress_log.to = lambda _stage, _line: None
-
-    def _run_command(self, words: str) -> dict[str, Any]:
-        name, *arguments = words[1:].split()
-        act = self._commands.get(name.lower() if name else "")
-        if act is None:
-            raise InputError(
-                f"there is no /{format_one_line(name or '', limit=40)}; /help lists all"
-            )
-        return act(arguments)
-
-    def _wish(self, reply: dict[str, Any]) -> dict[str, Any]:
-        wish = reply["wish"]
-        if wish == "quit":
-            return {
-                "kind": "nothing",
-                "reason": "Goodbye; the conversation is kept. /quit ends it.",
-            }
-        folder = [str(Path("scenes") / reply["name"])] if "name" in reply else []
-        return self._commands[wish](folder)
 
     def _branch(self, arguments: list[str]) -> dict[str, Any]:
         return self._session.branch(arguments[0]) if arguments else self._list_branches()
@@ -309,7 +270,7 @@ class _ChatLoop:
 
         shown = self._get_version(None)
         name = f"{self._session.thread}-{shown.version['number']}"
-        place = " ".join(arguments) or self._request.out or str(Path("scenes") / name)
+        place = " ".join(arguments) or self._out or str(Path("scenes") / name)
         folder, files, warnings = save_version(shown, place)
         warnings += self._remember(shown)
         return {"kind": "saved", "folder": str(folder), "files": files, "warnings": warnings}

@@ -6,16 +6,9 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.backend_options import (
-    BackendNames,
-    BaseUrl,
-    Lawful,
-    Record,
-    TimeLimit,
-    Timeout,
-    load_named_backend,
-)
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.backend_options import Lawful, ModelOptions, TimeLimit
+from scenewright.cli.chat_options import ChatOptions
+from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
 from scenewright.cli.output_folder import try_folder
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -23,30 +16,9 @@ from scenewright.time_limit import DEFAULT_LIMIT
 memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples for prompts.")
 
 
+@spread_options
 def open_chat(
-    thread: Annotated[
-        str | None, typer.Option(help="Thread to go on with; a new one if none is named.")
-    ] = None,
-    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    lawful: Lawful = False,
-    seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
-    refiner: Annotated[
-        str | None, typer.Option(help="trajnet or none, in a new thread; that of make.")
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option(help="Folder that /save writes to.", callback=try_folder)
-    ] = None,
-    threads: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Where threads are kept.")
-    ] = None,
-    no_memory: Annotated[
-        bool, typer.Option("--no-memory", help="Recall nothing, remember nothing.")
-    ] = False,
+    options: ChatOptions,
     list_: Annotated[bool, typer.Option("--list", help="List the threads there are.")] = False,
     quiet: Quiet = False,
     as_json: Annotated[
@@ -54,41 +26,24 @@ def open_chat(
     ] = False,
 ) -> None:
     """Make a scene in conversation, and change it in words until it is right."""
-    from scenewright.cli.chat import ChatRequest, list_threads
-    from scenewright.cli.chat import run_chat as talk
+    from scenewright.cli.chat import list_threads, run_chat
 
     if list_:
-        names = list_threads(threads)
+        names = list_threads(options.threads)
         if as_json:
             write_json({"ok": True, "threads": names})
         else:
             write_stdout("".join(f"{name}\n" for name in names))
         return
-    talk(
-        ChatRequest(
-            thread=thread,
-            threads=threads,
-            intersection=intersection,
-            backend=load_named_backend(backend, base_url=base_url, record=record, timeout=timeout),
-            seed=seed,
-            refiner=refiner,
-            out=out,
-            memory=not no_memory,
-            time_limit=time_limit,
-            lawful=lawful,
-            quiet=quiet,
-            as_json=as_json,
-        )
-    )
+    run_chat(options, quiet=quiet, as_json=as_json)
 
 
+@spread_options
 def serve_mcp(
+    *,
     thread: Annotated[str, typer.Option(help="Thread that the tools work on.")] = "mcp",
     intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
+    model: ModelOptions,
     time_limit: TimeLimit = DEFAULT_LIMIT,
     lawful: Lawful = False,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
@@ -102,10 +57,7 @@ def serve_mcp(
     """Serve the tools over the Model Context Protocol, on stdin and stdout (extra `mcp`)."""
     from scenewright.cli.mcp import ServerOptions, serve
 
-    chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
-    serve(
-        ServerOptions(threads, thread, intersection, chosen_backend, seed, out, time_limit, lawful)
-    )
+    serve(ServerOptions(threads, thread, intersection, model.load(), seed, out, time_limit, lawful))
 
 
 @memory.command("list")

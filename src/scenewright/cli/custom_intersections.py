@@ -10,6 +10,7 @@ from typing import Any
 
 from scenewright.arrays import read_arrays
 from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
+from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.learned_walks import learn_walks
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
@@ -51,21 +52,7 @@ _FORMATS = {
 }
 
 
-def import_file(
-    file: str,
-    *,
-    name: str,
-    center: str | None,
-    junction: str | None,
-    left_hand: bool | None,
-    extent: float | None,
-    title: str | None,
-    signals: str,
-    licence: str | None,
-    force: bool,
-    log: ProgressCallback,
-    streets: Sequence[str] = (),
-) -> dict[str, Any]:
+def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> dict[str, Any]:
     """Imports a map and writes its bundle; what was made, for printing.
 
     Raises:
@@ -73,20 +60,20 @@ def import_file(
     """
     from scenewright.viz.leg_labels import list_unshown_streets
 
-    given, name = name, make_name(name)
-    if (find_custom_root() / name).exists() and not force:
+    name, center = make_name(options.name), options.center
+    if (find_custom_root() / name).exists() and not options.force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
     log("reading", file)
     made = import_map(
         file,
         name=name,
         center=None if center is None else parse_center(center),
-        junction=junction,
-        left_hand=left_hand,
-        extent=extent,
-        title=title,
-        signals=signals,
-        streets=streets,
+        junction=options.junction,
+        left_hand=options.left_hand,
+        extent=options.extent,
+        title=options.title,
+        signals=options.signals,
+        streets=options.street or (),
     )
     log("deriving", "priors from the map, nothing was seen there yet")
     place, lines = made.intersection_map, made.route_lines
@@ -96,18 +83,24 @@ def import_file(
         place,
         lines,
         derive_priors(place, lines),
-        provenance=_build_provenance(file, made),
+        provenance={
+            "map": Path(file).name,
+            "map_format": _FORMATS[made.map_format],
+            "map_sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest(),
+            "priors": "derived from the map and the pool of amsterdam_120; nothing was seen there",
+        },
         frame={"origin": made.origin, "offset": made.offset},
         notes=made.notes,
-        licence=licence,
-        force=force,
+        licence=options.licence,
+        force=options.force,
         extra={
             **_report_files(file, made, report),
             SURVEY: write_survey(
-                made.survey, map_format=made.map_format, extent=extent, title=title, signals=signals
+                made.survey, map_format=made.map_format, extent=options.extent,
+                title=options.title, signals=options.signals,
             ),
         },
-    )
+    )  # fmt: skip
     return {
         "name": name,
         "folder": str(folder),
@@ -118,7 +111,7 @@ def import_file(
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
         "notes": [
-            *([] if name == given else [f"{given!r} is called {name} in commands"]),
+            *([] if name == options.name else [f"{options.name!r} is called {name} in commands"]),
             *made.notes,
             *list_unshown_streets(place),
         ],
@@ -243,56 +236,31 @@ def _train_refiner(
 
 
 def fit_own(
-    name: str,
-    paths: Sequence[str],
-    *,
-    columns: str | None,
-    origin: str | None,
-    shift: str | None,
-    start: str | None,
-    counts: str | None,
-    licence: str | None,
-    log: ProgressCallback,
-    scale: float | None = None,
-    pool: Sequence[str] = (),
-    pool_scale: float | None = None,
-    train: bool = False,
-    lights: str | None = None,
-    light_legs: str | None = None,
-    named: str | None = None,
+    name: str, paths: Sequence[str], options: FitOptions, *, log: ProgressCallback
 ) -> dict[str, Any]:
     """Fits an imported intersection's priors on recorded tracks.
-
-    Args:
-        lights: a file of recorded lights; light_legs: the leg of each.
-        named: the data set that the tracks are of.
-        scale: metres per pixel of tracks in pixels.
-        pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
-            pool_scale theirs.
-        named: the data set that the tracks are of.
-        train: whether the refiner is adapted to the tracks, too; kept only if it is no worse.
 
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
     """
-    if train:
+    if options.train:
         require_extra("learn", "adapting the refiner", "torch", otherwise="leave out --train")
     from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
     from scenewright.tools.track_io.track_files import read_track_files
 
-    bundle, lit = _add_recorded_lights(open_custom_bundle(name), lights, light_legs)
+    bundle, lit = _add_recorded_lights(open_custom_bundle(name), options)
     log("reading", f"{len(paths)} files or folders")
     files = read_track_files(
         paths,
-        columns=None if columns is None else parse_columns(columns),
-        scale=scale,
-        named=named,
+        columns=None if options.columns is None else parse_columns(options.columns),
+        scale=options.scale,
+        named=options.named,
     )
-    elsewhere, pool_notes = _fit_elsewhere(pool, pool_scale)
+    elsewhere, pool_notes = _fit_elsewhere(options.pool or (), options.pool_scale)
     frame = FrameChange(
         bundle.origin,
-        None if origin is None else parse_center(origin),
-        None if shift is None else parse_center(shift),
+        None if options.origin is None else parse_center(options.origin),
+        None if options.shift is None else parse_center(options.shift),
     )
     bundle, learned, new_report = learn_walks(bundle, files, frame)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
@@ -302,19 +270,19 @@ def fit_own(
         bundle.route_lines,
         files,
         frame,
-        begin=None if start is None else _parse_clock(start),
-        hourly=None if counts is None else read_hourly_counts(counts),
+        begin=None if options.start is None else _parse_clock(options.start),
+        hourly=None if options.counts is None else read_hourly_counts(options.counts),
         elsewhere=elsewhere,
     )
-    adapted, note = adapt_refiner(name, files, log) if train else ({}, None)
+    adapted, note = adapt_refiner(name, files, log) if options.train else ({}, None)
     folder = _rewrite_bundle(
         bundle,
         fitted.priors,
         {"priors": "fitted on recorded tracks; what they do not show is derived from the map",
          "track_files": sorted(file.name for file in files)[:50],
-         "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
+         "tracks": sum(fitted.matched.values()), "tracks_licence": options.licence,
          "pool": ", ".join(pool_notes) or None,
-         "lights": None if lights is None else Path(lights).name},
+         "lights": None if options.lights is None else Path(options.lights).name},
         {"seen.npz": pack_tracks(fitted.positions), **adapted, **new_report},
     )  # fmt: skip
     return {
@@ -339,11 +307,12 @@ def fit_own(
 
 
 def _add_recorded_lights(
-    bundle: CustomBundle, lights: str | None, light_legs: str | None
+    bundle: CustomBundle, options: FitOptions
 ) -> tuple[CustomBundle, list[str]]:
     """The bundle with a recorded programme in its map, and what was taken."""
-    if lights is None:
-        if light_legs is not None:
+    legs = options.light_legs
+    if options.lights is None:
+        if legs is not None:
             raise InputError("--light-legs needs --lights, the file of recorded lights")
         return bundle, []
     from dataclasses import replace
@@ -353,9 +322,9 @@ def _add_recorded_lights(
 
     place, notes = fit_recorded_program(
         bundle.intersection_map,
-        read_recorded_lights(lights),
+        read_recorded_lights(options.lights),
         origin=bundle.origin,
-        groups=None if light_legs is None else _parse_light_legs(light_legs),
+        groups=None if legs is None else _parse_light_legs(legs),
     )
     return replace(bundle, intersection_map=place), notes
 
@@ -569,15 +538,6 @@ def parse_center(text: str) -> tuple[float, float]:
     except ValueError:
         raise InputError(f"a centre is LAT,LON, two numbers, got {text[:40]!r}") from None
     return first, second
-
-
-def _build_provenance(file: str, made: ImportedMap) -> dict[str, Any]:
-    return {
-        "map": Path(file).name,
-        "map_format": _FORMATS[made.map_format],
-        "map_sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest(),
-        "priors": "derived from the map and the pool of amsterdam_120; nothing was seen there",
-    }
 
 
 def import_text(facts: dict[str, Any]) -> list[str]:

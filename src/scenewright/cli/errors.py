@@ -75,8 +75,16 @@ def to_cli_error(error: BaseException) -> CliError:
         case MemoryError():
             return CliError("out_of_memory", UNUSABLE, "there is not enough memory for this")
         case OSError():
-            return CliError("unusable_input", UNUSABLE, _describe_system_error(error))
-    return _describe_usage_error(error) or _describe_internal_error(error)
+            what = error.strerror or str(error) or type(error).__name__
+            line = f"{what}: {error.filename}" if error.filename else what
+            return CliError("unusable_input", UNUSABLE, format_one_line(line))
+    # typer brings a private copy of click, so its base class has no stable import path.
+    message = getattr(error, "format_message", None)
+    if message is not None:
+        return CliError("unusable_input", UNUSABLE, format_one_line(message()))
+    reason = f"this is a fault in scenewright: {type(error).__name__}: {error}"
+    line = f"{reason} (SCENEWRIGHT_TRACEBACK=1 shows where)"
+    return CliError("internal_error", INTERNAL, format_one_line(line))
 
 
 def _describe_unsatisfiable(error: Unsatisfiable) -> CliError:
@@ -99,25 +107,3 @@ def _describe_unsatisfiable(error: Unsatisfiable) -> CliError:
 def _build_costs(error: ScenewrightError) -> dict[str, Any]:
     """What models were asked until then, if any were."""
     return {"models": dict(error.models)} if error.models else {}
-
-
-def _describe_system_error(error: OSError) -> str:
-    what = error.strerror or str(error) or type(error).__name__
-    return format_one_line(f"{what}: {error.filename}" if error.filename else what)
-
-
-def _describe_usage_error(error: BaseException) -> CliError | None:
-    # typer brings a private copy of click, so its base class has no stable import path.
-    message = getattr(error, "format_message", None)
-    if message is None:
-        return None
-    return CliError("unusable_input", UNUSABLE, format_one_line(message()))
-
-
-def _describe_internal_error(error: BaseException) -> CliError:
-    reason = f"this is a fault in scenewright: {type(error).__name__}: {error}"
-    return CliError(
-        "internal_error",
-        INTERNAL,
-        format_one_line(f"{reason} (SCENEWRIGHT_TRACEBACK=1 shows where)"),
-    )

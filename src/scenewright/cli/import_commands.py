@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -16,49 +16,16 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
+from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.output_folder import try_file
 
 
+@spread_options
 def import_map_file(
     file: Annotated[
         str, typer.Argument(help="OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml.")
     ],
-    name: Annotated[
-        str,
-        typer.Option(help="What to call it; commands take the short form that is shown."),
-    ],
-    center: Annotated[
-        str | None,
-        typer.Option(
-            "--at",
-            "--center",
-            metavar="LAT,LON",
-            help="Where the junction is; X,Y if the file has no degrees.",
-        ),
-    ] = None,
-    street: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="A street of the junction; give two to choose one."),
-    ] = None,
-    junction: Annotated[
-        str | None, typer.Option(metavar="ID", help="Which junction, by its id in the file.")
-    ] = None,
-    left_hand: Annotated[
-        bool | None,
-        typer.Option("--left-hand/--right-hand", help="Which side is driven on, if not as said."),
-    ] = None,
-    signals: Annotated[
-        Literal["keep", "assume", "none"],
-        typer.Option(help="Signals: the file's, an assumed programme if it has none, or none."),
-    ] = "keep",
-    extent: Annotated[
-        float | None, typer.Option(help="Half the side of the square that is mapped [m].")
-    ] = None,
-    title: Annotated[str | None, typer.Option(help="Its title; else its streets' names.")] = None,
-    licence: Annotated[
-        str | None, typer.Option(help="Licence of the map, to be kept with the bundle.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace one of that name.")] = False,
+    options: ImportOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -66,20 +33,7 @@ def import_map_file(
     from scenewright.cli.custom_intersections import import_file, import_text
 
     with show_progress(quiet=quiet) as log:
-        facts = import_file(
-            file,
-            name=name,
-            center=center,
-            streets=street or (),
-            junction=junction,
-            left_hand=left_hand,
-            extent=extent,
-            title=title,
-            signals=signals,
-            licence=licence,
-            force=force,
-            log=log,
-        )
+        facts = import_file(file, options, log=log)
     _print_facts(facts, () if quiet else import_text(facts), as_json=as_json)
 
 
@@ -149,6 +103,7 @@ def simulate(
     _print_facts(facts, (), as_json=as_json)
 
 
+@spread_options
 def fit(
     name: Annotated[str, typer.Argument(help="Its name.")],
     tracks: Annotated[
@@ -158,55 +113,7 @@ def fit(
             help="TAF-BW or inD-style csv, TrajNet++ ndjson, SUMO FCD xml, any csv; or folders.",
         ),
     ],
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MAP", help="A csv's columns: t=frame/25,id=track,class==car,x=px,y=py."
-        ),
-    ] = None,
-    origin: Annotated[
-        str | None, typer.Option(metavar="LAT,LON", help="Where x = y = 0 of the tracks lies.")
-    ] = None,
-    shift: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Added to the positions instead [m].")
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(metavar="HH:MM", help="Time of day, where the files state none.")
-    ] = None,
-    counts: Annotated[
-        str | None,
-        typer.Option(metavar="CSV", help="Counts: columns hour, vehicles[, pedestrians]."),
-    ] = None,
-    licence: Annotated[str | None, typer.Option(help="Licence of the tracks.")] = None,
-    named: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            help="The data set they are of: sind, ind, interaction, dut, argoverse1, argoverse2...",
-        ),
-    ] = None,
-    scale: Annotated[
-        float | None, typer.Option(metavar="M", help="Metres per pixel of tracks in pixels.")
-    ] = None,
-    pool: Annotated[
-        list[str] | None,
-        typer.Option(metavar="TRACKS", help="Vehicles at a place without a map, for the pool."),
-    ] = None,
-    pool_scale: Annotated[
-        float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
-    ] = None,
-    train: Annotated[
-        bool, typer.Option("--train", help="Adapt the refiner to the tracks, if that is better.")
-    ] = False,
-    lights: Annotated[
-        str | None,
-        typer.Option(metavar="CSV", help="Recorded lights: SPaT, or columns light, t, colour."),
-    ] = None,
-    light_legs: Annotated[
-        str | None,
-        typer.Option(metavar="MAP", help="Leg of each light: 1=east,13=walk_east."),
-    ] = None,
+    options: FitOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -214,24 +121,7 @@ def fit(
     from scenewright.cli.custom_intersections import fit_own, fit_text
 
     with show_progress(quiet=quiet) as log:
-        facts = fit_own(
-            name,
-            tracks,
-            columns=columns,
-            origin=origin,
-            shift=shift,
-            start=start,
-            counts=counts,
-            licence=licence,
-            log=log,
-            scale=scale,
-            pool=pool or (),
-            pool_scale=pool_scale,
-            named=named,
-            train=train,
-            lights=lights,
-            light_legs=light_legs,
-        )
+        facts = fit_own(name, tracks, options, log=log)
     _print_facts(facts, () if quiet else fit_text(facts), as_json=as_json)
 
 

@@ -12,30 +12,20 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from difflib import get_close_matches
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from scenewright.cli.agent import run_agent
 from scenewright.cli.author import author
-from scenewright.cli.backend_options import (
-    BackendNames,
-    BaseUrl,
-    Lawful,
-    MaxAgents,
-    Record,
-    TimeLimit,
-    Timeout,
-    load_named_backend,
-)
+from scenewright.cli.backend_options import ModelOptions
 from scenewright.cli.batch import make_batch
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
 from scenewright.cli.check import check_installation
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import (
     ReaderGoneError,
     abandon_stdout,
@@ -52,7 +42,6 @@ from scenewright.cli.errors import (
     NOT_VERIFIED,
     READER_GONE,
     UNUSABLE,
-    CliError,
     to_cli_error,
 )
 from scenewright.cli.evals import evals
@@ -66,7 +55,9 @@ from scenewright.cli.import_commands import (
 )
 from scenewright.cli.interruption import forget, get_note
 from scenewright.cli.interrupts import watch_signals
-from scenewright.cli.output_folder import try_file, try_folder
+from scenewright.cli.intersection_options import TrainOptions
+from scenewright.cli.make import MakeOptions, make_scene, read_request
+from scenewright.cli.output_folder import try_file
 from scenewright.cli.planner import planner
 from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
@@ -76,7 +67,6 @@ from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
 from scenewright.errors import InputError
 from scenewright.scene.plan_file import is_plan_file
-from scenewright.time_limit import DEFAULT_LIMIT
 
 LOOPS = 180
 """That `warm` compiles, for its progress."""
@@ -130,76 +120,21 @@ def _start(
 
 
 @app.command()
+@spread_options
 def make(
     text: Annotated[
         str, typer.Argument(help="What shall happen, or a plan as a .yaml file; `-` is stdin.")
     ],
-    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0,
-    refiner: Annotated[
-        str,
-        typer.Option(
-            help="Learned refinement of the tracks, or none.", envvar="SCENEWRIGHT_REFINER"
-        ),
-    ] = "trajnet",
-    selection: Annotated[
-        Literal["draw", "map"],
-        typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
-    ] = "draw",
-    profile: Annotated[
-        Literal["full", "paper"],
-        typer.Option(help="Keys of scene.json: all, or those of the paper's Listing 1 alone."),
-    ] = "full",
-    out: Annotated[
-        str | None, typer.Option(help="Folder to write; scenes/ID if none is named.")
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Write into a folder that holds other files, too.")
-    ] = False,
-    lenient: Annotated[
-        bool,
-        typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
-    ] = False,
-    max_agents: MaxAgents = None,
-    lawful: Lawful = False,
-    gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
-    html: Annotated[
-        bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
-    ] = False,
-    no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False,
-    no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False,
+    options: MakeOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Make a verified scene from an instruction or a plan and write it to a folder."""
-    from scenewright.cli.make import MakeOptions, make_scene, read_request
-
-    request = MakeOptions(
-        text=read_request(text),
-        intersection=intersection,
-        backend=load_named_backend(backend, base_url=base_url, record=record, timeout=timeout),
-        seed=seed,
-        refiner=refiner,
-        selection=selection,
-        profile=profile,
-        out=out,
-        force=force,
-        picture=not no_picture,
-        recording=not no_recording,
-        gif=gif,
-        html=html,
-        lenient=lenient,
-        max_agents=max_agents,
-        lawful=lawful,
-        time_limit=time_limit,
-    )
+    asked, backend = read_request(text), options.model.load()
     with show_progress(quiet=quiet) as log:
-        made = make_scene(request, log=log, answer=(lambda _: None) if quiet else _log_summary)
+        made = make_scene(
+            asked, options, backend, log=log, answer=(lambda _: None) if quiet else _log_summary
+        )
     for warning in made.warnings:
         log_line(f"warning: {warning}")
     if not quiet:
@@ -243,7 +178,9 @@ def warm(quiet: Quiet = False, as_json: Json = False) -> None:
 
 
 @app.command()
+@spread_options
 def plan(
+    *,
     rows: Annotated[
         str,
         typer.Argument(
@@ -256,10 +193,7 @@ def plan(
     intersection: Annotated[
         str | None, typer.Option(help="Where it happens; else four legs, in right-hand traffic.")
     ] = None,
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
+    model: ModelOptions,
     as_yaml: Annotated[
         bool, typer.Option("--yaml", help="Write the plan of a text as a file to edit and make.")
     ] = False,
@@ -278,15 +212,11 @@ def plan(
 
     if as_json and out == "-" and not is_plan_file(rows):
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
-    chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    backend = model.load()
     if schema or as_yaml:
         from scenewright.cli.plan import format_plan_of_text, format_plan_schema, write_text
 
-        made = (
-            format_plan_schema()
-            if schema
-            else format_plan_of_text(rows, chosen_backend, intersection)
-        )
+        made = format_plan_schema() if schema else format_plan_of_text(rows, backend, intersection)
         write_text(out, made)
         return
     if is_plan_file(rows):
@@ -300,7 +230,7 @@ def plan(
         return
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
-    planned = plan_all(read_rows(rows), chosen_backend, calls, intersection_map=intersection_map)
+    planned = plan_all(read_rows(rows), backend, calls, intersection_map=intersection_map)
     write_rows(out, planned)
     refused = sum(row["refused"] for row in planned)
     paid = sum_costs(calls)
@@ -446,46 +376,10 @@ def show_one(
 
 
 @intersections.command("train")
+@spread_options
 def train(
     name: Annotated[str, typer.Argument(help="Its name.")],
-    corpus: Annotated[
-        str, typer.Option(metavar="F", help="Recorded hours, of `simulate --corpus`.")
-    ],
-    out: Annotated[
-        str | None,
-        typer.Option(
-            help="Folder to write; one's own intersection, else intersections/NAME.",
-            callback=try_folder,
-        ),
-    ] = None,
-    epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
-    walkers: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH",
-            help="Tracks of real people on foot, to learn walking from; may be given again.",
-        ),
-    ] = None,
-    others: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="F",
-            help="Tracks of another intersection, of `simulate --corpus`; may be given again.",
-        ),
-    ] = None,
-    walking: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, max=1.0, help="Share of what is learned that changes how people walk."
-        ),
-    ] = None,
-    go_on: Annotated[
-        bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
-    ] = False,
-    most: Annotated[
-        int | None, typer.Option(min=1, help="Stretches of the corpus that are learned from.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
+    options: TrainOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -493,10 +387,7 @@ def train(
     from scenewright.cli.train import train_refiner
 
     with show_progress(quiet=quiet) as log:
-        made = train_refiner(
-            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, log=log,
-            walkers=walkers or (), go_on=go_on, most=most, others=others or (), walking=walking,
-        )  # fmt: skip
+        made = train_refiner(name, options, log=log)
     if as_json:
         write_json({"ok": True, "name": name, **made})
     else:
@@ -552,7 +443,16 @@ def _run(words: list[str]) -> int:
     except ReaderGoneError:
         return READER_GONE
     except (Exception, KeyboardInterrupt) as error:
-        return _report(_add_kept_work(to_cli_error(error)), error, as_json="--json" in words)
+        fault, note = to_cli_error(error), get_note()
+        if fault.code == "internal_error" and os.environ.get("SCENEWRIGHT_TRACEBACK"):
+            raise
+        if fault.code == "interrupted" and note is not None:
+            fault = replace(fault, reason=f"interrupted; {note}")
+        log_line(f"scenewright: {fault.reason}")
+        if "--json" in words:
+            with suppress(OSError, ReaderGoneError):
+                write_json(fault.to_json())
+        return fault.exit_code
 
 
 def _flush() -> None:
@@ -563,22 +463,3 @@ def _flush() -> None:
     except OSError:
         abandon_stdout()
         raise
-
-
-def _add_kept_work(fault: CliError) -> CliError:
-    word = get_note()
-    if fault.code != "interrupted" or word is None:
-        return fault
-    return replace(fault, reason=f"interrupted; {word}")
-
-
-def _report(fault: CliError, error: BaseException, *, as_json: bool) -> int:
-    if fault.code == "internal_error" and os.environ.get("SCENEWRIGHT_TRACEBACK"):
-        raise error
-    log_line(f"scenewright: {fault.reason}")
-    if as_json:
-        try:
-            write_json(fault.to_json())
-        except (OSError, ReaderGoneError):
-            return fault.exit_code
-    return fault.exit_code

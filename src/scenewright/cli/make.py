@@ -8,8 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import typer
+
+from scenewright.cli.backend_options import Lawful, MaxAgents, ModelOptions, TimeLimit
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
 from scenewright.cli.views import ViewKind, add_views, write_view
@@ -27,27 +30,46 @@ OFFERED = 8
 """Candidates per agent that a recording shows."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MakeOptions:
-    """What `make` was asked for; `text` is the instruction, or the plan of a file."""
+    """How `make` makes a scene, and what it writes."""
 
-    text: str | PlanFile
-    intersection: str
-    backend: str | Backend
-    seed: int
-    refiner: str
-    selection: Literal["draw", "map"]
-    profile: Literal["full", "paper"]
-    out: str | None
-    force: bool
-    picture: bool
-    recording: bool
-    gif: bool
-    html: bool = False
-    lenient: bool = False
-    max_agents: int | None = None
-    lawful: bool = False
-    time_limit: float = DEFAULT_LIMIT
+    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120"
+    model: ModelOptions
+    time_limit: TimeLimit = DEFAULT_LIMIT
+    seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0
+    refiner: Annotated[
+        str,
+        typer.Option(
+            help="Learned refinement of the tracks, or none.", envvar="SCENEWRIGHT_REFINER"
+        ),
+    ] = "trajnet"
+    selection: Annotated[
+        Literal["draw", "map"],
+        typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
+    ] = "draw"
+    profile: Annotated[
+        Literal["full", "paper"],
+        typer.Option(help="Keys of scene.json: all, or those of the paper's Listing 1 alone."),
+    ] = "full"
+    out: Annotated[
+        str | None, typer.Option(help="Folder to write; scenes/ID if none is named.")
+    ] = None
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder that holds other files, too.")
+    ] = False
+    lenient: Annotated[
+        bool,
+        typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
+    ] = False
+    max_agents: MaxAgents = None
+    lawful: Lawful = False
+    gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False
+    html: Annotated[
+        bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
+    ] = False
+    no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False
+    no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,38 +122,50 @@ def read_instruction(text: str) -> str:
 
 
 def make_scene(
-    request: MakeOptions, *, log: ProgressCallback, answer: Callable[[list[str]], None]
+    asked: str | PlanFile,
+    options: MakeOptions,
+    backend: Backend,
+    *,
+    log: ProgressCallback,
+    answer: Callable[[list[str]], None],
 ) -> MakeResult:
     """Synthesises a scene and writes its folder as a whole.
 
     A picture or a recording that cannot be drawn is a warning: the scene is worth more.
 
     Args:
+        asked: the instruction, or the plan of a file.
         answer: called with what happens in the scene, a few lines, before views of it are drawn.
 
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`; or the folder cannot be written.
     """
-    target = None if request.out is None else target_folder(request.out, force=request.force)
-    try_folder(request.out or SCENES)
-    scene = _synthesize(request, log)
-    if target is None:
-        name = Path(SCENES) / choose_folder_name(scene.record.meta.scene_id)
-        target = target_folder(str(name), force=request.force)
-    with fill_folder(target) as part:
-        scene.save(part, profile=request.profile)
-        answer(_summarize(scene))
-        warnings = (*_explain_unrefined(scene), *_add_views(scene, part, request, log))
-        files = tuple(sorted(entry.name for entry in part.iterdir()))
-        stop_if_asked()
-    return MakeResult(scene, _shorten_path(target), files, warnings)
-
-
-def _summarize(scene: Scene) -> list[str]:
     from scenewright.cli.scene_summary import summarize_scene
+    from scenewright.graph.run import synthesize
     from scenewright.intersections import load_map
 
-    return summarize_scene(scene.record, scene.proof, load_map(scene.record.meta.intersection))
+    target = None if options.out is None else target_folder(options.out, force=options.force)
+    try_folder(options.out or SCENES)
+    scene = synthesize(
+        asked, intersection=options.intersection, backend=backend, seed=options.seed,
+        refiner=options.refiner, selection=options.selection, lenient=options.lenient,
+        max_agents=options.max_agents, lawful=options.lawful, time_limit=options.time_limit,
+        log=log,
+    )  # fmt: skip
+    if target is None:
+        name = Path(SCENES) / choose_folder_name(scene.record.meta.scene_id)
+        target = target_folder(str(name), force=options.force)
+    with fill_folder(target) as part:
+        scene.save(part, profile=options.profile)
+        place = load_map(scene.record.meta.intersection)
+        answer(summarize_scene(scene.record, scene.proof, place))
+        warnings = _add_views(scene, part, options, log)
+        ran = scene.provenance["refinement"]
+        if scene.provenance["refiner"] == "trajnet" and ran["refiner"] == "none":
+            warnings.insert(0, ran["note"])
+        files = tuple(sorted(entry.name for entry in part.iterdir()))
+        stop_if_asked()
+    return MakeResult(scene, shorten_path(target), files, tuple(warnings))
 
 
 def choose_folder_name(scene_id: str) -> str:
@@ -140,51 +174,26 @@ def choose_folder_name(scene_id: str) -> str:
     return slug or "scene"
 
 
-def _shorten_path(target: Path) -> Path:
+def shorten_path(target: Path) -> Path:
     """Relative where that is shorter to read."""
     here = Path.cwd()
     return target.relative_to(here) if target.is_relative_to(here) else target
 
 
-def _synthesize(request: MakeOptions, log: ProgressCallback) -> Scene:
-    from scenewright.graph.run import synthesize
-
-    return synthesize(
-        request.text,
-        intersection=request.intersection,
-        backend=request.backend,
-        seed=request.seed,
-        refiner=request.refiner,
-        selection=request.selection,
-        lenient=request.lenient,
-        max_agents=request.max_agents,
-        lawful=request.lawful,
-        time_limit=request.time_limit,
-        log=log,
-    )
-
-
-def _explain_unrefined(scene: Scene) -> list[str]:
-    """Why nothing was refined though it was asked for."""
-    asked, ran = scene.provenance["refiner"], scene.provenance["refinement"]
-    return [ran["note"]] if asked == "trajnet" and ran["refiner"] == "none" else []
-
-
 def _add_views(
-    scene: Scene, folder: Path, request: MakeOptions, log: ProgressCallback
+    scene: Scene, folder: Path, options: MakeOptions, log: ProgressCallback
 ) -> list[str]:
+    def write(kind: ViewKind) -> Callable[[Path], None]:
+        return partial(write_view, kind, scene=scene.record, proof=scene.proof)
+
     views: dict[str, tuple[bool, Callable[[Path], None]]] = {
-        "scene.png": (request.picture, partial(_write, "png", scene)),
-        "scene.rrd": (request.recording, partial(_record, scene)),
-        "scene.gif": (request.gif, partial(_write, "gif", scene)),
-        "scene.html": (request.html, partial(_write, "html", scene)),
+        "scene.png": (not options.no_picture, write("png")),
+        "scene.rrd": (not options.no_recording, partial(_record, scene)),
+        "scene.gif": (options.gif, write("gif")),
+        "scene.html": (options.html, write("html")),
     }
-    wanted = {name: write for name, (asked, write) in views.items() if asked}
+    wanted = {name: view for name, (asked, view) in views.items() if asked}
     return add_views(folder, wanted, partial(log, "writing"))
-
-
-def _write(kind: ViewKind, scene: Scene, path: Path) -> None:
-    write_view(kind, path, scene.record, scene.proof)
 
 
 def _record(scene: Scene, path: Path) -> None:

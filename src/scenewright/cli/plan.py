@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from scenewright.backends import Backend, Call, Named, Question
 from scenewright.cli.console import format_one_line, log_line, write_stdout
@@ -19,9 +19,6 @@ from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
-
-if TYPE_CHECKING:
-    from scenewright.nodes.scene_planner import RouteDescription
 
 Account = Callable[[Call], None]
 ATTEMPTS = 3
@@ -35,24 +32,22 @@ def read_rows(path: str) -> list[Any]:
     """
     name = "standard input" if path == "-" else path
     try:
-        data = _read_stdin() if path == "-" else Path(path).read_bytes()
+        if path == "-":
+            data = sys.stdin.buffer.read() if sys.stdin is not None else b""
+        else:
+            data = Path(path).read_bytes()
         text = data.decode("utf-8-sig")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot read {name}: {reason}") from error
-    lines = enumerate(text.split("\n"), start=1)
-    return [_parse(line, f"{name}, line {number}") for number, line in lines if line.strip()]
-
-
-def _read_stdin() -> bytes:
-    return sys.stdin.buffer.read() if sys.stdin is not None else b""
-
-
-def _parse(line: str, where: str) -> Any:
-    try:
-        return json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: not JSON: {error}") from error
+    found = []
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.strip():
+            try:
+                found.append(json.loads(line))
+            except (ValueError, RecursionError) as error:
+                raise InputError(f"{name}, line {number}: not JSON: {error}") from error
+    return found
 
 
 def plan_rows(
@@ -75,8 +70,9 @@ def plan_rows(
         rows, _plan_in_batches(rows, backend, intersection_map, account), strict=True
     ):
         stop_if_asked()
-        given = row if isinstance(row, dict) else {}
-        yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
+        name = row.get("id") if isinstance(row, dict) else None
+        # the id that a row came with, right or wrong, as far as one can be read from it
+        yield {**plan_to_row("", plan), "id": name if isinstance(name, str | int) else None}
 
 
 def plan(
@@ -142,7 +138,9 @@ def _plan_in_batches(
 
     The threads do not outlive an interruption, as those of an executor would.
     """
-    many = min(_count_at_once(backend), len(rows))
+    from scenewright.backends import get_backend_of_task
+
+    many = min(int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), len(rows))
     if many <= 1:
         yield from (_plan_one(row, backend, intersection_map, account) for row in rows)
         return
@@ -166,18 +164,22 @@ def _plan_in_batches(
     yield from (reply.result() for reply in replies)
 
 
-def _count_at_once(backend: Backend) -> int:
-    """Rows to plan at a time: one for rules, several for a backend that has to be awaited."""
-    from scenewright.backends import get_backend_of_task
-
-    return int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
-
-
 def _plan_one(
     row: Any, backend: Backend, intersection_map: IntersectionMap | None, account: Account
 ) -> Plan:
-    fault = _find_fault(row)
-    return build_refusal(fault) if fault else _plan(row, backend, intersection_map, account)
+    """The row's plan. A bug that one text brings out must not cost all the other rows."""
+    if fault := _find_fault(row):
+        return build_refusal(fault)
+    try:
+        return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
+    except BackendFault:
+        raise
+    except Exception as error:
+        if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+            raise
+        reason = to_cli_error(error).reason
+        log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
+        return build_refusal(reason)
 
 
 def sum_costs(calls: list[Call]) -> dict[str, int]:
@@ -190,30 +192,6 @@ def sum_costs(calls: list[Call]) -> dict[str, int]:
         "input_tokens": sum(call.input_tokens or 0 for call in calls),
         "output_tokens": sum(call.output_tokens or 0 for call in calls),
     }
-
-
-def _plan(
-    row: dict[str, Any],
-    backend: Backend,
-    intersection_map: IntersectionMap | None,
-    account: Account,
-) -> Plan:
-    """The row's plan. A bug that one text brings out must not cost all the other rows."""
-    try:
-        return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
-    except BackendFault:
-        raise
-    except Exception as error:
-        if os.environ.get("SCENEWRIGHT_TRACEBACK"):
-            raise
-        fault = to_cli_error(error)
-        log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {fault.reason}")
-        return build_refusal(fault.reason)
-
-
-def _echo(identity: Any) -> str | int | None:
-    """The id that a row came with, right or wrong, as far as one can be read from it."""
-    return identity if isinstance(identity, str | int) else None
 
 
 def _find_fault(row: Any) -> str | None:
@@ -243,50 +221,36 @@ def ask_for_plan(
     """The backend's plan; given what was wrong, it may mend a malformed one."""
     from scenewright.backends import get_backend_of_task
     from scenewright.nodes import scene_planner
+    from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 
-    wrong: list[str] = []
+    ways, left_hand, roads = scene_planner.FOUR_LEGS, False, {}
+    if intersection_map is not None:
+        ways = scene_planner.describe_routes(intersection_map)
+        left_hand = intersection_map.left_hand_traffic
+        roads = {leg.name: leg.road for leg in intersection_map.legs}
+    text, previous = row["text"], row.get("previous")
+    wrong: tuple[str, ...] = ()
     for _ in range(1 if get_backend_of_task(backend, "plan").deterministic else ATTEMPTS):
-        ways = (
-            scene_planner.FOUR_LEGS
-            if intersection_map is None
-            else scene_planner.describe_routes(intersection_map)
+        question = Question(
+            task="plan",
+            facts={
+                "instruction": text,
+                "previous": previous,
+                "legs": list(dict.fromkeys(way.entry for way in ways)),
+                "left_hand": left_hand,
+                "roads": roads,
+            },
+            rejections=wrong,
+            prompt=lambda wrong=wrong: render_plan_prompt(  # type: ignore[misc]
+                text, previous, ways, left_hand=left_hand, rejections=wrong
+            ),
+            account=account,
         )
-        question = _build_question(row, ways, intersection_map, tuple(wrong), account)
         try:
             return scene_planner.ask_for_plan(backend, question, ways)
         except Rejected as error:
-            wrong.append(error.rejection.detail)
+            wrong = (*wrong, error.rejection.detail)
     return build_refusal(f"The backend gave no usable plan: {wrong[-1]}")
-
-
-def _build_question(
-    row: dict[str, Any],
-    ways: Sequence[RouteDescription],
-    intersection_map: IntersectionMap | None,
-    wrong: tuple[str, ...],
-    account: Account,
-) -> Question:
-    from scenewright.nodes.scene_planner.prompts import render_plan_prompt
-
-    text, previous = row["text"], row.get("previous")
-    left_hand = intersection_map is not None and intersection_map.left_hand_traffic
-    return Question(
-        task="plan",
-        facts={
-            "instruction": text,
-            "previous": previous,
-            "legs": list(dict.fromkeys(way.entry for way in ways)),
-            "left_hand": left_hand,
-            "roads": {}
-            if intersection_map is None
-            else {leg.name: leg.road for leg in intersection_map.legs},
-        },
-        rejections=wrong,
-        prompt=lambda: render_plan_prompt(
-            text, previous, ways, left_hand=left_hand, rejections=wrong
-        ),
-        account=account,
-    )
 
 
 def format_plan_of_text(text: str, backend: Backend, intersection: str | None) -> str:

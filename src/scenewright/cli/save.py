@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenewright.cli.make import shorten_path
 from scenewright.cli.output_folder import fill_folder, target_folder
 from scenewright.cli.views import ViewKind, add_views, write_view
 from scenewright.errors import InputError
@@ -27,12 +28,11 @@ def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], lis
         write_atomically(part / "scene.json", shown.scene_json)
         write_atomically(part / "proof.json", shown.proof_json)
         write_atomically(part / "provenance.json", shown.provenance_json)
-        views = {"scene.png": partial(_draw, shown), "scene.rrd": partial(record_version, shown)}
+        draw = partial(write_view, "png", scene=shown.record, proof=shown.proof)
+        views = {"scene.png": draw, "scene.rrd": partial(record_version, shown)}
         warnings = add_views(part, views)
         files = sorted(entry.name for entry in part.iterdir())
-    here = Path.cwd()
-    shortest = target.relative_to(here) if target.is_relative_to(here) else target
-    return shortest, files, warnings
+    return shorten_path(target), files, warnings
 
 
 def save_view(shown: SessionVersion, kind: ViewKind, path: str) -> Path:
@@ -46,10 +46,6 @@ def save_view(shown: SessionVersion, kind: ViewKind, path: str) -> Path:
         raise InputError(f"{target} is there already; name another file")
     write_view(kind, target, shown.record, shown.proof)
     return target
-
-
-def _draw(shown: SessionVersion, path: Path) -> None:
-    write_view("png", path, shown.record, shown.proof)
 
 
 def record_version(shown: SessionVersion, path: Path) -> None:

@@ -10,15 +10,8 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.backend_options import (
-    BackendNames,
-    BaseUrl,
-    Lawful,
-    Record,
-    TimeLimit,
-    Timeout,
-    load_named_backend,
-)
+from scenewright.cli.backend_options import Lawful, ModelOptions, TimeLimit
+from scenewright.cli.common_options import spread_options
 from scenewright.cli.console import log_line
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.extras import require_extra
@@ -27,14 +20,13 @@ from scenewright.time_limit import DEFAULT_LIMIT, check_time_limit
 HOST = "127.0.0.1"
 
 
+@spread_options
 def serve(
+    *,
     intersection: Annotated[
         str, typer.Option(help="Where new conversations begin.")
     ] = "amsterdam_120",
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
+    model: ModelOptions,
     time_limit: TimeLimit = DEFAULT_LIMIT,
     lawful: Lawful = False,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new conversation.")] = 0,
@@ -50,7 +42,7 @@ def serve(
 
     check_time_limit(time_limit)
     load_map(intersection)
-    chosen_backend = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout)
+    backend = model.load()
     listener = _listen(port)
     port = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
@@ -67,10 +59,10 @@ def serve(
     from scenewright.cli.user_folders import find_threads_file
 
     conversations = Conversations(
-        str(find_threads_file(threads)), backend=chosen_backend, seed=seed, time_limit=time_limit,
+        str(find_threads_file(threads)), backend=backend, seed=seed, time_limit=time_limit,
         lawful=lawful,
     )  # fmt: skip
-    name = ", ".join(backend) if backend else "builtin"
+    name = ", ".join(model.backend or ["builtin"])
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
     batches = Batches(find_data_folder() / "page-batches", time_limit=time_limit, lawful=lawful)
     page = Page(

@@ -7,34 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scenewright.cli.intersection_options import TrainOptions
     from scenewright.tools.track_io import Recording
     from scenewright.tools.track_io.recording import Split
     from scenewright.tools.trajnet_refiner.train import Epoch
 
 
 def train_refiner(
-    name: str,
-    *,
-    corpus: Path,
-    out: str | None,
-    epochs: int | None,
-    seed: int,
-    log: Callable[[str, str], None],
-    walkers: Sequence[str] = (),
-    go_on: bool = False,
-    most: int | None = None,
-    others: Sequence[str] = (),
-    walking: float | None = None,
+    name: str, options: TrainOptions, *, log: Callable[[str, str], None]
 ) -> dict[str, Any]:
     """Trains and writes weights and model card; says where they are and what they are worth.
 
-    Args:
-        walkers: files or folders of tracks of real people on foot; every fourth is held out.
-        go_on: from the weights that serve the intersection on, in smaller steps.
-        most: stretches of the corpus to learn from; None for all.
-        others: files of tracks simulated at other intersections, of `simulate --corpus`.
-        walking: share of what is learned that changes how pedestrians walk; None for that of the
-            weights it goes on from, or all.
+    Of tracks of real people on foot every fourth file is held out; going on is in smaller steps.
 
     Raises:
         InputError: no such intersection, no such corpus, or a place that cannot be written.
@@ -54,17 +38,20 @@ def train_refiner(
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     find_bundle_folder(name)
-    recordings = load_recordings(corpus)
-    changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
-    own = {
-        **({"rate": GOES_ON["rate"]} if go_on else {}),
-        **({"goals": _WITH_GOALS} if walkers else {}),
-    }
-    recipe = RECIPE.model_copy(update={**own, **changed})
-    serving = find_refiner(name) if go_on else None
-    folder = find_out_folder(name, out)
+    recordings = load_recordings(Path(options.corpus))
+    changed: dict[str, Any] = {"seed": options.seed}
+    if options.go_on:
+        changed["rate"] = GOES_ON["rate"]
+    if options.walkers:
+        changed["goals"] = _WITH_GOALS
+    if options.epochs is not None:
+        changed["epochs"] = options.epochs
+    recipe = RECIPE.model_copy(update=changed)
+    serving = find_refiner(name) if options.go_on else None
+    folder = find_out_folder(name, options.out)
     config = CONFIG if serving is None else serving.net.config
-    config = config if walking is None else config.model_copy(update={"walking": walking})
+    if options.walking is not None:
+        config = config.model_copy(update={"walking": options.walking})
 
     def log_epoch(epoch: Epoch) -> None:
         log("training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}")
@@ -72,9 +59,10 @@ def train_refiner(
     about = train_bundle(
         name, recordings, out=folder, recipe=recipe, after_epoch=log_epoch,
         log=lambda done, of: log("training", f"{100 * done // of} %") if done % 20 == 0 else None,
-        start=None if serving is None else serving.net, walkers=_read_walkers(walkers),
-        others=[each for file in others for each in load_recordings(Path(file))],
-        most=most, config=config,
+        start=None if serving is None else serving.net,
+        walkers=_read_walkers(options.walkers or ()),
+        others=[each for file in options.others or () for each in load_recordings(Path(file))],
+        most=options.most, config=config,
     )  # fmt: skip
     return {"folder": str(folder), "figures": about["figures"]}
 

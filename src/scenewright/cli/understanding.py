@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scenewright.cli.backend_options import (
-    BackendNames,
-    BaseUrl,
-    Record,
-    Timeout,
-    load_named_backend,
-)
-from scenewright.cli.common_options import BoardFile, BoardName, Json, Quiet
+from scenewright.cli.backend_options import ModelOptions
+from scenewright.cli.common_options import BoardFile, BoardName, Json, Quiet, spread_options
 from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
 from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.errors import InputError
@@ -28,7 +22,9 @@ ENTERED = 4.0
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="A folder with a folder per scene.")]
 
 
+@spread_options
 def score_understanding(
+    *,
     folder: Folder,
     method: Annotated[
         list[str] | None,
@@ -63,10 +59,7 @@ def score_understanding(
     whole: Annotated[
         bool, typer.Option("--whole", help="Whole scenes instead of clips cut from them.")
     ] = False,
-    backend: BackendNames = None,
-    base_url: BaseUrl = None,
-    record: Record = None,
-    timeout: Timeout = None,
+    model: ModelOptions,
     board: BoardFile = None,
     name: BoardName = None,
     quiet: Quiet = False,
@@ -85,13 +78,12 @@ def score_understanding(
         raise InputError("nothing to do: name a --method, or a file to --write-observations to")
     if (board is None) != (name is None) or (board and len(method or ()) != 1):
         raise InputError("--board and --name go together, with one --method: what is entered")
-    lengths, half = read_windows(windows), None if split == "all" else split
-    named = load_named_backend(backend, base_url=base_url, record=record, timeout=timeout) if (
-        backend
-    ) else None  # fmt: skip
+    lengths = read_windows(windows)
+    named = model.load() if model.backend else None
     with show_progress(quiet=quiet) as log_stage:
         log: ProgressLog = lambda line: log_stage("understanding", line)  # noqa: E731
-        cases = load_cases(Path(folder), split=_split(half), whole=whole, log=log)
+        half: Split | None = None if split == "all" else split
+        cases = load_cases(Path(folder), split=half, whole=whole, log=log)
         if write_observations is not None:
             _write_observations(Path(write_observations), cases, lengths)
         found = [
@@ -168,10 +160,6 @@ def read_windows(text: str | None) -> tuple[float, ...]:
     if not found or not all(0.1 <= each <= 20.0 for each in found):
         raise InputError(f"--windows takes seconds from 0.1 to 20, such as 2,4; got {text[:80]!r}")
     return found
-
-
-def _split(half: str | None) -> Split | None:
-    return None if half is None else "dev" if half == "dev" else "test"
 
 
 def _write_observations(file: Path, cases: list[SceneCase], windows: tuple[float, ...]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,7 +56,10 @@ def drive(
     """
     from scenewright.driving.env import DriveEnv
 
-    _check_modes(others, actions)
+    if others not in OTHERS_MODES:
+        raise InputError(f"others move by {', '.join(OTHERS_MODES)}, not by {others[:40]!r}")
+    if actions not in ACTION_MODES:
+        raise InputError(f"actions are {', '.join(ACTION_MODES)}, not {actions[:40]!r}")
     scenario = load_scenario(text_or_scene, ego=ego, seed=seed, intersection=intersection)
     return DriveEnv(scenario, others=others, mode=actions, raster=raster, seed=seed)
 
@@ -82,18 +85,17 @@ def load_scenario(
     time_limit: float = DEFAULT_LIMIT,
 ) -> Scenario:
     """A text, made within `time_limit` [s], or a scene as arrays; see `drive`."""
-    record = _read_record(text_or_scene, seed, intersection, time_limit)
+    if isinstance(text_or_scene, SceneRecord):
+        record = text_or_scene
+    elif isinstance(text_or_scene, Scene):
+        record = text_or_scene.record
+    elif isinstance(text_or_scene, Path) or _names_scene(text_or_scene):
+        record = load_scene(text_or_scene)
+    else:
+        record = synthesize(
+            text_or_scene, seed=seed, intersection=intersection, time_limit=time_limit
+        ).record
     return build_scenario(record, load_map(record.meta.intersection), ego=ego)
-
-
-def _read_record(given: Drivable, seed: int, intersection: str, time_limit: float) -> SceneRecord:
-    if isinstance(given, SceneRecord):
-        return given
-    if isinstance(given, Scene):
-        return given.record
-    if isinstance(given, Path) or _names_scene(given):
-        return load_scene(given)
-    return synthesize(given, seed=seed, intersection=intersection, time_limit=time_limit).record
 
 
 def _names_scene(text: str) -> bool:
@@ -117,20 +119,12 @@ def load_policy(name: str) -> Policy:
     module, _, attribute = name.partition(":")
     if not attribute:
         raise InputError(f"no policy {name[:60]!r}; {', '.join(BUILT_IN)}, or module:Class")
-    return _make_policy(_import(module, attribute, name), name)
-
-
-def _import(module: str, attribute: str, name: str) -> Callable[[], Policy]:
     try:
-        found = getattr(import_module(module), attribute)
+        make = getattr(import_module(module), attribute)
     except Exception as error:
         raise InputError(f"cannot import the policy {name[:60]}: {_say(error)}") from error
-    return found  # type: ignore[no-any-return]
-
-
-def _make_policy(make: Callable[[], Policy], name: str) -> Policy:
     try:
-        policy = make()
+        policy: Policy = make()
     except Exception as error:
         raise InputError(f"cannot make the policy {name[:60]}: {_say(error)}") from error
     missing = [each for each in ("mode", "reset", "act") if not hasattr(policy, each)]
@@ -141,10 +135,3 @@ def _make_policy(make: Callable[[], Policy], name: str) -> Policy:
 
 def _say(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())[:160]}"
-
-
-def _check_modes(others: str, actions: str) -> None:
-    if others not in OTHERS_MODES:
-        raise InputError(f"others move by {', '.join(OTHERS_MODES)}, not by {others[:40]!r}")
-    if actions not in ACTION_MODES:
-        raise InputError(f"actions are {', '.join(ACTION_MODES)}, not {actions[:40]!r}")

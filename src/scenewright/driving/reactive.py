@@ -182,27 +182,17 @@ class Reactive:
                 ):
                     found[j] = min(found[j], s)
                     held[j] |= state.speed[j] < 0.1
-        self._let_others_pass(held)
-        for j in np.flatnonzero(self._held & ~held):
-            self._go_before_late_comers(int(j))
+        order, free = self._order, one.moves & ~state.gone & ~held
+        for j in np.flatnonzero(held):  # later agents pass who stands at a red light, if they can
+            k = min(int(state.s[j] / self._spacing[j]), self._points[j] - 1)
+            passing = free & ~order.blocks_path[j, k] & np.isfinite(order.limits[j, k])
+            self._swapped[:, j] |= passing
+            self._swapped[j, :] &= ~passing
+        for j in np.flatnonzero(self._held & ~held):  # goes before those still to enter again
+            late = self._swapped[:, j] & ~state.entered & np.isfinite(order.limits[j]).any(axis=0)
+            self._swapped[late, j] = False
         self._held = held
         return found
-
-    def _let_others_pass(self, held: BoolArray) -> None:
-        """Let later agents pass the one standing at a red light, where possible."""
-        one, state, order = self._one, self._state, self._order
-        for j in np.flatnonzero(held):
-            k = min(int(state.s[j] / self._spacing[j]), self._points[j] - 1)
-            free = ~order.blocks_path[j, k] & np.isfinite(order.limits[j, k])
-            free &= one.moves & ~state.gone & ~held
-            self._swapped[:, j] |= free
-            self._swapped[j, :] &= ~free
-
-    def _go_before_late_comers(self, j: int) -> None:
-        """Let an agent that is no longer held go before those still to enter, as in the scene."""
-        state = self._state
-        late = self._swapped[:, j] & ~state.entered & np.isfinite(self._order.limits[j]).any(axis=0)
-        self._swapped[late, j] = False
 
     # ---- the ego -----------------------------------------------------------------------------
 

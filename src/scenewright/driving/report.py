@@ -120,7 +120,8 @@ def report_drive(drive: Drive) -> Report:
     impact = _describe_impact(drive, ego, near, red=red)
     scene = build_driven_scene(drive) if one.record is not None else None
     least = min((float(each.min()) for each in ttc if len(each)), default=np.inf)
-    pet = _find_least_pet(ego, near)
+    pets = [met.pet for track in near.values() for met in find_encounters((ego, track))]
+    pet = round(float(min(pets)), 3) if pets else None
     given = _gather(drive, ego, near, impact, red)
     figures = {
         "min_ttc": round(least, 3) if np.isfinite(least) else None,
@@ -181,13 +182,6 @@ def _list_near(tracks: tuple[Trajectory, ...]) -> dict[int, Trajectory]:
         if len(times) and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR:
             found[track.id - 1] = track
     return found
-
-
-def _find_least_pet(ego: Trajectory, near: dict[int, Trajectory]) -> float | None:
-    pets: list[float] = []
-    for track in near.values():
-        pets += [found.pet for found in find_encounters((ego, track))]
-    return round(float(min(pets)), 3) if pets else None
 
 
 # ---- fault --------------------------------------------------------------------------------------
@@ -314,19 +308,15 @@ def _measure_off_road(one: Scenario, points: FloatArray) -> float:
         for area in one.intersection_map.road
     ])  # fmt: skip
     extent = one.intersection_map.extent
-    corners = _find_corners(points, one.sizes[one.ego]).reshape(-1, 2)
+    c, s = np.cos(points[:, 2]), np.sin(points[:, 2])
+    length, width = one.sizes[one.ego]
+    ahead, left = np.stack([c, s]) * length / 2, np.stack([-s, c]) * width / 2
+    sides = ((1, 1), (1, -1), (-1, -1), (-1, 1))
+    corners = np.concatenate([points[:, :2] + (a * ahead + b * left).T for a, b in sides])
     corners = corners[(np.abs(corners) <= extent).all(axis=1)]
     if not len(corners):
         return 0.0
     return float(geos.distance(road, geos.points(corners)).max())
-
-
-def _find_corners(points: FloatArray, size: FloatArray) -> FloatArray:
-    """[n, 4, 2] corners of the ego [m]."""
-    c, s = np.cos(points[:, 2]), np.sin(points[:, 2])
-    ahead, left = np.stack([c, s], -1) * size[0] / 2, np.stack([-s, c], -1) * size[1] / 2
-    signs = ((1, 1), (1, -1), (-1, -1), (-1, 1))
-    return np.stack([points[:, :2] + a * ahead + b * left for a, b in signs], axis=1)
 
 
 def _measure_against_flow(one: Scenario, points: FloatArray) -> float:
@@ -378,7 +368,9 @@ def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
     one = drive.scenario
     ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
     me = ids[one.ego]
-    partners = {ids[k] for k in (*one.partner, *_list_stand_ins(drive))}
+    meetings = drive.world.traffic.meetings if isinstance(drive.world.traffic, Resolve) else ()
+    # those that were re-timed stand in for those that the ego was to meet
+    partners = {ids[k] for k in (*one.partner, *(m.agent for m in meetings if m.agent != m.asked))}
     met = [e for e in scene.events if {e.from_, e.to} & {me} and {e.from_, e.to} & partners]
     apart = [e for e in scene.events if e.type == "collision" and me not in (e.from_, e.to)]
     return {
@@ -393,13 +385,6 @@ def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
         **_describe_meetings(drive, {ids.index(n) for e in met for n in (e.from_, e.to)}),
         "events": [e.model_dump(mode="json", by_alias=True) for e in scene.events],
     }  # fmt: skip
-
-
-def _list_stand_ins(drive: Drive) -> list[int]:
-    """Agents that were re-timed in place of those that the ego was to meet."""
-    traffic = drive.world.traffic
-    meetings = traffic.meetings if isinstance(traffic, Resolve) else ()
-    return [each.agent for each in meetings if each.agent != each.asked]
 
 
 def _describe_meetings(drive: Drive, met: set[int]) -> dict[str, Any]:

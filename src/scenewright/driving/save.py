@@ -9,7 +9,6 @@ from scenewright.driving.report import Report
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.graph.run import encode_proof, encode_scene, format_json_line, make_folder
-from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 
 
@@ -26,42 +25,27 @@ def save_drive(
     if report.scene is None:
         raise InputError("a drive on recorded tracks has no scene to save")
     target = make_folder(folder)
-    scene, proof = report.scene.record, report.scene.proof
-    write_atomically(target / "provenance.json", format_json_line(_describe_origin(report, proof)))
+    scene, proof, drive = report.scene.record, report.scene.proof, report.drive
+    recorded, place = drive.scenario.record, drive.scenario.intersection_map
+    origin = {
+        "scenewright": version("scenewright"),
+        "driven": recorded.meta.scene_id if isinstance(recorded, SceneRecord) else None,
+        "policy": drive.policy, "others": drive.others, "seed": drive.seed,
+        "scene_digest": proof.scene_digest,
+    }  # fmt: skip
+    write_atomically(target / "provenance.json", format_json_line(origin))
     write_atomically(target / "drive.json", format_json_line(report.to_json()))
     write_atomically(target / "proof.json", encode_proof(proof))
     write_atomically(target / "scene.json", encode_scene(scene))
-    if picture:
-        _draw(report, target / "scene.png")
-    if recording:
-        _record(report, target / "scene.rrd")
-    return target
+    if picture and place is not None:
+        from scenewright.viz.still import draw_scene
 
+        draw_scene(target / "scene.png", scene=scene, proof=proof, intersection=place)
+    if recording and place is not None:
+        from scenewright.viz.recording import record_scene
 
-def _describe_origin(report: Report, proof: Proof) -> dict[str, object]:
-    drive, record = report.drive, report.drive.scenario.record
-    scene_id = record.meta.scene_id if isinstance(record, SceneRecord) else None
-    return {
-        "scenewright": version("scenewright"), "driven": scene_id, "policy": drive.policy,
-        "others": drive.others, "seed": drive.seed, "scene_digest": proof.scene_digest,
-    }  # fmt: skip
-
-
-def _draw(report: Report, path: Path) -> None:
-    from scenewright.viz.still import draw_scene
-
-    scene, place = report.scene, report.drive.scenario.intersection_map
-    if scene is not None and place is not None:
-        draw_scene(path, scene=scene.record, proof=scene.proof, intersection=place)
-
-
-def _record(report: Report, path: Path) -> None:
-    from scenewright.viz.recording import record_scene
-
-    scene, place = report.scene, report.drive.scenario.intersection_map
-    if scene is not None and place is not None:
-        lines = [("drive", f"{report.drive.policy}, others {report.drive.others}")]
         record_scene(
-            path, scene=scene.record, proof=scene.proof, intersection=place, candidates=None,
-            priors=None, messages=lines,
+            target / "scene.rrd", scene=scene, proof=proof, intersection=place, candidates=None,
+            priors=None, messages=[("drive", f"{drive.policy}, others {drive.others}")],
         )  # fmt: skip
+    return target

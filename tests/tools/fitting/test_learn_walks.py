@@ -7,6 +7,7 @@ import pytest
 
 import map_files
 from scenewright.cli.custom_intersections import fit_own, import_file
+from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.intersections import load_map
 from scenewright.tools.fitting.learn_walks import learn_crossings, learn_sidewalks
 from scenewright.tools.map_import import import_map
@@ -72,8 +73,7 @@ def test_a_survey_comes_back_as_it_was_written(file):
 def test_fit_moves_a_derived_crosswalk_and_says_so(file, place, tmp_path, monkeypatch):
     (tmp_path / "own").mkdir(exist_ok=True)
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
-    options = dict.fromkeys(("center", "junction", "left_hand", "extent", "title", "licence"))
-    import_file(str(file), name="four", signals="keep", force=False, log=print, **options)
+    import_file(str(file), ImportOptions(name="four"), log=print)
     rows = ["t,id,class,x,y"]
     for n, xy in enumerate(walk_across(place, "east", 5.0, 8, beyond=4.0)):
         rows += [
@@ -81,8 +81,7 @@ def test_fit_moves_a_derived_crosswalk_and_says_so(file, place, tmp_path, monkey
         ]
     tracks = tmp_path / "walkers.csv"
     tracks.write_text("\n".join(rows) + "\n")
-    names = ("columns", "origin", "shift", "start", "counts", "licence")
-    facts = fit_own("four", [str(tracks)], log=lambda *_: None, **dict.fromkeys(names))
+    facts = fit_own("four", [str(tracks)], FitOptions(), log=lambda *_: None)
     assert any("east: 8 people cross" in note for note in facts["notes"]), facts["notes"]
     moved = {each.leg: np.mean(each.centreline, axis=0) for each in load_map("four").crosswalks}
     old = {each.leg: np.mean(each.centreline, axis=0) for each in place.crosswalks}

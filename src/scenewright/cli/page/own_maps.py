@@ -93,17 +93,17 @@ class OwnMaps:
             InputError: the file, the junction or an option cannot be used.
         """
         from scenewright.cli.custom_intersections import import_file, import_text
+        from scenewright.cli.intersection_options import ImportOptions
 
         path = self._folder / name_of_file
         if not re.fullmatch(r"[0-9a-f]{16}\.[a-z.]+", name_of_file) or not path.is_file():
             raise InputError("this file is not here any more; drop it again")
         if side not in ("", "left", "right") or signals not in ("", "keep", "assume", "none"):
             raise InputError("side is left or right; signals are keep, assume or none")
+        options = ImportOptions(
+            name=name, junction=junction or None, signals=signals or "keep",  # type: ignore[arg-type]
+            left_hand=None if not side else side == "left",
+        )  # fmt: skip
         with self._lock:
-            facts = import_file(
-                str(path), name=name, center=None, junction=junction or None,
-                left_hand=None if not side else side == "left", extent=None, title=None,
-                signals=signals or "keep", licence=None, force=False,
-                log=lambda _stage, _line: None,
-            )  # fmt: skip
+            facts = import_file(str(path), options, log=lambda _stage, _line: None)
         return {"name": facts["name"], "lines": import_text(facts)}

@@ -59,7 +59,10 @@ class BatchFolder:
         make_folder(self.out)
         with ExitStack() as stack:
             try:
-                _refuse_foreign(self.out)
+                if not any(self.out.glob("journal*.jsonl")) and not all(
+                    entry.name.startswith((".journal", ".finish")) for entry in self.out.iterdir()
+                ):
+                    raise InputError(f"{self.out} holds other files; choose another --out")
                 stack.enter_context(lock_journal(self.out, self._name))
                 discard_leftovers(self.out, self._name)
                 self.journal = Journal(self.out, name=self._name, header=self._header)
@@ -105,11 +108,17 @@ class BatchFolder:
         """
         clock = ProgressClock(of, log)
         todo = self._open(jobs, clock)
-        for job, result in _load_engine(engine)(todo, work, workers=workers, limit=limit):
+        if engine == "process":
+            results = spread(todo, work, workers=workers, limit=limit)
+        else:
+            from scenewright.dataset.batch.cluster import spread_on_ray
+
+            results = spread_on_ray(todo, work, workers=workers, limit=limit)
+        for job, result in results:
             if not clock.now:
                 # From here on it would not list what is there.
                 (self.out / MANIFEST).unlink(missing_ok=True)
-            outcome = result if isinstance(result, Outcome) else _build_overdue(result)
+            outcome = result if isinstance(result, Outcome) else _build_failure(result)
             self.journal.append(self._build_entry(job, outcome))
             clock.log_end(outcome.status, now=True)
         return clock.now
@@ -165,42 +174,19 @@ class ProgressClock:
         if now:
             self.now += 1
             self._ended.append(time.monotonic())
-        rate, done = self._rate(), self._counts.total()
+        done, rate = self._counts.total(), 0.0
+        if len(self._ended) > 1:  # of the last ones: what workers need to start says nothing
+            rate = (len(self._ended) - 1) / max(self._ended[-1] - self._ended[0], 1e-6)
         left = (self._of - done) / rate if rate else None
         self._log(Progress(done, self._of, dict(self._counts), rate, left, self._what))
 
-    def _rate(self) -> float:
-        """Rows a second over the last ones: what workers need to start says nothing."""
-        if len(self._ended) < 2:
-            return 0.0
-        return (len(self._ended) - 1) / max(self._ended[-1] - self._ended[0], 1e-6)
 
-
-def _load_engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died | Overdue]]]:
-    if name == "process":
-        return spread
-    from scenewright.dataset.batch.cluster import spread_on_ray
-
-    return spread_on_ray
-
-
-def _build_overdue(result: Died | Overdue) -> Outcome:
+def _build_failure(result: Died | Overdue) -> Outcome:
+    """What became of a row whose worker died or took too long."""
     if isinstance(result, Overdue):
         reason = f"took longer than the {result.limit:g} s that a row may take (--row-timeout)"
         return Outcome("failed", "overdue", reason, seconds=result.limit)
-    return _build_died(result)
-
-
-def _build_died(died: Died) -> Outcome:
-    cause = "" if died.code is None else f", the last with code {died.code}"
-    if died.code == _OUT_OF_MEMORY:
+    cause = "" if result.code is None else f", the last with code {result.code}"
+    if result.code == _OUT_OF_MEMORY:
         cause = ", the last killed from outside, as a machine does that runs out of memory"
     return Outcome("failed", "worker_died", f"{TRIES} workers died of this row{cause}")
-
-
-def _refuse_foreign(out: Path) -> None:
-    """Refuses a folder that holds other things than a batch."""
-    if not any(out.glob("journal*.jsonl")) and any(
-        entry for entry in out.iterdir() if not entry.name.startswith((".journal", ".finish"))
-    ):
-        raise InputError(f"{out} holds other files; choose another --out")

@@ -46,26 +46,18 @@ def spread_on_ray(
     Raises:
         InputError: Ray is not installed.
     """
-    ray = _import_ray()
+    require_extra("ray", "--engine ray", "ray")
+    ray = import_module("ray")
     started = not ray.is_initialized()
     if started:
-        _begin(ray, workers)
+        address = os.environ.get("RAY_ADDRESS")
+        local = {} if address else {"num_cpus": workers, "include_dashboard": False}
+        ray.init(address=address, log_to_driver=False, logging_level="ERROR", **local)
     try:
         yield from _spread(ray, iter(jobs), task, workers, limit)
     finally:
         if started:
             ray.shutdown()
-
-
-def _import_ray() -> Any:
-    require_extra("ray", "--engine ray", "ray")
-    return import_module("ray")
-
-
-def _begin(ray: Any, workers: int) -> None:
-    address = os.environ.get("RAY_ADDRESS")
-    local = {} if address else {"num_cpus": workers, "include_dashboard": False}
-    ray.init(address=address, log_to_driver=False, logging_level="ERROR", **local)
 
 
 def _spread(
@@ -79,34 +71,26 @@ def _spread(
     flying: dict[Any, list[JobT]] = {}
     alone: deque[JobT] = deque()
     while True:
-        while len(flying) < AHEAD * workers and (shard := _take_jobs(alone, jobs)):
+        while len(flying) < AHEAD * workers:
+            shard = [alone.popleft()] if alone else list(islice(jobs, SHARD))
+            if not shard:
+                break
             flying[remote.remote(task, shard, limit)] = shard
         if not flying:
             return
         done, _ = ray.wait(list(flying), num_returns=1, timeout=1.0)
         for each in done:
             shard = flying.pop(each)
-            results = _get_results(ray, each)
-            if results is None and len(shard) > 1:
-                alone.extend(shard)
-            else:
-                yield from zip(shard, results or [Died(None)], strict=True)
-
-
-def _take_jobs(alone: deque[JobT], jobs: Iterator[JobT]) -> list[JobT]:
-    """The jobs of the next task: one whose task died, else the next few."""
-    return [alone.popleft()] if alone else list(islice(jobs, SHARD))
-
-
-def _get_results(ray: Any, reference: Any) -> list[Any] | None:
-    """What a task came to; None if every worker that had it died."""
-    try:
-        found: list[Any] = ray.get(reference)
-    except ray.exceptions.RayTaskError:
-        raise
-    except ray.exceptions.RayError:
-        return None
-    return found
+            try:
+                results = ray.get(each)
+            except ray.exceptions.RayTaskError:
+                raise
+            except ray.exceptions.RayError:  # every worker that had it died
+                if len(shard) > 1:
+                    alone.extend(shard)
+                    continue
+                results = [Died(None)]
+            yield from zip(shard, results, strict=True)
 
 
 def _run_shard(task: Callable[[Any], Any], jobs: list[Any], limit: float | None) -> list[Any]:

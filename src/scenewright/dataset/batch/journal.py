@@ -58,7 +58,11 @@ class Journal:
         self._writer: BinaryIO | None = None
         self._number = -1
         if name is not None:
-            _begin(folder / name, dict(header))
+            if not (folder / name).exists():  # it has its header or does not exist
+                part = folder / f".{name}.part"
+                part.write_bytes(format_json_line(header))
+                os.replace(part, folder / name)
+            _cut_torn_line(folder / name)
         try:
             for number, path in enumerate(sorted(folder.glob("journal*.jsonl"))):
                 self._load(number, path, dict(header))
@@ -107,22 +111,18 @@ class Journal:
         place = reader.tell()
         for line in iter(reader.readline, b""):
             if line.endswith(b"\n"):
-                self._note(_number_in(path, line), number, place)
+                try:
+                    row = int(json.loads(line)["number"])
+                except (ValueError, KeyError, TypeError) as error:
+                    damage = f"{path} is damaged; remove the folder and begin anew"
+                    raise InputError(damage) from error
+                self._note(row, number, place)
             place += len(line)
 
     def _note(self, row: int, number: int, place: int) -> None:
         if row >= len(self._places):
             self._places.extend([-1] * (row + 1 - len(self._places)))
         self._places[row] = number << _FILE_BITS | place
-
-
-def _begin(file: Path, header: dict[str, Any]) -> None:
-    """A journal has its header or does not exist."""
-    if not file.exists():
-        part = file.with_name(f".{file.name}.part")
-        part.write_bytes(format_json_line(header))
-        os.replace(part, file)
-    _cut_torn_line(file)
 
 
 def _cut_torn_line(path: Path) -> None:
@@ -139,14 +139,6 @@ def _cut_torn_line(path: Path) -> None:
             end = begin
         if end < size:
             stream.truncate(end)
-
-
-def _number_in(path: Path, line: bytes) -> int:
-    try:
-        number = json.loads(line)["number"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is damaged; remove the folder and begin anew") from error
-    return int(number)
 
 
 def _check_header(path: Path, line: bytes, header: dict[str, Any]) -> None:

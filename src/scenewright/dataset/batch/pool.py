@@ -154,7 +154,8 @@ def spread(
             crew.append(_Worker(task))
             crew[-1].give(first)
         while busy := [each for each in crew if each.task is not None]:
-            ready = wait([each.pipe for each in busy], timeout=_compute_wait(busy, limit))
+            left = None if limit is None else min(each.compute_left(limit) for each in busy)
+            ready = wait([each.pipe for each in busy], left if left is None else max(left, 0.0))
             for worker in busy:
                 if worker.pipe in ready:
                     yield from _collect_answers(worker, crew, queue, task)
@@ -163,11 +164,6 @@ def spread(
     finally:
         for worker in crew:
             worker.stop()
-
-
-def _compute_wait(busy: list[_Worker[JobT]], limit: float | None) -> float | None:
-    """How long to wait for an answer [s]."""
-    return None if limit is None else max(min(each.compute_left(limit) for each in busy), 0.0)
 
 
 class _Queue(Generic[JobT]):
@@ -194,7 +190,13 @@ def _collect_answers(
     done, worker.task = worker.task, None
     if done is None:
         return
-    result = overdue or _receive(worker)
+    result: Any = overdue
+    if overdue is None:
+        try:
+            result = pickle.loads(worker.pipe.recv_bytes())
+        except (EOFError, OSError):
+            worker.process.join()
+            result = Died(worker.process.exitcode)
     again = isinstance(result, Died) and done.deaths + 1 < TRIES
     if again:
         queue.again.append(_PoolTask(done.job, done.deaths + 1))
@@ -209,11 +211,3 @@ def _collect_answers(
         worker.give(following)
     if not again:
         yield done.job, result
-
-
-def _receive(worker: _Worker[JobT]) -> Any:
-    try:
-        return pickle.loads(worker.pipe.recv_bytes())
-    except (EOFError, OSError):
-        worker.process.join()
-        return Died(worker.process.exitcode)

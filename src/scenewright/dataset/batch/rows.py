@@ -29,19 +29,9 @@ _RESERVED = frozenset(
 )
 """Names that some system keeps for devices, whatever follows the first dot."""
 _OURS = frozenset(
-    [
-        "tables",
-        "figures",
-        "journal",
-        "manifest",
-        "readme",
-        "rows",
-        "order",
-        "report",
-        "evaluation",
-        "croissant",
-    ]
-)
+    ("tables", "figures", "journal", "manifest", "readme", "rows", "order", "report",
+     "evaluation", "croissant")
+)  # fmt: skip
 """First parts of the names that stand beside the scenes' folders."""
 
 
@@ -163,9 +153,10 @@ def read_source(path: str | Path) -> RowSource:
             plans.update(compute_digest(given.plan, f"{given.as_read} {given.text}").encode())
     if not lines:
         raise InputError(f"{file} holds no rows; each line is an object with 'id' and 'text'")
-    clashing = _find_clashes(file, _find_duplicates(bytes(keys)))
+    clashing = _find_clashes(file, bytes(keys))
     named = hashlib.sha256(b"").digest() != plans.digest()
-    own = _hash_file(file)
+    with file.open("rb") as stream:
+        own = hashlib.file_digest(stream, "sha256").hexdigest()
     sha256 = hashlib.sha256(f"{own} {plans.hexdigest()}".encode()).hexdigest() if named else own
     return RowSource(file, sha256, lines, clashing)
 
@@ -185,30 +176,24 @@ def _hash_key(text: str) -> bytes:
     return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16).digest()
 
 
-def _find_duplicates(keys: bytes) -> frozenset[bytes]:
-    """The keys that occur more than once."""
+def _find_clashes(file: Path, keys: bytes) -> frozenset[str]:
+    """Ids in lower case that several rows have; InputError where two are the very same.
+
+    Args:
+        keys: 16 bytes for each row, `_hash_key` of its id in lower case.
+    """
     found, counts = np.unique(np.frombuffer(keys, dtype="V16"), return_counts=True)
-    return frozenset(bytes(key) for key in found[counts > 1])
-
-
-def _find_clashes(file: Path, twice: frozenset[bytes]) -> frozenset[str]:
-    """Ids in lower case that several rows have; InputError where two are the very same."""
+    twice = {bytes(key) for key in found[counts > 1]}
     seen: dict[str, int] = {}
-    if twice:
-        for line, row in _read(file):
-            if _hash_key(row.id.lower()) in twice:
-                first = seen.setdefault(row.id, line)
-                if first != line:
-                    raise InputError(
-                        f"{file}, line {line}: the id {_quote_value(row.id)} is that of "
-                        f"line {first}; every row needs an id of its own"
-                    )
+    for line, row in _read(file) if twice else ():
+        if _hash_key(row.id.lower()) in twice:
+            first = seen.setdefault(row.id, line)
+            if first != line:
+                raise InputError(
+                    f"{file}, line {line}: the id {_quote_value(row.id)} is that of "
+                    f"line {first}; every row needs an id of its own"
+                )
     return frozenset(identity.lower() for identity in seen)
-
-
-def _hash_file(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:

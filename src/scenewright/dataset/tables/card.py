@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,69 +106,72 @@ def _format_front_matter(contents: Contents) -> str:
         language=["en"],
         size_categories=[size],
         tags=["traffic", "trajectories", "synthetic", "safety-critical events"],
-        configs=[_describe_config(name, splits) for name, splits in contents.splits.items()],
-    )
+        configs=[
+            {"config_name": name, **({"default": True} if name == "scenes" else {}),
+             "data_files": [{"split": split, "path": f"tables/{name}/{split}.parquet"}
+                            for split in splits]}
+            for name, splits in contents.splits.items()
+        ],
+    )  # fmt: skip
     return f"---\n{data.to_yaml()}\n---"
 
 
-def _describe_config(name: str, splits: Sequence[str]) -> dict[str, Any]:
-    files = [{"split": split, "path": f"tables/{name}/{split}.parquet"} for split in splits]
-    default = {"default": True} if name == "scenes" else {}
-    return {"config_name": name, **default, "data_files": files}
+def _format_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    head = [title, "", f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
+    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def _format_counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str:
     if not counts:
         return ""
-    lines = [f"## {title}", "", f"| {name} | {value} |", "|---|---|"]
-    ordered = sorted(counts.items()) if all(isinstance(v, int) for v in counts.values()) else [
-        *counts.items()
-    ]  # fmt: skip
-    lines += [
-        f"| {escape_markdown(str(key))} | {escape_markdown(str(count))} |" for key, count in ordered
-    ]
-    return "\n".join(lines)
+    ordered = list(counts.items())
+    if all(isinstance(count, int) for count in counts.values()):
+        ordered.sort()
+    rows = [[escape_markdown(str(cell)) for cell in pair] for pair in ordered]
+    return _format_table(f"## {title}", (name, value), rows)
 
 
 def _format_events(events: Mapping[tuple[str, str], int]) -> str:
     """A row for each type of event; what was asked for stands apart from what happened beside."""
-    lines = ["## Events in scenes", "", "| event | asked for | unasked | incidental |"]
-    lines.append("|---|---|---|---|")
-    for kind in sorted({kind for kind, _ in events}):
-        cells = (str(events.get((kind, how), 0)) for how in ("asked for", "unasked", "incidental"))
-        lines.append(f"| {escape_markdown(kind)} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    columns = ("asked for", "unasked", "incidental")
+    rows = [
+        (escape_markdown(kind), *(str(events.get((kind, how), 0)) for how in columns))
+        for kind in sorted({kind for kind, _ in events})
+    ]
+    return _format_table("## Events in scenes", ("event", *columns), rows)
 
 
 def _format_causes(causes: Mapping[tuple[str, str], int]) -> str:
     """Why the events that were asked for came about, with the share among those of their type."""
     if not causes:
         return ""
-    lines = ["## Causes of the events asked for", "", "| event | cause | events | share |"]
-    lines.append("|---|---|---|---|")
     totals = Counter[str]()
     for (kind, _), count in causes.items():
         totals[kind] += count
-    for (kind, cause), count in sorted(causes.items()):
-        names = f"{escape_markdown(kind)} | {escape_markdown(cause)}"
-        lines.append(f"| {names} | {count} | {100 * count / totals[kind]:.0f} % |")
-    return "\n".join(lines)
+    rows = [
+        (escape_markdown(kind), escape_markdown(cause), str(count),
+         f"{100 * count / totals[kind]:.0f} %")
+        for (kind, cause), count in sorted(causes.items())
+    ]  # fmt: skip
+    columns = ("event", "cause", "events", "share")
+    return _format_table("## Causes of the events asked for", columns, rows)
 
 
 def _format_statistics(rows: Sequence[tuple[str, str, str]]) -> str:
     if not rows:
         return ""
-    lines = ["## What the scenes show", "", "| figure | values | 5 % / median / 95 % |"]
-    lines += ["|---|---|---|", *(f"| {escape_markdown(a)} | {b} | {c} |" for a, b, c in rows)]
-    return "\n".join(lines)
+    columns = ("figure", "values", "5 % / median / 95 %")
+    cells = [(escape_markdown(figure), *others) for figure, *others in rows]
+    return _format_table("## What the scenes show", columns, cells)
 
 
 def _format_schema(name: str, rows: int) -> str:
-    lines = [f"### Table `{name}`: {rows} rows", "", "| column | type | meaning |", "|---|---|---|"]
     kinds = {"list": "list of string", "ids": "list of int16", "floats": "list of float64"}
-    for column, (kind, meaning) in SCHEMAS[name].items():
-        lines.append(f"| `{column}` | {kinds.get(kind, kind)} | {meaning} |")
-    return "\n".join(lines)
+    cells = [
+        (f"`{column}`", kinds.get(kind, kind), meaning)
+        for column, (kind, meaning) in SCHEMAS[name].items()
+    ]
+    return _format_table(f"### Table `{name}`: {rows} rows", ("column", "type", "meaning"), cells)
 
 
 def _flatten(about: Mapping[str, Any]) -> dict[str, Any]:

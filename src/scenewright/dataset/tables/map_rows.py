@@ -12,7 +12,7 @@ from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 def list_map_rows(intersection: IntersectionMap) -> list[dict[str, Any]]:
     """The rows of one intersection, in the order of its map file."""
     roads: dict[str | None, str] = {leg.name: leg.road for leg in intersection.legs}
-    rows = [*_list_lanes(intersection), *_list_crossings(intersection)]
+    rows = [*_list_lines(intersection)]
     rows += _list_areas("road", intersection.road)
     rows += _list_areas("walkable", intersection.walkable)
     return [
@@ -21,35 +21,20 @@ def list_map_rows(intersection: IntersectionMap) -> list[dict[str, Any]]:
     ]
 
 
-def _list_lanes(intersection: IntersectionMap) -> Iterator[dict[str, Any]]:
+def _list_lines(intersection: IntersectionMap) -> Iterator[dict[str, Any]]:
     for lane in intersection.lanelets:
         yield {
-            "feature": lane.id,
-            "kind": lane.kind,
-            "leg": lane.leg,
-            "width": lane.width,
-            "speed_limit": lane.speed_limit,
-            "successors": list(lane.successors),
+            "feature": lane.id, "kind": lane.kind, "leg": lane.leg, "width": lane.width,
+            "speed_limit": lane.speed_limit, "successors": list(lane.successors),
             **_split_points(lane.centreline),
-        }
-
-
-def _list_crossings(intersection: IntersectionMap) -> Iterator[dict[str, Any]]:
+        }  # fmt: skip
     for line in intersection.stop_lines:
-        yield {
-            "feature": line.id,
-            "kind": "stop_line",
-            "leg": line.leg,
-            **_split_points(line.line),
-        }
-    for crosswalk in intersection.crosswalks:
-        yield {
-            "feature": crosswalk.id,
-            "kind": "crosswalk",
-            "leg": crosswalk.leg,
-            "width": crosswalk.width,
-            **_split_points(crosswalk.centreline),
-        }
+        points = _split_points(line.line)
+        yield {"feature": line.id, "kind": "stop_line", "leg": line.leg, **points}
+    for walk in intersection.crosswalks:
+        points = _split_points(walk.centreline)
+        yield {"feature": walk.id, "kind": "crosswalk", "leg": walk.leg, "width": walk.width,
+               **points}  # fmt: skip
 
 
 def _list_areas(kind: str, areas: Sequence[PolygonWithHoles]) -> Iterator[dict[str, Any]]:
