@@ -169,6 +169,7 @@ def list_forged(record: SceneRecord) -> Iterator[tuple[str, SceneRecord]]:
     for n, agent in enumerate(record.agents):
         xy = np.array(agent.trajectory)
         inside = np.flatnonzero(road.contains(xy) & (np.abs(xy).max(axis=1) < 40.0))
+        inside = inside[(inside > 5) & (inside < len(xy) - 5)]  # else nothing is cut off
         for rule in sorted(ENDS) if len(inside) else ():
             k = int(inside[len(inside) // 2])
             cut_agent = cut(agent, k, begins=rule == "appears")
