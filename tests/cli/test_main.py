@@ -226,7 +226,7 @@ def test_no_failure_is_a_traceback(
     code: int,
     name: str,
 ) -> None:
-    monkeypatch.setattr(making, "_synthesize", raiser(error))
+    monkeypatch.setattr("scenewright.graph.run.synthesize", raiser(error))
     done = run("make", QUICK, "--json")
     assert (done.code, json.loads(done.out)["code"]) == (code, name)
     assert done.complaint
@@ -234,7 +234,7 @@ def test_no_failure_is_a_traceback(
 
 
 def test_a_bug_shows_where_if_asked(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(making, "_synthesize", raiser(ZeroDivisionError()))
+    monkeypatch.setattr("scenewright.graph.run.synthesize", raiser(ZeroDivisionError()))
     monkeypatch.setenv("SCENEWRIGHT_TRACEBACK", "1")
     with pytest.raises(ZeroDivisionError):
         run("make", QUICK)
@@ -334,7 +334,7 @@ def test_interrupted_while_drawing_leaves_nothing(
     code: int,
     swallowed: bool,
 ) -> None:
-    def draw(*_: object) -> None:
+    def draw(*_: object, **__: object) -> None:
         try:
             signal.raise_signal(number)
         except KeyboardInterrupt:
@@ -409,7 +409,7 @@ class Oracle:
 def test_plan_survives_a_bug_in_one_row(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenewright.backends.load_backend", lambda _: Oracle())
+    monkeypatch.setattr("scenewright.backends.load_backend", lambda *_, **__: Oracle())
     rows = [{"id": text, "text": text} for text in ("bug", "mends", "plain")]
     (tmp_path / "in.jsonl").write_text("\n".join(map(json.dumps, rows)))
     done = run("plan", "in.jsonl", "--backend", "oracle")
@@ -420,7 +420,7 @@ def test_plan_survives_a_bug_in_one_row(
 def test_plan_stops_where_the_backend_fails(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenewright.backends.load_backend", lambda _: Oracle())
+    monkeypatch.setattr("scenewright.backends.load_backend", lambda *_, **__: Oracle())
     (tmp_path / "in.jsonl").write_text('{"id": "a", "text": "gone"}')
     assert run("plan", "in.jsonl", "--out", "out.jsonl").code == 4
     assert everything_in(tmp_path) == ["in.jsonl"]

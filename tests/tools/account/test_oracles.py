@@ -530,9 +530,10 @@ WRONG: dict[ClaimType, str] = {
     "cause": r"A (taxi|van|truck) brakes",
     "kind": r"lanes .* A van \[sideswipes",
     "sight": r"\[hidden\] car",
-    "braking": r"\[hard|(lanes .* A car|then .* A bus|A taxi|A truck) does|hard .*not braking",
+    "braking": r"\[hard|(lanes .* A car|then .* A bus|A taxi|A truck) does|hard .*not braking|distracted .*A car .*\[not",
     "motion": r"child who .*\[stops halfway",
     "movement": r"right and .* turns \[right",
+    "point": r"distracted .*\[right\] side",
     "phrase": r"within a hair|^(?!A taxi follows).*after\]|over the crosswalk|cuts in .*lanes into",
 }
 """What the account gets wrong: texts of scenes and phrases, left out until it is mended."""
