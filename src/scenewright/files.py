@@ -45,3 +45,8 @@ def _discard(part: Path) -> None:
         part.unlink(missing_ok=True)
     except OSError:
         return
+
+
+def is_plan_file(text: str) -> bool:
+    """Whether a word of the command line names a plan file; no instruction ends like that."""
+    return text.lower().endswith((".yaml", ".yml")) and "\n" not in text

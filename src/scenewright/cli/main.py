@@ -66,7 +66,7 @@ from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
 from scenewright.errors import InputError
-from scenewright.scene.plan_file import is_plan_file
+from scenewright.files import is_plan_file
 
 LOOPS = 180
 """That `warm` compiles, for its progress."""

@@ -17,12 +17,13 @@ from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
 from scenewright.cli.views import ViewKind, add_views, write_view
 from scenewright.errors import InputError
-from scenewright.scene.plan_file import PlanFile, is_plan_file, read_plan
+from scenewright.files import is_plan_file
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.backends import Backend
     from scenewright.graph.run import ProgressCallback, Scene
+    from scenewright.scene.plan_file import PlanFile
 
 SCENES = "scenes"
 MOST_TEXT = 1 << 20
@@ -104,7 +105,11 @@ def read_request(text: str) -> str | PlanFile:
     Raises:
         InputError: it is not UTF-8, or no plan.
     """
-    return read_plan(text) if is_plan_file(text) else read_instruction(text)
+    if is_plan_file(text):
+        from scenewright.scene.plan_file import read_plan
+
+        return read_plan(text)
+    return read_instruction(text)
 
 
 def read_instruction(text: str) -> str:

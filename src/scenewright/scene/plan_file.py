@@ -28,7 +28,6 @@ from scenewright.scene.social import (
 )
 from scenewright.scene.spread import Spread, find_fault, read_number, read_spread
 
-ENDINGS = (".yaml", ".yml")
 MOST_BYTES = 1 << 18
 """Longest plan file."""
 _WHOLE = ("members", "vehicles", "pedestrians")
@@ -94,11 +93,6 @@ class LogicalPlan:
                 target = target[step]
             target[path[-1]] = value
         return data
-
-
-def is_plan_file(text: str) -> bool:
-    """Whether a word of the command line names a plan file; no instruction ends like that."""
-    return text.lower().endswith(ENDINGS) and "\n" not in text
 
 
 def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:

@@ -530,7 +530,8 @@ WRONG: dict[ClaimType, str] = {
     "cause": r"A (taxi|van|truck) brakes",
     "kind": r"lanes .* A van \[sideswipes",
     "sight": r"\[hidden\] car",
-    "braking": r"\[hard|(lanes .* A car|then .* A bus|A taxi|A truck) does|hard .*not braking|distracted .*A car .*\[not",
+    "braking": r"\[hard|(lanes .* A car|then .* A bus|A taxi|A truck) does|hard .*not braking"
+    r"|distracted .*A car .*\[not",
     "motion": r"child who .*\[stops halfway",
     "movement": r"right and .* turns \[right",
     "point": r"distracted .*\[right\] side",
