@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass
+from functools import cache
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -35,8 +36,13 @@ def spread_options(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
+@cache  # the same options stand in several commands
+def _get_hints(made: Callable[..., Any]) -> dict[str, Any]:
+    return get_type_hints(made, include_extras=True)
+
+
 def _list_parameters(made: Callable[..., Any]) -> Iterator[inspect.Parameter]:
-    hints = get_type_hints(made, include_extras=True)
+    hints = _get_hints(made)
     for name, each in inspect.signature(made).parameters.items():
         if is_dataclass(hints[name]):
             yield from _list_parameters(hints[name])
@@ -46,7 +52,7 @@ def _list_parameters(made: Callable[..., Any]) -> Iterator[inspect.Parameter]:
 
 def _collect(made: Callable[..., Any], values: dict[str, Any]) -> dict[str, Any]:
     """The arguments of a command or a dataclass from the values of all options."""
-    hints = get_type_hints(made, include_extras=True)
+    hints = _get_hints(made)
     return {
         name: hints[name](**_collect(hints[name], values)) if is_dataclass(hints[name])
         else values[name]

@@ -7,7 +7,7 @@ import io
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal
 
@@ -132,7 +132,7 @@ def run_sweep(
     if (out / POINTS).exists() and (out / POINTS).read_bytes() != lines.encode():
         raise InputError(f"{out} holds another sweep; choose another --out")
     write_atomically(out / POINTS, lines.encode())
-    request = Request(**{**vars(request), "source": out / POINTS, "out": out / SCENES})
+    request = replace(request, source=out / POINTS, out=out / SCENES)
     summary = run_batch(request, log=log)
     write_atomically(out / TABLE, _format_table(plan, points, request).encode())
     return summary

@@ -17,6 +17,11 @@ _RESOLUTION = 0.5
 """Grid on which offsets of the programme are tried [s]."""
 
 
+Greens = tuple[FloatArray, NDArray[np.bool_], float, float]
+"""When the phases of a light end [s], which are green, offset and cycle [s]; no phases: no
+light."""
+
+
 @dataclass(frozen=True)
 class SignalDemand:
     """During [start, end] [s] the light of `group` must show one of `colours`."""
@@ -43,16 +48,10 @@ class SignalClock:
             left -= phase.duration
         return self.program.phases[-1].colours[group]
 
-    def find_next_green(self, group: str, time: float) -> float:
-        """First scene time [s] >= `time` at which `group` turns (or is) green; inf if never."""
-        if self.get_colour(group, time) == "green":
-            return time
-        start = -((time + self.offset) % self.program.cycle)
-        for phase in (*self.program.phases, *self.program.phases):
-            if start >= 0 and phase.colours[group] == "green":
-                return time + start
-            start += phase.duration
-        return float("inf")
+    def get_greens(self, group: str) -> Greens:
+        """When the light of `group` is green."""
+        edges, green = get_phases(self.program, group, ("green",))
+        return edges, green, float(self.offset), float(self.program.cycle)
 
 
 def find_feasible_offsets(program: SignalProgram, demands: tuple[SignalDemand, ...]) -> FloatArray:
@@ -111,6 +110,28 @@ def is_showing_at(time: float, edges: FloatArray, fits: NDArray[np.bool_], cycle
     while phase < len(edges) - 1 and not edges[phase] > left:  # never (infinity) is the last
         phase += 1
     return bool(fits[phase])
+
+
+@compiled
+def is_green(time: float, greens: Greens) -> bool:
+    """Return whether the light is green at a scene time [s]."""
+    edges, green, offset, cycle = greens
+    return is_showing_at(time + offset, edges, green, cycle)
+
+
+@compiled
+def find_green(time: float, greens: Greens) -> float:
+    """Find the first scene time [s] from `time` on at which the light turns, or is, green."""
+    edges, green, offset, cycle = greens
+    if is_green(time, greens):
+        return time
+    at = (time + offset) % cycle
+    for lap in range(2):
+        for k in range(len(edges)):
+            begins = lap * cycle + (edges[k - 1] if k else 0.0)
+            if begins >= at and green[k]:
+                return time + begins - at
+    return np.inf
 
 
 def get_phases(

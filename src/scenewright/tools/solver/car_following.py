@@ -28,18 +28,18 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import FORESIGHT, PACE_STEP, DrivingProfile
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
+from scenewright.tools.map_grounding.signal_plan import Greens, find_green, is_green
 from scenewright.tools.solver.entry_times import (
     SEEN,
     START_LAG,
-    Greens,
     SceneTiming,
-    find_green,
-    is_green,
     is_seen_moving,
     list_greens,
 )
 from scenewright.tools.solver.path_conflict import IntArray
 from scenewright.tools.solver.reservation import (
+    AHEAD,
+    CROSSING,
     IN_LANE,
     Bars,
     Corridor,
@@ -134,11 +134,6 @@ def _build_stop(row: list[float], actor: ScheduledAgent) -> Stop:
     at_line = line is not None and 0.0 <= line - s < _LINE[1] + 0.5
     anchor = "stop_line" if at_line else "queue"
     return Stop(anchor, s, start + actor.enters, until + actor.enters, "red_light")
-
-
-BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)
-"""What blocks a node: the clearance to a follower of the same lane or to any agent; the vehicle
-ahead in the lane; a crossing agent; a crossing foreground agent."""
 
 
 # ---- as machine code ----------------------------------------------------------------------------
@@ -292,7 +287,7 @@ def _drive_among(
     """Compute the arc length [T] every 0.1 s behind all it would run into; empty if impossible.
 
     Args:
-        nodes: arc lengths [N]; bars: see `ReservationTable.list_bars`.
+        nodes: arc lengths [N]; bars: see `list_bars`.
         enters: scene time of its entry [s]; until: how long the motion is computed [s].
         places, free: arc lengths [P] and free speed there.
         line, stop: arc length of its line, and where it stands at red [m].

@@ -22,9 +22,12 @@ from scenewright.scene.map import IntersectionMap, Route, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import (
+    Greens,
     SignalClock,
+    find_green,
     get_phases,
     get_red_duration,
+    is_green,
     is_showing_at,
 )
 from scenewright.tools.solver.reservation import (
@@ -67,10 +70,6 @@ _ROOM_TO_STOP = 3.0
 _FOR_GOOD = 10.0
 """Who waits so long beyond the scene does not set off in it [s]."""
 
-Greens = tuple[FloatArray, NDArray[np.bool_], float, float]
-"""When the phases of a light end [s], which are green, offset and cycle [s]; no phases: no
-light."""
-
 
 @dataclass(frozen=True)
 class SceneTiming:
@@ -97,8 +96,7 @@ def list_greens(actor: ScheduledAgent, moment: SceneTiming) -> Greens:
     group, clock = actor.landmarks.group, moment.clock
     if actor.landmarks.line is None or group is None or clock is None:
         return np.empty(0), np.empty(0, dtype=np.bool_), 0.0, 1.0
-    edges, green = get_phases(clock.program, group, ("green",))
-    return edges, green, float(clock.offset), float(clock.program.cycle)
+    return clock.get_greens(group)
 
 
 def pass_or_wait(
@@ -126,11 +124,8 @@ def pass_or_wait(
     gaps = np.full(len(wished), KERB_GAP) if walks else rng.uniform(*LINE_GAP, len(wished))
     rows = rng.uniform(*KERB_ROW, len(wished)) if walks else np.zeros(len(wished))
     lags = rng.uniform(*START_LAG, len(wished))
-    own = [
-        each[1:]
-        for each in marks.crosswalks
-        if each[0] == marks.own_crosswalk and _is_red_at_start(actor, moment)
-    ]
+    red = marks.crosswalks if _is_red_at_start(actor, moment) else ()
+    own = [each[1:] for each in red if each[0] == marks.own_crosswalk]
     conflicts = [(time, *place) for time, place in moment.conflicts if walks]
     n, stop, release = _find_entry(
         wished.round(1), gaps, rows, lags, candidate.path.s, candidate.path.xy,
@@ -414,25 +409,3 @@ def _is_in_view(
         if goes and np.hypot(xy[last, 0] - x, xy[last, 1] - y) < _IN_VIEW:
             return True
     return False
-
-
-@compiled
-def is_green(time: float, greens: Greens) -> bool:
-    """Return whether the light is green at a scene time [s]."""
-    edges, green, offset, cycle = greens
-    return is_showing_at(time + offset, edges, green, cycle)
-
-
-@compiled
-def find_green(time: float, greens: Greens) -> float:
-    """Find the first scene time [s] from `time` on at which the light turns, or is, green."""
-    edges, green, offset, cycle = greens
-    if is_green(time, greens):
-        return time
-    at = (time + offset) % cycle
-    for lap in range(2):
-        for k in range(len(edges)):
-            begins = lap * cycle + (edges[k - 1] if k else 0.0)
-            if begins >= at and green[k]:
-                return time + begins - at
-    return np.inf

@@ -71,6 +71,9 @@ _WIDEST, _WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
 _BESIDE_RIDERS = 0.75
 """Room beside a rider [m] on top of the clearance: closer than 1.5 m it would be overtaken."""
 
+AHEAD, CROSSING, UNTOUCHABLE = range(3)
+"""What blocks a node: the vehicle ahead in the lane, a crossing agent, or one of the foreground."""
+
 WALKER_AHEAD = 8.4
 """No other agent crosses so shortly [s] before a vehicle that waits for one pedestrian."""
 
@@ -262,12 +265,7 @@ def _is_in_lane(
 
 @compiled
 def list_bars(corridor: Corridor, table: Reservations) -> Bars:
-    """List nodes [N] where a background vehicle is blocked: when [s, s], by which agent, how.
-
-    Returns:
-        How: 0 the clearance alone; 1 it drives ahead in the lane; 2 it crosses; 3 it crosses and
-        is of the foreground.
-    """
+    """List nodes [N] where a background vehicle is blocked: when [s, s], by which agent, how."""
     near, touching = _find_runs(corridor, table)
     pose, nodes, keeping = corridor.pose, table.nodes, table.keeping
     room = len(near) + len(touching)
@@ -292,7 +290,7 @@ def list_bars(corridor: Corridor, table: Reservations) -> Bars:
                     before, after = (IN_LANE, IN_LANE) if crowd else (before, after)
                 begin, end = begin - before, end + after
             rows[count], low[count], high[count], who[count] = row, begin, end, other
-            kind[count] = 1 if along else (2 if own[_CROWD] > 0.0 else 3)
+            kind[count] = AHEAD if along else (CROSSING if own[_CROWD] > 0.0 else UNTOUCHABLE)
             count += 1
     return rows[:count], low[:count], high[:count], who[:count], kind[:count]
 

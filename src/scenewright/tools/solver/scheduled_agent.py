@@ -15,9 +15,6 @@ from scenewright.scene.selection import Push, Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.segment_editor import end_motion, make_stop_command, push_motion
 
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
-
 
 @dataclass(frozen=True, eq=False)
 class ScheduledAgent:
