@@ -51,6 +51,7 @@ def run_here(case: str, seed: int, refiner: str) -> None:
         for text in TEXTS:  # loads all that the first scene of a process must load
             synthesize(text + CASES["8 am"], seed=99, refiner=refiner).save(Path(folder) / "warm")
         gc.freeze()  # as the workers of a batch do after their first row
+        gc.set_threshold(100_000, 50, 50)
         for number, text in enumerate(list_texts(case)):
             begin = time.process_time()
             try:

@@ -31,7 +31,7 @@ from scenewright.tools.gmm_sampler import (
     sample_driving_profiles,
     sample_waypoints,
 )
-from scenewright.tools.gmm_sampler.sample import build_path, compute_nll_and_component
+from scenewright.tools.gmm_sampler.sample import build_path, score_waypoints
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
@@ -102,7 +102,7 @@ def sample_continuations(
     """
     rest = condition_prior(way.prior, seen)
     waypoints = sample_waypoints(rest, rng, size=size)
-    _, component = compute_nll_and_component(rest, waypoints)
+    _, component = score_waypoints(rest, waypoints)
     laws = sample_driving_profiles(way.priors, way.route.id, rng, size=size)
     speed = float(np.hypot(*(seen[-1] - seen[-2]))) / (TRAJNET_EVERY * STEP)
     drawn = np.full((size, steps, 2), np.nan)

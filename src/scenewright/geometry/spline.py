@@ -13,7 +13,6 @@ from functools import lru_cache
 import numpy as np
 
 from scenewright.compiled import compiled
-from scenewright.geometry.polyline import compute_normals
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import K, Path
 
@@ -23,6 +22,7 @@ DENSE = (K - 1) * PER_INTERVAL + 1
 """Points of a base curve."""
 SPACING = 0.5
 """Between points of a path [m], to the nearest that divides its length."""
+_NOTHING = np.empty((0, 2))
 _CURVATURE_WINDOW = 2.0
 """Over which curvature is smoothed [m]."""
 
@@ -35,13 +35,9 @@ def build_spline_path(
     Args:
         aside: [DENSE] offsets to the left of that path [m]; 0 at the waypoints.
     """
-    if base is None:
-        curve = compute_spline_matrix() @ waypoints
-    else:
-        curve = base + compute_spline_matrix() @ (waypoints - base[::PER_INTERVAL])
-    return build_even_path(
-        curve if aside is None else curve + aside[:, None] * compute_normals(curve)
-    )
+    matrix = compute_spline_matrix()
+    line, offsets = _NOTHING if base is None else base, _NOTHING[:, 0] if aside is None else aside
+    return build_even_path(_bend(waypoints, matrix, line, offsets))
 
 
 def compute_dense_curves(waypoints: FloatArray) -> FloatArray:
@@ -72,6 +68,31 @@ def build_even_path(curve: FloatArray) -> Path:
 
 
 # ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _bend(
+    waypoints: FloatArray, matrix: FloatArray, base: FloatArray, aside: FloatArray
+) -> FloatArray:
+    """The curve [DENSE, 2] through waypoints; base, aside: as in `build_spline_path`, or empty."""
+    curve, away = np.zeros((len(matrix), 2)), waypoints.copy()
+    if len(base) > 0:
+        curve[:] = base
+        away -= base[::PER_INTERVAL]
+    for n in range(len(matrix)):
+        for k in range(len(away)):
+            curve[n, 0] += matrix[n, k] * away[k, 0]
+            curve[n, 1] += matrix[n, k] * away[k, 1]
+    if len(aside) == 0:
+        return curve
+    moved, last = curve.copy(), len(curve) - 1
+    for n in range(len(curve)):
+        before, after = max(n - 1, 0), min(n + 1, last)
+        dx, dy = curve[after, 0] - curve[before, 0], curve[after, 1] - curve[before, 1]
+        long = max(np.hypot(dx, dy), 1e-9)
+        moved[n, 0] -= aside[n] * dy / long
+        moved[n, 1] += aside[n] * dx / long
+    return moved
 
 
 @compiled

@@ -8,7 +8,7 @@ import pytest
 from scenewright.geometry.spline import PER_INTERVAL, build_spline_path
 from scenewright.intersections import load_map
 from scenewright.scene.candidates import K
-from scenewright.tools.gmm_sampler import load_priors, sample_waypoints
+from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints
 from scenewright.tools.gmm_sampler.lane_holding import ApproachLanes, find_approach_lanes
 from scenewright.tools.gmm_sampler.lateral_wander import sample_lateral_wander
 from scenewright.tools.gmm_sampler.sample import build_paths
@@ -20,14 +20,10 @@ FIRST_STANDS = 13.4
 """Of the middle of who stands first in its lane from the middle of the map [m]."""
 
 
-def draw(rng, count):
-    return sample_waypoints(PRIORS.waypoints[STRAIGHT.id], rng, size=count)
-
-
 def paths(lanes, count=40):
     rng = np.random.default_rng(1)
-    drawn = lanes.resample(draw(rng, count), lambda n: draw(rng, n))
-    return build_paths(PRIORS.waypoints[STRAIGHT.id], drawn)
+    prior = PRIORS.waypoints[STRAIGHT.id]
+    return build_paths(prior, lanes.draw(prior, rng, size=count)[0])
 
 
 def slopes(path) -> np.ndarray:
@@ -73,8 +69,10 @@ def test_a_curved_lane_is_followed():
 
 def test_who_has_no_lane_is_left_alone():
     nobody = find_approach_lanes(ON, None)
-    waypoints = draw(np.random.default_rng(2), 3)
-    assert nobody.resample(waypoints, lambda n: waypoints[:n]) is waypoints
+    prior = PRIORS.waypoints[STRAIGHT.id]
+    waypoints, nll, _ = nobody.draw(prior, np.random.default_rng(2), size=3)
+    assert waypoints == pytest.approx(sample_waypoints(prior, np.random.default_rng(2), size=3))
+    assert nll == pytest.approx(compute_waypoint_nll(prior, waypoints))
     assert nobody.hold(build_spline_path(waypoints[0])) is None
 
 

@@ -120,8 +120,10 @@ def _serve(pipe: Connection, task: Callable[[Any], Any]) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, OSError):
         pipe.send_bytes(pickle.dumps(task(pipe.recv())))
-        # What the first job loaded stays: the collector need not look through it again and again.
+        # What the first job loaded stays: the collector need not look through it again and again,
+        # as it would after every scene.
         gc.freeze()
+        gc.set_threshold(100_000, 50, 50)
         while True:
             pipe.send_bytes(pickle.dumps(task(pipe.recv())))
 

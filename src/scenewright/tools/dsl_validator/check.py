@@ -33,6 +33,9 @@ all a pedestrian's."""
 
 _JUNCTION_RADIUS = 6.0
 
+_EVERY = 2
+"""Points of a path of which one is looked at, a metre apart."""
+
 
 def check(
     candidate: Candidate, clause: UnaryClause, *, landmarks: Landmarks, map_areas: MapAreas
@@ -54,7 +57,7 @@ def check(
 def _find_problem(
     candidate: Candidate, clause: UnaryClause, landmarks: Landmarks, map_areas: MapAreas
 ) -> str | None:
-    xy = candidate.path.xy
+    xy = candidate.path.xy[::_EVERY]
     match clause:
         case OnRoad():
             return _describe_excess(

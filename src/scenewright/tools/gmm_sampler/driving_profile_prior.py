@@ -7,6 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import DrivingProfile
@@ -40,10 +41,30 @@ def compute_profile_nll(
     """[m] -log density of driving profiles [nats]; infinite outside the bounds."""
     prior = _get_prior(priors, route)
     values = np.array([_get_values(each) for each in profiles]).reshape(-1, len(PROFILE_FIELDS))
-    inside = ((values >= prior.low) & (values <= prior.high)).all(axis=1)
-    z, (below, up_to) = np.log(values / prior.median) / prior.spread, prior.tails
-    each = 0.5 * z * z + np.log(values * prior.spread * np.sqrt(2 * np.pi) * (up_to - below))
-    return np.where(inside, each.sum(axis=1), np.inf)
+    return _score(values, prior.median, prior.spread, prior.low, prior.high, *prior.tails)
+
+
+@compiled
+def _score(
+    values: FloatArray,
+    median: FloatArray,
+    spread: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    below: FloatArray,
+    up_to: FloatArray,
+) -> FloatArray:
+    nll = np.zeros(len(values))
+    for m in range(len(values)):
+        for k in range(len(median)):
+            value = values[m, k]
+            if not low[k] <= value <= high[k]:
+                nll[m] = np.inf
+                break
+            z = np.log(value / median[k]) / spread[k]
+            share = spread[k] * np.sqrt(2 * np.pi) * (up_to[k] - below[k])
+            nll[m] += 0.5 * z * z + np.log(value * share)
+    return nll
 
 
 def _get_prior(priors: Priors, route: str) -> DrivingProfilePrior:

@@ -45,9 +45,8 @@ from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
 from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 from scenewright.tools.gmm_sampler.sample import (
     build_path,
-    compute_nll_and_component,
     compute_waypoint_nll,
-    sample_waypoints,
+    score_waypoints,
 )
 from scenewright.tools.gmm_sampler.speed_wander import sample_pace
 from scenewright.tools.gmm_sampler.uturn_priors import build_uturn_priors
@@ -266,15 +265,11 @@ def _draw_agent(
     @cache
     def draw() -> DrawnWaypoints:
         own_rng = np.random.default_rng(own)
-        waypoints = lanes.resample(
-            sample_waypoints(prior, own_rng, size=size),
-            lambda count: sample_waypoints(prior, own_rng, size=count),
-        )
+        waypoints, nll, component = lanes.draw(prior, own_rng, size=size)
         profiles = sample_driving_profiles(priors, route.id, own_rng, size=size)
         speeds = np.array([each.speed for each in profiles])
         pace = sample_pace(shape.type, prior.length, own_rng, speeds=speeds)
         profile_nll = compute_profile_nll(priors, route.id, profiles)
-        nll, component = compute_nll_and_component(prior, waypoints)
         walks = shape.type == "pedestrian"
         aside = sample_lateral_wander(prior.length, own_rng, size=size) if walks else None
         return DrawnWaypoints(waypoints, nll, component, tuple(profiles), profile_nll, pace, aside)
@@ -399,7 +394,7 @@ def _replace_drawn(
     """The agent with other waypoints or driving profiles than were drawn; it may leave its lane."""
     drawn, prior = agent.drawn, priors.waypoints[agent.route.id]
     if waypoints is not None:
-        nll, component = compute_nll_and_component(prior, waypoints)
+        nll, component = score_waypoints(prior, waypoints)
         drawn = replace(drawn, waypoints=waypoints, nll=nll, component=component)
     if laws is not None:
         drawn = replace(drawn, time_laws=laws)

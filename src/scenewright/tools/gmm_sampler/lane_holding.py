@@ -8,7 +8,6 @@ the approach are drawn anew, and a path's slope against its lane is limited ther
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,6 +24,8 @@ from scenewright.geometry.spline import build_even_path, resample_points
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K, Path
 from scenewright.scene.map import IntersectionMap
+from scenewright.tools.gmm_sampler.priors import DIMENSIONS, WaypointPrior
+from scenewright.tools.gmm_sampler.sample import Draws, combine, score_waypoints
 
 _MOST_SLOPE = math.tan(math.radians(0.8))
 """Of a path, against its lane."""
@@ -33,7 +34,7 @@ _LAST, _MORE, _BEYOND = 1.5, 0.07, 4.0
 beyond it they are limited [m]."""
 _IN_LANE = 1.1
 """A waypoint this near to a lane's middle [m] is in that lane."""
-_ROUNDS = 4
+_ROUNDS = 5
 _SMOOTH = 3.0
 """Over which the corners of a lane's middle are smoothed [m]."""
 
@@ -50,19 +51,13 @@ class ApproachLanes:
         ends = np.cumsum([0, *map(len, self.lines)], dtype=np.intp)
         return np.concatenate([np.empty((0, 2)), *self.lines]), ends
 
-    def resample(self, drawn: FloatArray, draw: Callable[[int], FloatArray]) -> FloatArray:
-        """Waypoints [M, K, 2], those that leave their lane on the approach drawn anew.
-
-        Args:
-            draw: gives so many waypoints.
-        """
-        for _ in range(_ROUNDS):
-            away = [m for m, each in enumerate(drawn) if not _keeps_lane(each, *self._points)]
-            if not away:
-                break
-            drawn = drawn.copy()
-            drawn[away] = draw(len(away))
-        return drawn
+    def draw(self, prior: WaypointPrior, rng: np.random.Generator, *, size: int) -> Draws:
+        """Draw from p_wp, those that leave their lane on the approach up to five times."""
+        rounds = _ROUNDS if self.lines else 1
+        chosen = prior.cumulative_weights.searchsorted(rng.random((rounds, size)), side="right")
+        noise = rng.standard_normal((rounds, size, DIMENSIONS))
+        drawn = _draw(chosen, noise, prior.means, prior.cholesky, *self._points)
+        return drawn, *score_waypoints(prior, drawn)
 
     def hold(self, path: Path) -> tuple[Path, FloatArray] | None:
         """The path held to the lane by which it comes to the line, and its waypoints [K, 2].
@@ -92,6 +87,25 @@ def find_approach_lanes(intersection_map: IntersectionMap, movement: str | None)
 
 
 # ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _draw(
+    chosen: NDArray[np.intp],
+    noise: FloatArray,
+    means: FloatArray,
+    cholesky: FloatArray,
+    points: FloatArray,
+    ends: NDArray[np.intp],
+) -> FloatArray:
+    """Waypoints [M, K, 2] of components chosen [R, M] and standard normal numbers [R, M, 20]."""
+    drawn = np.empty((chosen.shape[1], K, 2))
+    for m in range(len(drawn)):
+        for n in range(len(chosen)):
+            drawn[m] = combine(chosen[n, m : m + 1], noise[n, m : m + 1], means, cholesky)[0]
+            if _keeps_lane(drawn[m], points, ends):
+                break
+    return drawn
 
 
 @compiled

@@ -30,11 +30,11 @@ def sample_lateral_wander(
 ) -> Callable[[int], FloatArray]:
     """Draw courses [DENSE] of the offset to the left [m] over a way of this length, by index."""
     spread = _SPREAD * np.exp(_VARIES * rng.standard_normal(size))
-    smooth = build_smoother(DENSE, round(_LENGTH / max(length, 5.0) * (DENSE - 1), 1))
-    noise = rng.standard_normal((size, smooth.shape[1]))
+    smoother = build_smoother(round(_LENGTH / max(length, 5.0) * (DENSE - 1), 1))
+    noise = rng.standard_normal((size, DENSE + len(smoother) - 1))
 
     def compute(m: int) -> FloatArray:
-        offset = spread[m] * smooth_noise(smooth, noise[m])
+        offset = spread[m] * smooth_noise(smoother, noise[m])
         aside = offset - compute_spline_matrix() @ offset[::PER_INTERVAL]
         return np.asarray(aside * min(1.0, _MOST / np.abs(aside).max()))
 

@@ -12,36 +12,39 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K, Path
 from scenewright.tools.gmm_sampler.priors import DIMENSIONS, CountPrior, Priors, WaypointPrior
 
+Draws = tuple[FloatArray, FloatArray, NDArray[np.intp]]
+"""Waypoints [m, K, 2] [m], their -log p_wp [m] and the component [m] that each fits best."""
+
 
 def sample_waypoints(prior: WaypointPrior, rng: np.random.Generator, *, size: int) -> FloatArray:
     """[size, K, 2] draws from p_wp of a route [m] (paper Eq. 2)."""
     chosen = prior.cumulative_weights.searchsorted(rng.random(size), side="right")
     noise = rng.standard_normal((size, DIMENSIONS))
-    return _combine(chosen, noise, prior.means, prior.cholesky).reshape(size, K, 2)
+    return combine(chosen, noise, prior.means, prior.cholesky)
 
 
 @compiled
-def _combine(
+def combine(
     chosen: NDArray[np.intp], noise: FloatArray, means: FloatArray, cholesky: FloatArray
 ) -> FloatArray:
-    """[m, 20] of components chosen [m] and standard normal numbers [m, 20]."""
-    drawn = np.empty((len(chosen), DIMENSIONS))
+    """[m, K, 2] of components chosen [m] and standard normal numbers [m, 20]."""
+    drawn = np.empty((len(chosen), K, 2))
     for m in range(len(chosen)):
         c = chosen[m]
         for i in range(DIMENSIONS):
             away = 0.0
             for j in range(i + 1):
                 away += cholesky[c, i, j] * noise[m, j]
-            drawn[m, i] = means[c, i] + away
+            drawn[m, i // 2, i % 2] = means[c, i] + away
     return drawn
 
 
 def compute_waypoint_nll(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
     """[m] -log p_wp of waypoints [m, K, 2] in metres [nats] (paper Eq. 4, SEMANTICS section 6)."""
-    return compute_nll_and_component(prior, waypoints)[0]
+    return score_waypoints(prior, waypoints)[0]
 
 
-def compute_nll_and_component(
+def score_waypoints(
     prior: WaypointPrior, waypoints: FloatArray
 ) -> tuple[FloatArray, NDArray[np.intp]]:
     """[m] -log p_wp [nats], and [m] the component that each of waypoints [m, K, 2] fits best."""
@@ -72,7 +75,7 @@ def _score(
 
 def build_paths(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
     """The paths through waypoints [m, K, 2], each about its likeliest component's base curve."""
-    _, chosen = compute_nll_and_component(prior, waypoints)
+    _, chosen = score_waypoints(prior, waypoints)
     return [build_path(prior, each, int(c)) for each, c in zip(waypoints, chosen, strict=True)]
 
 

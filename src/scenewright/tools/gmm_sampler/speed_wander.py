@@ -43,11 +43,11 @@ def sample_pace(
     median, varies = _SPREAD[group]
     spread = np.minimum(median * np.exp(varies * rng.standard_normal(size)), _MOST_SPREAD)
     count = int(length / PACE_STEP) + 2
-    smooth = build_smoother(int(count * slower.max()) + 1, _LENGTH[group] / PACE_STEP)
-    noise = rng.standard_normal((size, smooth.shape[1]))
+    smoother = build_smoother(_LENGTH[group] / PACE_STEP)
+    noise = rng.standard_normal((size, int(count * slower.max()) + len(smoother)))
 
     def compute(m: int) -> tuple[float, ...]:
-        wander = smooth_noise(smooth, noise[m])
+        wander = smooth_noise(smoother, noise[m])
         places = slower[m] * np.arange(count)
         pace = np.exp(slower[m] * spread[m] * np.interp(places, np.arange(len(wander)), wander))
         return tuple(pace.round(4).tolist())
@@ -55,18 +55,16 @@ def sample_pace(
     return compute
 
 
-def smooth_noise(smooth: FloatArray, noise: FloatArray) -> FloatArray:
-    """Compute the process [count] that white noise [m] becomes, within two of its spreads."""
-    # `@` would wake as many threads as there are cores.
-    wander: FloatArray = np.einsum("ij,j->i", smooth, noise)
+def smooth_noise(smoother: FloatArray, noise: FloatArray) -> FloatArray:
+    """Compute the process [m - w + 1] that white noise [m] becomes, within two of its spreads."""
+    wander = np.convolve(noise, smoother, mode="valid")
     return np.minimum(np.maximum(wander, -2.0), 2.0)
 
 
 @lru_cache(maxsize=64)
-def build_smoother(count: int, length: float) -> FloatArray:
-    """[count, m] takes white noise to a process of variance 1 that is alike over so many steps."""
+def build_smoother(length: float) -> FloatArray:
+    """[w] takes white noise to a process of variance 1 that is alike over so many steps."""
     reach = int(np.ceil(3.0 * length))
-    apart = np.arange(count)[:, None] - np.arange(-reach, count + reach)[None, :]
     # A kernel narrower by the root of 2 than the autocorrelation that it brings about.
-    kernel = np.exp(-np.square(apart / length))
-    return np.asarray(kernel / np.sqrt(np.square(kernel).sum(axis=1, keepdims=True)))
+    kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / length))
+    return np.asarray(kernel / np.sqrt(np.square(kernel).sum()))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.geometry.driving_profile import (
+    Motion,
     compute_arc_lengths,
     compute_squared_speed_limit,
     find_hold_arrival,
@@ -109,7 +110,7 @@ def enter_traffic(
     headway = _HEADWAY * np.exp(_HEADWAY_SPREAD * rng.standard_normal(count))
     drawn = (headway, rng.uniform(*_GAP, count), rng.uniform(*_LINE, count),
              rng.uniform(*START_LAG, count))  # fmt: skip
-    enters, pace, rates, stops = _find_drive(
+    enters, pace, rates, stops, driven = _find_drive(
         np.minimum(wished, moment.duration - SEEN), np.column_stack(drawn), moment.duration,
         get_corridor(candidate), present.get_reservations(),
         path.s, path.curvature, compute_squared_speed_limit(candidate),
@@ -119,21 +120,17 @@ def enter_traffic(
     )  # fmt: skip
     if not len(pace):
         return None
-    own = DrivingProfile(law.speed, *rates, law.lateral, tuple(pace.tolist()))
-    driven = ScheduledAgent.build_unplaced(replace(candidate, time_law=own), actor.landmarks)
-    placed = driven.shift(enters)
-    held = placed.edit(stops=tuple(_build_stop(row, placed) for row in stops.tolist()))
-    # A vehicle behind must see how it continues after the scene.
-    return held.cut_after(moment.duration + _AFTER)
-
-
-def _build_stop(row: list[float], actor: ScheduledAgent) -> Stop:
-    """Build a stop: arc length [m], begin and end [local s]."""
-    s, start, until = row
-    line = actor.landmarks.line
-    at_line = line is not None and 0.0 <= line - s < _LINE[1] + 0.5
-    anchor = "stop_line" if at_line else "queue"
-    return Stop(anchor, s, start + actor.enters, until + actor.enters, "red_light")
+    profile = DrivingProfile(law.speed, *rates, law.lateral, tuple(pace.tolist()))
+    own, enters = replace(candidate, time_law=profile), round(enters, 1)
+    motion = Motion(own, driven)
+    held = tuple(
+        Stop(
+            "stop_line" if line is not None and 0.0 <= line - s < _LINE[1] + 0.5 else "queue",
+            s, start + enters, until + enters, "red_light",
+        )
+        for s, start, until in stops.tolist()
+    )  # fmt: skip
+    return ScheduledAgent(own, actor.landmarks, enters, motion, motion, held)
 
 
 # ---- as machine code ----------------------------------------------------------------------------
@@ -153,7 +150,7 @@ def _find_drive(
     line: float,
     greens: Greens,
     turns: bool,
-) -> tuple[float, FloatArray, tuple[float, float], FloatArray]:
+) -> tuple[float, FloatArray, tuple[float, float], FloatArray, FloatArray]:
     """Find the first entry time from which it can drive among the others.
 
     Args:
@@ -163,8 +160,9 @@ def _find_drive(
         law: speed, acceleration, braking, lateral acceleration.
 
     Returns:
-        Entry time [s], its pace (empty: none found), acceleration and braking, and its stops [K,
-        3].
+        Entry time [s], its pace (empty: none found), acceleration and braking, its stops [K, 3]
+        (arc length [m], begin and end [local s]) and arc lengths [M] every 0.1 s, which go on
+        after the scene: a vehicle behind must see how.
     """
     bars, free = list_bars(corridor, table), np.sqrt(limit)
     speed, acceleration, braking, lateral = law
@@ -201,8 +199,8 @@ def _find_drive(
         if not _passes_on_green(driven, line, enters, greens):
             continue
         if not meets_any(round(enters / STEP), corridor, driven, False, False, True, table):
-            return enters, pace, rates, stops
-    return 0.0, np.empty(0), (acceleration, braking), np.empty((0, 3))
+            return enters, pace, rates, stops, driven
+    return 0.0, np.empty(0), (acceleration, braking), np.empty((0, 3)), np.empty(0)
 
 
 @compiled

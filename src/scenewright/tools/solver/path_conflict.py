@@ -13,6 +13,7 @@ is independent of time and computed once per pair of paths.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,14 @@ class PathConflict:
     i: IntArray
     j: IntArray
     clearance: FloatArray
+
+    @cached_property
+    def touching(self) -> NDArray[np.bool_]:
+        """[A + 1, B + 1] whether the footprints touch at two nodes; False beyond the last."""
+        touch = np.zeros((len(self.s_a) + 1, len(self.s_b) + 1), dtype=np.bool_)
+        meet = self.clearance <= 0.0
+        touch[self.i[meet], self.j[meet]] = True
+        return touch
 
     @property
     def touches(self) -> bool:
@@ -205,47 +214,19 @@ def compute_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shap
     return _compute_box_distance(a, b, shapes)
 
 
-@dataclass(frozen=True, eq=False)
-class NodeIntervals:
-    """Differences delta = o_b - o_a [s] that bring close pairs of nodes together.
-
-    Attributes:
-        low, high: [N] ends of the interval of each pair; clearance: [N] how close it is [m].
-    """
-
-    low: FloatArray
-    high: FloatArray
-    clearance: FloatArray
-
-    def compute_intervals(self, c: float) -> Intervals:
-        """Compute C(c) as disjoint intervals."""
-        close = self.clearance <= c
-        return _merge(self.low[close], self.high[close])
-
-
-def find_meeting_intervals(
-    pair: PathConflict, a: Motion, b: Motion, *, exact: bool = False
-) -> NodeIntervals:
-    """Find when two motions would be at their close nodes.
+def find_conflict_intervals(
+    pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
+) -> Intervals:
+    """Find C(c) as disjoint intervals of delta = o_b - o_a [s].
 
     Args:
         exact: nodes count as points (for measuring a PET); else as the stretch around them,
             which never misses a meeting between nodes.
     """
-    half = 0.0 if exact else 0.5
-    a_in, a_out = compute_occupancy(pair.s_a, a, half)
-    b_in, b_out = compute_occupancy(pair.s_b, b, half)
-    reached = np.isfinite(a_in[pair.i]) & np.isfinite(b_in[pair.j])
-    i, j = pair.i[reached], pair.j[reached]
-    return NodeIntervals(a_in[i] - b_out[j], a_out[i] - b_in[j], pair.clearance[reached])
-
-
-def find_conflict_intervals(
-    pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
-) -> Intervals:
-    """Find C(c) as disjoint intervals of delta = o_b - o_a [s]; see `find_meeting_intervals`."""
     count_work()
-    return find_meeting_intervals(pair, a, b, exact=exact).compute_intervals(c)
+    return _list_intervals(
+        pair.s_a, pair.s_b, pair.i, pair.j, pair.clearance, c, a.s, a.ended, b.s, b.ended, exact
+    )
 
 
 def compute_gap(intervals: Intervals, delta: float) -> float:
@@ -310,11 +291,52 @@ def _compute_corner_distance(
     return near, np.maximum(*gaps)
 
 
-def compute_occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
-    """Compute local times [s] at which the centre enters and leaves each node's stretch; inf =
-    never."""
-    come, leave = compute_passing_times(s, motion.s, half * (s[1] - s[0]), motion.ended)
-    return (come, leave) if half else _add_rests(s, motion, come, leave)
+@compiled
+def _list_intervals(
+    s_a: FloatArray,
+    s_b: FloatArray,
+    i: IntArray,
+    j: IntArray,
+    clearance: FloatArray,
+    c: float,
+    moved_a: FloatArray,
+    ended_a: bool,
+    moved_b: FloatArray,
+    ended_b: bool,
+    exact: bool,
+) -> Intervals:
+    """List the intervals at which two motions [T] are at nodes no further apart than c, merged."""
+    a_in, a_out = _compute_occupancy(s_a, moved_a, ended_a, exact)
+    b_in, b_out = _compute_occupancy(s_b, moved_b, ended_b, exact)
+    low, high, count = np.empty(len(i)), np.empty(len(i)), 0
+    for k in range(len(i)):
+        if clearance[k] <= c and a_in[i[k]] < np.inf and b_in[j[k]] < np.inf:
+            low[count], high[count] = a_in[i[k]] - b_out[j[k]], a_out[i[k]] - b_in[j[k]]
+            count += 1
+    merged, last = np.empty((count, 2)), -1
+    for k in np.argsort(low[:count], kind="mergesort"):
+        if last >= 0 and low[k] <= merged[last, 1] + _JOIN:
+            merged[last, 1] = max(merged[last, 1], high[k])
+        else:
+            last += 1
+            merged[last, 0], merged[last, 1] = low[k], high[k]
+    return merged[: last + 1]
+
+
+@compiled
+def _compute_occupancy(
+    s: FloatArray, moved: FloatArray, ended: bool, exact: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Compute times [s] at which the centre enters and leaves each node's stretch; inf = never."""
+    spacing = s[1] - s[0]
+    come, leave = compute_passing_times(s, moved, 0.0 if exact else 0.5 * spacing, ended)
+    for k in range(len(moved) - 1 if exact else 0):
+        if moved[k + 1] - moved[k] < _RESTS:  # it may rest between two nodes: at the nearest
+            node = min(int(np.rint(moved[k] / spacing)), len(s) - 1)
+            until = STEP * (k + 1)
+            leave[node] = max(leave[node], until) if come[node] < np.inf else until
+            come[node] = min(come[node], STEP * k)
+    return come, leave
 
 
 @compiled
@@ -365,13 +387,3 @@ def _add_rests(
     leave = np.where(np.isinf(leave), -np.inf, leave)
     np.maximum.at(leave, node, STEP * (rests + 1))
     return come, np.where(np.isinf(come), np.inf, leave)
-
-
-def _merge(low: FloatArray, high: FloatArray) -> Intervals:
-    if not len(low):
-        return np.empty((0, 2))
-    order = np.argsort(low, kind="stable")
-    low, reach = low[order], np.maximum.accumulate(high[order])
-    starts = np.concatenate([[True], low[1:] > reach[:-1] + _JOIN])
-    ends = np.concatenate([starts[1:], [True]])
-    return np.column_stack([low[starts], reach[ends]])

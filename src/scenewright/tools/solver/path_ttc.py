@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
+from scenewright.scene.track import STEP
 from scenewright.tools.solver.path_conflict import PathConflict
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 from scenewright.work_limit import count_work
@@ -48,40 +50,41 @@ def compute_path_ttc(
     times = get_shared_times(a, b)
     if times is None or not pair.touches:
         return PathTtc(np.empty(0), np.empty(0))
-    meet = pair.clearance <= 0.0
-    touch = np.zeros((len(pair.s_a) + 1, len(pair.s_b) + 1), dtype=np.bool_)
-    touch[pair.i[meet], pair.j[meet]] = True
-    now_a, now_b = _compute_state(a, times), _compute_state(b, times)
-    near = _reaches(now_a, pair.s_a[pair.i[meet]], horizon)
-    near &= _reaches(now_b, pair.s_b[pair.j[meet]], horizon)
-    ahead = np.arange(0.0, horizon + _LOOK / 2, _LOOK)
-    hits = touch[
-        _find_nodes(now_a[near], ahead, pair.s_a), _find_nodes(now_b[near], ahead, pair.s_b)
-    ]
-    ttc = np.full(len(times), np.inf)
-    ttc[near] = np.where(hits.any(axis=1), ahead[np.argmax(hits, axis=1)], np.inf)
+    first_a, first_b = (round((times[0] - each.enters) / STEP) for each in (a, b))
+    ttc = _search_contacts(
+        pair.touching, float(pair.s_a[1]), float(pair.s_b[1]),
+        a.motion.s[first_a:], a.motion.speed[first_a:], b.motion.s[first_b:],
+        b.motion.speed[first_b:], np.arange(0.0, horizon + _LOOK / 2, _LOOK), len(times),
+    )  # fmt: skip
     return PathTtc(times, ttc)
 
 
-def _compute_state(of: ScheduledAgent, times: FloatArray) -> FloatArray:
-    """Compute arc length [m] and speed [m/s] [T, 2] at scene times."""
-    local, clock = times - of.enters, of.motion.clock
-    return np.column_stack(
-        [of.motion.compute_positions(local), np.interp(local, clock, of.motion.speed)]
-    )
+@compiled
+def _search_contacts(
+    touching: NDArray[np.bool_],
+    spacing_a: float,
+    spacing_b: float,
+    s_a: FloatArray,
+    speed_a: FloatArray,
+    s_b: FloatArray,
+    speed_b: FloatArray,
+    ahead: FloatArray,
+    count: int,
+) -> FloatArray:
+    """Search the times ahead [A] for the first at which nodes touch, at [T] samples; inf: none.
 
-
-def _reaches(now: FloatArray, nodes: FloatArray, horizon: float) -> NDArray[np.bool_]:
-    """Return [T] whether it may come among the nodes within the horizon at its present speed."""
-    s, speed = now.T
-    result: NDArray[np.bool_] = (s + speed * horizon >= nodes.min() - 1.0) & (
-        s <= nodes.max() + 1.0
-    )
-    return result
-
-
-def _find_nodes(now: FloatArray, ahead: FloatArray, s: FloatArray) -> NDArray[np.intp]:
-    """Find the node [T, A] where it would be that much later; one past the last beyond the path."""
-    node = np.rint((now[:, :1] + now[:, 1:] * ahead) / (s[1] - s[0]))
-    result: NDArray[np.intp] = np.minimum(node, len(s)).astype(np.intp)
-    return result
+    Args:
+        touching: see `PathConflict`; spacing_a, spacing_b: between its nodes [m].
+        s_a, speed_a, s_b, speed_b: arc length [m] and speed [m/s] of both since the first sample.
+    """
+    ttc, (last_a, last_b) = np.full(count, np.inf), touching.shape
+    for t in range(count):
+        for k in range(len(ahead)):
+            node_a = int(np.rint((s_a[t] + speed_a[t] * ahead[k]) / spacing_a))
+            node_b = int(np.rint((s_b[t] + speed_b[t] * ahead[k]) / spacing_b))
+            if node_a >= last_a or node_b >= last_b:
+                break  # beyond the end of a path
+            if touching[node_a, node_b]:
+                ttc[t] = ahead[k]
+                break
+    return ttc

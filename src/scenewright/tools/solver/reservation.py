@@ -128,6 +128,9 @@ def _build_corridor(path: Path, shape: Shape, kind: AgentClass) -> Corridor:
     return Corridor(s, pose, half, math.hypot(*half), shape.type == "pedestrian")
 
 
+_BLOCK = 8
+"""Nodes of a new agent for which the nodes of others near them are looked for together."""
+
 _KEEPING = 10
 _LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD, _CROWD = range(_KEEPING)
 
@@ -305,7 +308,7 @@ def _compute_time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tu
 @compiled
 def _find_runs(corridor: Corridor, table: Reservations) -> ConflictRuns:
     """Find runs within the clearance, and runs in touch, of a new agent with all scheduled ones."""
-    room = 64 * len(corridor.s)  # hardly ever too little: what is not written costs nothing
+    room = 6 * len(corridor.s) + 64
     while True:
         near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
         found, touched = _write_runs(corridor, table, near, touching)
@@ -319,68 +322,111 @@ def _write_runs(
     corridor: Corridor, table: Reservations, near: IntArray, touching: IntArray
 ) -> tuple[int, int]:
     """Write runs into `near` and `touching`; return how many. If all are filled, some are
-    missing."""
+    missing.
+
+    What lies between the first and the last node that a node of the new agent meets in one block
+    counts as one run.
+    """
     pose, half, spacing = corridor.pose, corridor.half, corridor.s[1]
     nodes, keeping, ends = table.nodes, table.keeping, table.ends
-    found, touched, room = 0, 0, len(near)
-    far_until, was_near = np.zeros(len(keeping), np.intp), np.zeros(len(keeping), np.bool_)
-    for i in range(pose.shape[1]):
+    found, touched, room = 0, 0, len(near) - _BLOCK
+    for begin in range(0, pose.shape[1], _BLOCK):
+        end = min(begin + _BLOCK, pose.shape[1])
+        middle = (begin + end) // 2
         for who in range(len(keeping)):
-            if i < far_until[who]:
-                continue
             own = (keeping[who, _LONG], keeping[who, _WIDE])
             both, least = _compute_clearance(keeping[who], corridor.walks)
             radius = corridor.reach + keeping[who, _REACH] + _WIDEST + SLACK
-            most = max(least, 0.0)
-            beside = against = False
-            nearest, j, guessed = np.inf, ends[who], was_near[who]
-            per_metre = 1.0 / keeping[who, _SPACING]
-            while j < ends[who + 1]:
-                dx, dy = pose[0, i] - nodes[j, 0], pose[1, i] - nodes[j, 1]
-                beyond = np.sqrt(dx * dx + dy * dy) - radius
-                if beyond > 0.0:
-                    # A path comes nearer no faster than it goes on: half of the distance may be
-                    # skipped here, and as much of the new agent's own path; or all of it here, if
-                    # the new agent is near at this node, or was at the last.
-                    beside = against = False
-                    if guessed or nearest == 0.0:
-                        j += 1 + int(beyond * per_metre)
-                    else:
-                        nearest = min(nearest, 0.5 * beyond)
-                        j += 1 + int(0.5 * beyond * per_metre)
+            apart = keeping[who, _SPACING]
+            first, last = _find_window(
+                pose[0, middle], pose[1, middle], nodes, ends[who], ends[who + 1],
+                radius + spacing * (middle - begin), apart,
+            )  # fmt: skip
+            if first > last:
+                continue
+            if max(found, touched) > room:
+                return len(near), len(near)
+            for i in range(begin, end):
+                low, high = first, last
+                if least > -np.inf:
+                    low, high = _find_run(
+                        pose, i, half, nodes, own, low, high, radius, apart, least
+                    )  # fmt: skip
+                    if low > high:
+                        continue
+                    near[found, 0], near[found, 1], near[found, 2] = i, low, high
+                    near[found, 3] = who
+                    found += 1
+                if both:
                     continue
-                nearest = 0.0
-                # Most are separated along the new agent's own axis already.
-                cos = abs(pose[2, i] * nodes[j, 2] + pose[3, i] * nodes[j, 3])
-                sin = abs(pose[2, i] * nodes[j, 3] - pose[3, i] * nodes[j, 2])
-                ahead = abs(dx * pose[2, i] + dy * pose[3, i])
-                if ahead - half[0] - own[0] * cos - own[1] * sin > most:
-                    beside = against = False
-                    j += 1
-                    continue
-                gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
-                               nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], own)  # fmt: skip
-                if gap <= least:
-                    found += _extend_run(near, found, beside, i, j, who)
-                if gap <= 0.0 and not both:
-                    touched += _extend_run(touching, touched, against, i, j, who)
-                beside, against = gap <= least, gap <= 0.0
-                if max(found, touched) == room:
-                    return found, touched
-                j += 1
-            was_near[who] = nearest == 0.0
-            far_until[who] = i + 1 + (0 if guessed else int(nearest / spacing))
+                low, high = _find_run(pose, i, half, nodes, own, low, high, radius, apart, 0.0)
+                if low <= high:
+                    touching[touched, 0], touching[touched, 1] = i, low
+                    touching[touched, 2], touching[touched, 3] = high, who
+                    touched += 1
     return found, touched
 
 
 @compiled
-def _extend_run(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: int) -> int:
-    """Extend the last run by one node, or begin another; return how many more runs there are."""
-    if under_way:
-        runs[count - 1, 2] = j
-        return 0
-    runs[count, 0], runs[count, 1], runs[count, 2], runs[count, 3] = i, j, j, who
-    return 1
+def _find_window(
+    x: float, y: float, nodes: FloatArray, begin: int, end: int, radius: float, spacing: float
+) -> tuple[int, int]:
+    """Find the first and the last node of one path within a radius of a place; (1, 0) if none.
+
+    A path comes nearer no faster than it goes on, so that far nodes are passed over.
+    """
+    first, last = begin, end - 1
+    while first <= last:
+        dx, dy = x - nodes[first, 0], y - nodes[first, 1]
+        beyond = np.sqrt(dx * dx + dy * dy) - radius
+        if beyond <= 0.0:
+            break
+        first += 1 + int(beyond / spacing)
+    while last > first:
+        dx, dy = x - nodes[last, 0], y - nodes[last, 1]
+        beyond = np.sqrt(dx * dx + dy * dy) - radius
+        if beyond <= 0.0:
+            break
+        last -= 1 + int(beyond / spacing)
+    return (first, max(first, last)) if first < end else (1, 0)
+
+
+@compiled
+def _find_run(
+    pose: FloatArray,
+    i: int,
+    half: Half,
+    nodes: FloatArray,
+    own: Half,
+    first: int,
+    last: int,
+    radius: float,
+    spacing: float,
+    least: float,
+) -> tuple[int, int]:
+    """Find the first and the last node of a window that node `i` is as near as `least` [m] to.
+
+    Returns:
+        The two; the first beyond the last for none.
+    """
+    low, high = first, last
+    for step in (1, -1):
+        j = low if step == 1 else high
+        while low <= j <= high:
+            dx, dy = pose[0, i] - nodes[j, 0], pose[1, i] - nodes[j, 1]
+            square = dx * dx + dy * dy
+            if square > radius * radius:
+                j += step * (1 + int((np.sqrt(square) - radius) / spacing))
+                continue
+            gap = compute_axis_gap(
+                pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
+                nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], own,
+            )  # fmt: skip
+            if gap <= least:
+                break
+            j += step
+        low, high = (j, high) if step == 1 else (low, j)
+    return low, high
 
 
 @compiled
