@@ -375,15 +375,3 @@ def _compute_times_at(places: FloatArray, way: FloatArray, beyond: float) -> Flo
             slope = (STEP * k - STEP * (k - 1)) / (way[k] - way[k - 1])
             times[n] = slope * (places[n] - way[k - 1]) + STEP * (k - 1)
     return times
-
-
-def _add_rests(
-    s: FloatArray, motion: Motion, come: FloatArray, leave: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Add rests to the nearest node, as an agent may rest between two nodes."""
-    rests = np.nonzero(np.diff(motion.s) < _RESTS)[0]
-    node = np.minimum(np.rint(motion.s[rests] / (s[1] - s[0])).astype(np.intp), len(s) - 1)
-    np.minimum.at(come, node, STEP * rests)
-    leave = np.where(np.isinf(leave), -np.inf, leave)
-    np.maximum.at(leave, node, STEP * (rests + 1))
-    return come, np.where(np.isinf(come), np.inf, leave)
