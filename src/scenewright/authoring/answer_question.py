@@ -15,6 +15,7 @@ from scenewright.authoring.scene_motion import (
 )
 from scenewright.geometry.map_areas import geos
 from scenewright.scene.events import Event, Proof
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord, SignalRecord
 
@@ -426,7 +427,10 @@ def _find_fault(scene: _SceneFacts, event: Event) -> str:
             return f"{_name(agent)} crossed away from the crosswalks."
     if event.type == "yielding":
         return "Neither: one gave way to the other."
-    if any(r.manoeuvre == "pushed" and r.from_ == event.from_ for r in scene.record.relations):
+    if any(
+        has_trait("manoeuvre", r.manoeuvre, "chain") and r.from_ == event.from_
+        for r in scene.record.relations
+    ):
         return f"{_name(scene.get_agent(event.from_))} stood there, and was pushed into it."
     if event.kind == "rear_end" or event.type == "follow":
         return f"{_name(scene.get_agent(event.from_))} drove behind and had to keep its distance."

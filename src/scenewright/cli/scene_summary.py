@@ -12,6 +12,7 @@ from scenewright.cli.console import format_one_line
 from scenewright.scene.account import SaidRecord, SaidSpan, WordState
 from scenewright.scene.base import Point
 from scenewright.scene.events import Event, Finding, Proof
+from scenewright.scene.kinds import get_kind
 from scenewright.scene.map import IntersectionMap, Lanelet
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
@@ -207,16 +208,13 @@ def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> st
         for figure in seen
     )
     met = "".join(
-        f"; {names[figure['agent']]} {_MEETS.get(figure['how'], figure['how'].replace('_', ' '))} "
-        f"it at {figure['time']:.1f} s"
+        f"; {get_kind('encounter', figure['how']).say(names[figure['agent']], 'it')} "
+        f"at {figure['time']:.1f} s"
         for figure in proof.figures.get("encounters", ())
         if figure["object"] == each.id
     )
     stands = "stands" if each.since is None else f"opens at {each.since:.1f} s"
     return f"{each.id} ({what}) {stands} at ({each.x:.1f}, {each.y:.1f}){hides}{met}"
-
-
-_MEETS = {"doored": "is doored by"}
 
 
 def _describe_background(scene: SceneRecord) -> str:

@@ -11,16 +11,23 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self, TypeVar
 from pydantic import Field, model_validator
 
 from scenewright.scene.base import AgentId, Compass, Model
+from scenewright.scene.kinds import KindOf, get_kind, list_shipped
 from scenewright.scene.social import CollisionKind, ImpactPoint
 
 _ModelT = TypeVar("_ModelT", bound=Model)
 
 VehicleId = Annotated[str, Field(pattern=r"^vehicle-[1-9][0-9]*$", max_length=32)]
-PedestrianId = Annotated[str, Field(pattern=r"^pedestrian-[1-9][0-9]*$", max_length=32)]
 OnLaneId = Annotated[str, Field(pattern=r"^(vehicle|cyclist|scooter)-[1-9][0-9]*$", max_length=32)]
 OnFootwayId = Annotated[
     str, Field(pattern=r"^(pedestrian|cyclist|scooter)-[1-9][0-9]*$", max_length=32)
 ]
+
+
+if TYPE_CHECKING:
+    MotionName = str
+else:
+    MotionName = Literal[tuple(k.clause for k in list_shipped("motion") if k.clause)]
+"""Clauses that stand for a motion which the solver has a template for."""
 
 
 class _Pair(Model):
@@ -138,13 +145,16 @@ class Headway(_Range, _Pair):
     high: float = Field(gt=0, le=10)
 
 
+CONTACT_CAUSE = KindOf("cause", "manoeuvre", trait="of_contact")
+"""How two come to touch, as far as a clause says so."""
+
+
 class Contact(_Pair):
     """The two touch; `kind` restricts how, `speed` [m/s] is that of `first` at contact.
 
     Attributes:
         point_first, point_second: where on either vehicle the contact lies.
-        cause: `first` brakes hard, but too late; `second`, driving ahead of it, brakes hard; or
-            `first`, standing behind `second`, is pushed into it by the vehicle that strikes it.
+        cause: how it comes about, `first` being `from` or `braker` of its kind.
     """
 
     clause: Literal["contact"] = "contact"
@@ -152,7 +162,7 @@ class Contact(_Pair):
     speed: float | None = Field(default=None, gt=0, le=20)
     point_first: ImpactPoint | None = None
     point_second: ImpactPoint | None = None
-    cause: Literal["late_brake", "lead_brakes", "pushed"] | None = None
+    cause: Annotated[str, CONTACT_CAUSE] | None = None
 
     @model_validator(mode="after")
     def _check_vehicles(self) -> Self:
@@ -243,39 +253,18 @@ class RunsYellow(Model):
     agent: AgentId
 
 
-class StopsAtYellow(Model):
-    """The vehicle brakes hard for a light that turns yellow as it comes, and stands at its line."""
+class AgentMotion(Model):
+    """The agent moves as the kind of motion says that the clause stands for."""
 
-    clause: Literal["stops_at_yellow"] = "stops_at_yellow"
-    agent: VehicleId
+    clause: MotionName
+    agent: AgentId
 
-
-class BlocksJunction(Model):
-    """The vehicle passes its line on green and stands in the junction while its light is red."""
-
-    clause: Literal["blocks_junction"] = "blocks_junction"
-    agent: VehicleId
-
-
-class DrivesWrongWay(Model):
-    """The vehicle comes to the junction in a lane that leads out of it."""
-
-    clause: Literal["drives_wrong_way"] = "drives_wrong_way"
-    agent: VehicleId
-
-
-class Pauses(Model):
-    """The pedestrian stands still for a while on its way over the road."""
-
-    clause: Literal["pauses"] = "pauses"
-    agent: PedestrianId
-
-
-class TurnsBack(Model):
-    """The pedestrian turns round on its way over the road and returns."""
-
-    clause: Literal["turns_back"] = "turns_back"
-    agent: PedestrianId
+    @model_validator(mode="after")
+    def _fit(self) -> Self:
+        agents = next(k.agents for k in list_shipped("motion") if k.clause == self.clause)
+        if self.agent.partition("-")[0] not in agents:
+            raise ValueError(f"{self.agent} is no {agents[0]}")
+        return self
 
 
 class NoReaction(Model):
@@ -285,17 +274,20 @@ class NoReaction(Model):
     agent: AgentId
 
 
+REACTS = KindOf("reaction", trait="reacts")
+"""Ways of reacting, without the one that is none."""
+
+
 class Reacts(Model):
     """The agent reacts to who threatens it, in this way."""
 
     clause: Literal["reacts"] = "reacts"
     agent: AgentId
-    how: Literal["swerves", "steps_back", "jumps_back", "runs"]
+    how: Annotated[str, REACTS]
 
     @model_validator(mode="after")
     def _fit(self) -> Self:
-        walks = self.agent.startswith("pedestrian")
-        if walks == (self.how == "swerves"):
+        if self.agent.partition("-")[0] not in get_kind("reaction", self.how).agents:
             raise ValueError(f"{self.agent} is no agent that {self.how.replace('_', ' ')}")
         return self
 
@@ -321,11 +313,7 @@ UnaryClause = (
     | RunsRed
     | RunsYellow
     | AgentFigure
-    | Pauses
-    | TurnsBack
-    | StopsAtYellow
-    | BlocksJunction
-    | DrivesWrongWay
+    | AgentMotion
     | NoReaction
     | Reacts
 )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 from scenewright.scene.base import AgentClass
+from scenewright.scene.kinds import get_kind
 from scenewright.scene.social import (
     AgentNode,
     RelationEdge,
@@ -23,15 +24,6 @@ _KINDS = {
     "rear_end": "rear-ends", "sideswipe": "sideswipes", "head_on": "collides head-on with",
     "angle": "T-bones",
 }  # fmt: skip
-_MANOEUVRES = {
-    ("lead_brakes", "collide_at"): "{1} brakes hard and {0} rear-ends it",
-    ("lead_brakes", "near_miss"): "{1} brakes hard and {0} nearly runs into it",
-    ("lead_brakes", "follow"): "{1} brakes hard and {0} behind it stops in time",
-    ("pushed", "collide_at"): "{0} is pushed into {1}",
-    ("tailgates", "follow"): "{0} tailgates {1}",
-    ("changes_lane", "collide_at"): "{0} changes lanes and sideswipes {1}",
-    ("cuts_in", "near_miss"): "{0} changes lanes and cuts in ahead of {1}",
-}  # fmt: skip
 _TIES = {
     "opposite": "oncoming to", "left": "from the left of", "right": "from the right of",
     "same": "from the same approach as", "lateral": "on the cross street of",
@@ -44,24 +36,8 @@ _MOVEMENTS = {
 _NOUNS: dict[AgentClass, str] = {
     "vehicle": "vehicle", "pedestrian": "pedestrian", "cyclist": "cyclist", "scooter": "e-scooter",
 }  # fmt: skip
-_MOTIONS = {
-    "runs": "runs across", "darts_out": "darts out",
-    "stops_midway": "stops in the middle of the crosswalk",
-    "turns_back": "turns back halfway across", "passes_yellow": "runs a yellow light",
-    "stops_at_yellow": "brakes hard for a yellow light", "blocks_junction": "blocks the box",
-    "drives_wrong_way": "drives the wrong way",
-}  # fmt: skip
 _STATES = {
     "parked": "parked ", "double_parked": "double-parked ", "stalled": "stalled ", "bus_stop": "",
-}  # fmt: skip
-_ENCOUNTERS = {
-    "goes_round": "{} goes around {}", "waits_behind": "{} waits behind {}",
-    "queues": "{} waits behind {}", "hits": "{} hits {}", "stops_short": "{} nearly hits {}",
-    "waits_then_passes": "{} waits behind {}, then goes around it", "doored": "{} is doored by {}",
-}  # fmt: skip
-_REACTIONS = {
-    "none": "does not react", "swerves": "swerves within its lane", "steps_back": "steps back",
-    "jumps_back": "jumps back", "runs": "runs out of the way",
 }  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
@@ -131,18 +107,19 @@ def _describe_route(agent: AgentNode) -> Iterator[str]:
     elif not walks and agent.exit is not None:
         yield f"leaves to the {agent.exit}"
     if agent.motion is not None:
-        yield _MOTIONS[agent.motion]
+        yield get_kind("motion", agent.motion).say()
     if agent.runs_red:
         yield "runs the red light"
     if agent.reaction is not None:
-        yield _REACTIONS[agent.reaction]
+        yield get_kind("reaction", agent.reaction).say()
 
 
 def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
     verb = _KINDS.get(edge.kind or "", _VERBS[edge.type])
     words = f"{names[edge.from_]} {verb} {names[edge.to]}"
     if edge.manoeuvre is not None:
-        words = _MANOEUVRES[edge.manoeuvre, edge.type].format(names[edge.from_], names[edge.to])
+        own = get_kind("manoeuvre", edge.manoeuvre)
+        words = own.say(names[edge.from_], names[edge.to], relation=edge.type)
     if edge.target_pet is not None:
         words += f" with a PET of {edge.target_pet:g} s"
     if edge.target_ttc is not None:
@@ -163,7 +140,7 @@ def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str
         noun = "bus at its stop" if node.kind == "bus_stop" else noun
         thing = f"a {_STATES.get(node.kind, '')}{noun.replace('_', ' ')}{place}"
         for each in node.list_meetings():
-            yield _ENCOUNTERS[each.encounter].format(names[each.agent], thing)
+            yield get_kind("encounter", each.encounter).say(names[each.agent], thing)
         if node.hides is not None and node.id in ends:
             yield f"{names[node.hides]} comes out from between two parked {node.subtype or 'car'}s"
         elif node.hides is not None:

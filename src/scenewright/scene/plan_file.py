@@ -17,14 +17,15 @@ from pydantic.fields import FieldInfo
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FieldError, Model
+from scenewright.scene.kinds import KindOf
 from scenewright.scene.measures import UNITS
 from scenewright.scene.social import (
-    FIGURES,
     AgentNode,
     Meeting,
     ObjectNode,
     RelationEdge,
     SocialGraph,
+    get_figure,
 )
 from scenewright.scene.spread import Spread, find_fault, read_number, read_spread
 
@@ -434,7 +435,7 @@ def _format_model(model: Model, indent: str, told: set[tuple[type[Model], str]])
         else:
             unit = _find_unit(name, {"kind": getattr(model, "kind", None)})
             if isinstance(model, ObjectNode | Meeting) and name == "figure" and model.encounter:
-                unit = FIGURES[model.encounter][1]
+                unit = get_figure(model.encounter).unit
             written = f" {unit}" if unit and unit != "any" else ""
             yield f"{indent}{key}: {_format(value, written)}{note}"
 
@@ -446,15 +447,18 @@ def _describe_field(info: FieldInfo) -> str:
     bounds = [f"{each.ge:g}" for each in info.metadata if hasattr(each, "ge")]
     bounds += [f"{each.le:g}" for each in info.metadata if hasattr(each, "le")]
     span = " to ".join(bounds) if len(bounds) == 2 else ""
-    values = " | ".join(dict.fromkeys(map(str, _list_values(info.annotation))))
+    allowed = (each for own in (info.annotation, *info.metadata) for each in _list_values(own))
+    values = " | ".join(dict.fromkeys(map(str, allowed)))
     about = " ".join(filter(None, (info.description, unit)))
     return "; ".join(filter(None, (about, span, values)))
 
 
 def _list_values(annotation: Any) -> Iterator[Any]:
-    """The values that the literals in a type allow."""
+    """The values that the literals and kinds in a type allow."""
     if get_origin(annotation) is Literal:
         yield from get_args(annotation)
+    elif isinstance(annotation, KindOf):
+        yield from annotation.list_names()
     elif find_model(annotation) is None:
         for each in get_args(annotation):
             yield from _list_values(each)

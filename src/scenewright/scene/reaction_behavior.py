@@ -14,14 +14,11 @@ within one to two steps, that is 0.5 to 1.2 s.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from scenewright.scene.base import AgentClass
-
-ReactionKind = Literal["brakes", "swerves", "stops", "steps_back", "jumps_back", "runs"]
-"""A vehicle or rider brakes or swerves within its lane; a pedestrian does one of the others."""
+from scenewright.scene.kinds import has_trait, list_kinds, list_shipped
 
 PERCEPTIBLE_TTC = 3.0
 """Path TTC [s] below which a conflict is perceptible, where the line of sight is free."""
@@ -67,19 +64,15 @@ ASIDE = (0.45, 0.65)
 """How far to a side a driver or rider swerves that stays in its lane [m]; stated: a car of 1.85 m
 in a lane of 3.2 m has 0.67 m on either side."""
 
-BACK: dict[ReactionKind, tuple[float, float]] = {"steps_back": (0.5, 0.8), "jumps_back": (0.8, 1.1)}
-BACKWARDS: dict[ReactionKind, tuple[float, float]] = {
-    "steps_back": (0.7, 0.95), "jumps_back": (1.5, 1.9)
-}  # fmt: skip
-"""How far [m] and how fast [m/s] a pedestrian goes backwards; stated: a step or two, or a jump."""
+RUNS = next(kind.id for kind in list_shipped("reaction") if "hurries" in kind.traits)
+"""The reaction that speeds up."""
 
-_SHARES: dict[AgentClass, dict[ReactionKind, float]] = {
-    "vehicle": {"brakes": 0.98, "swerves": 0.02},
-    "cyclist": {"brakes": 1.0},
-    "scooter": {"brakes": 1.0},
-    "pedestrian": {"stops": 0.53, "runs": 0.32, "steps_back": 0.15},
-}
-"""How often each class reacts in which way, where it reacts."""
+_BRAKES: dict[AgentClass, tuple[str, float]] = {
+    "vehicle": ("brakes", 0.98), "cyclist": ("brakes", 1.0), "scooter": ("brakes", 1.0),
+    "pedestrian": ("stops", 0.53),
+}  # fmt: skip
+"""What it is called that a class slows down, and how often it does, where it reacts; the other
+shares are those of the kinds of reactions."""
 
 
 @dataclass(frozen=True)
@@ -91,16 +84,27 @@ class Reaction:
         strength: highest braking or, when running, acceleration [m/s^2].
     """
 
-    kind: ReactionKind
+    kind: str
     after: float
     strength: float
 
+    @property
+    def hurries(self) -> bool:
+        """Whether it speeds up."""
+        return has_trait("reaction", self.kind, "hurries")
+
+    @property
+    def swerves(self) -> bool:
+        """Whether it leaves its way to a side."""
+        return has_trait("reaction", self.kind, "aside")
+
 
 def sample_reaction(
-    of: AgentClass, rng: np.random.Generator, *, kind: ReactionKind | None = None
+    of: AgentClass, rng: np.random.Generator, *, kind: str | None = None
 ) -> Reaction:
     """One reaction of a member of a class; of this kind, if one is given."""
-    shares = _SHARES[of]
+    others = ((k.id, k.figures.get(f"{of}_share", 0.0)) for k in list_kinds("reaction"))
+    shares = dict([_BRAKES[of], *sorted((e for e in others if e[1]), key=lambda e: -e[1])])
     chosen = kind or list(shares)[int(rng.choice(len(shares), p=list(shares.values())))]
     after = REACTION_TIME.sample(rng)
-    return Reaction(chosen, after, (HURRY if chosen == "runs" else BRAKING[of]).sample(rng))
+    return Reaction(chosen, after, (HURRY if chosen == RUNS else BRAKING[of]).sample(rng))

@@ -25,9 +25,8 @@ from scenewright.scene.social import (
     EntrySide,
     ImpactPoint,
     Manoeuvre,
-    PedestrianMotion,
+    Motion,
     SocialGraph,
-    VehicleMotion,
 )
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
@@ -110,7 +109,7 @@ class AgentRecord(Model):
     waypoints: tuple[Point, ...] = ()
     violates_signal: bool = False
     reaction: AskedReaction | None = Field(default=None, exclude_if=is_left_out)
-    motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
+    motion: Motion | None = Field(default=None, exclude_if=is_left_out)
     group: int | None = Field(default=None, exclude_if=is_left_out)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
 
@@ -17,6 +17,14 @@ from scenewright.scene.base import (
     Movement,
     is_left_out,
 )
+from scenewright.scene.kinds import (
+    AskedFigure,
+    Axis,
+    KindOf,
+    get_kind,
+    has_trait,
+    list_shipped,
+)
 from scenewright.scene.measures import Measure
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
@@ -29,28 +37,17 @@ ImpactPoint = Literal[
 ]  # fmt: skip
 """Where on a vehicle it is struck or strikes; front and rear take in their corners."""
 
-Cause = Literal["red_light_run", "late_brake"]
+Cause = Annotated[str, KindOf("cause")]
 EntrySide = Literal["same", "other", "opposite", "lateral", "left", "right"]
 """How one entry lies to another: one leg, not that, oncoming, on the cross street, to its left."""
 
-Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane", "pushed"]
-"""How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
-`from` changes into the lane of `to`, ahead of it; or into its side; `from` stands behind `to` and
-is pushed into it by the vehicle that rear-ends it (a chain collision)."""
+Manoeuvre = Annotated[str, KindOf("manoeuvre")]
+"""How a relation in one lane comes about."""
 
-PedestrianMotion = Literal["runs", "darts_out", "stops_midway", "turns_back"]
-"""How a pedestrian crosses: it runs, runs onto the road at once, stands still on the way, or turns
-round there and returns."""
-
-EvasionOnFoot = Literal["steps_back", "jumps_back", "runs"]
-AskedReaction = Literal["none", "swerves", "steps_back", "jumps_back", "runs"]
-"""How a threatened agent is to react: not at all; a vehicle or rider swerves within its lane; a
-pedestrian steps or jumps back or runs. Braking hard is a cause of its relation."""
-VehicleMotion = Literal[
-    "passes_yellow", "stops_at_yellow", "blocks_junction", "drives_wrong_way"
-]  # fmt: skip
-"""How a vehicle drives: over its stop line while the light is yellow; it brakes hard for that;
-it stands in the junction while its light is red; or comes to the junction in an exit lane."""
+AskedReaction = Annotated[str, KindOf("reaction")]
+"""How a threatened agent is to react. Braking hard is a cause of its relation."""
+Motion = Annotated[str, KindOf("motion")]
+"""How a pedestrian crosses, or a vehicle drives."""
 
 Density = Literal["low", "medium", "high"]
 Subtype = Literal[
@@ -86,7 +83,7 @@ class AgentNode(Model):
     reaction: AskedReaction | None = Field(
         default=None, exclude_if=is_left_out, description="what it does about a threat"
     )
-    motion: PedestrianMotion | VehicleMotion | None = Field(
+    motion: Motion | None = Field(
         default=None, exclude_if=is_left_out, description="how it crosses or drives"
     )
     members: int | None = Field(
@@ -101,21 +98,17 @@ class AgentNode(Model):
     def _check_name(self) -> Self:
         if not self.id.startswith(self.type):
             raise FieldError(f"{self.id} is of type {self.type}; an id begins with its type", "id")
-        if self.motion in get_args(PedestrianMotion) and self.type != "pedestrian":
-            raise FieldError(
-                f"{self.id} is no pedestrian; only one of those {self.motion}", "motion"
-            )
-        if self.motion in get_args(VehicleMotion) and self.type == "pedestrian":
-            raise FieldError(f"{self.id} is no vehicle; only one of those {self.motion}", "motion")
-        if self.reaction in get_args(EvasionOnFoot) and self.type != "pedestrian":
-            raise FieldError(
-                f"{self.id} is no pedestrian; only one of those {self.reaction}", "reaction"
-            )
-        if self.reaction == "swerves" and self.type == "pedestrian":
-            raise FieldError(f"{self.id} is no vehicle; only one of those swerves", "reaction")
+        self._check_kind("motion", self.motion)
+        self._check_kind("reaction", self.reaction)
         if self.members is not None and self.type != "pedestrian":
             raise FieldError(f"{self.id} is no pedestrian; only those walk in groups", "members")
         return self
+
+    def _check_kind(self, axis: Axis, name: str | None) -> None:
+        """Check that such a kind can be asked of pedestrians, or of what rides or drives."""
+        agents = get_kind(axis, name).agents if name is not None else (self.type,)
+        if self.type not in agents:
+            raise FieldError(f"{self.id} is no {agents[0]}; only one of those {name}", axis)
 
 
 class RelationEdge(Model):
@@ -168,7 +161,12 @@ class RelationEdge(Model):
     @property
     def brakes(self) -> bool:
         """Whether one of the two of a near miss brakes hard, and so lets the other pass first."""
-        return self.target_ttc is not None or self.cause == "late_brake"
+        return self.target_ttc is not None or has_trait("cause", self.cause, "late")
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether `from` is pushed into `to` by what strikes it."""
+        return has_trait("manoeuvre", self.manoeuvre, "chain")
 
     def get_first(self) -> str | None:
         """The agent that passes first, as asked for or as the relation itself has it."""
@@ -201,25 +199,23 @@ ObjectKind = Literal[
 """What stands: vehicles at the kerb, beside those parked there, in a lane, a bus at its stop; a
 cabinet or kiosk, a litter bin, a shipping container."""
 
-Encounter = Literal[
-    "goes_round", "waits_behind", "hits", "stops_short", "waits_then_passes", "queues", "doored"
-]  # fmt: skip
-"""What a vehicle or rider does about an object in its way: it also brakes hard and stops just short
-of it, goes round it after a wait, stands behind who waits there, or rides into the door of a parked
-vehicle that opens just before (dooring)."""
+Encounter = Annotated[str, KindOf("encounter")]
+"""What a vehicle or rider does about an object in its way."""
 
-FIGURES: dict[Encounter, tuple[str, str, float, float]] = {
-    "goes_round": ("clearance", "m", 0.15, 2.5),
-    "waits_behind": ("gap", "m", 0.5, 6.0),
-    "hits": ("speed", "m/s", 1.0, 18.0),
-    "stops_short": ("gap", "m", 0.3, 2.0),
-    "waits_then_passes": ("waits", "s", 1.0, 12.0),
-    "queues": ("gap", "m", 0.5, 6.0),
-    "doored": ("speed", "m/s", 1.0, 18.0),
-}
-"""What may be asked of each: the figure that the checker measures, its unit, least and most."""
 
-_FIGURE_HELP = ", ".join(f"{how}: {what} [{unit}]" for how, (what, unit, *_) in FIGURES.items())
+def get_figure(encounter: str) -> AskedFigure:
+    """What may be asked of an encounter: the figure that the checker measures."""
+    figure = get_kind("encounter", encounter).figure
+    if figure is None:
+        raise KeyError(encounter)
+    return figure
+
+
+_FIGURE_HELP = "least and most; " + ", ".join(
+    f"{each.id}: {each.figure.name} [{each.figure.unit}]"
+    for each in list_shipped("encounter")
+    if each.figure is not None
+)
 
 ObjectId = Annotated[str, Field(pattern=r"^object-[1-9][0-9]*$", max_length=32)]
 STANDING_VEHICLES = ("parked", "double_parked", "stalled", "bus_stop")
@@ -231,17 +227,20 @@ class Meeting(Model):
     agent: _VehicleId
     encounter: Encounter
     figure: tuple[float, float] | None = Field(
-        default=None, exclude_if=is_left_out, description="least and most; " + _FIGURE_HELP
+        default=None, exclude_if=is_left_out, description=_FIGURE_HELP
     )
 
 
 def _check_figure(name: str, each: Meeting, *at: str | int) -> None:
-    how, figure = each.encounter, each.figure
-    what, unit, least, most = FIGURES[how]
-    if figure is not None and not least <= figure[1] <= most + 1.0:
-        raise FieldError(f"{name}: {what} of who {how} must be {least:g} to {most:g} {unit}", *at)
+    figure, own = each.figure, get_figure(each.encounter)
+    if figure is not None and not own.least <= figure[1] <= own.most + 1.0:
+        raise FieldError(
+            f"{name}: {own.name} of who {each.encounter} must be {own.least:g} to {own.most:g} "
+            f"{own.unit}",
+            *at,
+        )
     if figure is not None and figure[0] >= figure[1]:
-        raise FieldError(f"{name}: {what} must be two rising numbers, in {unit}", *at)
+        raise FieldError(f"{name}: {own.name} must be two rising numbers, in {own.unit}", *at)
 
 
 class ObjectNode(Model):
@@ -280,7 +279,7 @@ class ObjectNode(Model):
         default=None, exclude_if=is_left_out, description="what that one does about it"
     )
     figure: tuple[float, float] | None = Field(
-        default=None, exclude_if=is_left_out, description="least and most; " + _FIGURE_HELP
+        default=None, exclude_if=is_left_out, description=_FIGURE_HELP
     )
     others: tuple[Meeting, ...] = Field(
         default=(), max_length=3, exclude_if=is_left_out, description="agents that meet it after"
@@ -302,11 +301,11 @@ class ObjectNode(Model):
             raise FieldError(f"{self.id}: a {self.kind} is in no agent's way", "encounter")
         if self.encounter is None and (self.figure is not None or self.others):
             raise FieldError(f"{self.id}: figure and others need met_by", "figure")
-        if self.encounter == "doored" and self.kind != "parked":
+        if has_trait("encounter", self.encounter, "door") and self.kind != "parked":
             raise FieldError(
                 f"{self.id}: only a parked vehicle opens a door, not a {self.kind}", "encounter"
             )
-        if self.encounter == "queues":
+        if has_trait("encounter", self.encounter, "behind_agent"):
             raise FieldError(
                 f"{self.id}: the first behind it waits_behind, the others queue", "encounter"
             )
@@ -416,7 +415,7 @@ class SocialGraph(Model):
         """Check that who is pushed into another vehicle is struck by a third."""
         struck = {edge.to for edge in self.relations if edge.type == "collide_at"}
         for n, edge in enumerate(self.relations):
-            if edge.manoeuvre == "pushed" and edge.from_ not in struck:
+            if edge.is_pushed and edge.from_ not in struck:
                 message = f"{edge.from_} is pushed into {edge.to}, but no agent strikes it"
                 raise FieldError(message, "relations", n, "manoeuvre")
 
@@ -425,29 +424,16 @@ class SocialGraph(Model):
         bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
         hiding = {each.id for each in self.objects if each.hides is not None}
         for n, each in enumerate(self.objects):
+            at, hides = ("objects", n), each.hides
             if each.beyond is not None and each.beyond not in hiding - {each.id}:
-                raise FieldError(
-                    f"{each.id} is beyond {each.beyond}, which hides no agent",
-                    "objects",
-                    n,
-                    "beyond",
-                )
-            pair = frozenset((each.hides, each.hidden_from))
-            if each.hides is not None and pair not in bound:
-                raise FieldError(
-                    f"{each.id} hides {each.hides} from {each.hidden_from}, but no relation binds "
-                    "the two",
-                    "objects",
-                    n,
-                    "hides",
-                )
-            if each.hides is not None and each.hides.startswith("vehicle"):
-                raise FieldError(
-                    f"{each.id} can hide a pedestrian or rider, not {each.hides}",
-                    "objects",
-                    n,
-                    "hides",
-                )
+                message = f"{each.id} is beyond {each.beyond}, which hides no agent"
+                raise FieldError(message, *at, "beyond")
+            if hides is not None and frozenset((hides, each.hidden_from)) not in bound:
+                who = f"{each.id} hides {hides} from {each.hidden_from}"
+                raise FieldError(f"{who}, but no relation binds the two", *at, "hides")
+            if hides is not None and hides.startswith("vehicle"):
+                message = f"{each.id} can hide a pedestrian or rider, not {hides}"
+                raise FieldError(message, *at, "hides")
         self._check_encounters()
 
     def _check_encounters(self) -> None:
@@ -465,7 +451,7 @@ class SocialGraph(Model):
                 raise FieldError(f"{own.id} is met by {each.agent}, which is not in the scene", *at)
             if sum(other.agent == each.agent for *_, other in met) > 1:
                 raise FieldError(f"{each.agent} can meet one object only", *at)
-            if each.encounter != "goes_round" and each.agent in busy:
+            if not has_trait("encounter", each.encounter, "drives_on") and each.agent in busy:
                 raise FieldError(f"{each.agent} stops at {own.id}, so no relation can bind it", *at)
 
     def agent(self, agent_id: str) -> AgentNode:

@@ -11,6 +11,7 @@ import numpy as np
 from scenewright.scene.base import RIDERS, Colour, FloatArray
 from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord, SegmentStatus
@@ -224,7 +225,7 @@ def find_main_time(scene: SceneRecord) -> float:
     """The time to show when there is only one picture [s]: the first event, else the first agent
     that drives into an object, else the fullest."""
     times = [event.time for event in scene.events if event.time is not None]
-    ended = {each.agent for each in scene.encounters if each.how in ("hits", "doored")}
+    ended = {each.agent for each in scene.encounters if has_trait("encounter", each.how, "ends")}
     times += [
         each.spawn_time + scene.meta.step * (len(each.trajectory) - 1)
         for each in scene.agents

@@ -34,7 +34,7 @@ from scenewright.tools.relation_checker import (
     find_events,
 )
 from scenewright.tools.relation_checker.events import observe
-from scenewright.tools.relation_checker.vehicle_motions import describe_vehicle_motion
+from scenewright.tools.relation_checker.motions import describe_motion
 
 MAP = plus_map()
 ZONE = -8.3
@@ -360,7 +360,7 @@ def test_who_passes_on_yellow_does_so_while_it_lasts(turns: float, late: float, 
     one = car(distance(8.0, (0.0, 8.0)), x=-50.0)
     moved = replace(one, track=replace(one.track, start=late))
     observed = observe([moved], intersection_map=MAP, signals=plan)
-    found = describe_vehicle_motion("passes_yellow", observed.tracks[0], observed.lights, MAP)
+    found = describe_motion("passes_yellow", observed.tracks[0], observed, MAP)
     assert (found is not None) == seen
 
 

@@ -9,13 +9,15 @@ import pytest
 
 from checker_tracks import CAR, EAST, NORTH, along, distance, line, plus_map
 from scenewright.scene.events import Event
+from scenewright.scene.kinds import get_kind
 from scenewright.scene.record import AgentRecord, RelationRecord
 from scenewright.scene.track import PEDESTRIAN, Track
 from scenewright.tools.relation_checker import RoadUser
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.groups import check_groups
 from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
-from scenewright.tools.relation_checker.pedestrian_motions import describe_pedestrian_motion
+from scenewright.tools.relation_checker.motions import SeenMotion, describe_motion
+from scenewright.tools.relation_checker.pedestrian_motions import describe_return
 
 GAP = 17.0
 """Between the centres of two cars at 10 m/s, which is a headway of 1.24 s [m]."""
@@ -95,8 +97,9 @@ def test_who_cuts_in_comes_over_from_the_next_lane(aside: float, seen: bool) -> 
 def test_how_a_pedestrian_crosses(motion: str, phases: tuple[Any, ...], seen: bool) -> None:
     s = distance(phases[0], *phases[1:])
     user = line(1, (14.0, -13.0), NORTH, s, shape=PEDESTRIAN)
-    (track,) = observe([user]).tracks
-    assert (describe_pedestrian_motion(motion, track, plus_map()) is not None) == seen
+    observed = observe([user])
+    found = describe_motion(motion, observed.tracks[0], observed, plus_map())
+    assert (found is not None) == seen
 
 
 @pytest.mark.parametrize(
@@ -112,8 +115,9 @@ def test_who_turns_back_comes_well_onto_the_road_and_returns(
     points = np.vstack((there, (14.6, -3.5 + out - back)))
     long = float(np.hypot(*np.diff(points, axis=0).T).sum())
     user = along(1, points, distance(1.4, (0.0, long / 1.4)), shape=PEDESTRIAN)
-    (track,) = observe([user]).tracks
-    found = describe_pedestrian_motion("turns_back", track, plus_map(), struck=struck)
+    observed, kind = observe([user]), get_kind("motion", "turns_back")
+    track = observed.tracks[0]
+    found = describe_return(SeenMotion(kind, track, observed.lights, plus_map(), struck))
     assert (found is not None) == seen
 
 

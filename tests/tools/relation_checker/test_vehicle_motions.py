@@ -9,7 +9,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.map import Lanelet
 from scenewright.scene.record import SignalRecord
 from scenewright.tools.relation_checker.events import observe
-from scenewright.tools.relation_checker.vehicle_motions import describe_vehicle_motion
+from scenewright.tools.relation_checker.motions import describe_motion
 
 LANES = tuple(
     Lanelet(
@@ -46,7 +46,7 @@ def test_who_stops_at_yellow(s: FloatArray, shown: list[SignalRecord], seen: boo
     observed = observe(
         [line(1, (-70.0, -1.75), EAST, s)], intersection_map=MAP, signals=tuple(shown)
     )
-    found = describe_vehicle_motion("stops_at_yellow", observed.tracks[0], observed.lights, MAP)
+    found = describe_motion("stops_at_yellow", observed.tracks[0], observed, MAP)
     assert (found is not None) == seen
 
 
@@ -64,7 +64,7 @@ def test_who_blocks_the_junction(s: FloatArray, shown: list[SignalRecord], seen:
     observed = observe(
         [line(1, (-70.0, -1.75), EAST, s)], intersection_map=MAP, signals=tuple(shown)
     )
-    found = describe_vehicle_motion("blocks_junction", observed.tracks[0], observed.lights, MAP)
+    found = describe_motion("blocks_junction", observed.tracks[0], observed, MAP)
     assert (found is not None) == seen
 
 
@@ -82,9 +82,7 @@ def test_who_drives_the_wrong_way(place: tuple[float, float], heading: float, se
     user = line(1, place, heading, distance(8.0, (0, 5)))
     for each in (user, resampled(user, 0.05)):
         observed = observe([each], intersection_map=MAP, signals=())
-        found = describe_vehicle_motion(
-            "drives_wrong_way", observed.tracks[0], observed.lights, MAP
-        )
+        found = describe_motion("drives_wrong_way", observed.tracks[0], observed, MAP)
         assert (found is not None) == seen
 
 
@@ -93,4 +91,4 @@ def test_who_stands_in_a_lane_that_leads_the_other_way_drives_no_wrong_way() -> 
         [line(1, (-40.0, 1.75), EAST, distance(0.0, (0, 10)))], intersection_map=MAP, signals=()
     )
     track = observed.tracks[0]
-    assert describe_vehicle_motion("drives_wrong_way", track, observed.lights, MAP) is None
+    assert describe_motion("drives_wrong_way", track, observed, MAP) is None

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from scenewright.scene.base import RIDERS, AgentClass
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
@@ -13,9 +14,8 @@ from scenewright.scene.social import (
     AskedReaction,
     ImpactPoint,
     Manoeuvre,
-    PedestrianMotion,
+    Motion,
     SocialGraph,
-    VehicleMotion,
 )
 
 OPPOSITE = {
@@ -106,7 +106,7 @@ class AgentDraft:
     generic: bool = False
     words: frozenset[str] = frozenset()
     reaction: AskedReaction | None = None
-    motion: PedestrianMotion | VehicleMotion | None = None
+    motion: Motion | None = None
     members: int | None = None
     role: str | None = None
     marked: bool = False
@@ -161,7 +161,7 @@ class RelationDraft:
     @property
     def ahead(self) -> AgentDraft | None:
         """The agent that comes first by the type of the relation; None where that is left open."""
-        if self.manoeuvre == "cuts_in":
+        if has_trait("manoeuvre", self.manoeuvre, "merges_ahead"):
             return self.from_
         in_one_lane = self.kind == "rear_end" or self.manoeuvre is not None
         return self.to if self.type in ("yield_to", "follow") or in_one_lane else None

@@ -14,6 +14,7 @@ from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.backends.builtin.ties import list_ties, name_turns_across
 from scenewright.scene.base import AgentClass
+from scenewright.scene.kinds import find_marked
 from scenewright.scene.social import (
     MOST_AGENTS,
     MOST_RELATIONS,
@@ -52,7 +53,7 @@ def finish_draft(draft: Draft) -> Draft:
     fill_entailed(draft)
     name_turns_across(draft)
     if any(agent.runs_red for agent in draft.agents):
-        set_cause(draft, "red_light_run")
+        set_cause(draft, "red")
     for relation in draft.relations:
         # The vehicle strikes, also where the pedestrian is the sentence's subject.
         on_foot = [each.type == "pedestrian" for each in (relation.from_, relation.to)]
@@ -101,14 +102,15 @@ def _keep_one_event_per_pair(draft: Draft) -> None:
             pass_order_on(relation, draft.relations)
 
 
-def set_cause(draft: Draft, cause: str) -> None:
+def set_cause(draft: Draft, mark: str) -> None:
     """The relations that running red or late braking brings about owe it to that."""
+    cause = find_marked("cause", mark)
     for relation in draft.relations:
-        ran = relation.from_.runs_red or relation.to.runs_red or cause == "late_brake"
+        ran = relation.from_.runs_red or relation.to.runs_red or mark == "brakes"
         made_to_yield = relation.type == "yield_to" and relation.to.runs_red
         if relation.type in {"collide_at", "near_miss"} and ran:
             relation.cause = relation.cause or cause
-        elif made_to_yield and cause == "red_light_run":
+        elif made_to_yield and mark == "red":
             relation.cause = cause
 
 

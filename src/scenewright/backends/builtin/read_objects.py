@@ -13,6 +13,7 @@ from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.words import find_subtype
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import Compass
+from scenewright.scene.kinds import Trait, find_marked, has_trait
 from scenewright.scene.social import (
     MOST_OBJECTS,
     STANDING_VEHICLES,
@@ -22,6 +23,7 @@ from scenewright.scene.social import (
     ObjectKind,
     ObjectNode,
     SocialGraph,
+    get_figure,
 )
 
 _SPEED_TOLERANCE, _TIME_TOLERANCE = 0.5, 0.15
@@ -30,19 +32,8 @@ _SPEED_TOLERANCE, _TIME_TOLERANCE = 0.5, 0.15
 _KINDS: dict[str | None, ObjectKind] = {
     "parked": "parked", "double": "double_parked", "stalled": "stalled", "stop": "bus_stop",
 }  # fmt: skip
-_ENCOUNTERS: dict[tuple[str, str | None], Encounter] = {
-    ("meet", "around"): "goes_round",
-    ("meet", "wait"): "waits_behind",
-    ("meet", "short"): "stops_short",
-    ("door", None): "doored",
-}
-_EVENTS: dict[str, Encounter] = {
-    "hit": "hits", "near": "stops_short", "yield": "waits_behind", "follow": "waits_behind",
-}  # fmt: skip
-_FIGURES: dict[str, tuple[Encounter, ...]] = {
-    "impact": ("hits", "doored"), "wait": ("waits_behind", "waits_then_passes"),
-}  # fmt: skip
-"""Tags of numbers, and what an agent does about an object of which they say how fast or long."""
+_FIGURES: dict[str, Trait] = {"impact": "ends", "wait": "waits"}
+"""Tags of numbers, and the trait of what an agent does of which they say how fast or long."""
 _FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
 _THINGS = re.compile(
     r"\b(?:bin|trash can|dustbin|dumpster|skip|container|kiosk|cabinet|box|crate|booth|stall|"
@@ -90,7 +81,8 @@ class ReadObject:
 
     def get_figure(self) -> tuple[float, float] | None:
         """The range of the speed of a hit, or of the wait before it is passed."""
-        tolerance = _TIME_TOLERANCE if self.encounter == "waits_then_passes" else _SPEED_TOLERANCE
+        unit = get_figure(self.encounter).unit if self.encounter else ""
+        tolerance = _TIME_TOLERANCE if unit == "s" else _SPEED_TOLERANCE
         found = [parse_range(each.words, "", tolerance) for each in self.figures]
         ranges = [each for each in found if each is not None and each[1] is not None]
         return (round(ranges[0][0], 3), round(ranges[0][1] or 0.0, 3)) if ranges else None
@@ -123,7 +115,8 @@ def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
     if not things or span.tag == "obj":
         return
     agents = [n for n in (*span.subjects, *span.objects) if n not in objects]
-    encounter = _ENCOUNTERS.get((span.tag, span.value)) or _EVENTS.get(span.tag)
+    full = find_marked("encounter", f"{span.tag} {span.value}") if span.value else None
+    encounter = full or find_marked("encounter", span.tag)
     if span.tag == "ref":
         things[0].mentions.append(span)
     elif span.tag in ("from", "to", "cw") and subjects:
@@ -145,10 +138,12 @@ def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
 
 def _join_meeting(before: Encounter | None, encounter: Encounter) -> Encounter:
     """One that waits and then goes round does both; one that is doored does not hit as well."""
-    if before == "doored":
-        return "doored"
-    both = {before, encounter} == {"waits_behind", "goes_round"}
-    return "waits_then_passes" if both else encounter
+    if has_trait("encounter", before, "door"):
+        return before or encounter
+    both = {before, encounter} == {
+        find_marked("encounter", f"meet {w}") for w in ("wait", "around")
+    }
+    return (find_marked("encounter", "meet wait around") if both else None) or encounter
 
 
 def _assign_figures(reading: Reading, objects: Mapping[int, ReadObject]) -> None:
@@ -158,7 +153,11 @@ def _assign_figures(reading: Reading, objects: Mapping[int, ReadObject]) -> None
             own = not span.subjects or not each.meetings.keys().isdisjoint(span.subjects)
             if span.tag == "seen" and each.hidden is not None:
                 each.seen.append(span)
-            elif own and each.encounter in _FIGURES.get(span.tag, ()):
+            elif (
+                own
+                and (trait := _FIGURES.get(span.tag))
+                and has_trait("encounter", each.encounter, trait)
+            ):
                 each.figures.append(span)
 
 
@@ -212,10 +211,10 @@ def add_read_objects(
             agents[own] = reroute_agent(agents[own], node)
             if node.leg is not None and not meeting:
                 node = node.model_copy(update=find_side(agents[own], node))
-            waits = any(m.encounter in ("waits_behind", "queues") for m in meeting)
-            queues = waits and encounter == "waits_behind"
+            waits = any(has_trait("encounter", m.encounter, "heads_queue") for m in meeting)
             figure = None if meeting else each.get_figure()
-            how = "queues" if queues else encounter
+            queues = waits and has_trait("encounter", encounter, "heads_queue")
+            how = (find_marked("encounter", "queue") if queues else None) or encounter
             meeting.append(Meeting(agent=agents[own].id, encounter=how, figure=figure))
         if meeting:
             first, *others = meeting
@@ -331,12 +330,12 @@ def find_kind(words: str, how: Encounter) -> ObjectKind:
     """What stands in the way is in a lane; what is hit may also stand at the kerb."""
     low = words.lower()
     in_lane = re.search(r"\b(?:lane|way|path|road)\b", low) is not None
-    if how == "doored":
+    if has_trait("encounter", how, "door"):
         return "parked"
     if re.search(r"double[- ]?parked|unloading|\b(?:bus|coach)\b.*\bstop\b", low):
         return "double_parked"
     if "parked" in low:
-        return "double_parked" if in_lane or how != "hits" else "parked"
+        return "double_parked" if in_lane or how != find_marked("encounter", "hit") else "parked"
     return "stalled"
 
 

@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 
 from scenewright.scene.account import SaidSpan
+from scenewright.scene.kinds import find_marked
 from scenewright.scene.social import RelationEdge, SocialGraph
 
 _SAYS_CUT_IN = re.compile(r"\bcut(?:s|ting)?[- ]in\b(?! front)", re.IGNORECASE)
@@ -29,6 +30,7 @@ def settle_lanes(graph: SocialGraph, text: str) -> SocialGraph:
 def read_cut_ins(graph: SocialGraph) -> SocialGraph:
     """The graph in which who "cuts in" on a vehicle does so by a lane change ahead of it."""
     edges, said = list(graph.relations), list(graph.said)
+    cuts_in = find_marked("manoeuvre", "near_miss lane")
     for number, edge in enumerate(edges):
         pair = {edge.from_, edge.to}
         here = [
@@ -38,8 +40,8 @@ def read_cut_ins(graph: SocialGraph) -> SocialGraph:
         ]
         if not here or not _may_cut_in(edge, graph):
             continue
-        edges[number] = edge.model_copy(update={"manoeuvre": "cuts_in", "first": None})
-        change = {"became": "manoeuvre", "agents": (edge.from_, edge.to), "value": "cuts_in"}
+        edges[number] = edge.model_copy(update={"manoeuvre": cuts_in, "first": None})
+        change = {"became": "manoeuvre", "agents": (edge.from_, edge.to), "value": cuts_in}
         for k in here:
             if said[k].became in ("manner", "order"):
                 said[k] = said[k].model_copy(update=change)
@@ -52,25 +54,30 @@ def _may_cut_in(edge: RelationEdge, graph: SocialGraph) -> bool:
     apart = None not in (one.entry, two.entry) and one.entry != two.entry
     tied = any({tie.agent, tie.of} == {one.id, two.id} for tie in graph.ties)
     turns = {one.movement, two.movement} - {None, "straight"}
-    settled = edge.manoeuvre not in (None, "cuts_in") or edge.pattern or edge.cause
+    settled = (
+        edge.manoeuvre not in (None, find_marked("manoeuvre", "near_miss lane"))
+        or edge.pattern
+        or edge.cause
+    )
     drives = edge.type == "near_miss" and {one.type, two.type} == {"vehicle"}
     return drives and not (apart or tied or turns or settled)
 
 
 def read_leaders(graph: SocialGraph, text: str) -> SocialGraph:
     """The graph in which who is said to be ahead is hit from behind, and the account of that."""
+    by_braking = find_marked("manoeuvre", "brakes")
     for number, edge in enumerate(graph.relations):
         place = _find_place(edge, graph, text) if _is_open(edge, graph) else None
         if place is None:
             continue
         brakes = edge.type == "near_miss"
-        change = {"manoeuvre": "lead_brakes"} if brakes else {"kind": "rear_end"}
+        change = {"manoeuvre": by_braking} if brakes else {"kind": "rear_end"}
         edges = [*graph.relations]
         edges[number] = edge.model_copy(update={"first": None, **change})
         words = {
             "start": place[0], "end": place[1], "words": text[place[0] : place[1]],
             "became": "manoeuvre" if brakes else "relation", "agents": (edge.from_, edge.to),
-            "value": "lead_brakes" if brakes else edge.type,
+            "value": by_braking if brakes else edge.type,
         }  # fmt: skip
         kept = [e for e in graph.said if not place[0] <= e.start < place[1]]
         said = sorted((*kept, SaidSpan.model_validate(words)), key=lambda each: each.start)
@@ -110,16 +117,17 @@ def link_collisions(graph: SocialGraph) -> SocialGraph:
     struck = {edge.to: edge.from_ for edge in hits}
     second = [e for e in hits if e.from_ in struck and struck[e.from_] != e.to]
     linked = {each.from_ for each in second} | {struck[each.from_] for each in second}
+    pushed = find_marked("manoeuvre", "chain")
     edges = sorted(
         (
             edge.model_copy(
-                update={"kind": "rear_end", "manoeuvre": "pushed" if edge in second else None}
+                update={"kind": "rear_end", "manoeuvre": pushed if edge in second else None}
             )
             if edge in hits and edge.from_ in linked
             else edge
             for edge in graph.relations
         ),
-        key=lambda edge: edge.manoeuvre == "pushed",
+        key=lambda edge: edge.is_pushed,
     )
     return graph.model_copy(update={"relations": tuple(edges)}) if second else graph
 

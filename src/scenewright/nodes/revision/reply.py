@@ -53,12 +53,12 @@ from scenewright.scene.edits import (
     WaitLonger,
     apply_edits,
 )
+from scenewright.scene.kinds import list_names
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.route_table import WAY_FIELDS, RouteDescription, resolve_route
 from scenewright.scene.social import (
     MOST_BACKGROUND,
     AgentNode,
-    Cause,
     CollisionKind,
     Density,
     RelationEdge,
@@ -229,7 +229,7 @@ def build_edits_schema(
     }
     relation: dict[str, Schema] = {
         "kind": build_enum(get_args(CollisionKind)),
-        "cause": build_enum(get_args(Cause)),
+        "cause": build_enum(list_names("cause")),
         **build_order_schema(words, agent),
     }
     relation |= build_severity_schema(words) | build_manoeuvre_schema(words)

@@ -23,6 +23,7 @@ from scenewright.nodes.scene_planner.reply import (
     build_plan_schema,
     find_similar_patterns,
 )
+from scenewright.scene.kinds import list_kinds
 from scenewright.scene.relations import Pattern
 from scenewright.scene.route_table import RouteDescription
 
@@ -160,26 +161,11 @@ def _format_patterns(patterns: Sequence[Pattern]) -> str:
     return "".join([head, *lines]) if lines else ""
 
 
-_MOTIONS = "motion of a pedestrian: runs, darts_out (runs out at once), stops_midway, turns_back.\n"
 _MEMBERS = "members: how many pedestrians walk together as one agent (a couple: 2; a class: 6).\n"
-_MANOEUVRES = (
-    "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
-    "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then. "
-    "tailgates (follow), cuts_in (near_miss), changes_lane (collide_at sideswipe): from does. "
-    "pushed (collide_at rear_end): from, rear-ended by a third, is pushed into to.\n"
-)
-
 
 _OBJECTS = (
     "objects stand and take no part: kind, subtype, leg if told; hides: a pedestrian, hidden_from: "
     "the vehicle; lead, if told: seconds in sight before the event, 0.8 is [0.65,0.95].\n"
-)
-_ENCOUNTERS = (
-    "of one in the way of a vehicle or rider: met_by, encounter: goes_round, waits_behind, hits, "
-    "stops_short (brakes hard, nearly hits it), waits_then_passes; figure, if told, least and most:"
-    " clearance m, gap m, speed m/s, gap m, waits s; lane: left or right; others: who else meets "
-    "it, by agent and encounter; queues: behind one that waits; doored: rides into the opening door"
-    " of one parked.\n"
 )
 _IN_THE_WAY = re.compile(
     r"stalled|double|broken|abandoned|disabled|round|past|pass|hit|into|door", re.I
@@ -188,16 +174,32 @@ _IN_THE_WAY = re.compile(
 
 def describe_objects(words: str) -> str:
     """What may stand, where a request may speak of it."""
-    met = _ENCOUNTERS if _IN_THE_WAY.search(words) else ""
+    met = _describe_encounters() if _IN_THE_WAY.search(words) else ""
     return _OBJECTS + met if build_object_schema(words, {}) else ""
+
+
+def _describe_encounters() -> str:
+    """What may be done about an object in the way, and the figure that goes with it."""
+    kinds = list_kinds("encounter")
+    lines = ", ".join(each.prompt for each in kinds if each.prompt)
+    figures = ", ".join(f"{k.id} {k.figure.name} {k.figure.unit}" for k in kinds if k.figure)
+    return (
+        f"of one in the way of a vehicle or rider: met_by, encounter: {lines}; figure, if told, "
+        f"least and most: {figures}; lane: left or right; others: who else meets it, by agent and "
+        "encounter.\n"
+    )
 
 
 def describe_manoeuvres(words: str) -> str:
     """What manoeuvres and motions on foot there are, where a request may speak of one."""
-    manoeuvres = _MANOEUVRES if build_manoeuvre_schema(words) else ""
-    asked = build_motion_schema(words)
-    motions = (_MOTIONS if "motion" in asked else "") + (_MEMBERS if "members" in asked else "")
-    return manoeuvres + motions
+    found, asked = "", build_motion_schema(words)
+    if build_manoeuvre_schema(words):
+        lines = " ".join(kind.prompt for kind in list_kinds("manoeuvre") if kind.prompt)
+        found = f"manoeuvre, of two in one lane: {lines}\n"
+    if "motion" in asked:
+        lines = ", ".join(kind.prompt for kind in list_kinds("motion") if kind.prompt)
+        found += f"motion of a pedestrian: {lines}.\n"
+    return found + (_MEMBERS if "members" in asked else "")
 
 
 _ORDER = (

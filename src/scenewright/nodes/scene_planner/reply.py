@@ -20,28 +20,23 @@ from scenewright.nodes.schema import (
     build_text,
 )
 from scenewright.scene.base import AgentClass
+from scenewright.scene.kinds import list_names
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import (
     MOST_BACKGROUND,
     MOST_OBJECTS,
     AgentNode,
-    AskedReaction,
-    Cause,
     CollisionKind,
     Density,
-    Encounter,
     EntrySide,
     ImpactPoint,
-    Manoeuvre,
     ObjectKind,
-    PedestrianMotion,
     Refusal,
     RelationEdge,
     RelationType,
     SocialGraph,
     Subtype,
-    VehicleMotion,
 )
 from scenewright.scene.stems import stem_word
 from scenewright.scene.track import EMERGENCY
@@ -172,7 +167,7 @@ def build_plan_schema(
         "from": agent_id,
         "to": agent_id,
         "kind": build_enum(get_args(CollisionKind)),
-        "cause": build_enum(get_args(Cause)),
+        "cause": build_enum(list_names("cause")),
         "braker": agent_id,
         **build_order_schema(words, agent_id),
         **build_manoeuvre_schema(words),
@@ -239,7 +234,7 @@ def build_subtype_schema(words: str) -> Schema:
 
 def build_manoeuvre_schema(words: str) -> Schema:
     """How a relation in one lane comes about, where the words may speak of it."""
-    return {"manoeuvre": build_enum(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
+    return {"manoeuvre": build_enum(list_names("manoeuvre"))} if _IN_LANE.search(words) else {}
 
 
 def build_object_schema(words: str, side: Schema) -> Schema:
@@ -248,7 +243,7 @@ def build_object_schema(words: str, side: Schema) -> Schema:
         return {}
     agent = build_reference("id")
     figure = {"type": "array", "items": build_number(0, 30), "minItems": 2, "maxItems": 2}
-    how = build_enum(get_args(Encounter))
+    how = build_enum(list_names("encounter"))
     other = {"agent": agent, "encounter": how, "figure": figure}
     node = {
         "id": build_text(r"object-[1-9]"),
@@ -288,10 +283,10 @@ _DRIVING = re.compile(
 
 def build_motion_schema(words: str) -> Schema:
     """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
-    known = get_args(PedestrianMotion) if _ON_FOOT.search(words) else ()
-    known += get_args(VehicleMotion) if _DRIVING.search(words) else ()
+    known = list_names("motion", of="pedestrian") if _ON_FOOT.search(words) else ()
+    known += list_names("motion", of="vehicle") if _DRIVING.search(words) else ()
     motion = {"motion": build_enum(known)} if known else {}
-    motion |= {"reaction": build_enum(get_args(AskedReaction))} if _UNREACTING.search(words) else {}
+    motion |= {"reaction": build_enum(list_names("reaction"))} if _UNREACTING.search(words) else {}
     return motion | ({"members": build_integer(2, 8)} if _IN_GROUPS.search(words) else {})
 
 

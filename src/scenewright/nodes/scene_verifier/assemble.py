@@ -12,6 +12,7 @@ from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import AssignedPattern, RoleAssignment
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import EncounterRecord, SightRecord
 from scenewright.scene.plan_fields import join_fields, list_fields
@@ -30,10 +31,9 @@ from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import (
     DEFAULT_LEAD,
     AskedReaction,
-    PedestrianMotion,
+    Motion,
     RelationEdge,
     SocialGraph,
-    VehicleMotion,
 )
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
@@ -162,7 +162,7 @@ def _build_agent_record(
     behavior: BehaviorProgram,
     *,
     reaction: AskedReaction | None,
-    motion: PedestrianMotion | VehicleMotion | None,
+    motion: Motion | None,
     group: int | None,
 ) -> AgentRecord:
     candidate, route = agent.candidate, agent.candidate.route
@@ -285,15 +285,12 @@ def _list_demands(
 def _find_culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:
     """The agent that causes the event: the one that runs red, the vehicle that brakes late."""
     pair = (graph.agent(edge.from_), graph.agent(edge.to))
-    match edge.cause:
-        case "red_light_run":
-            found = [numbers[agent.id] for agent in pair if agent.runs_red]
-        case "late_brake" if edge.braker is not None:
-            found = [numbers[edge.braker]]
-        case "late_brake":
-            found = [numbers[agent.id] for agent in pair if agent.type == "vehicle"][:1]
-        case None:
-            found = []
+    found: list[int] = []
+    if has_trait("cause", edge.cause, "red_light"):
+        found = [numbers[agent.id] for agent in pair if agent.runs_red]
+    elif has_trait("cause", edge.cause, "late"):
+        vehicles = [agent.id for agent in pair if agent.type == "vehicle"]
+        found = [numbers[name] for name in [edge.braker or "", *vehicles] if name][:1]
     return found[0] if len(found) == 1 else None
 
 

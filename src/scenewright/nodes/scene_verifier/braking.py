@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from scenewright.scene.events import Proof
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.record import RelationRecord, SceneRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import RelationEdge, SocialGraph
@@ -30,7 +31,7 @@ def _find_other_braker(
     edge: RelationEdge, relation: RelationRecord, scene: SceneRecord, proof: Proof
 ) -> str | None:
     """What is wrong where the tracks have another one brake than the relation, or the hints."""
-    if relation.cause != "late_brake":
+    if not has_trait("cause", relation.cause, "late"):
         return None
     pair = {relation.from_, relation.to}
     hinted = (
@@ -46,7 +47,7 @@ def _find_other_braker(
         if same and seen is not None and meant is not None and seen != meant:
             return (
                 f"{names[seen]} brakes in the scene, the plan has {names[meant]} do so; write "
-                f"cause late_brake and as braker who brakes{_HINTS.get(edge.type, '')}"
+                f"cause {relation.cause} and as braker who brakes{_HINTS.get(edge.type, '')}"
             )
     return None
 

@@ -186,14 +186,11 @@ def _collect_facts(state: FilterReads) -> dict[str, Any]:
             | {"striker": graph.relations[each.edge].from_, "struck": graph.relations[each.edge].to}
             for each in played
         ],
-        "motions": [
-            {"id": agent.id, "motion": agent.motion} for agent in graph.agents if agent.motion
-        ],
-        "unreacting": [agent.id for agent in graph.agents if agent.reaction == "none"],
-        "reactions": [
-            {"id": agent.id, "how": agent.reaction}
+        "kinds": [
+            {"id": agent.id, "axis": axis, "kind": getattr(agent, axis)}
+            for axis in ("motion", "reaction")
             for agent in graph.agents
-            if agent.reaction not in (None, "none")
+            if getattr(agent, axis) is not None
         ],
         "measures": [each.model_dump() for each in graph.measures],
         "violators": sorted(

@@ -10,6 +10,7 @@ from typing import Any
 import shapely
 
 from scenewright.scene.events import Event
+from scenewright.scene.kinds import Axis, get_kind, has_trait, list_names
 from scenewright.tools.account.claims import (
     BACKGROUND,
     UNTESTED,
@@ -49,20 +50,6 @@ _PACES = {
     "vehicle": (7.0, 11.2), "pedestrian": (1.25, 1.9), "cyclist": (4.2, 6.2), "scooter": (3.8, 5.3),
 }  # fmt: skip
 """Who keeps no more than the first of these is slow, who keeps the second is fast [m/s]."""
-_ENCOUNTERS = {
-    "collision": ("hits", "doored"),
-    "near_miss": ("stops_short",),
-    "yielding": ("waits_behind", "queues", "waits_then_passes", "stops_short"),
-    "follow": ("queues", "waits_behind"),
-}
-"""What an agent does about an object, by the event that words may call it."""
-_MEETINGS = {
-    "round": ("goes_round", "waits_then_passes"),
-    "behind": ("waits_behind", "queues", "waits_then_passes"),
-    "short": ("stops_short",),
-    "door": ("doored",),
-}
-"""What an agent does about an object, by the family of the words for it."""
 _POINTS = {
     "rear_end": ("rear", "back", "front", "tail", "behind", "bumper", "boot", "trunk"),
     "sideswipe": ("side", "flank", "mirror"),
@@ -324,7 +311,7 @@ class EventTest:
         parties = (*self.subjects, *self.objects)
         bound = {n for one in parties for n in binding.get(one, ())}
         for each in facts.scene.encounters:
-            if each.how in _ENCOUNTERS.get(self.kind, ()) and (each.agent in bound or not bound):
+            if makes_true("encounter", each.how, self.kind) and (each.agent in bound or not bound):
                 how = each.how.replace("_", " ")
                 return Result(True, f"agent {each.agent} {how} {each.object}")
         return None
@@ -709,7 +696,9 @@ def find_late_braking(facts: SceneFacts, _value: str) -> list[int]:
     """Agents that brake too late, or do not react to what they could see."""
     events = facts.proof.events
     late = [e.evidence.get("late_brake") for e in events if e.kind != "rear_end"]
-    late += [e.from_ for e in events if e.kind == "rear_end" and e.cause == "late_brake"]
+    late += [
+        e.from_ for e in events if e.kind == "rear_end" and has_trait("cause", e.cause, "late")
+    ]
     late += [r["agent"] for r in facts.reactions if "behind" not in (r.get("why_not") or "behind")]
     hits = [e.from_ for e in events if e.type == "collision"]
     late += [n for n in hits if facts.compute_braking(n) >= LATE_BRAKING]
@@ -741,23 +730,27 @@ def check_priority(facts: SceneFacts, _binding: Binding) -> Result:
 
 def find_motion(facts: SceneFacts, value: str) -> list[int]:
     """Agents that move in a way such as `runs`."""
-    names = {"yellow": ("passes_yellow", "stops_at_yellow"), "runs": ("runs", "darts_out")}
-    return [n for n in facts.foreground if facts.agents[n].motion in names.get(value, (value,))]
+    return [n for n in facts.foreground if makes_true("motion", facts.agents[n].motion, value)]
 
 
 def find_reaction(facts: SceneFacts, value: str) -> list[int]:
     """Agents that were to react in a way, or are seen to."""
     asked = [n for n in facts.foreground if facts.agents[n].reaction == value]
-    hows = {"swerves": ("swerves",), "steps_back": ("steps_back", "jumps_back"), "runs": ("runs",)}
-    return [*asked, *(r["agent"] for r in facts.reactions if r.get("how") in hows.get(value, ()))]
+    seen = (r["agent"] for r in facts.reactions if makes_true("reaction", r.get("how"), value))
+    return [*asked, *seen]
+
+
+def makes_true(axis: Axis, name: str | None, sense: str) -> bool:
+    """Whether a kind makes a sense of words true."""
+    return name in list_names(axis) and sense in (name, *get_kind(axis, str(name)).claims)
 
 
 def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
     """Agents that do a manoeuvre of a relation: the leader brakes, who pushes was struck or not."""
     relations = [each for each in facts.scene.relations if each.manoeuvre == value]
-    if value == "lead_brakes":
+    if has_trait("manoeuvre", value, "by_to"):
         return [each.to for each in relations]
-    if value == "pushed":
+    if has_trait("manoeuvre", value, "by_all"):
         return list(facts.foreground) if relations else []
     return [each.from_ for each in relations]
 
@@ -770,7 +763,9 @@ def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
 
 def find_meeting(facts: SceneFacts, value: str) -> list[int]:
     """Agents that do something of a kind about an object."""
-    return [each.agent for each in facts.scene.encounters if each.how in _MEETINGS[value]]
+    return [
+        each.agent for each in facts.scene.encounters if makes_true("encounter", each.how, value)
+    ]
 
 
 def _join(names: Iterable[int | str]) -> str:

@@ -16,13 +16,9 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import UNITS
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.social import get_figure
 from scenewright.tools.relation_checker.clock import parse_clock
 
-_FIGURES = {
-    "goes_round": "m", "waits_behind": "m", "stops_short": "m", "queues": "m",
-    "waits_then_passes": "s",
-}  # fmt: skip
-"""Unit of the figure of an encounter, m/s of those that are missing."""
 _EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
 _STANDING = 0.4
 """Speed below which an agent stands [m/s]."""
@@ -177,8 +173,9 @@ class SceneFacts:
             if not standstills or each.kind == "wait":
                 yield UNITS[each.kind].unit, each.low, each.high, of
         for met in self.scene.encounters:
-            if met.figure is not None and (met.how == "waits_then_passes" or not standstills):
-                yield _FIGURES.get(met.how, "m/s"), *met.figure, frozenset({met.agent})
+            unit = get_figure(met.how).unit
+            if met.figure is not None and (unit == "s" or not standstills):
+                yield unit, *met.figure, frozenset({met.agent})
         if standstills:
             return
         for relation in self.scene.relations:

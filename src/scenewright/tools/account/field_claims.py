@@ -7,6 +7,7 @@ from typing import Any
 
 from scenewright.scene.account import AccountEntry
 from scenewright.scene.events import EVENT_OF_RELATION, Event
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.plan_fields import PlanField, list_fields
 from scenewright.scene.social import AgentNode, ObjectNode, RelationEdge, SocialGraph
 from scenewright.tools.account import claim_tests as tests
@@ -144,7 +145,10 @@ def _test_relation(
         case "cause":
             runs = facts.red_runners & {first, second}
             late = event.evidence.get("late_brake") is not None or event.cause == wanted
-            return Result(bool(runs) if wanted == "red_light_run" else late, f"cause {event.cause}")
+            return Result(
+                bool(runs) if has_trait("cause", wanted, "red_light") else late,
+                f"cause {event.cause}",
+            )
         case "braker":
             seen = event.evidence.get("late_brake", asked.cause_agent)
             return Result(seen == numbers[wanted], f"agent {seen} brakes")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+from scenewright.scene.kinds import has_trait
 from scenewright.tools.account import claim_tests as tests
 from scenewright.tools.account.claims import Claim, ClaimType, Test
 from scenewright.tools.account.event_readers import read_event, read_order, read_sequence
@@ -477,7 +478,7 @@ def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]])
                 finder, n, ("braking", "no braking", "no braking"),
                 lambda facts, number: facts.compute_braking(number) < _NO_BRAKING,
             )  # fmt: skip
-        on_foot = value in ("runs", "darts_out", "stops_midway")
+        on_foot = has_trait(kind, value, "afoot")
         subjects = finder.find_subjects(start, "foot" if on_foot else "any")
         noun = any(each.is_in("possessive") for each in finder.tokens[max(0, start - 2) : start])
         if finder.is_denied(start) or (on_foot and (noun or not subjects)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,6 +11,7 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from itertools import chain
 
+from scenewright.scene.kinds import list_kinds
 from scenewright.scene.relations import load_patterns
 
 _TOKEN = re.compile(
@@ -137,14 +139,21 @@ def reduce_word(word: str) -> str:
     return word[:-1] if word.endswith("e") and len(word) > 2 else word
 
 
-@cache
 def load_vocabulary() -> Vocabulary:
-    """The vocabulary of words.toml."""
+    """The vocabulary of words.toml, and the words of kinds of motion."""
+    return _load_vocabulary(os.environ.get("SCENEWRIGHT_RELATIONS"))
+
+
+@cache
+def _load_vocabulary(_own: str | None) -> Vocabulary:
     plain = tomllib.loads(files(__package__).joinpath("words.toml").read_text("utf-8"))
     exact: dict[tuple[str, ...], set[str]] = {}
     stems: dict[tuple[str, ...], set[str]] = {}
     nouns = {f"noun.{name}": phrases for name, phrases in plain["nouns"].items()}
-    for sense, phrases in chain(nouns.items(), plain["senses"].items(), plain["loose"].items()):
+    own = ((f"motion.{kind.id}", kind.words) for kind in list_kinds("motion"))
+    for sense, phrases in chain(
+        nouns.items(), plain["senses"].items(), plain["loose"].items(), own
+    ):
         for phrase in phrases:
             words = tuple(phrase.lstrip("=").split())
             table = exact if phrase.startswith("=") else stems
@@ -168,11 +177,12 @@ def load_vocabulary() -> Vocabulary:
 
 def read_tokens(text: str) -> tuple[Token, ...]:
     """The text cut into tokens, each with the senses of the longest phrase that holds it."""
-    return _read_tokens(text, tuple((each.proof.event, each.phrases) for each in load_patterns()))
+    return _read_tokens(text, os.environ.get("SCENEWRIGHT_RELATIONS"))
 
 
 @lru_cache(maxsize=64)
-def _read_tokens(text: str, phrases: tuple[tuple[str, tuple[str, ...]], ...]) -> tuple[Token, ...]:
+def _read_tokens(text: str, _own: str | None) -> tuple[Token, ...]:
+    phrases = tuple((each.proof.event, each.phrases) for each in load_patterns())
     plain = [_mend_spelling(each) for each in _cut(text)]
     found: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
     lengths = [0] * len(plain)

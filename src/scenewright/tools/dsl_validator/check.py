@@ -9,22 +9,19 @@ from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
     AgentFigure,
-    BlocksJunction,
-    DrivesWrongWay,
+    AgentMotion,
     MinLength,
     NoReaction,
     OnRoad,
     OnWalkable,
     PassesThrough,
-    Pauses,
     Reacts,
     RunsRed,
     RunsYellow,
     SpeedBetween,
-    StopsAtYellow,
-    TurnsBack,
     UnaryClause,
 )
+from scenewright.scene.kinds import list_kinds
 from scenewright.scene.rejection import Rejection
 
 _ON_ROAD, _ON_WALKABLE = 0.995, 0.999
@@ -83,14 +80,20 @@ def _find_problem(
             return None if _is_satisfied(candidate, clause, landmarks) else "does not pass there"
         case AgentFigure():
             return None  # of the motion in the scene, which the solver measures
-        case RunsRed() | RunsYellow() | StopsAtYellow() | BlocksJunction():
+        case RunsRed() | RunsYellow():
             return None if landmarks.group else "there is no red light on its way to run"
-        case DrivesWrongWay():
-            return None  # its path was made so
         case NoReaction() | Reacts():
             return None  # of the motion in the scene, which the checker looks at
-        case Pauses() | TurnsBack():
-            return None if landmarks.line is not None else "does not cross the road"
+        case AgentMotion():
+            return _find_missing_place(clause, landmarks)
+
+
+def _find_missing_place(clause: AgentMotion, landmarks: Landmarks) -> str | None:
+    """What a motion needs on the way of the agent, and the way lacks."""
+    traits = next(each.traits for each in list_kinds("motion") if each.clause == clause.clause)
+    if "at_light" in traits and not landmarks.group:
+        return "there is no light on its way"
+    return "does not cross the road" if "on_road" in traits and landmarks.line is None else None
 
 
 def _describe_excess(value: float, limit: float, what: str) -> str | None:

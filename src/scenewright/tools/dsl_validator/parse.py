@@ -19,6 +19,8 @@ from pydantic import ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.base import Model
 from scenewright.scene.constraints import (
+    CONTACT_CAUSE,
+    REACTS,
     AgentFigure,
     BrakesFor,
     Clause,
@@ -38,6 +40,7 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
+from scenewright.scene.kinds import list_shipped
 from scenewright.scene.measures import get_unit
 from scenewright.scene.rejection import Rejection
 
@@ -56,7 +59,7 @@ _WORDS = {
     "KIND": "a kind of collision such as angle",
     "HOW": "a way of reacting such as swerves",
     "POINT": "a point of impact such as front_left",
-    "LATE": "'late_brake', 'lead_brakes' or 'pushed'",
+    "LATE": "a cause of the contact",
     "_WITH": "'with'",
     "_ON": "'on'",
     "COMPASS": "a direction such as north",
@@ -78,6 +81,12 @@ _WORDS = {
     "LSQB": "'['",
     "RSQB": "']'",
     "COMMA": "','",
+}
+_TERMINALS = {
+    "vehicle": "VEHICLE",
+    "pedestrian": "PEDESTRIAN",
+    "cyclist": "RIDER",
+    "scooter": "RIDER",
 }
 _BOUNDS = {
     "greater_than": ("gt", "more than"),
@@ -136,7 +145,19 @@ def format_clause(clause: Clause) -> str:
 @cache
 def _build_parser() -> Lark:
     grammar = files("scenewright.tools.dsl_validator").joinpath("constraints.lark")
-    return Lark(grammar.read_text("utf-8"), parser="lalr", propagate_positions=True)
+    text = grammar.read_text("utf-8")
+    for word, kinds in (("reactions", REACTS), ("contact_causes", CONTACT_CAUSE)):
+        text = text.replace(f"<<{word}>>", "|".join(kinds.list_names()))
+    rules, names = [], []
+    for kind in list_shipped("motion"):
+        if kind.clause is not None:
+            agents = " | ".join(dict.fromkeys(_TERMINALS[each] for each in kind.agents))
+            rules.append(f'| _{kind.clause.upper()} "(" ({agents}) ")" -> {kind.clause}')
+            names.append(f"_{kind.clause.upper()}: /{kind.clause}\\b/")
+    text = text.replace("<<motions>>", "\n".join(rules)).replace(
+        "<<motion_names>>", "\n".join(names)
+    )
+    return Lark(text, parser="lalr", propagate_positions=True)
 
 
 def _build_clause(tree: Tree[Token]) -> Clause:

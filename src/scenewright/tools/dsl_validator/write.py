@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -10,27 +10,19 @@ from pydantic import TypeAdapter, ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.constraints import (
     Before,
-    BlocksJunction,
     BrakesFor,
     Clause,
     ConstraintProgram,
     Contact,
-    DrivesWrongWay,
     Headway,
-    NoReaction,
     OnRoad,
     OnWalkable,
-    Pauses,
-    Reacts,
     RunsRed,
-    RunsYellow,
-    SpeedBetween,
-    StopsAtYellow,
     StopsBehind,
     Strikes,
     TimeGap,
-    TurnsBack,
 )
+from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.measures import Measure, get_aim
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, get_pattern
@@ -49,9 +41,6 @@ _SHORT_HEADWAY = (0.9, 1.5)
 _ANY_HEADWAY = (0.7, 3.4)
 """Of a vehicle that runs into its leader while that gives way [s]."""
 
-_RUNNING = (2.5, 4.2)
-"""Speeds of a running pedestrian [m/s]."""
-
 _CLOSE_CALL = (0.7, 1.35)
 """Path TTC of a vehicle that brakes hard, where the text names none [s]."""
 
@@ -63,7 +52,8 @@ def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
     """The program of a planned scene.
 
     Args:
-        facts: `relations` with their patterns and severity, `agents`, `violators`, who run a red
+        facts: `relations` with their patterns and severity, `agents`, `kinds`: how one of them
+            moves or reacts, `violators`, who run a red
             light, and `measures`, the figures asked for, as plain values.
 
     Raises:
@@ -91,24 +81,10 @@ def _list_clauses(facts: Mapping[str, Any]) -> list[Clause]:
             found.append(OnWalkable(agent=agent["id"]))
         elif agent["movement"] != "jaywalking":
             found.append(OnRoad(agent=agent["id"]))
-    found += [_build_motion(each["id"], each["motion"]) for each in facts.get("motions", ())]
-    found += [NoReaction(agent=name) for name in facts.get("unreacting", ())]
-    found += [Reacts(agent=each["id"], how=each["how"]) for each in facts.get("reactions", ())]
+    for each in facts.get("kinds", ()):
+        lines = "\n".join(get_kind(each["axis"], each["kind"]).constraints)
+        found += parse(lines.replace("{agent}", each["id"])).clauses
     return found + [RunsRed(agent=name) for name in facts["violators"]]
-
-
-def _build_motion(agent: str, motion: str) -> Clause:
-    """The clause that brings a motion of an agent about."""
-    if motion in _MOTIONS:
-        return _MOTIONS[motion](agent=agent)
-    low, high = _RUNNING
-    return SpeedBetween(agent=agent, low=low, high=high)
-
-
-_MOTIONS: dict[str, Callable[..., Clause]] = {
-    "stops_midway": Pauses, "stops_at_yellow": StopsAtYellow, "blocks_junction": BlocksJunction,
-    "drives_wrong_way": DrivesWrongWay, "turns_back": TurnsBack, "passes_yellow": RunsYellow,
-}  # fmt: skip
 
 
 def _change(clause: Clause, **values: Any) -> Clause:
@@ -178,7 +154,7 @@ def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[C
     if relation["type"] == "collide_at":
         found = [_adapt_contact(e, relation) if isinstance(e, Contact) else e for e in clauses]
         return [*found, *_list_order(relation), *_list_striker(pattern, relation)]
-    if pattern.manoeuvre == "lead_brakes":
+    if any(isinstance(each, StopsBehind) for each in clauses):
         return [_adapt_stop(each, relation) for each in clauses]
     if relation["type"] == "near_miss":
         return _adapt_near_miss([*clauses, *_list_order(relation)], relation, first=first)
@@ -222,7 +198,7 @@ def _adapt_near_miss(
 ) -> list[Clause]:
     """A gap in time; or hard braking, where the text speaks of it, of a TTC or of a longer PET."""
     pet, ttc = relation["target_pet"], relation["target_ttc"]
-    brakes = ttc is not None or relation["cause"] == "late_brake"
+    brakes = ttc is not None or has_trait("cause", relation["cause"], "late")
     brakes = brakes or (pet is not None and pet > _NEAR_MISS_PET)
     if pet is None and not brakes:
         return clauses
@@ -267,12 +243,12 @@ def _widen(target: float, band: float) -> tuple[float, float]:
 def _adapt_contact(clause: Contact, relation: dict[str, Any]) -> Clause:
     """The contact clause with the speed, the points of impact and the braking asked for."""
     points = {relation["striker"]: relation["point_from"], relation["struck"]: relation["point_to"]}
-    late = relation["cause"] == "late_brake" and clause.first.startswith("vehicle")
+    late = has_trait("cause", relation["cause"], "late") and clause.first.startswith("vehicle")
     speed = relation["impact_speed"]
     asked = {
         "speed": None if speed is None else float(f"{speed:.6g}"),
         "point_first": points[clause.first],
         "point_second": points[clause.second],
-        "cause": "late_brake" if late else None,
+        "cause": relation["cause"] if late else None,
     }
     return _change(clause, **{key: value for key, value in asked.items() if value is not None})

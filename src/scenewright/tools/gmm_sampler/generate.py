@@ -22,6 +22,7 @@ from scenewright.scene.candidates import (
     DrivingProfile,
 )
 from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
+from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
@@ -66,8 +67,8 @@ _ASSIGNMENTS, _RIDER_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 24, 40
 """Assignments drawn, of which the best is taken: without and with riders; where a speed asked for
 wants more."""
 
-_RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
-"""Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
+_RUN_ACCELERATION = 2.0
+"""How pedestrians who run set off and stop [m/s^2]."""
 
 _OVERTAKES = 0.4
 """How much faster than the other who cuts in drives at least [m/s]."""
@@ -197,11 +198,12 @@ def amplify(
             lanes(route.movement_id if node.type == "vehicle" else None),  # riders keep to a side
             subtype=node.subtype, kind=node.type,
         )  # fmt: skip
-        if node.motion in _RUNNING:
-            agents[node.id] = _let_run(agents[node.id], priors, rng)
+        speeds = get_kind("motion", node.motion).ranges.get("speed") if node.motion else None
+        if speeds is not None:
+            agents[node.id] = _let_run(agents[node.id], speeds, priors, rng)
     groups = _form_groups(graph, agents)
     # Who drives the wrong way need not drift over the centre line to meet others there.
-    wrong = {each.id for each in graph.agents if each.motion == "drives_wrong_way"}
+    wrong = {each.id for each in graph.agents if has_trait("motion", each.motion, "wrong_way")}
     drifting = tuple(p for p in assignment.patterns if not {p.from_, p.to} & wrong)
     _draw_lane_departures(agents, drifting, priors, rng=rng)
     _fit_to_riders(agents, assignment, priors, rng=rng)
@@ -333,17 +335,19 @@ def _draw_lane_departures(
             own.drawn.waypoints, other.drawn.waypoints, rng, reverse=geometry == "opposing"
         )
         laws = own.drawn.time_laws
-        if get_pattern(played.pattern).manoeuvre == "cuts_in":
+        if has_trait("manoeuvre", get_pattern(played.pattern).manoeuvre, "merges_ahead"):
             # Who overtakes drives faster than the other, to draw away after cutting in.
             fastest = max(each.speed for each in other.drawn.time_laws) + _OVERTAKES
             laws = tuple(replace(each, speed=max(each.speed, fastest)) for each in laws)
         agents[own.name] = _replace_drawn(own, priors, waypoints=waypoints, laws=laws)
 
 
-def _let_run(agent: AgentCandidates, priors: Priors, rng: np.random.Generator) -> AgentCandidates:
-    """Give the pedestrian the speed profiles of a running one."""
+def _let_run(
+    agent: AgentCandidates, between: tuple[float, float], priors: Priors, rng: np.random.Generator
+) -> AgentCandidates:
+    """Give the pedestrian the speed profiles of a running one, at a speed between two [m/s]."""
     laws, rate = agent.drawn.time_laws, _RUN_ACCELERATION
-    speeds = rng.uniform(*_RUN_SPEED, len(laws)).tolist()
+    speeds = rng.uniform(*between, len(laws)).tolist()
     running = tuple(
         replace(each, speed=speed, acceleration=rate, braking=rate)
         for each, speed in zip(laws, speeds, strict=True)

@@ -12,6 +12,7 @@ from scenewright.errors import Rejected
 from scenewright.scene.base import RIDERS, Compass, FloatArray
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
@@ -162,7 +163,7 @@ def find_assignments(
 
 def find_asked_runners(graph: SocialGraph) -> frozenset[str]:
     """Agents of which the request says that they run a red light, or that one of two does."""
-    caused = (edge for edge in graph.relations if edge.cause == "red_light_run")
+    caused = (edge for edge in graph.relations if has_trait("cause", edge.cause, "red_light"))
     pairs = {name for edge in caused for name in (edge.from_, edge.to)}
     return frozenset(pairs | {agent.id for agent in graph.agents if agent.runs_red})
 
@@ -289,7 +290,7 @@ def _is_admitted(agent: AgentNode, route: Route) -> bool:
         return False
     if agent.movement is None and route.movement == "jaywalking":
         return False  # jaywalking only on request
-    if agent.reaction == "swerves" and route.movement != "straight":
+    if has_trait("reaction", agent.reaction, "aside") and route.movement != "straight":
         return False  # to a side of a straight way: in a bend a swerve shows nothing
     return all(want is None or want == offer for want, offer in zip(wanted, offered, strict=True))
 
@@ -404,7 +405,9 @@ def _play(
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     # A red-light runner runs red, if possible, while the other one has green.
     # Passing on yellow it meets agents that had green with it; that is no reason to run red.
-    yellow = any(graph.agent(n).motion == "passes_yellow" for n in (edge.from_, edge.to))
+    yellow = any(
+        has_trait("motion", graph.agent(n).motion, "at_yellow") for n in (edge.from_, edge.to)
+    )
     for apart in (False,) if yellow else (True, False) if asked else (None,):
         for pattern in found:
             mirrored = _is_mirrored(pattern, intersection_map)
@@ -457,8 +460,12 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
     """Patterns that serve the relation and, if one is named, the kind of collision."""
     first, second = graph.agent(edge.from_), graph.agent(edge.to)
     figures = (edge.target_pet, edge.target_ttc, edge.cause)
-    leaves_path = {first.reaction, second.reaction} & {"swerves", "steps_back", "jumps_back"}
-    by_red = edge.cause == "red_light_run" and edge.kind is None
+    leaves_path = any(
+        has_trait("reaction", each.reaction, "aside")
+        or has_trait("reaction", each.reaction, "back")
+        for each in (first, second)
+    )
+    by_red = has_trait("cause", edge.cause, "red_light") and edge.kind is None
     return [
         pattern
         for pattern in load_checked_patterns()
@@ -675,7 +682,7 @@ def _find_violator(
     usual, other = names if pattern.violator == "from" else names[::-1]
     # A giver at a red light gives way to the light, vehicles in line need one light, and
     # who only brakes too late is not the one that ran red.
-    late = [edge for edge in graph.relations if edge.cause == "late_brake"]
+    late = [edge for edge in graph.relations if has_trait("cause", edge.cause, "late")]
     bound = {name for edge in late for name in (edge.from_, edge.to) if name.startswith("vehicle")}
     bound |= {edge.from_ for edge in graph.relations if edge.type in ("yield_to", "follow")}
     bound |= {edge.to for edge in graph.relations if edge.type == "follow"}
@@ -709,7 +716,7 @@ def _find_collision_faults(graph: SocialGraph) -> Iterator[_Fault]:
             hits.setdefault(edge.from_, []).append(edge)
             hits.setdefault(edge.to, []).append(edge)
     for name, edges in hits.items():
-        pushed = any(edge.manoeuvre == "pushed" and edge.from_ == name for edge in edges)
+        pushed = any(edge.is_pushed and edge.from_ == name for edge in edges)
         if len(edges) > 1 + pushed:
             yield (
                 (edges[1].from_, edges[1].to),
@@ -726,10 +733,10 @@ def _find_collision_faults(graph: SocialGraph) -> Iterator[_Fault]:
                     "a near miss or a yield, or have one pedestrian hit",
                 )
     for edge in graph.relations:
-        if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
+        if has_trait("cause", edge.cause, "late") and edge.type not in ("collide_at", "near_miss"):
             yield (
                 (edge.from_, edge.to),
-                "late_brake goes with collide_at or near_miss alone, as a yielding or following "
+                f"{edge.cause} goes with collide_at or near_miss alone, as a yielding or following "
                 "agent brakes in time; ask for a near miss, or leave the braking out",
             )
 

@@ -14,10 +14,10 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
-from scenewright.tools.relation_checker.obstacles import HITTING
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
@@ -46,7 +46,9 @@ def find_false_behavior(
 ) -> tuple[Finding, ...]:
     """Agents whose waypoints, crosswalk or segments their track does not bear out."""
     collided = {n for e in events if e.type == "collision" for n in (e.from_, e.to)}
-    collided |= {each.agent for each in scene.encounters if each.how in HITTING}
+    collided |= {
+        each.agent for each in scene.encounters if has_trait("encounter", each.how, "ends")
+    }
     return tuple(
         Finding(rule=rule, agents=(agent.id,), detail=f"{agent.type} {agent.id}: {reason}")
         for agent, track in zip(scene.agents, tracks, strict=True)

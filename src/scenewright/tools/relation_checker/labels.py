@@ -13,6 +13,7 @@ import numpy as np
 
 from scenewright.scene.base import AgentClass, Compass
 from scenewright.scene.events import Event, Finding
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
@@ -82,7 +83,7 @@ def _matches_event(
 ) -> bool:
     if label.type != event.type or label.kind != event.kind:
         return False
-    if label.cause != event.cause and (lit or label.cause != "red_light_run"):
+    if label.cause != event.cause and (lit or not has_trait("cause", label.cause, "red_light")):
         return False
     orders = [(event.from_, event.to)]
     if event.type in SYMMETRIC and (event.type, event.to, event.from_) in asked:
@@ -130,7 +131,7 @@ def _find_misstatements(
         ):
             if seen is not None and seen != label:
                 yield f"it {word} the {seen}, its label says {label}"
-    elif agent.motion != "turns_back":
+    elif not has_trait("motion", agent.motion, "returns"):
         way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
         east, north = (track.xy[-1] - track.xy[0]).tolist()
         if way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from scenewright.scene.events import Event
+from scenewright.scene.kinds import get_kind, load_function
 from scenewright.scene.record import RelationRecord
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.following import CREEP, LOOK_AHEAD
 from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.planar import geos
-from scenewright.tools.relation_checker.pushes import describe_push
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 HARD = 4.5
@@ -48,23 +50,14 @@ def describe_manoeuvre(
     """What the tracks show of a relation's manoeuvre around an event; None if they do not."""
     tracks = {track.id: track for track in observed.tracks}
     first, second = tracks[relation.from_], tracks[relation.to]
-    match relation.manoeuvre:
-        case "lead_brakes":
-            return _describe_lead_braking(first, second, event, observed)
-        case "tailgates":
-            return _describe_tailgating(first, second, event, observed)
-        case "cuts_in":
-            return _describe_cut_in(first, second, event, observed)
-        case "changes_lane":
-            changed = _measure_lane_change(first, second, event.time, 0.0)
-            return None if changed is None else f"agent {first.id} moves {changed:.1f} m over"
-        case "pushed":
-            return describe_push(first, event, observed.tracks, observed.events)
-        case None:
-            return None
+    if relation.manoeuvre is None:
+        return None
+    observer = str(get_kind("manoeuvre", relation.manoeuvre).observe)
+    describe = load_function(observer, __package__)
+    return cast("str | None", describe(first, second, event, observed))
 
 
-def _describe_tailgating(
+def describe_tailgating(
     follower: Trajectory, leader: Trajectory, event: Event, observed: SceneObservation
 ) -> str | None:
     """Half of the time that it follows, the headway is a second or less; only of a follow."""
@@ -81,7 +74,15 @@ def _describe_tailgating(
     return None
 
 
-def _describe_cut_in(
+def describe_lane_change(
+    first: Trajectory, second: Trajectory, event: Event, _observed: SceneObservation
+) -> str | None:
+    """It changes into the other's side."""
+    changed = _measure_lane_change(first, second, event.time, 0.0)
+    return None if changed is None else f"agent {first.id} moves {changed:.1f} m over"
+
+
+def describe_cut_in(
     first: Trajectory, second: Trajectory, event: Event, observed: SceneObservation
 ) -> str | None:
     """It changes into the lane of the other, and is then next ahead of it, close."""
@@ -127,7 +128,7 @@ def _measure_aside(first: Trajectory, second: Trajectory) -> list[tuple[float, f
     return list(zip(first.times[beside].tolist(), away[beside].tolist(), strict=True))
 
 
-def _describe_lead_braking(
+def describe_lead_braking(
     follower: Trajectory, leader: Trajectory, event: Event, observed: SceneObservation
 ) -> str | None:
     """The leader brakes hard from a drive, the follower next behind it in its lane."""

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
+from scenewright.scene.kinds import get_kind, has_trait, load_function
 from scenewright.scene.objects import EncounterRecord, ObjectRecord, name_door
 from scenewright.scene.record import SceneRecord
-from scenewright.scene.social import FIGURES, Encounter
+from scenewright.scene.social import get_figure
 from scenewright.tools.relation_checker.certificate import WRECK_ENDS_WITHIN, check_wreck_clearance
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.objects import find_contact, measure_gaps
@@ -42,11 +42,6 @@ BRAKES_HARD, NEAR_TTC = 3.4, 1.5
 """Braking [m/s^2] and time to contact [s] of a near miss with what stands (SEMANTICS 4)."""
 PULLS_OUT_GAP = (0.3, 12.0)
 """How far behind an object who waits and then goes round it stands [m]."""
-STANDS_BEHIND: tuple[Encounter, ...] = ("waits_behind", "queues", "stops_short")
-"""Encounters after which an agent stands, so that others can queue behind it."""
-
-HITTING: tuple[Encounter, ...] = ("hits", "doored")
-"""Encounters that end an agent."""
 OPENS = (0.2, 1.5)
 """How long before the contact the door of a dooring opens [s]."""
 
@@ -63,27 +58,30 @@ def check_encounters(
     findings: list[Finding] = []
     for each in scene.encounters:
         track, until = tracks[each.agent], scene.meta.duration
+        kind = get_kind("encounter", each.how)
         things = [objects[each.object]]
-        if each.how == "doored":
+        if has_trait("encounter", each.how, "door"):
             things = [o for o in scene.objects if o.id == name_door(each.object)]
-        if each.how == "queues":
+        if has_trait("encounter", each.how, "behind_agent"):
             others = [o for o in scene.encounters if o.object == each.object and o != each]
-            standing = [tracks[o.agent] for o in others if o.how in STANDS_BEHIND]
+            standing = [tracks[o.agent] for o in others if has_trait("encounter", o.how, "stands")]
             things = [_make_last_outline(other) for other in standing]
         # The first that was measured, else the last fault.
         found: Measured | str = "no agent stands, or no door opens, that it could meet"
         for thing in things:
-            found = _ENCOUNTERS[each.how](track, thing, until)
+            found = load_function(str(kind.observe), __package__)(track, thing, until)
             if not isinstance(found, str):
                 found = _find_figure_fault(each, found) or found
                 break
         if isinstance(found, str):
-            detail = f"agent {each.agent} {_WORDS[each.how]} {each.object}: {found}"
+            detail = (
+                f"agent {each.agent} {get_kind('encounter', each.how).shown} {each.object}: {found}"
+            )
             rule = "encounter_not_realised"
             findings.append(Finding(rule=rule, agents=(each.agent,), detail=detail))
             continue
         figures.append({"agent": each.agent, "object": each.object, "how": each.how, **found})
-        if each.how in HITTING:
+        if has_trait("encounter", each.how, "ends"):
             findings += check_wreck_clearance(track, observed.grid, {track.id}, scene.meta.duration)
     return figures, tuple(findings)
 
@@ -92,11 +90,11 @@ def _find_figure_fault(each: EncounterRecord, found: Measured) -> str | None:
     """Why the figure asked for is not met, in words; None if it is, or none is asked for."""
     if each.figure is None:
         return None
-    what, unit, _, _ = FIGURES[each.how]
-    low, high = each.figure
-    if low - 1e-6 <= found[what] <= high + 1e-6:
+    own, (low, high) = get_figure(each.how), each.figure
+    if low - 1e-6 <= found[own.name] <= high + 1e-6:
         return None
-    return f"{what} {found[what]:.2f} {unit}; asked for {low:g} to {high:g} {unit}"
+    measured = f"{own.name} {found[own.name]:.2f} {own.unit}"
+    return f"{measured}; asked for {low:g} to {high:g} {own.unit}"
 
 
 def _make_last_outline(track: Trajectory) -> ObjectRecord:
@@ -110,20 +108,14 @@ def _make_last_outline(track: Trajectory) -> ObjectRecord:
 
 def list_asked_hits(scene: SceneRecord) -> frozenset[tuple[int, str]]:
     """Agents and the objects that they are to hit."""
-    hits = ((each.agent, each.object) for each in scene.encounters if each.how == "hits")
-    doored = (each for each in scene.encounters if each.how == "doored")
-    return frozenset((*hits, *((each.agent, name_door(each.object)) for each in doored)))
+    return frozenset(
+        (e.agent, name_door(e.object) if has_trait("encounter", e.how, "door") else e.object)
+        for e in scene.encounters
+        if has_trait("encounter", e.how, "ends")
+    )
 
 
-_WORDS = {
-    "goes_round": "should go round", "waits_behind": "should wait behind", "hits": "should hit",
-    "stops_short": "should stop just short of", "queues": "should queue behind who waits at",
-    "waits_then_passes": "should wait behind, then go round",
-    "doored": "should ride into an opening door of",
-}  # fmt: skip
-
-
-def _measure_passing(
+def measure_passing(
     track: Trajectory, thing: ObjectRecord, _: float, *, least: float = MOVES
 ) -> Measured | str:
     """It drives straight at the object, then moves over and passes beside it untouched.
@@ -152,9 +144,9 @@ def _measure_passing(
     }  # fmt: skip
 
 
-def _measure_late_passing(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
+def measure_late_passing(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
     """It stands behind the object, heading for it, and then passes beside it untouched."""
-    passing = _measure_passing(track, thing, 0.0, least=0.0)
+    passing = measure_passing(track, thing, 0.0, least=0.0)
     if isinstance(passing, str):
         return passing
     gaps = measure_gaps(track.xy, track.heading, track.box, thing)
@@ -170,9 +162,9 @@ def _measure_late_passing(track: Trajectory, thing: ObjectRecord, _: float) -> M
     return {**passing, "waits": round(waits, 3)}
 
 
-def _measure_short_stop(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
+def measure_short_stop(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
     """It comes at the object, brakes hard when a contact is near, and stands just short of it."""
-    waiting = _measure_waiting(track, thing, until)
+    waiting = measure_waiting(track, thing, until)
     if isinstance(waiting, str):
         return waiting
     if not SHORT[0] < waiting["gap"] <= SHORT[1]:
@@ -192,7 +184,7 @@ def _find_last_run(flags: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> in
     return int(found[-1]) + HEADS_FOR - 1 if len(found) else None
 
 
-def _measure_waiting(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
+def measure_waiting(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
     """It drives up to the object and stands behind it, heading for it, until the scene ends."""
     standing = track.speed <= STANDING
     moving = np.flatnonzero(~standing)
@@ -212,7 +204,7 @@ def _measure_waiting(track: Trajectory, thing: ObjectRecord, until: float) -> Me
     return {"time": round(float(track.times[first]), 3), "gap": round(gap, 3)}
 
 
-def _measure_hit(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
+def measure_hit(track: Trajectory, thing: ObjectRecord, _: float) -> Measured | str:
     """It drives into the object, and ends there."""
     time = find_contact(thing, track)
     if time is None:
@@ -228,9 +220,9 @@ def _measure_hit(track: Trajectory, thing: ObjectRecord, _: float) -> Measured |
     return {"time": round(time, 3), "speed": round(speed, 3)}
 
 
-def _measure_dooring(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
+def measure_dooring(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
     """A door opens beside its way, clear of it, and it rides into that at once."""
-    hit = _measure_hit(track, thing, until)
+    hit = measure_hit(track, thing, until)
     if isinstance(hit, str):
         return hit
     if thing.since is None:
@@ -239,13 +231,6 @@ def _measure_dooring(track: Trajectory, thing: ObjectRecord, until: float) -> Me
     if not OPENS[0] <= opened <= OPENS[1]:
         return f"the door opens {opened:.1f} s before; {OPENS[0]:g} to {OPENS[1]:g} s are too late"
     return {**hit, "opened": round(opened, 3)}
-
-
-_ENCOUNTERS: dict[Encounter, Callable[[Trajectory, ObjectRecord, float], Measured | str]] = {
-    "goes_round": _measure_passing, "waits_behind": _measure_waiting, "hits": _measure_hit,
-    "stops_short": _measure_short_stop, "waits_then_passes": _measure_late_passing,
-    "queues": _measure_waiting, "doored": _measure_dooring,
-}  # fmt: skip
 
 
 def _locate(track: Trajectory, thing: ObjectRecord) -> tuple[FloatArray, FloatArray]:

@@ -1,24 +1,14 @@
-"""How agents move where that was asked for, seen on their tracks; pedestrians run or stand."""
+"""How pedestrians move where that was asked for, seen on their tracks: they run, stand, return."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from scenewright.scene.events import Finding
-from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import AgentRecord
-from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.motions import SeenMotion
 from scenewright.tools.relation_checker.standstills import find_standstills
-from scenewright.tools.relation_checker.trajectory import Trajectory
-from scenewright.tools.relation_checker.vehicle_motions import describe_vehicle_motion
 from scenewright.tools.relation_checker.yielding import STANDING
 
-RUNNING = ("runs", "darts_out")
-RUN = 2.4
-"""Speed from which a pedestrian runs [m/s], kept for a second on the road."""
 AT_ONCE = 1.0
 """Who darts out has not stood still for so long before the road [s]."""
 FROM_KERBS = 1.0
@@ -32,66 +22,39 @@ HIT_AFTER = 0.5
 """By how much it has come nearer if it is hit on its way back [m]."""
 
 
-def check_pedestrian_motions(
-    agents: Sequence[AgentRecord],
-    observed: SceneObservation,
-    intersection_map: IntersectionMap | None,
-) -> tuple[Finding, ...]:
-    """A finding for every agent that does not move as it was asked to."""
-    if intersection_map is None:
-        return ()
-    tracks = {track.id: track for track in observed.tracks}
-    struck = {n for e in observed.events if e.type == "collision" for n in (e.from_, e.to)}
-    found = []
-    for agent in agents:
-        motion, track = agent.motion, tracks[agent.id]
-        if motion is None:
-            continue
-        if track.type != "pedestrian":
-            shown = describe_vehicle_motion(motion, track, observed.lights, intersection_map)
-        else:
-            shown = describe_pedestrian_motion(
-                motion, track, intersection_map, struck=track.id in struck
-            )
-        if shown is None:
-            detail = f"agent {agent.id} was to move so: {motion}; its track does not show it"
-            found.append(Finding(rule="motion_not_seen", agents=(agent.id,), detail=detail))
-    return tuple(found)
-
-
-def describe_pedestrian_motion(
-    motion: str | None,
-    track: Trajectory,
-    intersection_map: IntersectionMap,
-    *,
-    struck: bool = False,
-) -> str | None:
-    """What a track shows of a pedestrian's motion; None if it does not.
-
-    Args:
-        struck: its track ends in a collision.
-    """
-    on_road = np.flatnonzero(get_ground_raster(intersection_map).road.contains(track.xy))
-    if track.is_vehicle or len(on_road) == 0:
+def describe_run(seen: SeenMotion) -> str | None:
+    """It runs for a second on the road, or as long as it is there."""
+    span = _find_road_span(seen)
+    if span is None:
         return None
-    first, last = int(on_road[0]), int(on_road[-1])
-    if motion == "stops_midway":
-        return _describe_stop(track, first, last)
-    if motion == "turns_back":
-        return _describe_return(track, first, last, struck)
-    if motion not in RUNNING:
-        return None
-    speed = track.speed[first : last + 1]
-    # Kept for a second, or as long as it is there.
+    speed = seen.track.speed[span[0] : span[1] + 1]
     seconds = np.lib.stride_tricks.sliding_window_view(speed, min(10, len(speed)))
     kept = float(seconds.min(axis=1).max())
-    before = track.speed[max(first - round(AT_ONCE / 0.1), 0) : first]
-    if kept < RUN or (motion == "darts_out" and (before <= STANDING).any()):
+    fast = kept >= seen.kind.figures["least_speed"]
+    return f"agent {seen.track.id} runs at {kept:.1f} m/s" if fast else None
+
+
+def describe_dart(seen: SeenMotion) -> str | None:
+    """It runs, and has not stood still before the road."""
+    span, speed = _find_road_span(seen), seen.track.speed
+    if span is None or (speed[max(span[0] - round(AT_ONCE / 0.1), 0) : span[0]] <= STANDING).any():
         return None
-    return f"agent {track.id} runs at {kept:.1f} m/s"
+    return describe_run(seen)
 
 
-def _describe_stop(track: Trajectory, first: int, last: int) -> str | None:
+def _find_road_span(seen: SeenMotion) -> tuple[int, int] | None:
+    """The first and the last sample on the road."""
+    road = get_ground_raster(seen.intersection_map).road
+    on_road = np.flatnonzero(road.contains(seen.track.xy))
+    return (int(on_road[0]), int(on_road[-1])) if len(on_road) else None
+
+
+def describe_stop(seen: SeenMotion) -> str | None:
+    """It stands still between the kerbs."""
+    span, track = _find_road_span(seen), seen.track
+    if span is None:
+        return None
+    first, last = span
     for begins, ends in find_standstills(track):
         s = float(np.interp((begins + ends) / 2, track.times, track.s))
         if s - track.s[first] >= FROM_KERBS and track.s[last] - s >= FROM_KERBS:
@@ -99,12 +62,16 @@ def _describe_stop(track: Trajectory, first: int, last: int) -> str | None:
     return None
 
 
-def _describe_return(track: Trajectory, first: int, last: int, struck: bool) -> str | None:
+def describe_return(seen: SeenMotion) -> str | None:
     """It comes well onto the road, and leaves it where it came, or has begun to."""
+    span, track = _find_road_span(seen), seen.track
+    if span is None:
+        return None
+    first, last = span
     away = np.hypot(*(track.xy[first : last + 1] - track.xy[first]).T)
     turn = int(away.argmax())
     returns = float(away[turn] - away[-1])
-    enough = HIT_AFTER if struck else min(RETURNS * away[turn], float(away[turn]) - 1.0)
+    enough = HIT_AFTER if seen.struck else min(RETURNS * away[turn], float(away[turn]) - 1.0)
     if away[turn] < FAR_OUT or returns < enough:
         return None
     time = float(track.times[first + turn])

@@ -13,9 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from scenewright.scene.events import Event
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.record import RelationRecord
 from scenewright.scene.track import STEP, VEHICLE_MASSES, VEHICLE_SIZES
 from scenewright.tools.relation_checker.contact import estimate_velocity_before
+from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 WITHIN = 1.0
@@ -33,7 +35,11 @@ SAME_SIZE = 0.05
 
 def list_pushed(relations: Sequence[RelationRecord]) -> frozenset[int]:
     """The agents that are said to be pushed into another."""
-    return frozenset(each.from_ for each in relations if each.manoeuvre == "pushed")
+    return frozenset(each.from_ for each in relations if _is_pushed(each))
+
+
+def _is_pushed(relation: RelationRecord) -> bool:
+    return has_trait("manoeuvre", relation.manoeuvre, "chain")
 
 
 def list_chained(relations: Sequence[RelationRecord]) -> frozenset[frozenset[int]]:
@@ -42,7 +48,7 @@ def list_chained(relations: Sequence[RelationRecord]) -> frozenset[frozenset[int
         frozenset((first.from_, second.to))
         for second in relations
         for first in relations
-        if second.manoeuvre == "pushed" and first.type == "collision" and first.to == second.from_
+        if _is_pushed(second) and first.type == "collision" and first.to == second.from_
     )
 
 
@@ -71,18 +77,18 @@ def _cut(track: Trajectory, struck: Event | None) -> Trajectory:
 
 
 def describe_push(
-    pushed: Trajectory, event: Event, tracks: Sequence[Trajectory], events: Sequence[Event]
+    pushed: Trajectory, _second: Trajectory, event: Event, observed: SceneObservation
 ) -> str | None:
     """How an agent that stood is struck from behind and pushed on; None if the tracks do not show
     it, or show a motion that the masses do not explain."""
-    struck = find_strike(pushed.id, events)
+    struck = find_strike(pushed.id, observed.events)
     if struck is None or struck.time >= event.time:
         return None
     times = np.array([struck.time - 0.6, struck.time - 0.1, event.time])
     before, at_impact, after = pushed.at(times)[0]
     if float(np.hypot(*(at_impact - before))) > STOOD:
         return None
-    striker = next(each for each in tracks if each.id == struck.from_)
+    striker = next(each for each in observed.tracks if each.id == struck.from_)
     lasts = event.time - struck.time
     moved = float(np.hypot(*(after - at_impact)))
     low, high = _compute_distances(striker, pushed, struck.time, lasts)

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.scene.map import IntersectionMap
-from scenewright.tools.relation_checker.signals import SignalPlan
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.motions import SeenMotion
 from scenewright.tools.relation_checker.yielding import STANDING
 
 geos: Any = import_module("shapely")
@@ -35,25 +33,9 @@ AGAINST = math.radians(135.0)
 """Heading and direction of the lane are at least so far apart [rad]."""
 
 
-def describe_vehicle_motion(
-    motion: str | None, track: Trajectory, lights: SignalPlan, intersection_map: IntersectionMap
-) -> str | None:
-    """What a track shows of a vehicle's motion; None if it does not."""
-    if track.type == "pedestrian":
-        return None
-    match motion:
-        case "passes_yellow":
-            return _describe_passing(track, lights)
-        case "stops_at_yellow":
-            return _describe_stop(track, lights)
-        case "blocks_junction":
-            return _describe_blocking(track, lights)
-        case "drives_wrong_way":
-            return _describe_wrong_way(track, intersection_map)
-    return None
-
-
-def _describe_passing(track: Trajectory, lights: SignalPlan) -> str | None:
+def describe_passing(seen: SeenMotion) -> str | None:
+    """It passes its line on yellow, not as the light turns."""
+    track, lights = seen.track, seen.lights
     for met in lights.find_crossings(track):
         before = lights.get_colour(met.light, time=met.time - SINCE)
         if met.colour == before == "yellow":
@@ -61,8 +43,9 @@ def _describe_passing(track: Trajectory, lights: SignalPlan) -> str | None:
     return None
 
 
-def _describe_wrong_way(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+def describe_wrong_way(seen: SeenMotion) -> str | None:
     """Its centre is in lanes that lead the other way, and in none that leads its own."""
+    track, intersection_map = seen.track, seen.intersection_map
     against, along = np.zeros(len(track), bool), np.zeros(len(track), bool)
     legs: list[str] = []
     for lane in intersection_map.lanelets:
@@ -89,8 +72,9 @@ def _describe_wrong_way(track: Trajectory, intersection_map: IntersectionMap) ->
     )
 
 
-def _describe_stop(track: Trajectory, lights: SignalPlan) -> str | None:
+def describe_stop(seen: SeenMotion) -> str | None:
     """It comes on green, begins to brake hard while its light is yellow, and stands at its line."""
+    track, lights = seen.track, seen.lights
     moving = np.flatnonzero(track.speed > STANDING)
     stands = int(moving[-1]) + 1 if len(moving) else 0
     if not 0 < stands < len(track):
@@ -110,8 +94,9 @@ def _describe_stop(track: Trajectory, lights: SignalPlan) -> str | None:
     )
 
 
-def _describe_blocking(track: Trajectory, lights: SignalPlan) -> str | None:
+def describe_blocking(seen: SeenMotion) -> str | None:
     """Beyond its line, passed on green, it stands while its light is red and another is green."""
+    track, lights = seen.track, seen.lights
     for met in lights.find_crossings(track):
         if met.colour != "green":
             continue

@@ -13,6 +13,7 @@ from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding, Proof
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
@@ -43,6 +44,7 @@ from scenewright.tools.relation_checker.legs import check_ties
 from scenewright.tools.relation_checker.liveness import check_liveness
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.metadata import RUNNERS, find_false_metadata
+from scenewright.tools.relation_checker.motions import check_motions
 from scenewright.tools.relation_checker.objects import (
     check_contacts,
     check_places,
@@ -51,10 +53,6 @@ from scenewright.tools.relation_checker.objects import (
 )
 from scenewright.tools.relation_checker.obstacles import check_encounters, list_asked_hits
 from scenewright.tools.relation_checker.passing_order import list_passing_orders
-from scenewright.tools.relation_checker.pedestrian_motions import (
-    RUNNING,
-    check_pedestrian_motions,
-)
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -125,7 +123,8 @@ def check(
         # Without lights no agent runs red, so that such a cause is not looked for.
         no_cause = {"cause": None, "cause_agent": None}
         asked_for = tuple(
-            r.model_copy(update=no_cause) if r.cause == "red_light_run" else r for r in asked_for
+            r.model_copy(update=no_cause) if has_trait("cause", r.cause, "red_light") else r
+            for r in asked_for
         )
     matched, missing = _match_events(asked_for, observed, intersection_map)
     matched |= find_group_events(scene.relations, observed.events, groups) if groups else matched
@@ -176,7 +175,7 @@ def _build_proof(
         *journeys,
         *ties,
         *_check_asked_red_runs(scene, observed, intersection_map, roles),
-        *check_pedestrian_motions(scene.agents, observed, intersection_map),
+        *check_motions(scene.agents, observed, intersection_map),
         *check_groups(scene.agents, observed),
         *find_false_reactions(scene, reactions),
     )
@@ -380,7 +379,7 @@ def _check_motion(
     exceptions = [
         AllowedExceptions(
             emergencies=tuple(e.time for e in serious if agent.id in (e.from_, e.to)),
-            running=agent.subtype in RUNNERS or agent.motion in RUNNING,
+            running=agent.subtype in RUNNERS or has_trait("motion", agent.motion, "running"),
         )
         for agent in scene.agents
     ]
@@ -474,7 +473,7 @@ def _collect_figures(
     ]
     # Red lights may be run by agents allowed to, although no word of the request asks for it.
     asked = any(each.became == "runs_red" for each in scene.said)
-    asked |= any(relation.cause == "red_light_run" for relation in scene.relations)
+    asked |= any(has_trait("cause", relation.cause, "red_light") for relation in scene.relations)
     unasked = red_runs if red_runs and not asked and scene.meta.rules is not None else None
     driven = cut_pushed(observed.tracks, observed.events, list_pushed(scene.relations))
     return {

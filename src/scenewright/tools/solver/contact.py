@@ -10,15 +10,14 @@ import numpy as np
 
 from scenewright.scene.base import RIDERS
 from scenewright.scene.constraints import Contact
+from scenewright.scene.kinds import find_kind, has_trait, load_function
 from scenewright.scene.reaction_behavior import Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
-from scenewright.tools.solver.lead_braking import plan_lead_braking
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
-from scenewright.tools.solver.pushed_collision import schedule_pushed_collisions
 from scenewright.tools.solver.reacted_collision import (
     IN_VAIN,
     draw_braking_to,
@@ -83,8 +82,9 @@ def schedule_contacts(
     clause: Contact, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """List every schedule (lazily) in which the clause's two agents collide as asked."""
-    if clause.cause == "pushed":
-        yield from schedule_pushed_collisions(clause, schedule, context)
+    kind = find_kind("manoeuvre", clause.cause)
+    if kind is not None and kind.template is not None:
+        yield from load_function(kind.template, __package__)(clause, schedule, context)
         return
     a, b = context.get_pair(clause, schedule)
     if context.refuse_after_collision(clause, a, b):
@@ -101,23 +101,19 @@ def schedule_contacts(
             words = f"the paths of {clause.first} and {clause.second} never touch"
             context.note_miss(clause, FailureStage.PATHS, words)
         some = _draw_offsets_inside(clause, meetings, context)
-        turned_round = yield from _schedule_offsets(clause, schedule, context, (a, b), some)
+        turned_round = yield from schedule_offsets(clause, schedule, context, (a, b), some)
         if turned_round:
             # Which one strikes depends on 0.1 s where one is short, such as a motorcycle.
             every = _draw_offsets_everywhere(meetings, context)
-            failed = yield from _schedule_offsets(clause, schedule, context, (a, b), every)
+            failed = yield from schedule_offsets(clause, schedule, context, (a, b), every)
             if failed and context.find_striker(clause) is None and not _needs_striker(clause):
-                yield from _schedule_offsets(clause, schedule, context, (a, b), some, strict=False)
-        return
-    if clause.cause == "lead_brakes":
-        for follower, leader, deltas in plan_lead_braking(a, b, clause, context):
-            yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
+                yield from schedule_offsets(clause, schedule, context, (a, b), some, strict=False)
         return
     for follower, leader, deltas in plan_rear_ends(a, b, clause, context):
-        yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
+        yield from schedule_offsets(clause, schedule, context, (follower, leader), deltas)
 
 
-def _schedule_offsets(
+def schedule_offsets(
     clause: Contact,
     schedule: PartialSchedule,
     context: SolverContext,
@@ -163,7 +159,7 @@ def _schedule_offsets(
         if not _is_in_time(found, clause, b, schedule, context):
             continue
         a, found = _brake_in_last_moment(clause, a, b, found, context)
-        if clause.cause == "late_brake" and not a.slowings:
+        if has_trait("cause", clause.cause, "late") and not a.slowings:
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
@@ -291,7 +287,7 @@ def _brake_in_last_moment(
     context: SolverContext,
 ) -> tuple[ScheduledAgent, FirstContact]:
     """Make the striking vehicle brake hard in the last moment where that is asked for."""
-    kind, asked, rng = a.candidate.shape.type, clause.cause == "late_brake", context.rng
+    kind, asked, rng = a.candidate.shape.type, has_trait("cause", clause.cause, "late"), context.rng
     if kind != "vehicle" or a.slowings or not asked:
         return a, found
     speed = found.speed * float(rng.uniform(*_LATE))

@@ -21,6 +21,7 @@ from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
+from scenewright.scene.kinds import get_kind, has_trait, load_function
 from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord, name_door
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.social import Encounter, ObjectNode
@@ -152,10 +153,10 @@ def meet_at(
     rng: np.random.Generator,
 ) -> ObjectEncounter | None:
     """Let the candidate meet the object where it stands; None if it does not fit there."""
-    if node.encounter == "doored":
+    if has_trait("encounter", node.encounter, "door"):
         return _meet_door(node, place, candidate, rng)
     own = candidate
-    if node.encounter == "hits" and node.kind in ("parked", "bus_stop"):
+    if has_trait("encounter", node.encounter, "ends") and node.kind in ("parked", "bus_stop"):
         drifting = _draw_drift(place, candidate, rng)
         if drifting is None:
             return None
@@ -164,16 +165,15 @@ def meet_at(
     if touch is None or touch < _COMES:
         return None
     meeting = ObjectEncounter(node, place, own, touch)
-    match node.encounter:
-        case "goes_round":
-            keeps = meeting.choose(_ASIDE, rng)
-            aside = _lead_round(meeting, ground, keeps, float(rng.uniform(*_RUN)))
-        case "waits_then_passes":
-            run = float(rng.uniform(*_PULLS_OUT))
-            meeting = replace(meeting, waits_at=touch - run - 0.5)
-            aside = _lead_round(meeting, ground, float(rng.uniform(*_ASIDE)), run)
-        case _:
-            return meeting
+    if not has_trait("encounter", node.encounter, "leads_round"):
+        return meeting
+    if has_trait("encounter", node.encounter, "waits_first"):
+        run = float(rng.uniform(*_PULLS_OUT))
+        meeting = replace(meeting, waits_at=touch - run - 0.5)
+        aside = _lead_round(meeting, ground, float(rng.uniform(*_ASIDE)), run)
+    else:
+        keeps = meeting.choose(_ASIDE, rng)
+        aside = _lead_round(meeting, ground, keeps, float(rng.uniform(*_RUN)))
     return None if aside is None else replace(meeting, candidate=aside)
 
 
@@ -338,7 +338,8 @@ def place_encounter(
 ) -> tuple[ScheduledAgent, Earlier] | None:
     """Time an agent that meets only an object; None if it cannot stop, or is too slow."""
     actor = ScheduledAgent.build_unplaced(meeting.candidate, landmarks)
-    placed = _act(actor, meeting, rng, earlier)
+    act = load_function(str(get_kind("encounter", str(meeting.how)).template), __package__)
+    placed: _Timed = act(actor, meeting, rng, earlier)
     if placed is None or not np.isfinite(placed[1]):
         return None
     wanted = rng.uniform(*_WHEN) if earlier is None else earlier.time + rng.uniform(*_LATER)
@@ -347,46 +348,58 @@ def place_encounter(
     return actor, Earlier(placed[1] + shift, _make_standing(actor))
 
 
-def _act(
+_Timed = tuple[ScheduledAgent, float] | None
+"""An agent with what it does about the object, and the time there [s]; None if it cannot."""
+
+
+def wait_behind(
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
+) -> _Timed:
+    """Stop it behind the object, for good."""
+    return _wait(actor, meeting.touch, meeting.choose(_GAP, rng))
+
+
+def queue_behind(
     actor: ScheduledAgent,
     meeting: ObjectEncounter,
     rng: np.random.Generator,
     earlier: Earlier | None,
-) -> tuple[ScheduledAgent, float] | None:
-    """Apply what it does about the object; with the time there [s]; None if it cannot."""
-    match meeting.how:
-        case "waits_behind":
-            return _wait(actor, meeting.touch, meeting.choose(_GAP, rng))
-        case "queues" if earlier is not None and earlier.standing is not None:
-            touch = _find_touch(meeting.candidate, earlier.standing)
-            return None if touch is None else _wait(actor, touch, meeting.choose(_GAP, rng))
-        case "stops_short":
-            braking = float(rng.uniform(*_HARD))
-            return _wait(actor, meeting.touch, meeting.choose(_SHORT, rng), braking)
-        case "waits_then_passes":
-            return _wait_first(actor, meeting, rng)
-        case "hits":
-            return _brake_too_late(actor, meeting, rng)
-        case "doored":
-            return _ride_into_door(actor, meeting, rng)
-        case "goes_round":
-            return actor, actor.motion.find_time_at(meeting.touch)
-    return None
+) -> _Timed:
+    """Stop it behind the agent that stands at the object."""
+    standing = None if earlier is None else earlier.standing
+    touch = None if standing is None else _find_touch(meeting.candidate, standing)
+    return None if touch is None else _wait(actor, touch, meeting.choose(_GAP, rng))
 
 
-def _ride_into_door(
-    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
-) -> tuple[ScheduledAgent, float] | None:
+def stop_short(
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
+) -> _Timed:
+    """Brake it hard to a stop just short of the object."""
+    braking = float(rng.uniform(*_HARD))
+    return _wait(actor, meeting.touch, meeting.choose(_SHORT, rng), braking)
+
+
+def go_round(
+    actor: ScheduledAgent, meeting: ObjectEncounter, _rng: np.random.Generator, _: Earlier | None
+) -> _Timed:
+    """Let it drive on; its path leads round the object."""
+    return actor, actor.motion.find_time_at(meeting.touch)
+
+
+def ride_into_door(
+    actor: ScheduledAgent,
+    meeting: ObjectEncounter,
+    rng: np.random.Generator,
+    earlier: Earlier | None,
+) -> _Timed:
     """End it at the door, at its own speed or at the one asked for."""
     if meeting.node.figure is not None:
-        return _brake_too_late(actor, meeting, rng)
+        return brake_too_late(actor, meeting, rng, earlier)
     touches = actor.motion.find_time_at(meeting.touch)
     return (actor.end_at(touches), touches) if np.isfinite(touches) else None
 
 
-def _wait(
-    actor: ScheduledAgent, touch: float, gap: float, braking: float | None = None
-) -> tuple[ScheduledAgent, float] | None:
+def _wait(actor: ScheduledAgent, touch: float, gap: float, braking: float | None = None) -> _Timed:
     """Stop it so far behind, for good; off crosswalks, unless it brakes hard."""
     wanted = touch - gap
     s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
@@ -399,9 +412,9 @@ def _wait(
     return actor.edit(stops=(stop,)), stands
 
 
-def _wait_first(
-    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
-) -> tuple[ScheduledAgent, float] | None:
+def wait_first(
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
+) -> _Timed:
     """Let it stand before it moves over, as long as asked for at walking pace or less."""
     s = meeting.waits_at or 0.0
     if s < _HEADS_FOR or actor.landmarks.move_off_crosswalks(s) != s:
@@ -415,9 +428,9 @@ def _wait_first(
     return actor.edit(stops=(stop,)), stands
 
 
-def _brake_too_late(
-    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator
-) -> tuple[ScheduledAgent, float] | None:
+def brake_too_late(
+    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
+) -> _Timed:
     """Brake it too late, ending where it touches the object."""
     speed = meeting.choose(_STRIKES, rng)
     # Slowed down a little before, so that no smoothing changes the speed of the contact.

@@ -32,6 +32,7 @@ from scenewright.scene.constraints import (
     StopsBehind,
     TimeGap,
 )
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.selection import Stop
 from scenewright.tools.map_grounding.signal_plan import SignalDemand
 from scenewright.tools.solver.contact import schedule_contacts
@@ -77,7 +78,7 @@ class ForegroundSolver:
         self._context.pushed = {
             each.first: each.second
             for each in clauses
-            if isinstance(each, Contact) and each.cause == "pushed"
+            if isinstance(each, Contact) and has_trait("manoeuvre", each.cause, "chain")
         }
         named = Counter(name for each in clauses for name in get_pair(each))
         self._context.busy = frozenset(name for name, count in named.items() if count > 1)

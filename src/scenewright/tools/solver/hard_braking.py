@@ -16,7 +16,7 @@ import numpy as np
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import BrakesFor, TimeGap
-from scenewright.scene.reaction_behavior import sample_reaction
+from scenewright.scene.reaction_behavior import RUNS, sample_reaction
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext, compute_excess
@@ -185,12 +185,12 @@ class _HardBraking:
         context, name = self.context, str(self.clause.second)
         bound = name in self.schedule.actors or not context.reactions.may_react(name)
         asked = context.reactions.ways.get(name)
-        if asked not in (None, "runs") or self.clause.first in context.reactions.ways:
+        if asked not in (None, RUNS) or self.clause.first in context.reactions.ways:
             return
         if b.candidate.shape.type == "pedestrian" and not bound and not b.slowings:
             meets = find_least_clearance(free, b)[1]
             threat = find_threat(context.find_path_conflict(self.clause), free, b, until=meets)
-            how = sample_reaction("pedestrian", context.rng, kind="runs")
+            how = sample_reaction("pedestrian", context.rng, kind=RUNS)
             onset = np.inf if threat is None else threat[0] + how.after
             if onset < meets:
                 beyond = float(self.zone.s_b[self.zone.j].max()) + 1.0

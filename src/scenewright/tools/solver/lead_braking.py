@@ -15,6 +15,7 @@ from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.constraints import Contact, PairClause, StopsBehind
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
+from scenewright.tools.solver.contact import schedule_offsets
 from scenewright.tools.solver.context import SolverContext, compute_excess
 from scenewright.tools.solver.hard_braking import (
     compute_smooth_acceleration,
@@ -68,11 +69,13 @@ _CLEARANCE = 0.5
 """Least distance of two that do not touch [m]."""
 
 
-def plan_lead_braking(
-    a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
-) -> Iterator[tuple[ScheduledAgent, ScheduledAgent, list[float]]]:
-    """Draw follower and leader, edited but not yet placed, and the offsets at which they
-    collide."""
+def schedule_lead_braking(
+    clause: Contact, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
+    """List every schedule (lazily) in which the first hits the second, which brakes ahead of it."""
+    a, b = context.get_pair(clause, schedule)
+    if context.refuse_after_collision(clause, a, b):
+        return
     for leader in _draw_leaders(b, clause, context):
         touch = _find_touch(context.find_path_conflict(clause), leader.stops[-1].s)
         if touch is None:
@@ -83,7 +86,8 @@ def plan_lead_braking(
             braking = float(context.rng.uniform(*_LATE_BRAKING))
             follower = a.edit(stops=a.stops, slowings=(Slowing(touch, speed, braking),))
             deltas = _draw_offsets(follower, leader, context.rng)
-            yield follower, leader, [d for d in deltas if _is_behind(follower, leader, d, _SEEN)]
+            behind = [d for d in deltas if _is_behind(follower, leader, d, _SEEN)]
+            yield from schedule_offsets(clause, schedule, context, (follower, leader), behind)
 
 
 def schedule_stops_behind(

@@ -13,6 +13,7 @@ from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Stop
 from scenewright.tools.map_grounding.signal_plan import SignalDemand
+from scenewright.tools.solver.motion_template import MotionTemplate
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _BRAKING = (4.2, 5.8)
@@ -91,7 +92,7 @@ def list_yellow_demands(actor: ScheduledAgent, reaction: float) -> tuple[SignalD
     )
 
 
-def list_blocking_demands(actor: ScheduledAgent) -> tuple[SignalDemand, ...]:
+def list_blocking_demands(actor: ScheduledAgent, _: float) -> tuple[SignalDemand, ...]:
     """List demands: red while it stands in the junction; passing on green is asked of all
     agents."""
     stop = actor.stops[-1]
@@ -103,3 +104,10 @@ def list_blocking_demands(actor: ScheduledAgent) -> tuple[SignalDemand, ...]:
 def draw_reaction(rng: np.random.Generator) -> float:
     """Draw how long after the light has turned yellow a driver brakes [s]."""
     return float(rng.uniform(*_REACTION))
+
+
+_FAULT = "no light on its way, or too slow"
+STOPPING = MotionTemplate(
+    "cannot", _FAULT, place=stop_at_yellow, draw=draw_reaction, demands=list_yellow_demands
+)
+BLOCKING = MotionTemplate("cannot", _FAULT, place=block_junction, demands=list_blocking_demands)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-
 import numpy as np
 
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Stop
+from scenewright.tools.solver.motion_template import MotionTemplate
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _PLACE, _LASTS = (0.35, 0.65), (1.5, 3.0)
@@ -19,23 +18,10 @@ _BEYOND_KERB = (3.0, 6.0)
 """How far from the kerb a jaywalker stands [m]."""
 
 
-def draw_pauses(
-    names: Collection[str],
-    candidates: Mapping[str, Candidate],
-    landmarks: Mapping[str, Landmarks],
-    rng: np.random.Generator,
-) -> dict[str, ScheduledAgent]:
-    """Draw the pedestrians, by name, that stand still on the road, entering at time 0."""
-    return {
-        name: _draw_pause(candidates[name], landmarks[name], rng)
-        for name in sorted(names)
-        if name in candidates
-    }
-
-
-def _draw_pause(
+def draw_pause(
     candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent:
+    """Draw where and how long the pedestrian stands still on the road, entering at time 0."""
     s = _draw_place(landmarks, rng)
     start = compute_arrival(candidate, StopCommand(s, 0.0))
     stop = Stop("midway", s, start, start + float(rng.uniform(*_LASTS)), "pauses")
@@ -47,3 +33,6 @@ def _draw_place(landmarks: Landmarks, rng: np.random.Generator) -> float:
         if name == landmarks.own_crosswalk:
             return begins + (ends - begins) * float(rng.uniform(*_PLACE))
     return (landmarks.line or 0.0) + float(rng.uniform(*_BEYOND_KERB))
+
+
+PAUSING = MotionTemplate("must", hold=draw_pause)

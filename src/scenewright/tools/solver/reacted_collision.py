@@ -12,8 +12,8 @@ from scenewright.scene.constraints import Contact
 from scenewright.scene.reaction_behavior import (
     ASIDE,
     REACTION_TIME,
+    RUNS,
     Reaction,
-    ReactionKind,
 )
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
@@ -37,12 +37,8 @@ _DRAWS = 5
 _SOLVED = 4
 """Offsets that are solved for at once."""
 
-_WAYS: dict[ReactionKind, tuple[tuple[float, float], ...]] = {
-    "brakes": ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75)),
-    "stops": ((1.0, 0.0), (1.0, 0.5)),
-    "runs": ((1.0, 0.0), (0.6, 0.0)),
-    "swerves": ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75)),
-}
+_WAYS = ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75))
+_WAYS_ON_FOOT = {"stops": ((1.0, 0.0), (1.0, 0.5)), RUNS: ((1.0, 0.0), (0.6, 0.0))}
 """Share of the strength drawn, and of its speed that it keeps: too weak or too short a reaction may
 be why the two collide."""
 
@@ -245,15 +241,15 @@ def _list_ways(
     of = pair[k]
     if begin is None or begin + drawn.after > until - _TOO_LATE:
         return [] if asked else [of]
-    kinds: list[ReactionKind] = [drawn.kind]
+    kinds: list[str] = [drawn.kind]
     if of.candidate.shape.type == "pedestrian" and not asked:
-        kinds.append("stops" if drawn.kind == "runs" else "runs")
+        kinds.append("stops" if drawn.hurries else RUNS)
     ways = [
         _react(of, replace(drawn, kind=kind, strength=share * drawn.strength), begin, keeps)
         for kind in kinds
-        for share, keeps in _WAYS[kind]
+        for share, keeps in _WAYS_ON_FOOT.get(kind, _WAYS)
     ]
-    if drawn.kind == "swerves":
+    if drawn.swerves:
         moved = [
             swerve_away(each, of, pair[1 - k], onset=begin + drawn.after, meets=until, by=aside)
             for each in ways
@@ -286,7 +282,7 @@ def _react(of: ScheduledAgent, how: Reaction, begin: float, keeps: float) -> Sch
     kind, onset = of.candidate.shape.type, begin + how.after
     usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
     strength = max(how.strength, _WEAKEST[kind]) + usual
-    if how.kind == "runs":
+    if how.hurries:
         end = of.candidate.path.length
         runner = run_on(of, onset=onset, acceleration=strength, until=end)
         if runner is not None:

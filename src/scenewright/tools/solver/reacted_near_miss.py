@@ -78,12 +78,12 @@ class _Attempt:
     @property
     def first(self) -> int:
         """The agent of the two that passes first: the other one, unless the reacting one runs."""
-        return self.by if self.how.kind == "runs" else 1 - self.by
+        return self.by if self.how.hurries else 1 - self.by
 
     def get_longest_pet(self, most: float) -> float:
         """Return the longest PET [s], up to `most`, with which this does not count as yielding."""
         gives_way = self.keeps < _KEEPS[0] and self.how.strength < _HARSH
-        return min(most, NARROW) if gives_way and self.how.kind != "runs" else most
+        return min(most, NARROW) if gives_way and not self.how.hurries else most
 
 
 def can_react(
@@ -146,14 +146,14 @@ def _draw(
     keeps = _KEEPS if context.rng.random() < 0.5 else _KEEPS_LITTLE
     walks = pair[1 - by].candidate.shape.type == "pedestrian"
     first = _KEEPS_ON_FOOT if walks else KEEPS_FIRST
-    other_keeps = _KEEPS if how.kind == "runs" else first
+    other_keeps = _KEEPS if how.hurries else first
     return _Attempt(
         by,
         how,
         float(context.rng.uniform(*keeps)),
         context.reactions.draw(names[1 - by], pair[1 - by], context.rng),
         float(context.rng.uniform(*other_keeps)),
-        float(context.rng.uniform(*ASIDE)) if how.kind == "swerves" else 0.0,
+        float(context.rng.uniform(*ASIDE)) if how.swerves else 0.0,
     )
 
 
@@ -215,7 +215,7 @@ def _react(
     if onset > meets - _CLOSEST:
         return None
     changed = _change(clause, context, of, attempt, onset)
-    if changed is not None and attempt.how.kind == "swerves":
+    if changed is not None and attempt.how.swerves:
         changed = swerve_away(changed, of, other, onset=onset, meets=meets, by=attempt.aside)
     if changed is None:
         return None
@@ -246,7 +246,7 @@ def _react_as_well(
     if onset > min(meets - _CLOSEST, (begin if left is None else left[1]) + _CALLED_OFF):
         return of
     reaction = _Attempt(1 - attempt.by, attempt.other, attempt.other_keeps, None, 1.0)
-    if attempt.first == attempt.by or attempt.other.kind == "runs":
+    if attempt.first == attempt.by or attempt.other.hurries:
         return _change(clause, context, of, reaction, onset) or of
     return touch_brakes(of, reaction.how, reaction.keeps, (begin, onset)) or of
 
@@ -278,7 +278,7 @@ def _change(
     """Apply the reaction of `attempt.by` from `onset` [s] on; None where it changes nothing."""
     conflict, how = context.find_path_conflict(clause), attempt.how
     nodes = (conflict.s_a[conflict.i], conflict.s_b[conflict.j])[attempt.by]
-    if how.kind == "runs":
+    if how.hurries:
         beyond = float(nodes.max()) + 1.0
         return run_on(of, onset=onset, acceleration=how.strength, until=beyond)
     local = onset - of.enters

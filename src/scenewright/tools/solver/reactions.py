@@ -13,10 +13,10 @@ import numpy as np
 
 from scenewright.geometry.driving_profile import get_pace
 from scenewright.scene.candidates import PACE_STEP
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.reaction_behavior import (
     PERCEPTIBLE_TTC,
     Reaction,
-    ReactionKind,
     sample_reaction,
 )
 from scenewright.scene.selection import Slowing
@@ -60,7 +60,7 @@ class ReactionRequests:
 
     excluded: frozenset[str]
     hidden: Mapping[frozenset[str], tuple[float, float]]
-    ways: Mapping[str, ReactionKind] = field(default_factory=dict)
+    ways: Mapping[str, str] = field(default_factory=dict)
 
     def may_react(self, name: str) -> bool:
         """Return whether the text leaves the agent to react."""
@@ -73,7 +73,7 @@ class ReactionRequests:
             return drawn
         if of.candidate.shape.type != "pedestrian":
             drawn = replace(drawn, kind="brakes")
-        elif drawn.kind == "steps_back":
+        elif has_trait("reaction", drawn.kind, "back"):
             drawn = replace(drawn, kind="stops")
         return drawn
 

@@ -12,7 +12,8 @@ import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +25,11 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet
 from scenewright.scene.constraints import (
     AgentFigure,
+    AgentMotion,
     Before,
-    BlocksJunction,
     BrakesFor,
     ConstraintProgram,
     Contact,
-    DrivesWrongWay,
     GivesWay,
     Headway,
     MinLength,
@@ -38,19 +38,17 @@ from scenewright.scene.constraints import (
     PairClause,
     PairFigure,
     PassesBeside,
-    Pauses,
     Reacts,
     RunsRed,
     RunsYellow,
     SameLane,
     SpeedBetween,
-    StopsAtYellow,
     StopsBehind,
     Strikes,
     TimeGap,
-    TurnsBack,
     UnaryClause,
 )
+from scenewright.scene.kinds import has_trait, list_kinds, load_function
 from scenewright.scene.objects import ObjectRecord, name_door
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection
@@ -93,25 +91,16 @@ from scenewright.tools.solver.entry_times import (
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
 from scenewright.tools.solver.independent_events import join_names, list_separations
-from scenewright.tools.solver.lone_motions import (
-    block_junction,
-    draw_reaction,
-    list_blocking_demands,
-    list_yellow_demands,
-    stop_at_yellow,
-)
+from scenewright.tools.solver.motion_template import MotionTemplate
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
-from scenewright.tools.solver.pauses import draw_pauses
 from scenewright.tools.solver.reactions import ReactionRequests
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
 from scenewright.tools.solver.reservation import find_blocked_offsets
 from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
-from scenewright.tools.solver.turning_back import has_turned, turn_back
-from scenewright.tools.solver.wrong_way import drive_wrong_way, place_wrong_way
 from scenewright.work_limit import WorkLimitReachedError, count_work, limit_work
 
 MAX_SECONDS = 30.0
@@ -213,24 +202,27 @@ class Search:
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
         self._at_yellow = {c.agent for c in program.clauses if isinstance(c, RunsYellow)}
         self._at_lights = self._violators | self._at_yellow
-        self._pausing = {c.agent for c in program.clauses if isinstance(c, Pauses)}
-        self._stopping = {c.agent for c in program.clauses if isinstance(c, StopsAtYellow)}
-        self._blocking = {c.agent for c in program.clauses if isinstance(c, BlocksJunction)}
-        self._reaction = draw_reaction(rng) if self._stopping else 0.0
-        self._wrong = {c.agent for c in program.clauses if isinstance(c, DrivesWrongWay)}
-        self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
+        asked = [c for c in program.clauses if isinstance(c, AgentMotion)]
+        self._motions = {c.agent: (c.clause, load_motion(c.clause)) for c in asked}
+        self._drawn = {
+            kind.draw: kind.draw(rng)
+            for kind in dict.fromkeys(kind for _, kind in self._motions.values())
+            if kind.draw is not None
+        }
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
-        pushes = [c for c in self._events if isinstance(c, Contact) and c.cause == "pushed"]
+        pushes = [c for c in self._events if isinstance(c, Contact) and _is_pushed(c)]
         struck = {c.first for c in pushes}
         self._chained = struck | {str(c.second) for c in pushes}
         self._chained |= {c.first for c in self._events if c.second in struck}
         self._red_first: dict[str, float] = dict.fromkeys((*paced, *self._chained), 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
-        alone = sorted(self._stopping | self._blocking)
+        company = {name: kind.company for name, (_, kind) in sorted(self._motions.items())}
+        alone = [name for name, needed in company.items() if needed == "cannot"]
         if {*bound} & {*alone}:
             raise Rejected(_reject_busy(sorted({*bound} & {*alone})))
-        alone = [*alone, *self._to_meet, *sorted(self._wrong)]
+        either = (name for name, needed in company.items() if needed == "may")
+        alone = [*alone, *self._to_meet, *either]
         self._bound = list(dict.fromkeys((*bound, *runners, *alone)))
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
@@ -244,10 +236,10 @@ class Search:
         self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
         if not pool.groups.keys() <= {*bound}:
             raise Rejected(_reject_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
-        if not self._pausing <= {*bound}:
-            raise Rejected(_reject_alone(sorted(self._pausing - {*bound}), "stops on its way"))
-        if not self._returning <= {*bound}:
-            raise Rejected(_reject_alone(sorted(self._returning - {*bound}), "turns back"))
+        for name in sorted(company.keys() - {*bound}):
+            if company[name] == "must":
+                words = self._motions[name][0].replace("_", " ")
+                raise Rejected(_reject_alone([name], words))
         self._parts = join_names((), map(get_pair, self._events))
         self._varied: frozenset[str] = frozenset()
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
@@ -351,7 +343,11 @@ class Search:
         )  # fmt: skip
         context.red_light_starts = {
             **context.red_light_starts,
-            **draw_pauses(self._pausing, candidates, landmarks, self._rng),
+            **{
+                name: kind.hold(candidates[name], landmarks[name], self._rng)
+                for name, (_, kind) in sorted(self._motions.items())
+                if kind.hold is not None and name in candidates
+            },
         }
         stage = ForegroundSolver(context)
         met = {name: self._get_meeting(name, choice) for name in self._to_meet}
@@ -405,29 +401,22 @@ class Search:
                     self._built[(name, m)] = None
                     return None
                 self._meetings[(name, m)], candidate = met, met.candidate
-            if name in self._wrong and name not in self._build_first_schedule().actors:
-                turned = drive_wrong_way(candidate, self._ground.intersection_map, self._rng)
-                if turned is None:
-                    self._failures[f"drives_wrong_way({name}): no lane beside its own"] += 1
-                    self._built[(name, m)] = None
-                    return None
-                candidate = turned
             landmarks = find_landmarks(candidate, map_areas=self._ground)
-            if name in self._returning and name not in self._build_first_schedule().actors:
-                returns = turn_back(candidate, landmarks, self._rng)
-                if returns is None:
-                    self._failures[f"turns_back({name})"] += 1
+            clause, kind = self._motions.get(name, ("", None))
+            fixed = name in self._build_first_schedule().actors
+            if kind is not None and kind.reshape is not None and not fixed:
+                own = self._ground.intersection_map
+                reshaped = kind.reshape(candidate, landmarks, own, self._rng)
+                if reshaped is None:
+                    self._failures[f"{clause}({name}): {kind.fault}"] += 1
                     self._built[(name, m)] = None
                     return None
-                candidate, landmarks = returns, find_landmarks(returns, map_areas=self._ground)
+                candidate, landmarks = reshaped, find_landmarks(reshaped, map_areas=self._ground)
             refused = [
                 rejection
-                for clause in self._unary.get(name, ())
-                # An agent that turns back walks half of a path that is long enough.
-                if not (name in self._returning and isinstance(clause, MinLength))
-                for rejection in check(
-                    candidate, clause, landmarks=landmarks, map_areas=self._ground
-                )
+                for each in self._unary.get(name, ())
+                if not (kind is not None and kind.shortens and isinstance(each, MinLength))
+                for rejection in check(candidate, each, landmarks=landmarks, map_areas=self._ground)
             ]
             self._failures.update(rejection.detail for rejection in refused)
             self._built[(name, m)] = None if refused else (candidate, landmarks)
@@ -586,29 +575,25 @@ class Search:
     def _add_lone(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
     ) -> PartialSchedule | None:
-        """Add agents that act at their light or drive the wrong way; None if one cannot."""
+        """Add agents that move in a way of their own and meet no other; None if one cannot."""
         actors = dict(schedule.actors)
-        for name in sorted(self._wrong - actors.keys()):
+        for name in sorted(self._motions.keys() - actors.keys()):
+            clause, kind = self._motions[name]
+            if kind.place is None:
+                continue
             built = self._get_candidate(name, choice[name])
-            if built is None:
-                return None
-            actors[name] = place_wrong_way(*built, self._rng)
-        for name in sorted((self._stopping | self._blocking) - actors.keys()):
-            built = self._get_candidate(name, choice[name])
-            move = stop_at_yellow if name in self._stopping else block_junction
-            actor = None if built is None else move(*built, self._rng)
+            actor = None if built is None else kind.place(*built, self._rng)
             if actor is None:
-                self._failures[f"{name} has no light on its way, or is too slow"] += 1
+                self._failures[f"{clause}({name}): {kind.fault}"] += 1
                 return None
             actors[name] = actor
         return replace(schedule, actors=actors)
 
     def _list_lone_demands(self, schedule: PartialSchedule) -> Iterator[SignalDemand]:
         for name, actor in schedule.actors.items():
-            if name in self._stopping:
-                yield from list_yellow_demands(actor, self._reaction)
-            if name in self._blocking:
-                yield from list_blocking_demands(actor)
+            _, kind = self._motions.get(name, ("", None))
+            if kind is not None and kind.demands is not None:
+                yield from kind.demands(actor, self._drawn[kind.draw] if kind.draw else 0.0)
 
     def _add_members(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
@@ -635,11 +620,11 @@ class Search:
         return not late
 
     def _turns_come_first(self, schedule: PartialSchedule) -> bool:
-        """Return whether agents that turn back do so before they are hit."""
-        for name in sorted(self._returning & schedule.actors.keys()):
-            actor = schedule.actors[name]
-            if actor.contact is not None and not has_turned(actor):
-                self._failures[f"turns_back({name}) before it is hit"] += 1
+        """Return whether agents move as asked before they are hit."""
+        for name in sorted(self._motions.keys() & schedule.actors.keys()):
+            actor, (clause, kind) = schedule.actors[name], self._motions[name]
+            if kind.is_done and actor.contact is not None and not kind.is_done(actor):
+                self._failures[f"{clause}({name}) before it is hit"] += 1
                 return False
         return True
 
@@ -917,8 +902,12 @@ def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
     later = [each for each in clauses if isinstance(each, Headway) and _comes_last(each, clauses)]
     sooner = [each for each in clauses if each not in later]
     ends = [each for each in sooner if isinstance(each, Contact) and _has_company(each, sooner)]
-    ends.sort(key=lambda each: each.cause == "pushed")
+    ends.sort(key=_is_pushed)
     return _put_connected_first([*(each for each in sooner if each not in ends), *ends, *later])
+
+
+def _is_pushed(clause: Contact) -> bool:
+    return has_trait("manoeuvre", clause.cause, "chain")
 
 
 def _put_connected_first(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
@@ -957,6 +946,13 @@ def _reject_unbound(clause: PairClause) -> Rejection:
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
         "headway, gives_way, brakes_for or stops_behind clause",
     )
+
+
+@cache
+def load_motion(clause: str) -> MotionTemplate:
+    """The template of the kind that a clause stands for."""
+    name = next(each.template for each in list_kinds("motion") if each.clause == clause)
+    return cast(MotionTemplate, load_function(str(name), __package__))
 
 
 def _reject_alone(names: list[str], what: str) -> Rejection:

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from scenewright.scene.constraints import Contact, TimeGap
-from scenewright.scene.reaction_behavior import BACK, BACKWARDS, REACTION_TIME
+from scenewright.scene.kinds import get_kind, has_trait
+from scenewright.scene.reaction_behavior import REACTION_TIME
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import step_back
 from scenewright.tools.solver.impact import (
@@ -53,7 +54,7 @@ _Pair = tuple[ScheduledAgent, ScheduledAgent]
 def find_one_stepping_back(clause: TimeGap | Contact, context: SolverContext) -> int | None:
     """Find which of the clause's agents is to step back: 0, 1, or None where neither is."""
     ways = [context.reactions.ways.get(name) for name in get_pair(clause)]
-    return next((k for k in (0, 1) if ways[k] in BACK), None)
+    return next((k for k in (0, 1) if has_trait("reaction", ways[k], "back")), None)
 
 
 def schedule_missed_steps_back(
@@ -147,10 +148,11 @@ def _list_steps(
     onset = of.enters + of.motion.find_time_at(at - speed**2 / (2.0 * how.strength))
     if not REACTION_TIME.least <= onset - threat[0] <= REACTION_TIME.most:
         return
-    back = float(rng.uniform(*BACK[kind]))
+    own = get_kind("reaction", kind).ranges
+    back = float(rng.uniform(*own["backwards"]))
     changed = step_back(
         of, at=at, back=max(back, into + _CLEAR) if depth == _INTO else back,
-        braking=how.strength, speed=float(rng.uniform(*BACKWARDS[kind])),
+        braking=how.strength, speed=float(rng.uniform(*own["speed"])),
         rests=float(rng.uniform(*_RESTS)),
     )  # fmt: skip
     answer = context.reactions.draw(names[1 - by], other, rng)

@@ -10,6 +10,8 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.solver.motion_template import MotionTemplate
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _PLACE = (0.35, 0.6)
@@ -26,7 +28,7 @@ _RADIUS = 0.45
 
 
 def turn_back(
-    candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
+    candidate: Candidate, landmarks: Landmarks, _map: IntersectionMap, rng: np.random.Generator
 ) -> Candidate | None:
     """Put the candidate on a path that returns to where it begins; None if it is never on the
     road."""
@@ -70,3 +72,8 @@ def _double_back(path: Path, s: float, side: float) -> FloatArray:
     middle, ahead = (out[-1] + back[0]) / 2, np.array((leftward[-1][1], -leftward[-1][0]))
     arc = middle + (out[-1] - middle) * np.cos(angle) + _RADIUS * ahead * np.sin(angle)
     return np.concatenate((out, arc, back))
+
+
+TURNING_BACK = MotionTemplate(
+    "must", "it is never on the road", reshape=turn_back, is_done=has_turned, shortens=True
+)

@@ -9,6 +9,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.solver.encounters import follow_path, shift_aside
+from scenewright.tools.solver.motion_template import MotionTemplate
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _BACK = 14.0
@@ -22,7 +23,10 @@ _WHEN = (7.0, 14.0)
 
 
 def drive_wrong_way(
-    candidate: Candidate, intersection_map: IntersectionMap, rng: np.random.Generator
+    candidate: Candidate,
+    _landmarks: Landmarks,
+    intersection_map: IntersectionMap,
+    rng: np.random.Generator,
 ) -> Candidate | None:
     """The candidate coming in by a lane of its leg that leads out; None if there is none beside.
 
@@ -79,3 +83,8 @@ def _measure_aside(path: Path, until: float, lane: FloatArray) -> float:
         if np.abs(ahead).min() < 3.0:
             found.append(float((offsets @ left)[int(np.abs(ahead).argmin())]))
     return float(np.median(found)) if found else 0.0
+
+
+WRONG_WAY = MotionTemplate(
+    "may", "no lane beside its own", reshape=drive_wrong_way, place=place_wrong_way
+)

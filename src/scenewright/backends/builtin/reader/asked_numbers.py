@@ -16,6 +16,7 @@ from scenewright.backends.builtin.draft import (
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import ReadSpan
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.measures import UNITS, MeasureKind
 
 NUMBERS = ("speed", "headway", "gap", "dist", "wait", "when", "decel", "accel", "point")
@@ -241,7 +242,7 @@ def _find_point(words: str) -> MeasureKind:
 
 def _is_in_lane(relation: RelationDraft) -> bool:
     """Whether one of the two drives behind the other, so that there is a headway."""
-    return relation.type == "follow" or relation.manoeuvre == "cuts_in"
+    return relation.type == "follow" or has_trait("manoeuvre", relation.manoeuvre, "merges_ahead")
 
 
 def _fit_unit(
@@ -287,7 +288,10 @@ def _find_ends(
         first, second = relation.from_, relation.to
         strikes = first.type == "vehicle" or second.type != "vehicle"
         turned = kind == "side_point" or ("_point" in kind and subjects[:1] == [second])
-        turned = turned or (kind in ("headway", "gap") and relation.manoeuvre == "cuts_in")
+        turned = turned or (
+            kind in ("headway", "gap")
+            and has_trait("manoeuvre", relation.manoeuvre, "merges_ahead")
+        )
         yield (second, first) if turned or not strikes else (first, second)
 
 

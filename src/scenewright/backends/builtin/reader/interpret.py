@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast, get_args
 
 from rapidfuzz import process
 from rapidfuzz.distance import OSA
@@ -44,14 +43,12 @@ from scenewright.backends.builtin.reader.words import find_class, find_subtype, 
 from scenewright.backends.builtin.scope import build_not_english, build_nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
+from scenewright.scene.kinds import find_marked, list_names
 from scenewright.scene.measures import format_measure
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import (
     MOST_BACKGROUND,
-    AskedReaction,
-    PedestrianMotion,
     RelationType,
-    VehicleMotion,
 )
 from scenewright.scene.track import EMERGENCY
 
@@ -458,7 +455,7 @@ def _refer(result: Interpretation, span: ReadSpan) -> None:
 
 def _brake(result: Interpretation, span: ReadSpan) -> None:
     result.braking |= set(span.subjects)
-    result.enter(span, "cause", span.subjects, "late_brake")
+    result.enter(span, "cause", span.subjects, find_marked("cause", "brakes"))
 
 
 def _refuse_condition(_: Interpretation, span: ReadSpan) -> None:
@@ -840,28 +837,22 @@ def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]
 
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
     """How pedestrians cross, and how vehicles pass a light."""
-    motion = _MOTIONS.get(span.value or "", span.value)
+    motion = find_marked("motion", span.value or "")
+    on_foot = motion in list_names("motion", of="pedestrian")
     for number in span.subjects:
         agent = result.users.get(number)
-        if agent is None or (motion in get_args(PedestrianMotion)) != agent.walks:
+        if agent is None or on_foot != agent.walks:
             result.enter(span, "nothing", (number,), note=_BEYOND["act"])
-        elif motion in get_args(VehicleMotion) and agent.type != "vehicle":
+        elif motion in list_names("motion", of="vehicle") and agent.type != "vehicle":
             result.enter(span, "nothing", (number,), note="only vehicles can be asked to do that")
         elif span.negated:  # "does not run": the pedestrian walks
             agent.motion = None if agent.motion == motion else agent.motion
             result.enter(span, "manner", (number,))
-        elif motion == "darts_out" and _WALKS.search(span.words):
+        elif span.value == "darts" and _WALKS.search(span.words):
             result.enter(span, "manner", (number,))
         else:
-            agent.motion = cast("PedestrianMotion | VehicleMotion", motion)
+            agent.motion = motion
             result.enter(span, "motion", (number,), motion)
-
-
-_MOTIONS = {
-    "darts": "darts_out", "midway": "stops_midway", "back": "turns_back", "box": "blocks_junction",
-    "yellow": "passes_yellow", "stopyellow": "stops_at_yellow", "wrongway": "drives_wrong_way",
-}  # fmt: skip
-"""Motions by the value of their tag, where the two differ."""
 
 
 _WALKS = re.compile(r"\bwalk", re.IGNORECASE)
@@ -873,38 +864,32 @@ def _react(result: Interpretation, span: ReadSpan) -> None:
         _brake(result, span)
         return
     agents = result.list_agents(span.subjects[:1])
-    known = _REACTIONS.get((span.value, agents[0].type == "pedestrian")) if agents else None
-    if known == "steps_back" and _JUMPS.search(span.words):
-        known = "jumps_back"
+    mark = "jump" if span.value == "back" and _JUMPS.search(span.words) else span.value
+    known = find_marked("reaction", mark or "", of=agents[0].type) if agents else None
     threat = any(
         (each.tag in ("hit", "near") or (each.tag, each.value) == ("lane", "cutin"))
         and not each.negated
         for each in result.spans
     )
-    if not threat and known not in (None, "none") and len(result.users) == 2:
+    if not threat and known in list_names("reaction", trait="reacts") and len(result.users) == 2:
         result.dodging = threat = not result.eventful
     if span.negated or known is None or not threat:
         _leave_out_act(result, span)
     else:
-        _react_so(result, replace(span, value=known, subjects=span.subjects[:1]))
+        _react_so(result, replace(span, value=mark, subjects=span.subjects[:1]))
 
-
-_REACTIONS: dict[tuple[str | None, bool], AskedReaction] = {
-    ("none", False): "none", ("none", True): "none", ("swerve", False): "swerves",
-    ("back", True): "steps_back", ("run", True): "runs",
-}  # fmt: skip
-"""By the value of the mark, and whether a pedestrian reacts."""
 
 _JUMPS = re.compile(r"\b(?:jump|leap|leapt|spr[aiu]ng)", re.IGNORECASE)
 
 
 def _react_so(result: Interpretation, span: ReadSpan) -> None:
     """How the agent reacts to the threat, or that it does not."""
+    known = find_marked("reaction", span.value or "")
     for number in span.subjects:
         agent = result.users.get(number)
         if agent is not None:
-            agent.reaction = cast("AskedReaction", span.value)
-            result.enter(span, "reaction", (number,), span.value)
+            agent.reaction = known
+            result.enter(span, "reaction", (number,), known)
 
 
 def _add_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
@@ -1238,7 +1223,7 @@ def _settle(result: Interpretation) -> None:
         for edge in draft.relations:
             dangerous = edge.type in ("near_miss", "collide_at") and edge.manoeuvre is None
             if agent is not None and dangerous and agent in (edge.from_, edge.to):
-                edge.cause = "late_brake"
+                edge.cause = find_marked("cause", "brakes")
                 edge.braker = agent if agent.type == "vehicle" else None  # riders brake softly
     for span in result.absent:
         _check_absent(result, span)

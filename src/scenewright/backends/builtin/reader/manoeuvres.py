@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.scene.social import Manoeuvre, PedestrianMotion, RelationType, VehicleMotion
+from scenewright.scene.kinds import find_marked, list_kinds
+from scenewright.scene.social import RelationType
 
 if TYPE_CHECKING:
     from scenewright.backends.builtin.reader.interpret import Interpretation
@@ -115,15 +116,16 @@ _BLOCKS = re.compile(
     rf"(?:turns?|has turned|is|goes|(?:has )?change[sd]? to) (?:red|green)(?: for {_OTHERS})?)?",
     re.IGNORECASE,
 )
-_MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] = (
-    (_AT_YELLOW, "stops_at_yellow"),
-    (_BLOCKS, "blocks_junction"),
-    (_BACK, "turns_back"),
-    (_MIDWAY, "stops_midway"),
-    (_DARTS, "darts_out"),
+_MOTIONS: tuple[tuple[re.Pattern[str], str], ...] = (
+    (_AT_YELLOW, "stopyellow"),
+    (_BLOCKS, "box"),
+    (_BACK, "back"),
+    (_MIDWAY, "midway"),
+    (_DARTS, "darts"),
     (_RUNS, "runs"),
-    (_YELLOW, "passes_yellow"),
+    (_YELLOW, "yellow"),
 )
+"""Words of motions, and the mark that stands for them."""
 _CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
 _RIGHT_ON_RED = re.compile(
     r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
@@ -182,11 +184,11 @@ def _weaken_hooks(spans: list[ReadSpan]) -> None:
 
 def _separate_yellow_from_red(spans: list[ReadSpan]) -> None:
     """An agent that runs a light called yellow runs no red one: "passes the light on yellow"."""
-    yellow = {(s.start, s.subjects) for s in spans if s.value == "passes_yellow"}
+    yellow = {(s.start, s.subjects) for s in spans if s.value == "yellow"}
     for n, span in enumerate(spans):
         called = _CALLED_YELLOW.search(span.words) or (span.end + 1, span.subjects) in yellow
         if span.tag == "red" and called and not span.negated:
-            spans[n] = replace(span, tag="motion", value="passes_yellow")
+            spans[n] = replace(span, tag="motion", value="yellow")
 
 
 def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
@@ -224,16 +226,23 @@ def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
 
 def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     """How a pedestrian crosses, as spans of their own; what lies within says no more."""
-    for pattern, motion in _MOTIONS:
+    own = (
+        (re.compile(rf"\b(?:{'|'.join(map(re.escape, kind.words))})\b", re.IGNORECASE), kind.id)
+        for kind in list_kinds("motion")
+        if kind.words
+    )
+    for pattern, motion in (*_MOTIONS, *own):
         for match in pattern.finditer(reading.text):
-            owner = _find_owner(spans, match, drives=motion in get_args(VehicleMotion))
+            owner = _find_owner(
+                spans, match, drives=find_marked("motion", motion, of="vehicle") is not None
+            )
             marked = [
                 n for n, s in enumerate(spans) if s.tag == "motion" and _is_overlapping(s, match)
             ]
             if owner is None or any(spans[n] not in reading.spans for n in marked):
                 continue
             for n, span in enumerate(spans):
-                inside = motion == "blocks_junction" and span.start > match.start()
+                inside = motion == "box" and span.start > match.start()
                 if _is_overlapping(span, match) and (inside or span.tag in _OF_THE_WAY):
                     spans[n] = _settle_way(span, match, motion)
             start, end = match.span()
@@ -256,7 +265,7 @@ _OF_THE_WAY = (
 def _settle_way(span: ReadSpan, match: re.Match[str], motion: str) -> ReadSpan:
     """A span of the words of a motion: a crossing stays one, what is no event says no more."""
     sure = max(span.confidence, _KNOWN)
-    if span.tag in ("jay", "cross") and motion == "stops_midway":
+    if span.tag in ("jay", "cross") and motion == "midway":
         words = match[0] + span.words
         walks = _MARKED.search(words) or not _ROADWAY.search(words)
         return replace(span, tag="cross" if walks else span.tag, confidence=sure)
@@ -336,8 +345,8 @@ def settle_lanes(result: Interpretation) -> None:
         if entry.became == "relation" and entry.value == "follow" and _CLOSE_UP.search(near):
             for edge in result.draft.relations:
                 if edge.type == "follow" and [edge.from_, edge.to] == agents:
-                    edge.manoeuvre = "tailgates"
-                    result.entries[n] = replace(entry, became="manoeuvre", value="tailgates")
+                    edge.manoeuvre = find_marked("manoeuvre", "close")
+                    result.entries[n] = replace(entry, became="manoeuvre", value=edge.manoeuvre)
         elif entry.span.tag in ("act", "near", "place") and _LANE_CHANGE.search(words):
             edge_ = _find_changed(result, agents)
             if edge_ is not None and entry.became == "nothing":
@@ -353,11 +362,16 @@ def _take_in_swerves(result: Interpretation) -> None:
         changes = [
             edge.manoeuvre
             for edge in result.draft.relations
-            if edge.manoeuvre in _CHANGES.values() and agents[:1] == [edge.from_]
+            if edge.manoeuvre in {_find_change(edge)} - {None} and agents[:1] == [edge.from_]
         ]
         if changes and entry.became == "nothing" and _SWERVES.match(entry.span.words):
             known = replace(entry, became="manoeuvre", value=changes[0])
             result.entries[n] = replace(known, note=None)
+
+
+def _find_change(edge: RelationDraft) -> str | None:
+    """What a lane change is to a relation."""
+    return find_marked("manoeuvre", f"{edge.type} lane")
 
 
 def _find_changed(result: Interpretation, agents: list[AgentDraft]) -> RelationDraft | None:
@@ -365,21 +379,17 @@ def _find_changed(result: Interpretation, agents: list[AgentDraft]) -> RelationD
     for edge in result.draft.relations:
         if not agents or agents[0] not in (edge.from_, edge.to):
             continue
-        if {edge.from_.type, edge.to.type} != {"vehicle"} or edge.type not in _CHANGES:
+        if {edge.from_.type, edge.to.type} != {"vehicle"} or _find_change(edge) is None:
             continue
         if edge.type == "collide_at" and edge.kind not in (None, "sideswipe"):
             continue
         if edge.from_ is not agents[0]:
             edge.from_, edge.to = edge.to, edge.from_
-        edge.manoeuvre = _CHANGES[edge.type]
+        edge.manoeuvre = _find_change(edge)
         if edge.type == "collide_at":
             edge.kind = "sideswipe"
         return edge
     return None
-
-
-_CHANGES: dict[str, Manoeuvre] = {"near_miss": "cuts_in", "collide_at": "changes_lane"}
-"""By relation: what a lane change is to it."""
 
 
 def read_lanes(result: Interpretation, note: str) -> None:
@@ -412,7 +422,7 @@ def _find_lane_relation(
         result.draft.relations += found
     edge = found[0]
     edge.from_, edge.to = agents
-    edge.manoeuvre = "tailgates" if follows else _CHANGES[edge.type]
+    edge.manoeuvre = find_marked("manoeuvre", "close") if follows else _find_change(edge)
     if edge.type == "collide_at":
         edge.kind = "sideswipe"
     return edge
@@ -427,7 +437,7 @@ def settle_lead_braking(result: Interpretation) -> None:
         for edge in result.draft.relations:
             if not _is_braking_ahead(result, edge, agent):
                 continue
-            edge.manoeuvre = "lead_brakes"
+            edge.manoeuvre = find_marked("manoeuvre", "brakes")
             if edge.type == "collide_at":
                 edge.kind = "rear_end"
             if edge.from_ is agent:  # `from` is the agent that drives behind
@@ -467,11 +477,11 @@ def _is_in_line(result: Interpretation, agent: AgentDraft, other: AgentDraft) ->
 
 def _drop_follows(result: Interpretation) -> None:
     """An agent that hits or nearly hits a braking leader follows it: one relation says both."""
-    relations = result.draft.relations
-    others = {e.pair() for e in relations if e.manoeuvre == "lead_brakes" and e.type != "follow"}
+    relations, by_braking = result.draft.relations, find_marked("manoeuvre", "brakes")
+    others = {e.pair() for e in relations if e.manoeuvre == by_braking and e.type != "follow"}
     dropped = [e for e in relations if e.type == "follow" and e.pair() in others]
     relations[:] = [each for each in relations if each not in dropped]
     for n, entry in enumerate(result.entries):
         pair = frozenset(map(id, result.list_agents(entry.users)))
         if entry.became == "relation" and entry.value == "follow" and pair in others:
-            result.entries[n] = replace(entry, became="manoeuvre", value="lead_brakes")
+            result.entries[n] = replace(entry, became="manoeuvre", value=by_braking)

@@ -26,18 +26,18 @@ _UNREACTING = re.compile(
 )
 _AWAY = r"(?: away)?(?: from (?:it|him|her|them|the (?:car|van|truck|bus|vehicle)))?"
 _WAYS = {
-    "steps_back": rf"(?:steps?|stepp?ed|stepping|backs?|backed|backing) (?:back|off|up)\b"
+    "back": rf"(?:steps?|stepp?ed|stepping|backs?|backed|backing) (?:back|off|up)\b"
     r"(?! (?:of )?(?:the |a )?(?:kerb|curb|pavement|sidewalk|footpath|bus))(?! mid-?block)"
     f"{_AWAY}",
-    "jumps_back": rf"(?:jump(?:s|ed|ing)?|leap(?:s|ed|ing|t)?|spr[aiu]ngs?) back\b{_AWAY}",
-    "runs": r"(?:r[au]n(?:s|ning)?|sprint(?:s|ed|ing)?|dash(?:es|ed|ing)?|jump(?:s|ed|ing)?|"
+    "jump": rf"(?:jump(?:s|ed|ing)?|leap(?:s|ed|ing|t)?|spr[aiu]ngs?) back\b{_AWAY}",
+    "run": r"(?:r[au]n(?:s|ning)?|sprint(?:s|ed|ing)?|dash(?:es|ed|ing)?|jump(?:s|ed|ing)?|"
     r"leap(?:s|ed|ing|t)?) (?:out of|clear of) (?:the|its|his|her|their) (?:way|path)\b",
-    "swerves": r"(?:swerv(?:e|es|ed|ing)|veer(?:s|ed|ing)?)\b(?! (?:into|over|across|off|out|onto|"
+    "swerve": r"(?:swerv(?:e|es|ed|ing)|veer(?:s|ed|ing)?)\b(?! (?:into|over|across|off|out|onto|"
     r"toward|in front|back)| (?:to the )?(?:left|right)\b)"
     r"(?: (?:with)?in (?:its|his|her|their|the) lane)?",
 }
 _REACTING = {way: re.compile(rf"\b{words}", re.IGNORECASE) for way, words in _WAYS.items()}
-"""By how they react, the words that say so."""
+"""By the mark of how they react, the words that say so."""
 _TO_AVOID = re.compile(r" (?:to|and) (?:avoids?|dodges?|evades?|escapes?)\b", re.IGNORECASE)
 _THREATS = ("hit", "near")
 """Tags of collisions and near misses, without which there is nothing to react to."""
