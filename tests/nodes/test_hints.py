@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from inlined_schema import inline_references
 from scenewright.backends import Question
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner import FOUR_LEGS, PlanReply, ask_for_plan
 from scenewright.nodes.scene_planner.hints import HINTS, locate_hints
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
-from scenewright.nodes.schema import inline_references
 from scenewright.scene.social import SocialGraph
 from scripted import build_scripted_backend
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from inlined_schema import inline_references
 from scenewright import synthesize
 from scenewright.backends import TASKS, Prompt, Question, load_backend
 from scenewright.backends.staged import StagedBackend
@@ -39,7 +40,6 @@ from scenewright.nodes.scene_planner.reply import (
     complete_plan,
     find_similar_patterns,
 )
-from scenewright.nodes.schema import inline_references
 from scenewright.nodes.waypoint_filter.reply import ClausesReply
 from scenewright.scene.social import Refusal, SocialGraph
 from scripted import ScriptedModel

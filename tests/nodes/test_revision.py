@@ -10,6 +10,7 @@ import pytest
 from pydantic import ValidationError
 from test_prompts import drawn, fits
 
+from inlined_schema import inline_references
 from scenewright.backends import Question
 from scenewright.backends.staged import StagedBackend
 from scenewright.errors import Rejected
@@ -17,7 +18,6 @@ from scenewright.nodes.revision import Turn, read_by_model
 from scenewright.nodes.revision.prompts import render_edits_prompt
 from scenewright.nodes.revision.reply import EditsReply, list_new_ids, to_reading
 from scenewright.nodes.scene_planner import FOUR_LEGS
-from scenewright.nodes.schema import inline_references
 from scenewright.scene.edits import (
     AgentView,
     Clarification,

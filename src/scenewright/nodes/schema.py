@@ -12,8 +12,6 @@ from typing import Any
 
 Schema = dict[str, Any]
 
-_DEFS = "#/$defs/"
-
 PLAIN_TEXT = "^[A-Za-z0-9 ,.;:'()/-]{1,120}$"
 """Free text without quotes and control characters, which small models get wrong.
 
@@ -44,7 +42,7 @@ def build_text(pattern: str = PLAIN_TEXT) -> Schema:
 
 def build_reference(name: str) -> Schema:
     """What stands under that name in `$defs`."""
-    return {"$ref": f"{_DEFS}{name}"}
+    return {"$ref": f"#/$defs/{name}"}
 
 
 def build_array(items: Schema, *, most: int, least: int = 0) -> Schema:
@@ -66,18 +64,3 @@ def build_object(
         found["required"] = needed
     found["additionalProperties"] = False
     return found | {"$defs": dict(defs)} if defs else found
-
-
-def inline_references(schema: Schema) -> Schema:
-    """The schema with everything that is shared written out where it is used."""
-    defs: Mapping[str, Schema] = schema.get("$defs", {})
-
-    def expand(value: Any) -> Any:
-        if isinstance(value, dict):
-            if "$ref" in value:
-                return expand(defs[value["$ref"].removeprefix(_DEFS)])
-            return {key: expand(each) for key, each in value.items() if key != "$defs"}
-        return [expand(each) for each in value] if isinstance(value, list) else value
-
-    found: Schema = expand(schema)
-    return found
