@@ -19,6 +19,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from inlined_schema import inline_references
 
 from scenewright import synthesize, verify
 from scenewright.backends import STAGE_OF, TASKS, Backend, Prompt, Question, Task, load_backend
@@ -27,7 +28,6 @@ from scenewright.backends.text_backend import Completion, TextBackend
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.graph.run import Scene
 from scenewright.nodes.scene_planner.reply import ID, TIME
-from scenewright.nodes.schema import inline_references
 
 REQUESTS = (
     "A car yields to a pedestrian",

@@ -24,6 +24,7 @@ from backends.misbehaving import (
     said,
     status,
 )
+from benchmarks.inlined_schema import inline_references
 from leaving import YIELD
 from scenewright import synthesize, verify
 from scenewright.backends import Prompt, Question, load_backend
@@ -33,7 +34,6 @@ from scenewright.backends.text_backend import TextBackend
 from scenewright.cli.main import main
 from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.graph.run import Scene
-from scenewright.nodes.schema import inline_references
 
 ATTEMPTS = 3
 TASKS = ("plan", "constraints", "behavior")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from inlined_schema import inline_references
+from benchmarks.inlined_schema import inline_references
 from scenewright.backends import Question
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner import FOUR_LEGS, PlanReply, ask_for_plan

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from inlined_schema import inline_references
+from benchmarks.inlined_schema import inline_references
 from scenewright import synthesize
 from scenewright.backends import TASKS, Prompt, Question, load_backend
 from scenewright.backends.staged import StagedBackend

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 from test_prompts import drawn, fits
 
-from inlined_schema import inline_references
+from benchmarks.inlined_schema import inline_references
 from scenewright.backends import Question
 from scenewright.backends.staged import StagedBackend
 from scenewright.errors import Rejected

@@ -1,4 +1,4 @@
-"""JSON schemas with everything written out where it is used, as tests look into them."""
+"""JSON schemas with all that is shared written out, as tests and benchmarks look into them."""
 
 from __future__ import annotations
 
