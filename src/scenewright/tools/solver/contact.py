@@ -222,8 +222,7 @@ def _list_trials(
         solved = solve_offsets(clause, context, (a, b), reactions, found)
         yield from (_Trial(delta, reactions, True, within, solved=True) for delta in solved)
         names, (one, two) = get_pair(clause), reactions
-        later = draw_later(names[0], one, a, context), draw_later(names[1], two, b, context)
-        reactions = later
+        reactions = draw_later(names[0], one, a, context), draw_later(names[1], two, b, context)
     yield from (_Trial(delta, drawn, both=False) for delta in deltas)
 
 
@@ -254,7 +253,16 @@ def _is_in_time(
     schedule: PartialSchedule,
     context: SolverContext,
 ) -> bool:
-    earliest, latest = _find_time_window(clause, b, schedule)
+    """Return whether the contact comes after earlier events of its agents, and note if it does not.
+
+    A leader that gives way is hit where it stands, once the other has passed.
+    """
+    if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
+        busy, latest = schedule.find_busy_end(clause.first), b.stops[-1].until + 0.2
+        earliest = max(busy + 0.5, compute_passing_time(b))
+    else:
+        busy, latest = max(map(schedule.find_busy_end, get_pair(clause))), float("inf")
+        earliest = busy + 0.5
     if earliest <= found.time <= latest:
         return True
     late = earliest - found.time
@@ -265,20 +273,6 @@ def _is_in_time(
     return False
 
 
-def _find_time_window(
-    clause: Contact, b: ScheduledAgent, schedule: PartialSchedule
-) -> tuple[float, float]:
-    """Find when [s] the contact may come: after earlier events of its agents.
-
-    A leader that gives way is hit where it stands, once the other has passed.
-    """
-    if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
-        until = b.stops[-1].until
-        return max(schedule.find_busy_end(clause.first) + 0.5, compute_passing_time(b)), until + 0.2
-    busy = max(schedule.find_busy_end(name) for name in get_pair(clause))
-    return busy + 0.5, float("inf")
-
-
 def _brake_in_last_moment(
     clause: Contact,
     a: ScheduledAgent,
@@ -287,10 +281,10 @@ def _brake_in_last_moment(
     context: SolverContext,
 ) -> tuple[ScheduledAgent, FirstContact]:
     """Make the striking vehicle brake hard in the last moment where that is asked for."""
-    kind, asked, rng = a.candidate.shape.type, has_trait("cause", clause.cause, "late"), context.rng
-    if kind != "vehicle" or a.slowings or not asked:
+    asked = has_trait("cause", clause.cause, "late")
+    if a.candidate.shape.type != "vehicle" or a.slowings or not asked:
         return a, found
-    speed = found.speed * float(rng.uniform(*_LATE))
+    speed = found.speed * float(context.rng.uniform(*_LATE))
     braked, again = _brake_late(a, b, found, speed, context)
     if (
         again is None

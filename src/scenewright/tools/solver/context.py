@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -25,17 +27,21 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 QUEUED_BEHIND = 1.5
 """Gap [m] of a vehicle that stands behind another and is pushed into it, at most."""
 
-_APART = (-9.0, 9.0)
-"""How much later than others a pair without earlier events comes [s]."""
+APART = (-9.0, 9.0)
+"""How much later than others a pair or group without earlier events comes [s]."""
+
+FOR_GOOD = 60.0
+"""How long who stands for good does [s]: longer than any scene."""
 
 SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
 """Distance between nodes of a path [m] where a PET is measured."""
 
 
+@dataclass(eq=False)
 class SolverContext:
     """One tuple of candidates, with a random generator and a record of failures.
 
-    Args:
+    Attributes:
         candidates, landmarks: by agent.
         rng: draws among the many placements that satisfy a clause.
         lenient: agents may also wait in the middle of the road, or as long as fits best.
@@ -45,37 +51,29 @@ class SolverContext:
         figures: what is asked for of the agents' motion and of what happens between them.
         reactions: what is asked for of reactions to threats.
         strikers: of pairs that collide, the agent that strikes and the one that is struck.
+        busy: agents of several clauses; pushed: into whom agents are; pets: what clauses ask for.
     """
 
-    def __init__(
-        self,
-        candidates: Mapping[str, Candidate],
-        landmarks: Mapping[str, Landmarks],
-        rng: np.random.Generator,
-        *,
-        lenient: bool = True,
-        misses: NearestMisses | None = None,
-        yielding_model: YieldingModel | None = None,
-        red_light_starts: Mapping[str, ScheduledAgent] | None = None,
-        figures: tuple[AgentFigure | PairFigure, ...] = (),
-        reactions: ReactionRequests | None = None,
-        strikers: frozenset[Pairing] = frozenset(),
-    ) -> None:
-        self.strikers = strikers
-        self.figures = figures
-        self.reactions = reactions or ReactionRequests(frozenset(), {})
-        self.red_light_starts = red_light_starts or {}
-        self.yielding_model: YieldingModel = {} if yielding_model is None else yielding_model
-        self.busy: frozenset[str] = frozenset()
-        self.pushed: Mapping[str, str] = {}
-        self.candidates = candidates
-        self.lenient = lenient
-        self.rng = rng
-        self.misses = misses or NearestMisses()
-        self.pets: dict[Pairing, TimeGap] = {}
-        self.left_hand = any(each.left_hand for each in landmarks.values())
-        self._marks = landmarks
-        self._encounters: dict[Pairing, PathConflict] = {}
+    candidates: Mapping[str, Candidate]
+    landmarks: Mapping[str, Landmarks]
+    rng: np.random.Generator
+    _: KW_ONLY
+    lenient: bool = True
+    misses: NearestMisses = field(default_factory=NearestMisses)
+    yielding_model: YieldingModel = field(default_factory=dict)
+    red_light_starts: Mapping[str, ScheduledAgent] = field(default_factory=dict)
+    figures: tuple[AgentFigure | PairFigure, ...] = ()
+    reactions: ReactionRequests = field(default_factory=ReactionRequests)
+    strikers: frozenset[Pairing] = frozenset()
+    busy: frozenset[str] = frozenset()
+    pushed: Mapping[str, str] = field(default_factory=dict)
+    pets: Mapping[Pairing, TimeGap] = field(default_factory=dict)
+    _conflicts: dict[Pairing, PathConflict] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def left_hand(self) -> bool:
+        """Whether people drive on the left."""
+        return any(each.left_hand for each in self.landmarks.values())
 
     def get_agent(self, name: str, schedule: PartialSchedule) -> ScheduledAgent:
         """Return the agent as placed; else its free motion, or first a wait at red."""
@@ -87,7 +85,7 @@ class SolverContext:
 
     def build_free(self, name: str) -> ScheduledAgent:
         """Build the agent with its free motion, entering at time 0."""
-        return ScheduledAgent.build_unplaced(self.candidates[name], self._marks[name])
+        return ScheduledAgent.build_unplaced(self.candidates[name], self.landmarks[name])
 
     def find_room_ahead(self, name: str) -> float:
         """Find how far behind its place a vehicle stands that is pushed into another [m]; else
@@ -106,7 +104,7 @@ class SolverContext:
         a, b = self.get_agent(first, schedule), self.get_agent(second, schedule)
         if schedule.actors and not {first, second} & set(schedule.actors):
             # Neither is bound to a placed agent, so they may come at any time.
-            a = a.shift(float(self.rng.uniform(*_APART)))
+            a = a.shift(float(self.rng.uniform(*APART)))
         return a, b
 
     def get_yielding(self, clause: PairClause) -> YieldingBehavior | None:
@@ -117,10 +115,10 @@ class SolverContext:
     def find_path_conflict(self, clause: PairClause) -> PathConflict:
         """Find where the two paths come close."""
         key = get_pair(clause)
-        if key not in self._encounters:
+        if key not in self._conflicts:
             a, b = (self.candidates[name] for name in key)
-            self._encounters[key] = find_contact_nodes(a, b)
-        return self._encounters[key]
+            self._conflicts[key] = find_contact_nodes(a, b)
+        return self._conflicts[key]
 
     def find_evaded_conflict(
         self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
@@ -131,6 +129,12 @@ class SolverContext:
             return self.find_path_conflict(clause)
         return find_contact_nodes(a.candidate, b.candidate)
 
+    def find_touch(self, clause: PairClause, s: float) -> float | None:
+        """Find where [m] the first touches the second standing at `s`; None in another lane."""
+        pair = self.find_path_conflict(clause)
+        standing = np.abs(pair.s_b[pair.j] - s) < 0.3
+        return float(pair.s_a[pair.i[standing]].min()) if standing.any() else None
+
     def find_meeting_intervals(
         self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
     ) -> Intervals:
@@ -138,6 +142,13 @@ class SolverContext:
         return find_conflict_intervals(
             self.find_path_conflict(clause), a.motion, b.motion, c=0.0, exact=True
         )
+
+    def find_evaded_meetings(
+        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
+    ) -> Intervals:
+        """Find offsets o_b - o_a [s] at which the two meet as they move now."""
+        pair = self.find_evaded_conflict(clause, a, b)
+        return find_conflict_intervals(pair, a.motion, b.motion, c=0.0, exact=True)
 
     def get_requested_pet(self, clause: PairClause) -> TimeGap | None:
         """Return the PET asked for between the clause's two agents, by a clause of its own."""

@@ -8,10 +8,8 @@ vehicle, whose door opens too late for any reaction.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
@@ -27,10 +25,9 @@ from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.social import Encounter, ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.object_places import Side, find_places
+from scenewright.tools.solver.context import FOR_GOOD
 from scenewright.tools.solver.objects import is_in_way, make_sweep
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
-
-geos: Any = import_module("shapely")
 
 _ASIDE = (0.5, 1.0)
 """Distance from an object when passing it [m]."""
@@ -78,9 +75,6 @@ _WHEN = (7.0, 18.0)
 _COMES = 12.0
 """Least distance driven before an object [m]."""
 
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
-
 _STANDING = 0.3
 """Slower than this [m/s] the checker calls it standing."""
 
@@ -125,9 +119,12 @@ def find_meeting(
     node: ObjectNode, candidate: Candidate, ground: MapAreas, rng: np.random.Generator
 ) -> ObjectEncounter | None:
     """Draw a place of the object at which the candidate meets it; None if there is none."""
+    route = candidate.route
+    sides: tuple[tuple[Compass, Side], ...] = ((route.entry, "entry"), (route.exit, "exit"))
     places = [
         each
-        for leg, side in _list_sides(node, candidate)
+        for leg, side in sides
+        if node.leg in (None, leg) and node.side in (None, side)
         for each in find_places(node, ground.intersection_map, leg=leg, side=side)
     ]
     for k in rng.permutation(len(places))[:_PLACES]:
@@ -135,14 +132,6 @@ def find_meeting(
         if found is not None:
             return found
     return None
-
-
-def _list_sides(node: ObjectNode, candidate: Candidate) -> Iterator[tuple[Compass, Side]]:
-    route = candidate.route
-    both: tuple[tuple[Compass, Side], ...] = ((route.entry, "entry"), (route.exit, "exit"))
-    for leg, side in both:
-        if node.leg in (None, leg) and node.side in (None, side):
-            yield leg, side
 
 
 def meet_at(
@@ -157,10 +146,12 @@ def meet_at(
         return _meet_door(node, place, candidate, rng)
     own = candidate
     if has_trait("encounter", node.encounter, "ends") and node.kind in ("parked", "bus_stop"):
-        drifting = _draw_drift(place, candidate, rng)
-        if drifting is None:
+        beside = _find_beside(place, candidate)
+        if beside is None:
             return None
-        own = drifting
+        s, gap, side = beside
+        wide = side * (gap + float(rng.uniform(*_SCRAPES)))
+        own = follow_path(candidate, shift_aside(candidate.path, wide, s, s + 8.0, run=_RUN[0]))
     touch = _find_touch(own, place)
     if touch is None or touch < _COMES:
         return None
@@ -181,9 +172,14 @@ def _meet_door(
     node: ObjectNode, place: ObjectRecord, candidate: Candidate, rng: np.random.Generator
 ) -> ObjectEncounter | None:
     """Let the candidate pass close beside a parked vehicle, whose door then opens."""
-    own = _pass_close(place, candidate, rng)
-    if own is None:
+    beside = _find_beside(place, candidate)
+    if beside is None:
         return None
+    (s, gap, side), own = beside, candidate
+    wide = side * (gap - float(rng.uniform(*_BESIDE)))
+    if not _BESIDE[0] <= gap <= _BESIDE[1]:
+        path = shift_aside(candidate.path, wide, s, s + place.length, run=_RUN[0])
+        own = follow_path(candidate, path)
     door = _open_door(place, own)
     touch = _find_touch(own, door)
     if touch is None or touch < _COMES:
@@ -191,36 +187,25 @@ def _meet_door(
     return ObjectEncounter(node, place, own, touch, door=door, opens=float(rng.uniform(*_OPENS)))
 
 
-def _pass_close(
-    place: ObjectRecord, candidate: Candidate, rng: np.random.Generator
-) -> Candidate | None:
-    """The candidate on a path as near to the vehicle beside it as riders pass; None if it does not
-    pass beside it."""
-    s = sample_evenly(candidate.path.length, 200)
+def _find_beside(place: ObjectRecord, candidate: Candidate) -> tuple[float, float, float] | None:
+    """Find where on a path [m] an object is beside it, the gap [m], and 1 if it is to the left, or
+    -1; None if it is not beside it."""
+    path = candidate.path
+    s = sample_evenly(path.length, 200)
     gaps = make_sweep(candidate, place, s)
     k = int(gaps.argmin())
     if not 0.0 < gaps[k] < _WIDEST / 2 or s[k] < _COMES + _RUN[0]:
         return None
-    wanted = float(rng.uniform(*_BESIDE))
-    if _BESIDE[0] <= gaps[k] <= _BESIDE[1]:
-        return candidate
-    wide = _find_side(place, candidate, s[k]) * float(gaps[k] - wanted)
-    ends = s[k] + place.length
-    return follow_path(candidate, shift_aside(candidate.path, wide, s[k], ends, run=_RUN[0]))
-
-
-def _find_side(place: ObjectRecord, candidate: Candidate, s: float) -> float:
-    """1 where an object is to the left of a path at arc length `s` [m], else -1."""
-    x, y = candidate.path.xy[int(np.searchsorted(candidate.path.s, s))].tolist()
-    heading = float(np.interp(s, candidate.path.s, candidate.path.heading))
-    return float(np.sign(np.cos(heading) * (place.y - y) - np.sin(heading) * (place.x - x)))
+    x, y = path.xy[int(np.searchsorted(path.s, s[k]))].tolist()
+    heading = float(np.interp(s[k], path.s, path.heading))
+    side = np.sign(np.cos(heading) * (place.y - y) - np.sin(heading) * (place.x - x))
+    return float(s[k]), float(gaps[k]), float(side)
 
 
 def _open_door(place: ObjectRecord, candidate: Candidate) -> ObjectRecord:
     """The open front door of a vehicle, on the side by which a candidate passes."""
-    near = candidate.path.xy[
-        int(np.hypot(*(candidate.path.xy - (place.x, place.y)).T).argmin())
-    ] - (place.x, place.y)
+    from_middle = candidate.path.xy - (place.x, place.y)
+    near = from_middle[int(np.hypot(*from_middle.T).argmin())]
     cos, sin = np.cos(place.heading), np.sin(place.heading)
     side = float(np.sign(cos * near[1] - sin * near[0]))
     length, width = OBJECT_SIZES["door"]
@@ -253,38 +238,19 @@ def _lead_round(
     beside = meeting.touch, meeting.touch + candidate.shape.length + place.length
     left = -1.0 if ground.intersection_map.left_hand_traffic else 1.0
     sharpest = _SHARPEST if meeting.waits_at is None else _SHARPEST_START
+    sharpest = max(sharpest, float(np.abs(candidate.path.curvature).max()))
     if beside[0] - run < _HEADS_FOR:
         return None
     for wide in np.arange(_STEP, _WIDEST, _STEP):
         for side in (left, -left):
             path = shift_aside(candidate.path, float(side * wide), *beside, run=run)
-            if np.abs(path.curvature).max() > max(
-                sharpest, _compute_largest_curvature(candidate.path)
-            ):
+            if np.abs(path.curvature).max() > sharpest:
                 continue
             own = follow_path(candidate, path)
             clear = not is_in_way(own, (place,), margin=keeps)
             if clear and _stays_on_road(own, ground):
                 return own
     return None
-
-
-def _compute_largest_curvature(path: Path) -> float:
-    return float(np.abs(path.curvature).max())
-
-
-def _draw_drift(
-    place: ObjectRecord, candidate: Candidate, rng: np.random.Generator
-) -> Candidate | None:
-    """Draw a path of the candidate that drifts into the side of the object beside it."""
-    s = sample_evenly(candidate.path.length, 200)
-    gaps = make_sweep(candidate, place, s)
-    k = int(gaps.argmin())
-    if not 0.0 < gaps[k] < _WIDEST / 2 or s[k] < _COMES + _RUN[0]:
-        return None
-    side = _find_side(place, candidate, s[k])
-    wide = float(side * (gaps[k] + rng.uniform(*_SCRAPES)))
-    return follow_path(candidate, shift_aside(candidate.path, wide, s[k], s[k] + 8.0, run=_RUN[0]))
 
 
 def shift_aside(path: Path, wide: float, begins: float, ends: float, *, run: float) -> Path:
@@ -344,8 +310,15 @@ def place_encounter(
         return None
     wanted = rng.uniform(*_WHEN) if earlier is None else earlier.time + rng.uniform(*_LATER)
     shift = round(float(wanted) - placed[1], 1)
-    actor = placed[0].shift(shift)
-    return actor, Earlier(placed[1] + shift, _make_standing(actor))
+    actor, standing = placed[0].shift(shift), None
+    if actor.stops and actor.stops[-1].until - actor.stops[-1].start >= FOR_GOOD:
+        x, y, heading = actor.get_pose(actor.stops[-1].s)
+        shape = actor.candidate.shape
+        standing = ObjectRecord(
+            id="standing", kind="stalled", height="high", length=shape.length,
+            width=shape.width, x=x, y=y, heading=heading,
+        )  # fmt: skip
+    return actor, Earlier(placed[1] + shift, standing)
 
 
 _Timed = tuple[ScheduledAgent, float] | None
@@ -408,7 +381,7 @@ def _wait(actor: ScheduledAgent, touch: float, gap: float, braking: float | None
     stands = compute_arrival(actor.candidate, StopCommand(s, 0.0, braking))
     if not np.isfinite(stands):
         return None
-    stop = Stop("stopping_point", s, stands, stands + _FOR_GOOD, "waits", braking)
+    stop = Stop("stopping_point", s, stands, stands + FOR_GOOD, "waits", braking)
     return actor.edit(stops=(stop,)), stands
 
 
@@ -446,18 +419,6 @@ def brake_too_late(
     if not low <= float(braking.motion.speed[k]) <= high:
         return None
     return braking.end_at(touches), touches
-
-
-def _make_standing(actor: ScheduledAgent) -> ObjectRecord | None:
-    """Who stands for good, as something that others queue behind."""
-    if not actor.stops or actor.stops[-1].until - actor.stops[-1].start < _FOR_GOOD:
-        return None
-    x, y, heading = actor.get_pose(actor.stops[-1].s)
-    shape = actor.candidate.shape
-    return ObjectRecord(
-        id="standing", kind="stalled", height="high", length=shape.length,
-        width=shape.width, x=x, y=y, heading=heading,
-    )  # fmt: skip
 
 
 def list_meetings(nodes: Sequence[ObjectNode]) -> dict[str, ObjectNode]:

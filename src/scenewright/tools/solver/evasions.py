@@ -48,10 +48,8 @@ def swerve(
     Returns:
         None where there is no way left for it.
     """
-    local = onset - of.enters
-    here = float(of.motion.compute_positions(np.array([local]))[0])
-    speed = of.motion.find_speed_at(local)
-    over = max(_MOVES_OVER * speed, _SHORTEST)
+    here = float(of.motion.compute_positions(np.array([onset - of.enters]))[0])
+    over = max(_MOVES_OVER * of.motion.find_speed_at(onset - of.enters), _SHORTEST)
     if there < here + over:
         return None
     path = of.candidate.path
@@ -114,7 +112,13 @@ def step_back(
         Slowing(at + 0.05, speed, _ENDS, back - 0.1),
         Slowing(at + back - rest / 2, _RESTS_AT, _ENDS, rest),
     )
-    marks = _shift_landmarks(of.landmarks, at, 2 * back)
+    crossed = tuple(
+        (name, begins + 2 * back * (begins > at), ends + 2 * back * (ends > at))
+        for name, begins, ends in of.landmarks.crosswalks
+    )
+    line = of.landmarks.line
+    line = line if line is None or line <= at else line + 2 * back
+    marks = replace(of.landmarks, crosswalks=crossed, line=line)
     return _move_to(of, folded, marks, (*of.slowings, *slowings))
 
 
@@ -128,18 +132,6 @@ def _fold_path(path: Path, turn: int, count: int, last: int) -> Path:
     x, y, heading, curvature = (np.asarray(np.interp(s, path.s, each)) for each in rows)
     along: FloatArray = _FINE * np.arange(len(order), dtype=np.float64)
     return Path(np.stack((x, y), axis=1), along, heading, curvature)
-
-
-def _shift_landmarks(marks: Landmarks, at: float, by: float) -> Landmarks:
-    """The landmarks where all beyond an arc length [m] comes later by so much [m]."""
-    crossed = tuple(
-        (name, begins + by * (begins > at), ends + by * (ends > at))
-        for name, begins, ends in marks.crosswalks
-    )
-    line = marks.line
-    return replace(
-        marks, crosswalks=crossed, line=line if line is None or line <= at else line + by
-    )
 
 
 def _move_to(

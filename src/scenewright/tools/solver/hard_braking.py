@@ -19,7 +19,7 @@ from scenewright.scene.constraints import BrakesFor, TimeGap
 from scenewright.scene.reaction_behavior import RUNS, sample_reaction
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import SolverContext, compute_excess
+from scenewright.tools.solver.context import FOR_GOOD, SolverContext, compute_excess
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import PathConflict, compute_gap
@@ -47,9 +47,6 @@ _CLEARANCE, _LONGEST_PET = 0.3, 7.0
 
 _SLACK = 0.02
 """How far outside of a range a measure may lie [s]: its own resolution."""
-
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
 
 _STANDS = 0.9
 """Least standstill of an agent that brakes to a stop [s]."""
@@ -229,7 +226,8 @@ class _HardBraking:
             return None
         if self.pet is None and _crosses(a, b, self.zone) - near.when > _SEEN:
             return None  # long past, the TTC would not be attributed to this encounter
-        if not self.context.lenient and time - _find_last_hard_braking(a) > _AT_ONCE:
+        hard = a.enters + STEP * np.flatnonzero(compute_smooth_acceleration(a) < -3.6)
+        if not self.context.lenient and time - hard[-1] > _AT_ONCE:
             return None  # long past, the near miss would not be attributed to the braking
         enters = a.enters + a.motion.find_time_at(float(self.zone.s_a[self.zone.i].min()))
         ends, freed = max(enters, time) + 1.0, max(b.enters + b_out, time)
@@ -309,7 +307,7 @@ def _apply_braking(
     if not how.stops:
         return a.edit(stops=a.stops, slowings=(Slowing(how.s, how.speed, how.braking),))
     start = a.enters + compute_arrival(a.candidate, StopCommand(how.s, 0.0, how.braking))
-    until = a.enters + _FOR_GOOD if until is None else max(until, start + _STANDS)
+    until = a.enters + FOR_GOOD if until is None else max(until, start + _STANDS)
     stop = Stop("yield_point", how.s, start, until, "gives_way", how.braking, how.ahead)
     earlier = [each for each in a.stops if abs(each.s - how.s) > 0.5]
     return a.edit(stops=tuple(sorted((*earlier, stop), key=lambda each: each.s)))
@@ -322,23 +320,15 @@ def _brakes_early(a: ScheduledAgent) -> bool:
     return bool((change[max(onset - 15, 0) : max(onset - 4, 0)] < -2.3).any())
 
 
-def _find_last_hard_braking(a: ScheduledAgent) -> float:
-    """Find when it last brakes hard [s]."""
-    return a.enters + STEP * float(np.nonzero(compute_smooth_acceleration(a) < -3.6)[0][-1])
-
-
 def find_ttc_while_braking(a: ScheduledAgent, near: PathTtc) -> float:
     """Find the least path TTC [s] while braking harder than 4 m/s^2."""
-    clock = a.motion.clock
-    hard = np.interp(near.times - a.enters, clock, compute_smooth_acceleration(a)) < -4.0
-    return float(near.ttc[hard].min(initial=np.inf))
+    change = np.interp(near.times - a.enters, a.motion.clock, compute_smooth_acceleration(a))
+    return float(near.ttc[change < -4.0].min(initial=np.inf))
 
 
 def compute_smooth_acceleration(a: ScheduledAgent) -> FloatArray:
     """Compute its acceleration [T] over 0.3 s [m/s^2]."""
-    change = a.motion.acceleration
-    smooth: FloatArray = np.convolve(change, np.full(3, 1 / 3), mode="same")
-    return smooth
+    return np.asarray(np.convolve(a.motion.acceleration, np.full(3, 1 / 3), mode="same"))
 
 
 def _crosses(a: ScheduledAgent, b: ScheduledAgent, zone: PathConflict) -> float:

@@ -16,14 +16,13 @@ from scenewright.scene.constraints import Contact, PairClause, StopsBehind
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.contact import schedule_offsets
-from scenewright.tools.solver.context import SolverContext, compute_excess
+from scenewright.tools.solver.context import FOR_GOOD, SolverContext, compute_excess
 from scenewright.tools.solver.hard_braking import (
     compute_smooth_acceleration,
     find_ttc_while_braking,
 )
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
-from scenewright.tools.solver.path_conflict import PathConflict
 from scenewright.tools.solver.path_ttc import compute_path_ttc
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -42,9 +41,6 @@ _STANDS, _LAG = (1.5, 3.0), (0.7, 1.3)
 
 _MEDIAN, _SPREAD, _REACTION = 1.0, 0.33, (0.5, 2.0)
 """Reaction time [s]: lognormal (SEMANTICS 8)."""
-
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
 
 _SPEED_LEFT, _LATE_BRAKING = (2.5, 5.5), (5.0, 7.0)
 """When braking too late: speed where the leader stands [m/s], and braking [m/s^2]."""
@@ -77,7 +73,7 @@ def schedule_lead_braking(
     if context.refuse_after_collision(clause, a, b):
         return
     for leader in _draw_leaders(b, clause, context):
-        touch = _find_touch(context.find_path_conflict(clause), leader.stops[-1].s)
+        touch = context.find_touch(clause, leader.stops[-1].s)
         if touch is None:
             _note_apart(clause, context)
             continue
@@ -100,12 +96,17 @@ def schedule_stops_behind(
         context.note_miss(clause, FailureStage.PATHS, words)
         return
     for leader in _draw_leaders(b, clause, context):
-        touch = _find_touch(context.find_path_conflict(clause), leader.stops[-1].s)
+        touch = context.find_touch(clause, leader.stops[-1].s)
         if touch is None:
             _note_apart(clause, context)
             continue
         for _ in range(_FOLLOWERS):
-            follower = _draw_stopping(a, touch, clause, context.rng)
+            kind = "near" if clause.high <= _IN_TIME else "in time"
+            gap, braking = (float(context.rng.uniform(*each[kind])) for each in (_GAPS, _STOPPING))
+            s = a.landmarks.move_off_crosswalks(touch - gap)
+            start = a.enters + compute_arrival(a.candidate, StopCommand(s, 0.0, braking))
+            stop = Stop("stopping_point", s, start, start + FOR_GOOD, "brakes", braking)
+            follower = a.edit(stops=(stop,))
             for delta in _draw_offsets(follower, leader, context.rng):
                 scheduled = _place(clause, schedule, context, follower, leader, delta)
                 if scheduled is not None:
@@ -122,7 +123,7 @@ def _draw_leaders(
         s = b.landmarks.move_off_crosswalks(place)
         braking = float(rng.uniform(*_BRAKING))
         start = b.enters + compute_arrival(b.candidate, StopCommand(s, 0.0, braking))
-        lasts = _FOR_GOOD if isinstance(clause, Contact) else float(rng.uniform(*_STANDS))
+        lasts = FOR_GOOD if isinstance(clause, Contact) else float(rng.uniform(*_STANDS))
         stop = Stop("stopping_point", s, start, start + lasts, "brakes", braking)
         leader = b.edit(stops=(stop,))
         hardest = float(-compute_smooth_acceleration(leader)[1:-1].min(initial=0.0))
@@ -133,25 +134,6 @@ def _draw_leaders(
         else:
             words = f"{clause.second} is too slow on this movement to brake hard"
             context.note_miss(clause, FailureStage.PLACE, words)
-
-
-def _find_touch(pair: PathConflict, s: float) -> float | None:
-    """Find where [m] the follower touches a leader that stands at `s`; None in another lane."""
-    shared = pair.compute_intervals(0.0)
-    standing = np.abs(shared.s_b[shared.j] - s) < 0.3
-    return float(shared.s_a[shared.i[standing]].min()) if standing.any() else None
-
-
-def _draw_stopping(
-    a: ScheduledAgent, touch: float, clause: StopsBehind, rng: np.random.Generator
-) -> ScheduledAgent:
-    """Draw the follower braking to a stop behind the leader, for good at first."""
-    kind = "near" if clause.high <= _IN_TIME else "in time"
-    s = a.landmarks.move_off_crosswalks(touch - float(rng.uniform(*_GAPS[kind])))
-    braking = float(rng.uniform(*_STOPPING[kind]))
-    start = a.enters + compute_arrival(a.candidate, StopCommand(s, 0.0, braking))
-    stop = Stop("stopping_point", s, start, start + _FOR_GOOD, "brakes", braking)
-    return a.edit(stops=(stop,))
 
 
 def _draw_offsets(

@@ -13,6 +13,7 @@ from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Stop
 from scenewright.tools.map_grounding.signal_plan import SignalDemand
+from scenewright.tools.solver.context import FOR_GOOD
 from scenewright.tools.solver.motion_template import MotionTemplate
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
@@ -27,9 +28,6 @@ _WHEN = (8.0, 18.0)
 
 _INSIDE, _STANDS = 5.0, (7.0, 11.0)
 """How near the middle of the junction the blocking vehicle stands [m], and for how long [s]."""
-
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
 
 _CHANGES = 3.5
 """Time after passing its line by which the light of the blocking vehicle is red [s]."""
@@ -46,7 +44,7 @@ def stop_at_yellow(
     stands = compute_arrival(candidate, StopCommand(s, 0.0, braking))
     if not np.isfinite(stands) or s < 0.0:
         return None
-    stop = Stop("stop_line", s, stands, stands + _FOR_GOOD, "yellow", braking)
+    stop = Stop("stop_line", s, stands, stands + FOR_GOOD, "yellow", braking)
     held = actor.edit(stops=(stop,))
     if find_braking(held) < 1.0:
         return None

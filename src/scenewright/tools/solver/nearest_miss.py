@@ -39,10 +39,6 @@ class NearestMiss:
     words: str
     off: float = 0.0
 
-    def is_nearer(self, other: NearestMiss | None) -> bool:
-        """Return whether it came nearer to its clause than another miss of the same clause."""
-        return other is None or (-self.reached, self.off) < (-other.reached, other.off)
-
 
 class NearestMisses:
     """The nearest miss of every clause that was tried, and which clauses were met."""
@@ -53,8 +49,10 @@ class NearestMisses:
 
     def note(self, shortfall: NearestMiss) -> None:
         """Keep it if it is the nearest of its clause so far."""
-        if shortfall.is_nearer(self._nearest.get(shortfall.clause)):
-            self._nearest[shortfall.clause] = shortfall
+        known = self._nearest.get(shortfall.clause, shortfall)
+        self._nearest[shortfall.clause] = min(
+            known, shortfall, key=lambda each: (-each.reached, each.off)
+        )
 
     def note_met(self, clause: PairClause) -> None:
         """Note that the clause was met at least once."""

@@ -21,6 +21,7 @@ from scenewright.scene.objects import ObjectRecord, get_subtype
 from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
 from scenewright.scene.track import Shape
 from scenewright.tools.map_grounding.object_places import Side, find_places, make_footprint
+from scenewright.tools.solver.context import compute_excess
 from scenewright.tools.solver.line_of_sight import find_lead
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.work_limit import count_work
@@ -107,25 +108,18 @@ class ObjectPlacer:
             partner = next((each for each in self._nodes if each.beyond == node.id), None)
             found = self._find_free(node, schedule, placed, partner)
             if not found:
-                return self._describe_failure(node)
+                if node.hides is None:
+                    return f"{node.id} ({node.kind}) finds no place clear of all agents' paths"
+                low, high = node.lead or DEFAULT_LEAD
+                hidden = f"{node.hides} from {node.hidden_from} until {low:g} to {high:g} s before"
+                return f"no place of {node.id} hides {hidden}"
             placed += found
         for door in self._list_doors(schedule):
             for name, actor in schedule.actors.items():
-                if self._doors.get(name, (None,))[0] is None and is_in_way(
-                    actor.candidate, (door,)
-                ):
+                if name not in self._doors and is_in_way(actor.candidate, (door,)):
                     return f"{door.id} opens in the way of {name}"
             placed.append(door)
         return tuple(sorted(placed, key=lambda each: each.id))
-
-    def _describe_failure(self, node: ObjectNode) -> str:
-        if node.hides is None:
-            return f"{node.id} ({node.kind}) finds no place clear of all agents' paths"
-        low, high = node.lead or DEFAULT_LEAD
-        return (
-            f"no place of {node.id} hides {node.hides} from {node.hidden_from} until "
-            f"{low:g} to {high:g} s before"
-        )
 
     def describe_nearest(self) -> str:
         """Say how near to what was asked for a pedestrian could be hidden; empty if it could."""
@@ -200,11 +194,8 @@ class ObjectPlacer:
                 count_work()
                 between = geos.LineString([(first.x, first.y), (places[k].x, places[k].y)])
                 gap = geos.distance(make_footprint(first), make_footprint(places[k]))
-                if (
-                    geos.crosses(between, path)
-                    and gap <= _BETWEEN
-                    and _keeps_apart(places[k], others)
-                ):
+                fits = geos.crosses(between, path) and gap <= _BETWEEN
+                if fits and _keeps_apart(places[k], others):
                     yield places[k]
 
     def _list_sides(
@@ -237,10 +228,8 @@ class ObjectPlacer:
         if not times:  # the interaction was settled in an earlier version, as was the place
             return place is self._kept.get(node.id)
         driver, walker = schedule.actors[node.hidden_from], schedule.actors[node.hides]
-        if (
-            geos.distance(geos.LineString(walker.candidate.path.xy), make_footprint(place))
-            > _BESIDE
-        ):
+        way = geos.LineString(walker.candidate.path.xy)
+        if geos.distance(way, make_footprint(place)) > _BESIDE:
             return False
         found = find_lead(
             driver, walker, (place,), event=min(times), left_hand=self._map.left_hand_traffic
@@ -249,7 +238,9 @@ class ObjectPlacer:
         if found is None or found[1] < _HIDDEN:
             return False
         nearest = self._nearest.get(node.id, np.inf)
-        self._nearest[node.id] = min(found[0], nearest, key=lambda lead: _find_excess(lead, node))
+        self._nearest[node.id] = min(
+            found[0], nearest, key=lambda lead: compute_excess(low, high, lead)
+        )
         return low + _SPARE <= found[0] <= high - _SPARE
 
 
@@ -302,9 +293,3 @@ def _make_corners(xy: FloatArray, heading: FloatArray, shape: Shape) -> FloatArr
 def _keeps_apart(place: ObjectRecord, others: Sequence[ObjectRecord]) -> bool:
     outline = make_footprint(place)
     return all(geos.distance(outline, make_footprint(each)) >= _APART for each in others)
-
-
-def _find_excess(lead: float, node: ObjectNode) -> float:
-    """Find how far a lead [s] is from the range asked for."""
-    low, high = node.lead or DEFAULT_LEAD
-    return max(low - lead, lead - high, 0.0)

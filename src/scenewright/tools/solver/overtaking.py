@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from scenewright.scene.constraints import PassesBeside
-from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext, compute_excess
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
@@ -59,10 +58,7 @@ def _find_offset(a: ScheduledAgent, b: ScheduledAgent, s: float) -> float | None
     times = a.motion.find_time_at(abreast), b.motion.find_time_at(s)
     if not np.isfinite(times).all():
         return None
-    speeds = [
-        float(np.interp(time / STEP, np.arange(len(each.motion.s)), each.motion.speed))
-        for each, time in zip((a, b), times, strict=True)
-    ]
+    speeds = a.motion.find_speed_at(times[0]), b.motion.find_speed_at(times[1])
     if speeds[1] < _MOVING or speeds[0] - speeds[1] < _FASTER:
         return None
     return times[0] - times[1]

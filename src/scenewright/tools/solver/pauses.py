@@ -22,17 +22,15 @@ def draw_pause(
     candidate: Candidate, landmarks: Landmarks, rng: np.random.Generator
 ) -> ScheduledAgent:
     """Draw where and how long the pedestrian stands still on the road, entering at time 0."""
-    s = _draw_place(landmarks, rng)
+    own = [each for each in landmarks.crosswalks if each[0] == landmarks.own_crosswalk]
+    if own:
+        _, begins, ends = own[0]
+        s = begins + (ends - begins) * float(rng.uniform(*_PLACE))
+    else:  # a jaywalker, beyond its kerb
+        s = (landmarks.line or 0.0) + float(rng.uniform(*_BEYOND_KERB))
     start = compute_arrival(candidate, StopCommand(s, 0.0))
     stop = Stop("midway", s, start, start + float(rng.uniform(*_LASTS)), "pauses")
     return ScheduledAgent.build_unplaced(candidate, landmarks).hold_at_lights((stop,))
-
-
-def _draw_place(landmarks: Landmarks, rng: np.random.Generator) -> float:
-    for name, begins, ends in landmarks.crosswalks:
-        if name == landmarks.own_crosswalk:
-            return begins + (ends - begins) * float(rng.uniform(*_PLACE))
-    return (landmarks.line or 0.0) + float(rng.uniform(*_BEYOND_KERB))
 
 
 PAUSING = MotionTemplate("must", hold=draw_pause)

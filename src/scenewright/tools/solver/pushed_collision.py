@@ -16,7 +16,7 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Push, Stop
 from scenewright.scene.track import VEHICLE_MASSES
-from scenewright.tools.solver.context import QUEUED_BEHIND, SolverContext
+from scenewright.tools.solver.context import FOR_GOOD, QUEUED_BEHIND, SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
@@ -38,9 +38,6 @@ _LONGEST, _LEAST_CLOSING = 0.8, 1.3
 _BESIDE, _TURNED = 0.4, 0.1
 """How far the one ahead may stand beside the other's axis [m], and be turned [rad]."""
 
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
-
 
 def schedule_pushed_collisions(
     clause: Contact, schedule: PartialSchedule, context: SolverContext
@@ -59,7 +56,12 @@ def schedule_pushed_collisions(
             return
         pushed, ahead = _push(clause, schedule, struck, context), placed
         found = find_first_contact(pushed, ahead, left_hand=context.left_hand)
-        if found is None or not _is_pushed_into(found, struck):
+        if (
+            found is None
+            or found.kind != "rear_end"
+            or found.closing < _LEAST_CLOSING
+            or found.time - struck.time > _LONGEST
+        ):
             speed = 0.0 if pushed.push is None else pushed.push.speed
             words = f"struck so, {clause.first} is pushed on at {speed:.1f} m/s, which is too slow"
             context.note_miss(clause, FailureStage.MEASURE, words)
@@ -89,7 +91,7 @@ def _place_ahead(
     if place is None or (stop.at_red and (line is None or place > line)):
         return None
     start = compute_arrival(free.candidate, StopCommand(place, 0.0, stop.braking))
-    own = Stop(stop.anchor, place, start, start + _FOR_GOOD, stop.reason, stop.braking)
+    own = Stop(stop.anchor, place, start, start + FOR_GOOD, stop.reason, stop.braking)
     earlier = float(context.rng.uniform(*_EARLIER))
     return free.edit(stops=(own,)).shift(round(stop.start - earlier - start, 1))
 
@@ -123,22 +125,9 @@ def _push(
     agent = schedule.actors[clause.first]
     striker = next(e.clause.first for e in schedule.events if e.clause.second == clause.first)
     restitution = float(context.rng.uniform(*_RESTITUTION))
-    one, two = (_get_mass(context.candidates[name]) for name in (striker, clause.first))
+    pair = (context.candidates[name] for name in (striker, clause.first))
+    one, two = (VEHICLE_MASSES[each.subtype or "car"] for each in pair)  # [kg]
     speed = one * struck.speed * (1.0 + restitution) / (one + two)
     *before, stop = agent.stops
     standing = agent.edit(stops=(*before, replace(stop, until=struck.time)))
     return standing.push_on(Push(struck.time, speed, float(context.rng.uniform(*_BRAKING))))
-
-
-def _get_mass(candidate: Candidate) -> float:
-    """Mass of a vehicle [kg]."""
-    return VEHICLE_MASSES[candidate.subtype or "car"]
-
-
-def _is_pushed_into(found: FirstContact, struck: FirstContact) -> bool:
-    """Return whether the second contact follows at once, from behind and fast enough."""
-    return (
-        found.kind == "rear_end"
-        and found.closing >= _LEAST_CLOSING
-        and found.time - struck.time <= _LONGEST
-    )

@@ -19,7 +19,6 @@ from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import swerve_away
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
-from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
 from scenewright.tools.solver.reactions import (
     find_speed,
     find_threat,
@@ -139,17 +138,12 @@ def solve_offsets(
         after = (ways[0][one], ways[1][two])
         if after == pair:
             return []
-        motions = (after[0].motion, after[1].motion)
-        conflict = context.find_evaded_conflict(clause, *after)
-        reacted = find_conflict_intervals(conflict, *motions, c=0.0, exact=True)
-        offsets += [float(context.rng.uniform(*each)) for each in _intersect(unreacted, reacted)]
+        reacted = context.find_evaded_meetings(clause, *after)
+        for (a, b), (c, d) in product(unreacted.tolist(), reacted.tolist()):
+            low, high = max(a, c), min(b, d)
+            if high - low > STEP:
+                offsets.append(float(context.rng.uniform(low, high)))
     return list(dict.fromkeys(round(each, 1) for each in offsets))[:_SOLVED]
-
-
-def _intersect(one: Intervals, two: Intervals) -> list[tuple[float, float]]:
-    """List the parts that two lists of intervals share, if not too short."""
-    shared = [(max(a, c), min(b, d)) for a, b in one.tolist() for c, d in two.tolist()]
-    return [(low, high) for low, high in shared if high - low > STEP]
 
 
 def measure_warning(

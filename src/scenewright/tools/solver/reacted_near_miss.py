@@ -10,17 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from scenewright.scene.constraints import TimeGap
 from scenewright.scene.reaction_behavior import ASIDE, Reaction
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import swerve_away
 from scenewright.tools.solver.impact import find_least_clearance
-from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
+from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.reactions import (
     SEEN_BEFORE,
+    find_place,
     find_speed,
     find_threat,
     find_usual_braking,
@@ -173,7 +172,7 @@ def _schedule_reaction(
         placed = schedule.place(clause, *pair, delta)
         delta = placed[1].enters - placed[0].enters
         reacted = _react(clause, context, placed, attempt)
-        after = None if reacted is None else find_meetings(clause, context, reacted)
+        after = None if reacted is None else context.find_evaded_meetings(clause, *reacted)
         if reacted is None or after is None or not len(after):
             return None
         # How far the reaction moves the two apart, and how long a PET that leaves room for.
@@ -187,14 +186,6 @@ def _schedule_reaction(
         wanted = float(context.rng.uniform(clause.low, longest))
         delta = round(delta + (pet - wanted if attempt.first else wanted - pet), 1)
     return None
-
-
-def find_meetings(
-    clause: TimeGap, context: SolverContext, pair: tuple[ScheduledAgent, ScheduledAgent]
-) -> Intervals:
-    """Find the differences of entry times [s] at which the two meet as they move now."""
-    conflict = context.find_evaded_conflict(clause, *pair)
-    return find_conflict_intervals(conflict, pair[0].motion, pair[1].motion, c=0.0, exact=True)
 
 
 def _react(
@@ -281,12 +272,9 @@ def _change(
     if how.hurries:
         beyond = float(nodes.max()) + 1.0
         return run_on(of, onset=onset, acceleration=how.strength, until=beyond)
-    local = onset - of.enters
-    here = float(of.motion.compute_positions(np.array([local]))[0])
-    clock = 0.1 * np.arange(len(of.motion.s))
-    speed = attempt.keeps * float(np.interp(local, clock, of.motion.speed))
+    speed = attempt.keeps * find_speed(of, onset)
     # It stays slow until the other's path begins.
-    kept = max(float(nodes.min()) - here, 1.0)
+    kept = max(float(nodes.min()) - find_place(of, onset), 1.0)
     return slow_down(of, onset=onset, braking=how.strength, speed=speed, kept=kept)
 
 

@@ -58,8 +58,8 @@ class ReactionRequests:
         ways: agents that react in a certain way, as the text says.
     """
 
-    excluded: frozenset[str]
-    hidden: Mapping[frozenset[str], tuple[float, float]]
+    excluded: frozenset[str] = frozenset()
+    hidden: Mapping[frozenset[str], tuple[float, float]] = field(default_factory=dict)
     ways: Mapping[str, str] = field(default_factory=dict)
 
     def may_react(self, name: str) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import GivesWay, PairClause
-from scenewright.scene.map import IntersectionMap, SignalProgram
+from scenewright.scene.map import IntersectionMap
 from scenewright.tools.map_grounding.grounding import share_green
 from scenewright.tools.map_grounding.signal_plan import get_phases
 from scenewright.tools.solver.entry_times import LINE_GAP, START_LAG, build_red_light_stop
@@ -47,11 +47,16 @@ def draw_red_light_starts(
         if program is None or group is None or candidate.route.type != "vehicle":
             continue
         bonds = [each for each in clauses if name in get_pair(each)]
-        if not _yields_on_green(bonds, candidates, intersection_map) or _start_together(
-            bonds, found
+        # With two that wait, the light would settle when both start.
+        others = (other for each in bonds for other in get_pair(each))
+        if not _yields_on_green(bonds, candidates, intersection_map) or not found.keys().isdisjoint(
+            others
         ):
             continue
-        red = _compute_red_duration(program, group)
+        _, shown = get_phases(program, group, ("red",))
+        red = float(
+            sum(p.duration for p, is_red in zip(program.phases, shown, strict=True) if is_red)
+        )
         if rng.random() < chances.get(name, red / program.cycle):
             waiting = _wait_at_red(candidate, landmarks[name], float(rng.uniform(0.0, red)), rng)
             found |= {} if waiting is None else {name: waiting}
@@ -73,17 +78,6 @@ def _yields_on_green(
         )
         for each in bonds
     )
-
-
-def _start_together(bonds: Collection[PairClause], waiting: Collection[str]) -> bool:
-    """Return whether one of the others waits already: the light would settle when both start."""
-    return any(name in waiting for each in bonds for name in get_pair(each))
-
-
-def _compute_red_duration(program: SignalProgram, group: str) -> float:
-    """Compute how long the group shows red in a cycle [s]."""
-    _, shown = get_phases(program, group, ("red",))
-    return float(sum(each.duration for each, red in zip(program.phases, shown, strict=True) if red))
 
 
 def _wait_at_red(

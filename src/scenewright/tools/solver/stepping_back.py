@@ -23,7 +23,6 @@ from scenewright.tools.solver.path_conflict import Intervals, compute_gap
 from scenewright.tools.solver.reacted_near_miss import (
     KEEPS_FIRST,
     NARROW,
-    find_meetings,
     finish_near_miss,
     touch_brakes,
 )
@@ -69,7 +68,7 @@ def schedule_missed_steps_back(
     for placed in _list_offsets(clause, schedule, context, pair, meetings, by):
         for reacted in _list_steps(clause, context, placed, by, _INTO):
             delta = reacted[1].enters - reacted[0].enters
-            pet = compute_gap(find_meetings(clause, context, reacted), delta)
+            pet = compute_gap(context.find_evaded_meetings(clause, *reacted), delta)
             if clause.low - 1e-6 <= pet <= min(clause.high, NARROW):
                 scheduled = finish_near_miss(clause, schedule, context, reacted)
                 yield from () if scheduled is None else (scheduled,)
@@ -94,7 +93,8 @@ def schedule_struck_steps_back(
             found = find_first_contact(*reacted, left_hand=context.left_hand)
             if found is None or not wanted(*reacted, found):
                 continue
-            if not _has_gone_back(reacted[by], found.time):
+            turned = reacted[by].slowings[-3].s
+            if find_place(reacted[by], found.time) <= turned + _GONE_BACK:
                 continue
             conflict = context.find_evaded_conflict(clause, *reacted)
             threat = find_threat(conflict, *reacted, until=found.time)
@@ -162,9 +162,3 @@ def _list_steps(
     for each in (braked, other):
         if each is not None and changed is not None:
             yield (changed, each) if by == 0 else (each, changed)
-
-
-def _has_gone_back(of: ScheduledAgent, time: float) -> bool:
-    """Return whether it has gone some way backwards by a time [s], from where it turned round."""
-    turn = of.slowings[-3].s
-    return find_place(of, time) > turn + _GONE_BACK

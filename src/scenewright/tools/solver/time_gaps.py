@@ -10,12 +10,11 @@ import numpy as np
 
 from scenewright.scene.constraints import Headway, TimeGap
 from scenewright.scene.selection import Stop
-from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
+from scenewright.tools.solver.context import FOR_GOOD, SolverContext, compute_excess, is_in_range
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import (
     Intervals,
-    PathConflict,
     compute_gap,
     find_conflict_intervals,
 )
@@ -33,8 +32,6 @@ from scenewright.tools.solver.stepping_back import (
 _TRIES = 6
 _MOST_STEPS = 2
 """Schedules with a step back that are offered."""
-_FOR_GOOD = 60.0
-"""Longer than any scene [s]."""
 
 _CLOSE = 1.05
 """A headway below this is tailgating [s]."""
@@ -123,14 +120,19 @@ def schedule_headways(
     for."""
     a, b = context.get_pair(clause, schedule)
     if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
-        a = _match_pace(a, b)
+        close = replace(a.candidate, time_law=b.candidate.time_law)
+        a = ScheduledAgent.build_unplaced(close, a.landmarks)
     pair = context.find_path_conflict(clause)
     meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
     if not len(meetings):
         words = f"{clause.first} and {clause.second} never share a lane"
         context.note_miss(clause, FailureStage.PATHS, words)
         return
-    low, high = _find_headways(clause, a, context)
+    low, high = clause.low, clause.high
+    distance = context.find_figure("gap", clause.first, clause.second)
+    if distance is not None:
+        speed = a.candidate.time_law.speed
+        low, high = distance.low / speed, distance.high / speed
     least = _LEAST_HEADWAY if low >= _LEAST_HEADWAY else low - 0.1
     for gap in context.rng.uniform(low, high, _TRIES):
         delta = float(meetings[0, 0] - gap)
@@ -142,7 +144,7 @@ def schedule_headways(
             context.note_miss(clause, FailureStage.MEASURE, words, off=off)
             continue
         if placed_a.contact is None:
-            placed_a = _queue_behind(placed_a, placed_b, pair, context.rng)
+            placed_a = _queue_behind(clause, placed_a, placed_b, context)
         begins = max(placed_a.enters, placed_b.enters)
         if not _follows(placed_a, placed_b, least=least):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
@@ -154,44 +156,27 @@ def schedule_headways(
 
 
 def _queue_behind(
-    a: ScheduledAgent, b: ScheduledAgent, pair: PathConflict, rng: np.random.Generator
+    clause: Headway, a: ScheduledAgent, b: ScheduledAgent, context: SolverContext
 ) -> ScheduledAgent:
     """Return the follower with a stop behind every one of its leader's, its wreck included."""
     stands = [(stop.s, stop.start, stop.until) for stop in b.stops]
     if b.contact is not None:
         last = float(b.motion.s[-1])
         stands = [each for each in stands if each[0] < last - 1.0]
-        stands.append((last, b.contact, b.contact + _FOR_GOOD))
+        stands.append((last, b.contact, b.contact + FOR_GOOD))
     stops = list(a.stops)
     for s, start, until in stands:
-        beside = np.abs(pair.s_b[pair.j] - s) < 0.3
-        if not beside.any():
+        touch = context.find_touch(clause, s)
+        if touch is None:
             continue
-        behind = float(pair.s_a[pair.i[beside]].min()) - float(rng.uniform(1.8, 3.0))
+        behind = touch - float(context.rng.uniform(1.8, 3.0))
         behind = a.landmarks.move_off_crosswalks(behind)
         if behind > 2.0 and all(abs(stop.s - behind) > 1.0 for stop in stops):
-            lag = float(rng.uniform(0.7, 1.3))
+            lag = float(context.rng.uniform(0.7, 1.3))
             stops.append(Stop("queue", behind, start, until + lag, "queue"))
     if len(stops) == len(a.stops):
         return a
     return a.edit(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
-
-
-def _match_pace(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
-    """Give a close follower the speed of its leader."""
-    candidate = replace(a.candidate, time_law=b.candidate.time_law)
-    return ScheduledAgent.build_unplaced(candidate, a.landmarks)
-
-
-def _find_headways(
-    clause: Headway, a: ScheduledAgent, context: SolverContext
-) -> tuple[float, float]:
-    """Find headways [s] to draw from: the clause's, or those that a gap asked for amounts to."""
-    gap = context.find_figure("gap", clause.first, clause.second)
-    if gap is None:
-        return clause.low, clause.high
-    speed = a.candidate.time_law.speed
-    return gap.low / speed, gap.high / speed
 
 
 def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
@@ -201,11 +186,6 @@ def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
         return False
     ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
-    clock = a.motion.clock
-    speed = np.maximum(np.interp(times - a.enters, clock, a.motion.speed), 0.5)
+    speed = np.maximum(np.interp(times - a.enters, a.motion.clock, a.motion.speed), 0.5)
     fits = (gap / speed > least) & (gap / speed < 3.4)
-    run = longest = 0
-    for each in fits:
-        run = run + 1 if each else 0
-        longest = max(longest, run)
-    return longest >= 36
+    return bool((np.convolve(fits, np.ones(36)) > 35.5).any())

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
+from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.map import IntersectionMap
+from scenewright.tools.solver.encounters import follow_path
 from scenewright.tools.solver.motion_template import MotionTemplate
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
@@ -32,18 +31,16 @@ def turn_back(
 ) -> Candidate | None:
     """Put the candidate on a path that returns to where it begins; None if it is never on the
     road."""
-    begins, ends = _find_way_over(landmarks)
-    if begins is None:
-        return None
-    if ends is None:
-        s = begins + float(rng.uniform(*_BEYOND_KERB))
-    else:
+    own = [each for each in landmarks.crosswalks if each[0] == landmarks.own_crosswalk]
+    if own:
+        _, begins, ends = own[0]
         s = begins + (ends - begins) * float(rng.uniform(*_PLACE))
+    elif landmarks.line is not None:  # a jaywalker's kerb
+        s = landmarks.line + float(rng.uniform(*_BEYOND_KERB))
+    else:
+        return None
     side = 1.0 if rng.random() < 0.5 else -1.0
-    path = build_even_path(_double_back(candidate.path, s, side))
-    even = sample_evenly(path.length, K)
-    waypoints = np.stack([np.interp(even, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=1)
-    return replace(candidate, path=path, waypoints=waypoints)
+    return follow_path(candidate, build_even_path(_double_back(candidate.path, s, side)))
 
 
 def has_turned(actor: ScheduledAgent) -> bool:
@@ -51,14 +48,6 @@ def has_turned(actor: ScheduledAgent) -> bool:
     away = np.hypot(*(actor.candidate.path.xy - actor.candidate.path.xy[0]).T)
     turn = float(actor.candidate.path.s[int(away.argmax())])
     return float(actor.motion.s[-1]) > turn + _CAME_BACK
-
-
-def _find_way_over(landmarks: Landmarks) -> tuple[float | None, float | None]:
-    """Find the arc lengths of both kerbs [m]; for a jaywalker only of the first."""
-    for name, begins, ends in landmarks.crosswalks:
-        if name == landmarks.own_crosswalk:
-            return begins, ends
-    return landmarks.line, None
 
 
 def _double_back(path: Path, s: float, side: float) -> FloatArray:

@@ -105,8 +105,7 @@ def schedule_yields(
         return
     words = f"{clause.first} has no place to wait near where {clause.second} passes"
     context.note_miss(clause, FailureStage.PATHS, words)
-    if _may_roll(clause, schedule, context):
-        yield from _schedule_rolling(clause, schedule, context, zone)
+    yield from _schedule_rolling(clause, schedule, context, zone)
     for anchor, hold in list_stop_positions(clause, a, b, zone, context):
         if _gets_going(a, hold.s):
             yield from _schedule_held(clause, schedule, context, zone, (anchor, hold))
@@ -116,8 +115,9 @@ def find_conflict_zone(
     clause: PairClause, a: ScheduledAgent, b: ScheduledAgent, context: SolverContext
 ) -> PathConflict:
     """Find the nodes of the pair's conflict zone."""
-    zone = context.find_path_conflict(clause).compute_intervals(0.0)
-    return zone.keep_first_metres(MERGE_METRES) if _do_merge(a, b) else zone
+    zone, routes = context.find_path_conflict(clause), (a.candidate.route, b.candidate.route)
+    merge = routes[0].exit == routes[1].exit and "pedestrian" not in [each.type for each in routes]
+    return zone.keep_first_metres(MERGE_METRES) if merge else zone
 
 
 def _schedule_held(
@@ -271,24 +271,19 @@ def _add_yield(
     return schedule.add_event(event, held, other)
 
 
-def _may_roll(clause: GivesWay, schedule: PartialSchedule, context: SolverContext) -> bool:
-    """Return whether `first` may slow without standing; nothing else may depend on its stop."""
-    behavior = context.get_yielding(clause)
-    if behavior is None or context.get_requested_pet(clause) is not None:
-        return False
-    if clause.first in context.busy or clause.first in schedule.actors:
-        return False
-    return bool(context.rng.random() < behavior.rolls)
-
-
 def _schedule_rolling(
     clause: GivesWay, schedule: PartialSchedule, context: SolverContext, zone: PathConflict
 ) -> Iterator[PartialSchedule]:
-    """Schedule the first slowing so far that the other has left the zone when it arrives there."""
-    a, b = context.get_pair(clause, schedule)
-    behavior = context.get_yielding(clause)
-    if behavior is None:
+    """Schedule the first slowing so far that the other has left the zone when it arrives there.
+
+    As often as observed, where nothing else may depend on its stop.
+    """
+    behavior, bound = context.get_yielding(clause), {*context.busy, *schedule.actors}
+    if behavior is None or context.get_requested_pet(clause) or clause.first in bound:
         return
+    if context.rng.random() >= behavior.rolls:
+        return
+    a, b = context.get_pair(clause, schedule)
     nodes = zone.s_a[zone.i]
     _, b_out = compute_passage(b.motion, zone.s_b[zone.j])
     for _ in range(_ROLLS):
@@ -362,13 +357,11 @@ def _release(
     """Hold the yielding agent until then, or until the PET asked for; None if that is no yield."""
     held = a.edit(stops=_join_stops(a.stops, stop))
     wanted = context.get_requested_pet(clause)
-    if wanted is None:
-        return held if _passes_well(clause, held, b, zone, context) else None
-    middle = (wanted.low + wanted.high) / 2
-    later = middle - _compute_pet(held, b, zone)
-    earliest = stop.start + _STANDS
-    until = max(stop.until + later, earliest) if np.isfinite(later) else stop.until
-    held = a.edit(stops=_join_stops(a.stops, replace(stop, until=until)))
+    if wanted is not None:
+        later = (wanted.low + wanted.high) / 2 - _compute_pet(held, b, zone)
+        if np.isfinite(later):
+            stop = replace(stop, until=max(stop.until + later, stop.start + _STANDS))
+            held = a.edit(stops=_join_stops(a.stops, stop))
     return held if _passes_well(clause, held, b, zone, context) else None
 
 
@@ -487,10 +480,3 @@ def _find_slowing_start(speed: FloatArray, waves: float) -> int:
             break
         top = max(top, float(speed[first]))
     return int(np.flatnonzero(speed >= top - 0.6 * waves)[-1])
-
-
-def _do_merge(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Return whether the two go on in one lane after the zone."""
-    if "pedestrian" in (a.candidate.route.type, b.candidate.route.type):
-        return False
-    return a.candidate.route.exit == b.candidate.route.exit
