@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import AgentFigure, Contact, PairFigure
 from scenewright.scene.measures import get_unit
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.parse import format_clause
+from scenewright.tools.solver.hard_braking import compute_smooth_acceleration
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
@@ -63,77 +63,50 @@ def compute_figures(
         actor = schedule.actors.get(clause.agent)
         return () if actor is None else _compute_agent_figure(clause, actor, timed=timed)
     a, b = (schedule.actors.get(name) for name in (clause.first, clause.second))
-    event = _find_event(schedule, clause)
-    if a is None or b is None or event is None:
+    pair = {clause.first, clause.second}
+    events = [e for e in schedule.events if {e.clause.first, e.clause.second} == pair]
+    if a is None or b is None or not events:
         return ()
+    event = next((e for e in events if isinstance(e.clause, Contact)), events[0])
     match clause.clause:
         case "time":
             return (event.time,)
         case "time_headway" | "gap":
             return _compute_following(a, b, in_metres=clause.clause == "gap")
         case "contact_speed":
-            return (_compute_last_speed(a),)
+            s = a.motion.s
+            return (float((s[-2] - s[-3]) / STEP) if len(s) > 2 else 0.0,)
         case "ttc":
             return ((clause.low + clause.high) / 2,)  # the checker measures it
         case _:
             return _compute_impact_share(clause, a, b, event)
 
 
-def _find_event(schedule: PartialSchedule, clause: PairFigure) -> ScheduledEvent | None:
-    """Find the event between the two; their collision, if there is one."""
-    pair = {clause.first, clause.second}
-    found = [e for e in schedule.events if {e.clause.first, e.clause.second} == pair]
-    found.sort(key=lambda each: not isinstance(each.clause, Contact))
-    return found[0] if found else None
-
-
 def _compute_agent_figure(
     clause: AgentFigure, actor: ScheduledAgent, *, timed: bool
 ) -> tuple[float, ...]:
-    line = actor.landmarks.line
+    line, stands = actor.landmarks.line, _list_stands(actor)[:1]
+    first = max(round(-actor.enters / STEP), 0) if timed else 0  # sample that is visible
     match clause.clause:
-        case "kept_speed":
-            return _compute_kept_speed(actor, timed=timed)
+        case "kept_speed":  # the highest that is kept for a second
+            speed, window = actor.motion.speed[first:], round(1.0 / STEP)
+            if len(speed) <= window:
+                return ()
+            kept = np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1)
+            return (float(kept.max()),)
         case "line_speed":
             at = np.inf if line is None else actor.motion.find_time_at(line)
-            return (_compute_speed_at(actor, at),) if np.isfinite(at) else ()
+            return (actor.motion.find_speed_at(at),) if np.isfinite(at) else ()
         case "braking" | "acceleration":
-            change = _compute_seen_change(actor, timed=timed)
+            change = compute_smooth_acceleration(actor)[first + 1 : -1]
             return (float((-change if clause.clause == "braking" else change).max(initial=0.0)),)
         case "wait":
-            return tuple(until - start for start, until, _ in _list_stands(actor)[:1])
-        case _:
-            return tuple(
-                gap for _, _, s in _list_stands(actor)[:1] for gap in _compute_way_to_mark(actor, s)
-            )
-
-
-def _compute_kept_speed(actor: ScheduledAgent, *, timed: bool) -> tuple[float, ...]:
-    """Compute the highest speed kept for a second while the agent is visible [m/s]."""
-    first = max(round(-actor.enters / STEP), 0) if timed else 0
-    speed, window = actor.motion.speed[first:], round(1.0 / STEP)
-    if len(speed) <= window:
-        return ()
-    kept = np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1)
-    return (float(kept.max()),)
-
-
-def _compute_speed_at(actor: ScheduledAgent, local: float) -> float:
-    return actor.motion.find_speed_at(local)
-
-
-def _compute_last_speed(actor: ScheduledAgent) -> float:
-    """Compute the speed over the last tenth of a second of a motion that ends in a contact
-    [m/s]."""
-    s = actor.motion.s
-    return float((s[-2] - s[-3]) / STEP) if len(s) > 2 else 0.0
-
-
-def _compute_seen_change(actor: ScheduledAgent, *, timed: bool) -> FloatArray:
-    """Compute the acceleration [T] over 0.3 s [m/s^2] while the agent is visible."""
-    change = np.convolve(actor.motion.acceleration, np.full(3, 1 / 3), mode="same")
-    first = max(round(-actor.enters / STEP), 0) if timed else 0
-    return np.asarray(change[first + 1 : -1])
+            return tuple(until - start for start, until, _ in stands)
+        case _:  # from the front to the next stop line, kerb or crosswalk ahead [m]
+            marks = [begins for _, begins, _ in actor.landmarks.crosswalks]
+            marks += [] if line is None else [line]
+            ahead = [mark - s for _, _, s in stands for mark in marks if mark - s > -0.05]
+            return (min(ahead),) if ahead else ()
 
 
 def _list_stands(actor: ScheduledAgent) -> list[tuple[float, float, float]]:
@@ -151,14 +124,6 @@ def _list_stands(actor: ScheduledAgent) -> list[tuple[float, float, float]]:
     return sorted(found, key=lambda each: each[0] - each[1])
 
 
-def _compute_way_to_mark(actor: ScheduledAgent, s: float) -> tuple[float, ...]:
-    """Compute the distance from the front to the next stop line, kerb or crosswalk ahead [m]."""
-    line = actor.landmarks.line
-    marks = [begins for _, begins, _ in actor.landmarks.crosswalks]
-    ahead = [mark - s for mark in (*marks, *([] if line is None else [line])) if mark - s > -0.05]
-    return (min(ahead),) if ahead else ()
-
-
 def _compute_following(
     a: ScheduledAgent, b: ScheduledAgent, *, in_metres: bool
 ) -> tuple[float, ...]:
@@ -168,19 +133,13 @@ def _compute_following(
         return ()
     ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
-    clock = a.motion.clock
-    speed = np.interp(times - a.enters, clock, a.motion.speed)
+    speed = np.interp(times - a.enters, a.motion.clock, a.motion.speed)
     headway = gap / np.maximum(speed, 1e-6)
     follows = (headway >= _FOLLOWS[0]) & (headway <= _FOLLOWS[1]) & (speed > 1.0)
-    run = _find_longest_run(follows)
-    values = (gap if in_metres else headway)[run]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], follows, [False])))).reshape(-1, 2)
+    begin, end = max(edges.tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    values = (gap if in_metres else headway)[begin:end]
     return (float(values.min()), float(np.median(values))) if len(values) else ()
-
-
-def _find_longest_run(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> slice:
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    runs = [slice(begin, end) for begin, end in edges.reshape(-1, 2).tolist()]
-    return max(runs, key=lambda each: each.stop - each.start, default=slice(0))
 
 
 def _compute_impact_share(
@@ -199,13 +158,7 @@ def _compute_impact_share(
     from_left = float(np.clip(0.5 - across / shape.width, 0.0, 1.0))
     left = clause.clause == "front_point_left"
     if clause.clause == "front_point":
-        left = _comes_from_left(a, b, event.time)
+        before, after = b.get_poses(np.array([event.time - 0.3, event.time]))[:, :2]
+        step = after - before  # to the right as seen by the first: it comes from its left
+        left = bool(step[1] * np.cos(heading) - step[0] * np.sin(heading) < 0.0)
     return (100.0 * (from_left if left else 1.0 - from_left),) if at_front else ()
-
-
-def _comes_from_left(a: ScheduledAgent, b: ScheduledAgent, time: float) -> bool:
-    """Return whether the second agent moves to the right as seen by the first."""
-    before, after = b.get_poses(np.array([time - 0.3, time]))[:, :2]
-    heading = a.get_poses(np.array([time]))[0, 2]
-    step = after - before
-    return bool(step[1] * np.cos(heading) - step[0] * np.sin(heading) < 0.0)

@@ -17,8 +17,9 @@ agent keeps its time, the other one gets the delta that the clause needs.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ from scenewright.tools.solver.hard_braking import schedule_hard_braking
 from scenewright.tools.solver.independent_events import join_schedules, split_clauses
 from scenewright.tools.solver.lead_braking import schedule_stops_behind
 from scenewright.tools.solver.overtaking import schedule_overtakings
-from scenewright.tools.solver.path_conflict import PathConflict, find_conflict_intervals
+from scenewright.tools.solver.path_conflict import find_conflict_intervals
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.time_gaps import schedule_headways, schedule_time_gaps
@@ -54,6 +55,18 @@ _CLEARLY = 0.2
 
 _SLOWS = 5.5
 """How long before a stop [s] the light must not explain it."""
+
+
+_Scheduler = Callable[[Any, PartialSchedule, SolverContext], Iterator[PartialSchedule]]
+_SCHEDULERS: dict[type[PairClause], _Scheduler] = {
+    Contact: schedule_contacts,
+    TimeGap: schedule_time_gaps,
+    Headway: schedule_headways,
+    GivesWay: schedule_yields,
+    PassesBeside: schedule_overtakings,
+    BrakesFor: schedule_hard_braking,
+    StopsBehind: schedule_stops_behind,
+}
 
 
 class ForegroundSolver:
@@ -83,7 +96,8 @@ class ForegroundSolver:
         named = Counter(name for each in clauses for name in get_pair(each))
         self._context.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for besides another relation of the two is checked when that one is placed.
-        ordered = sorted(clauses, key=lambda each: each in gaps and _is_bound(each, clauses))
+        others = [{*get_pair(each)} for each in clauses if not isinstance(each, TimeGap)]
+        ordered = sorted(clauses, key=lambda each: each in gaps and {*get_pair(each)} in others)
         parts = split_clauses(ordered)
         if schedule.actors or len(parts) < 2:
             yield from self._schedule_rest(tuple(ordered), schedule)
@@ -106,60 +120,27 @@ class ForegroundSolver:
             yield schedule
             return
         first, *others = clauses
-        for scheduled in _schedule_clause(first, schedule, self._context):
+        for scheduled in _SCHEDULERS[type(first)](first, schedule, self._context):
             count_work()
             self._context.misses.note_met(first)
             yield from self._schedule_rest(tuple(others), scheduled)
 
 
-def _schedule_clause(
-    clause: PairClause, schedule: PartialSchedule, context: SolverContext
-) -> Iterator[PartialSchedule]:
-    match clause:
-        case Contact():
-            return schedule_contacts(clause, schedule, context)
-        case TimeGap():
-            return schedule_time_gaps(clause, schedule, context)
-        case Headway():
-            return schedule_headways(clause, schedule, context)
-        case GivesWay():
-            return schedule_yields(clause, schedule, context)
-        case PassesBeside():
-            return schedule_overtakings(clause, schedule, context)
-        case BrakesFor():
-            return schedule_hard_braking(clause, schedule, context)
-        case StopsBehind():
-            return schedule_stops_behind(clause, schedule, context)
-        case _:
-            raise ValueError(f"{clause.clause} is not staged")
-
-
-def _is_bound(gap: PairClause, clauses: tuple[PairClause, ...]) -> bool:
-    """Return whether another clause relates the same two agents."""
-    pair = set(get_pair(gap))
-    return any(set(get_pair(each)) == pair for each in clauses if not isinstance(each, TimeGap))
-
-
 def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:
     """Return whether `first` leaves the pair's conflict zone before `second` enters it.
 
-    Where the two collide: whether it enters the zone first.
+    Where the two collide: whether it is clearly earlier where they could first touch.
     """
     pair = find_contact_nodes(first.candidate, second.candidate)
     if first.contact is not None and first.contact == second.contact:
-        return _enters_first(pair, first, second)
+        if not len(pair.i):
+            return False
+        early = first.enters + first.motion.find_time_at(float(pair.s_a[pair.i].min()))
+        late = second.enters + second.motion.find_time_at(float(pair.s_b[pair.j].min()))
+        return bool(early + _CLEARLY <= late)
     meetings = find_conflict_intervals(pair, first.motion, second.motion, c=0.0, exact=True)
     delta = second.enters - first.enters
     return bool(len(meetings) and delta >= meetings[:, 1].max())
-
-
-def _enters_first(pair: PathConflict, first: ScheduledAgent, second: ScheduledAgent) -> bool:
-    """Return whether `first` is clearly earlier than `second` where the two could first touch."""
-    if not len(pair.i):
-        return False
-    early = first.enters + first.motion.find_time_at(float(pair.s_a[pair.i].min()))
-    late = second.enters + second.motion.find_time_at(float(pair.s_b[pair.j].min()))
-    return bool(early + _CLEARLY <= late)
 
 
 _YELLOW = 0.7

@@ -20,9 +20,6 @@ _LEFT, _LEFT_OF_HEAD_ON = np.radians(15.0), np.radians(25.0)
 """How far a vehicle must have turned left for its collision to count as a left turn's [rad]; the
 second where the fronts meet."""
 
-_BUMPER = 0.3
-"""Depth of the front in which a contact belongs to it [m]."""
-
 _CORNER = 0.5
 """How far from both its edges a contact still belongs to a corner [m]; at most a third."""
 
@@ -34,6 +31,9 @@ _BUMPER = 0.3
 
 _STRIKES = 2.3
 """Least speed of a vehicle that strikes a pedestrian [m/s]: 2 m/s, and what is measured apart."""
+
+_STANDS = 0.3
+"""An agent slower than this [m/s] strikes no moving one."""
 
 _UNSURE, _UNSURE_DEPTH = np.radians(3.0), 0.12
 """How far an angle [rad], and the depth of a contact [m], may be measured off the proof's."""
@@ -63,8 +63,11 @@ class FirstContact:
 
     @cached_property
     def _spot(self) -> FloatArray:
-        one, two = self._around
-        return _find_contact_point(one[1], two[1], self.first, self.second)
+        """[2] the middle of the contact: mean of outline points of either that lie in the other."""
+        (_, a, _), (_, b, _) = self._around
+        halves = (_get_half_sides(each.candidate.shape) for each in (self.first, self.second))
+        place, count = _add_up_touching(a, b, *halves)
+        return place / count if count else (a[:2] + b[:2]) / 2
 
     @cached_property
     def _velocities(self) -> list[FloatArray]:
@@ -82,9 +85,28 @@ class FirstContact:
     @cached_property
     def kind(self) -> CollisionKind | None:
         """None where it is none, or another one if measured a little apart."""
-        (one, two), pair = self._around, (self.first, self.second)
+        pair = (self.first, self.second)
+        on_wheels = [of.candidate.shape.type != "pedestrian" for of in pair]
+        driven = [v for v, wheels in zip(self._speeds, on_wheels, strict=True) if wheels]
+        if len(driven) < 2:
+            return "pedestrian_strike" if driven and driven[0] >= _STRIKES else None
+        at = [poses[1] for poses in self._around]
+        turned = abs(float(np.angle(np.exp(1j * (at[0][2] - at[1][2])))))
         sign = -1.0 if self.left_hand else 1.0
-        return _classify_contact(pair, (one[1], two[1]), self.time, self._spot, self._speeds, sign)
+        left = max(_compute_left_turn(actor, self.time, sign) for actor in pair)
+        ends = [
+            [
+                _find_end(pose, of, self._spot, _BUMPER + more)
+                for pose, of in zip(at, pair, strict=True)
+            ]
+            for more in (-_UNSURE_DEPTH, _UNSURE_DEPTH)
+        ]
+        apart = (-_UNSURE, _UNSURE)
+        kinds = {
+            _name_kind(turned + more, left + further, each)
+            for more, further, each in product(apart, apart, ends)
+        }
+        return kinds.pop() if len(kinds) == 1 else None
 
     @property
     def closing(self) -> float:
@@ -108,9 +130,14 @@ class FirstContact:
     @property
     def strikes(self) -> bool:
         """The first strikes: the other stands; or it alone is touched in front; or is faster."""
-        (one, two), spot = self._around, self._spot
-        front = [_is_at_front(one[1], self.first, spot), _is_at_front(two[1], self.second, spot)]
-        return _is_striking(self._speeds, front)
+        still, speeds = [speed <= _STANDS for speed in self._speeds], self._speeds
+        if still[0] != still[1]:
+            return still[1]
+        front = [
+            _locate(poses[1], self._spot)[0] >= of.candidate.shape.length / 2 - _BUMPER
+            for poses, of in zip(self._around, (self.first, self.second), strict=True)
+        ]
+        return front[0] if front[0] != front[1] else speeds[0] > speeds[1]
 
     @property
     def points(self) -> tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]:
@@ -154,18 +181,6 @@ def find_least_clearance(a: ScheduledAgent, b: ScheduledAgent) -> tuple[float, f
     return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
 
 
-_STANDS = 0.3
-"""An agent slower than this [m/s] strikes no moving one."""
-
-
-def _is_striking(speeds: list[float], front: list[bool]) -> bool:
-    """Whether the first of two strikes the second, given which are touched at the front."""
-    still = [speed <= _STANDS for speed in speeds]
-    if still[0] != still[1]:
-        return still[1]
-    return front[0] if front[0] != front[1] else speeds[0] > speeds[1]
-
-
 def _list_certain_points(
     pose: FloatArray, actor: ScheduledAgent, spot: FloatArray
 ) -> tuple[ImpactPoint, ...]:
@@ -173,10 +188,9 @@ def _list_certain_points(
     shape = actor.candidate.shape
     if shape.type == "pedestrian":
         return ()
-    dx, dy = spot - pose[:2]
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    along = np.clip(dx * cos + dy * sin, -shape.length / 2, shape.length / 2)
-    across = np.clip(dy * cos - dx * sin, -shape.width / 2, shape.width / 2)
+    along, across = _locate(pose, spot)
+    along = float(np.clip(along, -shape.length / 2, shape.length / 2))
+    across = float(np.clip(across, -shape.width / 2, shape.width / 2))
     around = [
         set(name_impact_points(along + i * _SURE, across + j * _SURE, shape=shape))
         for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
@@ -201,33 +215,6 @@ def name_impact_points(along: float, across: float, *, shape: Shape) -> tuple[Im
     return (end,) if at_end else (side, "side")
 
 
-def _classify_contact(
-    pair: tuple[ScheduledAgent, ScheduledAgent],
-    at: tuple[FloatArray, FloatArray],
-    time: float,
-    spot: FloatArray,
-    speeds: list[float],
-    sign: float,
-) -> CollisionKind | None:
-    """Find the kind of a contact; None where it is another one if measured a little apart."""
-    on_wheels = [of.candidate.shape.type != "pedestrian" for of in pair]
-    driven = [v for v, wheels in zip(speeds, on_wheels, strict=True) if wheels]
-    if len(driven) < 2:
-        return "pedestrian_strike" if driven and driven[0] >= _STRIKES else None
-    turned = abs(float(np.angle(np.exp(1j * (at[0][2] - at[1][2])))))
-    left = max(_compute_left_turn(actor, time, sign) for actor in pair)
-    ends = [
-        [_find_end(pose, of, spot, _BUMPER + more) for pose, of in zip(at, pair, strict=True)]
-        for more in (-_UNSURE_DEPTH, _UNSURE_DEPTH)
-    ]
-    apart = (-_UNSURE, _UNSURE)
-    kinds = {
-        _name_kind(turned + more, left + further, each)
-        for more, further, each in product(apart, apart, ends)
-    }
-    return kinds.pop() if len(kinds) == 1 else None
-
-
 def _name_kind(turned: float, left: float, ends: list[str]) -> CollisionKind:
     """Name the kind of a collision of two vehicles (SEMANTICS 4).
 
@@ -244,8 +231,7 @@ def _name_kind(turned: float, left: float, ends: list[str]) -> CollisionKind:
 
 def _find_end(pose: FloatArray, of: ScheduledAgent, spot: FloatArray, depth: float) -> str:
     """Find the end of a vehicle within which, to that depth [m], a place lies; else `side`."""
-    dx, dy = spot - pose[:2]
-    along = float(dx * np.cos(pose[2]) + dy * np.sin(pose[2]))
+    along, _ = _locate(pose, spot)
     if abs(along) < of.candidate.shape.length / 2 - depth:
         return "side"
     return "front" if along > 0 else "rear"
@@ -261,28 +247,17 @@ def _compute_left_turn(actor: ScheduledAgent, time: float, sign: float) -> float
 
 
 def _find_side(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> str:
+    along, across = _locate(pose, spot)
     shape = actor.candidate.shape
-    dx, dy = spot - pose[:2]
-    along = (dx * np.cos(pose[2]) + dy * np.sin(pose[2])) / (shape.length / 2)
-    across = (dy * np.cos(pose[2]) - dx * np.sin(pose[2])) / (shape.width / 2)
-    if abs(along) >= abs(across):
-        return "front" if along > 0 else "rear"
-    return "side"
+    if abs(along / (shape.length / 2)) < abs(across / (shape.width / 2)):
+        return "side"
+    return "front" if along > 0 else "rear"
 
 
-def _is_at_front(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> bool:
-    """Return whether a contact lies at the bumper or one of its corners."""
-    along = (spot[0] - pose[0]) * np.cos(pose[2]) + (spot[1] - pose[1]) * np.sin(pose[2])
-    return bool(along >= actor.candidate.shape.length / 2 - _BUMPER)
-
-
-def _find_contact_point(
-    a: FloatArray, b: FloatArray, first: ScheduledAgent, second: ScheduledAgent
-) -> FloatArray:
-    """Find the middle of the contact: mean of outline points of either that lie in the other."""
-    shapes = (first.candidate.shape, second.candidate.shape)
-    place, count = _add_up_touching(a, b, *(_get_half_sides(each) for each in shapes))
-    return place / count if count else (a[:2] + b[:2]) / 2
+def _locate(pose: FloatArray, spot: FloatArray) -> tuple[float, float]:
+    """Locate a place along and across (left) from a pose [m]."""
+    (dx, dy), cos, sin = spot - pose[:2], np.cos(pose[2]), np.sin(pose[2])
+    return float(dx * cos + dy * sin), float(dy * cos - dx * sin)
 
 
 def _get_half_sides(shape: Shape) -> tuple[float, float]:

@@ -14,14 +14,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import PairClause
 from scenewright.scene.track import STEP
+from scenewright.tools.solver.context import APART
 from scenewright.tools.solver.reservation import find_blocked_offsets
 from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
-
-_APART = (-9.0, 9.0)
-"""How much later than the first another group comes, as it is scheduled [s]."""
 
 _FARTHEST = 20.0
 """How far a group of agents is moved at most, to either side [s]."""
@@ -89,7 +86,7 @@ def join_names(names: Iterable[str], pairs: Iterable[tuple[str, str]]) -> list[s
 
 def join_schedules(parts: Sequence[PartialSchedule], rng: np.random.Generator) -> PartialSchedule:
     """Join schedules that share no agent, all but the first moved in time."""
-    moved = [parts[0], *(each.shift(round(float(rng.uniform(*_APART)), 1)) for each in parts[1:])]
+    moved = [parts[0], *(each.shift(round(float(rng.uniform(*APART)), 1)) for each in parts[1:])]
     actors = {name: actor for each in moved for name, actor in each.actors.items()}
     return PartialSchedule(actors, tuple(event for each in moved for event in each.events))
 
@@ -116,20 +113,13 @@ def _find_free_shifts(placed: PartialSchedule, part: PartialSchedule) -> list[in
     shifts = np.arange(-reach, reach + 1)
     free = np.ones(len(shifts), dtype=np.bool_)
     if placed.events and part.events:
-        free = _measure_spans(placed, part, np.asarray(shifts * _GRID)) <= _LONGEST
+        moved, ends = shifts * _GRID, [find_needed_end(each) for each in (placed, part)]
+        begins = [min(event.begins for event in each.events) for each in (placed, part)]
+        last = np.maximum(ends[0], ends[1] + moved)
+        free = last - np.minimum(begins[0], begins[1] + moved) <= _LONGEST
     steps = shifts * (_GRID / STEP)
     for a, b in product(placed.actors.values(), part.actors.values()):
         apart = (b.enters - a.enters) / STEP
         for low, high in find_blocked_offsets(a, b, strict=True):
             free &= (steps + apart <= low) | (steps + apart >= high)
     return [int(each) for each in shifts[free]]
-
-
-def _measure_spans(placed: PartialSchedule, part: PartialSchedule, moved: FloatArray) -> FloatArray:
-    """From the beginning of the first event to the end of the last [N] where a part is moved [N]
-    [s]."""
-    both = (placed, part)
-    begins = [min(event.begins for event in each.events) for each in both]
-    ends = [find_needed_end(each) for each in both]
-    last, first = np.maximum(ends[0], ends[1] + moved), np.minimum(begins[0], begins[1] + moved)
-    return np.asarray(last - first)
