@@ -64,7 +64,7 @@ def test_who_runs_red_on_its_own_passes_its_line_well_inside_the_scene():
     rng = np.random.default_rng(1)
     known = {ONE: (CAR, LIT)}
     times = [
-        compute_line_time(add_red_light_runners(PartialSchedule(), [ONE], known, rng).actors[ONE])
+        compute_line_time(add_red_light_runners(PartialSchedule(), known, rng).actors[ONE])
         for _ in range(30)
     ]
     assert 6.0 <= min(times) < 9.0
@@ -73,7 +73,7 @@ def test_who_runs_red_on_its_own_passes_its_line_well_inside_the_scene():
 
 def test_who_is_on_stage_stays_where_it_is():
     before = staged()
-    after = add_red_light_runners(before, [ONE], {ONE: (CAR, LIT)}, np.random.default_rng(1))
+    after = add_red_light_runners(before, {ONE: (CAR, LIT)}, np.random.default_rng(1))
     assert after.actors[ONE] is before.actors[ONE]
 
 

@@ -23,7 +23,6 @@ from scenewright.scene.constraints import ConstraintProgram, PairClause
 from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import ObjectNode
-from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalDemand, find_feasible_offsets
 from scenewright.tools.solver.background_assignment import (
     Assignment,
@@ -32,14 +31,13 @@ from scenewright.tools.solver.background_assignment import (
 )
 from scenewright.tools.solver.foreground import list_signal_demands
 from scenewright.tools.solver.objects import is_in_way
-from scenewright.tools.solver.reservation import ReservationTable, find_blocked_offsets
+from scenewright.tools.solver.reservation import ReservationTable
 from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.search import (
     MAX_SECONDS,
     Search,
     TimedSchedule,
-    add_tuple_count,
 )
 
 _SAME_WAY = 4
@@ -70,7 +68,7 @@ class FrozenAgentsSearch(Search):
         super().__init__(program, pool, map_areas, rng, lenient, objects=objects)
         self._pins = frozen
         self._placer.keep_earlier(frozen.earlier.objects)
-        self._related = {frozenset(get_pair(each)) for each in self._events}
+        self._unchanged = frozenset(frozen.same)
         self._events = tuple(each for each in self._events if self._needs_scheduling(each))
         self._near = tuple(each for each in self._near if self._needs_scheduling(each))
         self._before = tuple(each for each in self._before if self._needs_scheduling(each))
@@ -104,16 +102,8 @@ class FrozenAgentsSearch(Search):
         that."""
         if not self._pins.known:
             return super()._find_survivor()
-        wanted = max(len(self._events), 1)
-        for tried, choice in enumerate(
-            itertools.islice(self._list_tuples(), _MOST * wanted), start=1
-        ):
-            selection = self._try(choice)
-            if selection is not None:
-                return add_tuple_count(selection, tried)
-            if self._unseated >= _MOST_UNSEATED or (tried >= _IN_VAIN and not self._staged):
-                return None
-        return None
+        most = _MOST * max(len(self._events), 1)
+        return self._try_tuples(most, _IN_VAIN, _MOST_UNSEATED)
 
     def _list_tuples(self) -> Iterator[dict[str, int]]:
         first = dict.fromkeys(self._bound, 0)
@@ -147,25 +137,17 @@ class FrozenAgentsSearch(Search):
         drawn_time = (float(self._rng.uniform(6.0, 15.0)) if before is None else before) - first
         earliest = 0.5 - min(each.begins for each in schedule.events)
         latest = min(MAX_SECONDS - 0.2 - find_needed_end(schedule), _LATEST_FIRST - first)
-        shifts = self._list_lawful_shifts(schedule)
+        program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
+        shifts = np.arange(-60.0, 60.0, 0.5)
+        if program is not None and offset is not None:
+            demands = self._list_demands(schedule.actors, 4 * program.cycle)
+            around = np.arange(-2, 3) * program.cycle
+            shifts = (find_feasible_offsets(program, demands) - offset)[:, None] + around
+            shifts = np.sort(shifts.ravel())
         shifts = shifts[(shifts >= earliest) & (shifts <= latest)]
         if not len(shifts):
             return None
         return schedule.shift(round(float(shifts[np.argmin(np.abs(shifts - drawn_time))]), 1))
-
-    def _list_lawful_shifts(
-        self, schedule: PartialSchedule
-    ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """List shifts [s] at which the lights of all agents are as they must be."""
-        program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
-        if program is None or offset is None:
-            return np.arange(-60.0, 60.0, 0.5)
-        offsets = find_feasible_offsets(
-            program, self._list_demands(schedule.actors, 4 * program.cycle)
-        )
-        around = np.arange(-2, 3) * program.cycle
-        shifts = (offsets - offset)[:, None] + around
-        return np.sort(shifts.ravel())
 
     def _list_demands(
         self, actors: Mapping[str, ScheduledAgent], until: float
@@ -190,20 +172,6 @@ class FrozenAgentsSearch(Search):
             return super()._find_signal_offset(schedule, duration)
         lawful = find_feasible_offsets(program, self._list_demands(schedule.actors, duration))
         return offset if bool(np.any(np.abs(lawful - offset) < 1e-6)) else None
-
-    def _are_strangers_apart(self, schedule: PartialSchedule) -> bool:
-        """Check as for any scene, except fixed agents: they were apart before."""
-        for a, b in itertools.permutations(schedule.actors, 2):
-            pair = frozenset((self._leads.get(a, a), self._leads.get(b, b)))
-            if len(pair) == 1 or {a, b} <= self._pins.same or pair in self._related:
-                continue
-            first, second = (schedule.actors[name].cut_after(MAX_SECONDS) for name in (a, b))
-            delta = (second.enters - first.enters) / STEP
-            blocked = find_blocked_offsets(first, second, strict=True)
-            if any(low < delta < high for low, high in blocked):
-                self._failures[f"no_interaction({a}, {b})"] += 1
-                return False
-        return True
 
     def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
         """Keep fixed agents where they were and assign the others around them."""
@@ -257,12 +225,9 @@ class FrozenAgentsSearch(Search):
             if name in self._settled or name in self._stays
         }
         agents = {name: stay.get(name, agent) for name, agent in found.agents.items()}
-        kept = [e for e in self._pins.earlier.events if self._is_still_bound(e.agents)]
+        same = [e for e in self._pins.earlier.events if {*e.agents} <= self._pins.same]
+        kept = [e for e in same if frozenset(e.agents) in self._related]
         return replace(found, agents=agents, events=(*kept, *found.events))
-
-    def _is_still_bound(self, pair: tuple[str, str]) -> bool:
-        """Return whether both are fixed and a clause still binds them."""
-        return set(pair) <= self._pins.same and frozenset(pair) in self._related
 
 
 def rebuild_agent(agent: SelectedAgent, landmarks: Landmarks) -> ScheduledAgent:

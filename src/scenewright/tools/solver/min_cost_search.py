@@ -50,9 +50,12 @@ class MinCostSearch(Search):
         others = sum(map(self._compute_least_cost, self._others))
         best: Selection | None = None
         undecided, tried = float("inf"), 0
-        for choice in self._list_by_cost():
+        draws = [self._pool.agents[name] for name in self._bound]
+        for indices in enumerate_best_first([each.nll + each.time_nll for each in draws]):
+            choice = dict(zip(self._bound, indices, strict=True))
             floor = others + sum(self._get_cost(name, m) for name, m in choice.items())
-            if self._is_done(best, floor, tried):
+            spent = tried >= _MAP_TUPLES or self._glances >= _MAP_ASSIGNMENTS
+            if spent or (best is not None and floor >= best.cost - _SAME):
                 undecided = min(undecided, floor)
                 break
             tried += 1
@@ -66,12 +69,6 @@ class MinCostSearch(Search):
         found = add_tuple_count(best, tried)
         figures = {**found.figures, "gap": gap}
         return replace(found, optimal=gap <= _SAME, figures=figures)
-
-    def _is_done(self, best: Selection | None, floor: float, tried: int) -> bool:
-        """Return whether `map` stops: nothing cheaper is left, or its budget is spent."""
-        if best is not None and floor >= best.cost - _SAME:
-            return True
-        return tried >= _MAP_TUPLES or self._glances >= _MAP_ASSIGNMENTS
 
     def _find_cheapest(self, choice: dict[str, int], floor: float) -> tuple[Selection | None, bool]:
         """Find the cheapest selection with a tuple, and whether it is certain that none is
@@ -101,11 +98,13 @@ class MinCostSearch(Search):
             if framings >= _MAP_FRAMINGS:
                 break
         if self._staged == before:
-            return None, not self._meet(set_up[0])
+            pairs = ((set_up[0][c.first], set_up[0][str(c.second)]) for c in self._events)
+            return None, not all(find_contact_nodes(*pair).touches for pair in pairs)
         return best, False
 
     def _list_candidates(self, draws: AgentCandidates) -> Iterable[int]:
-        return _rank_candidates(draws)
+        """Rank candidates by ascending cost."""
+        return [int(m) for m in np.argsort(draws.nll + draws.time_nll, kind="stable")]
 
     def _list_schedules(
         self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
@@ -122,27 +121,6 @@ class MinCostSearch(Search):
             )
             yield from filter(self._runs_come_first, played)
 
-    def _set_up(
-        self, choice: Mapping[str, int]
-    ) -> tuple[dict[str, Candidate], dict[str, Landmarks]] | None:
-        """Build a tuple's candidates and landmarks; None if it fails at any time whatever."""
-        built = {name: self._get_candidate(name, m) for name, m in choice.items()}
-        candidates = {name: pair[0] for name, pair in built.items() if pair}
-        landmarks = {name: pair[1] for name, pair in built.items() if pair}
-        if None in built.values() or not self._do_paths_fit(candidates):
-            return None
-        return candidates, landmarks
-
-    def _meet(self, candidates: Mapping[str, Candidate]) -> bool:
-        """Return whether the paths of all agents bound to one another touch."""
-        pairs = ((candidates[c.first], candidates[str(c.second)]) for c in self._events)
-        return all(find_contact_nodes(*pair).touches for pair in pairs)
-
-    def _list_by_cost(self) -> Iterator[dict[str, int]]:
-        draws = [self._pool.agents[name] for name in self._bound]
-        for choice in enumerate_best_first([each.nll + each.time_nll for each in draws]):
-            yield dict(zip(self._bound, choice, strict=True))
-
     @cached_property
     def _others(self) -> list[AgentCandidates]:
         """All agents but the foreground tuple and the reserve, by their least cost."""
@@ -152,12 +130,7 @@ class MinCostSearch(Search):
     def _compute_least_cost(self, draws: AgentCandidates) -> float:
         """Compute the least cost of an agent's candidates that meet every unary clause; inf if
         none."""
-        fits = (
-            m for m in _rank_candidates(draws) if self._get_candidate(draws.name, m) is not None
-        )
-        return next((self._get_cost(draws.name, m) for m in fits), float("inf"))
-
-
-def _rank_candidates(draws: AgentCandidates) -> list[int]:
-    """Rank candidates by ascending cost."""
-    return [int(m) for m in np.argsort(draws.nll + draws.time_nll, kind="stable")]
+        for m in self._list_candidates(draws):
+            if self._get_candidate(draws.name, m) is not None:
+                return self._get_cost(draws.name, m)
+        return float("inf")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -40,15 +40,14 @@ def compute_line_time(actor: ScheduledAgent) -> float:
 
 def add_red_light_runners(
     schedule: PartialSchedule,
-    names: Iterable[str],
     candidates: Mapping[str, tuple[Candidate, Landmarks]],
     rng: np.random.Generator,
 ) -> PartialSchedule:
     """Add all agents that run red without another relation to the schedule."""
     actors = dict(schedule.actors)
-    for name in names:
+    for name, built in candidates.items():
         if name not in actors:
-            actor = ScheduledAgent.build_unplaced(*candidates[name])
+            actor = ScheduledAgent.build_unplaced(*built)
             line = compute_line_time(actor)
             if np.isfinite(line):
                 actors[name] = actor.shift(float(rng.uniform(*_LONE)) - line)

@@ -35,7 +35,6 @@ from scenewright.scene.constraints import (
     MinLength,
     Near,
     NoReaction,
-    PairClause,
     PairFigure,
     PassesBeside,
     Reacts,
@@ -164,6 +163,8 @@ class Search:
 
     _patience: int | None = 2
     """Number of candidates on which a background agent looks for room."""
+    _unchanged: frozenset[str] = frozenset()
+    """Agents that move as in an earlier version."""
 
     def __init__(
         self,
@@ -175,71 +176,66 @@ class Search:
         *,
         objects: Sequence[ObjectNode] = (),
     ) -> None:
-        self._lenient = lenient
-        self._to_meet, self._meetings = (
-            list_meetings(objects),
-            dict[tuple[str, int], ObjectEncounter](),
-        )
+        self._lenient, self._to_meet = lenient, list_meetings(objects)
+        self._meetings: dict[tuple[str, int], ObjectEncounter] = {}
         # What several meet stands where the first could meet it.
         self._stands: dict[str, ObjectRecord] = {}
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
-        self._pool, self._ground, self._rng = pool, map_areas, rng
-        self._events = _order_clauses([c for c in program.clauses if isinstance(c, _Event)])
-        self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
-        self._before = tuple(c for c in program.clauses if isinstance(c, Before))
-        self._strikers = frozenset(get_pair(c) for c in program.clauses if isinstance(c, Strikes))
-        unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
-        self._unary = {c.agent: [each for each in unary if each.agent == c.agent] for c in unary}
-        self._figures = tuple(c for c in program.clauses if isinstance(c, AgentFigure | PairFigure))
-        self._measured = {
-            name
-            for c in program.clauses
-            if isinstance(c, AgentFigure | PairFigure | SpeedBetween)
-            for name in ((c.first, c.second) if isinstance(c, PairFigure) else (c.agent,))
-        }
-        self._times = tuple(c for c in self._figures if c.clause == "time")
+        self._pool, self._ground, self._rng, clauses = pool, map_areas, rng, program.clauses
+
+        def list_agents(*kinds: type[UnaryClause]) -> list[str]:
+            return [c.agent for c in clauses if isinstance(c, kinds)]
+
+        self._events = _order_clauses([c for c in clauses if isinstance(c, _Event)])
+        self._related = {frozenset(get_pair(c)) for c in self._events}
+        self._near = tuple(c for c in clauses if isinstance(c, Near | SameLane))
+        self._before = tuple(c for c in clauses if isinstance(c, Before))
+        self._strikers = frozenset(get_pair(c) for c in clauses if isinstance(c, Strikes))
+        self._unary = [c for c in clauses if isinstance(c, UnaryClause)]
+        self._figures = tuple(c for c in clauses if isinstance(c, AgentFigure | PairFigure))
+        pairs = [c for c in self._figures if isinstance(c, PairFigure)]
+        self._measured = {name for c in pairs for name in (c.first, c.second)}.union(
+            list_agents(AgentFigure, SpeedBetween)
+        )
+        self._times = [c for c in pairs if c.clause == "time"]
         self._least_off: dict[AgentFigure | PairFigure, float] = {}
-        self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
-        self._at_yellow = {c.agent for c in program.clauses if isinstance(c, RunsYellow)}
+        self._violators, self._at_yellow = {*list_agents(RunsRed)}, {*list_agents(RunsYellow)}
         self._at_lights = self._violators | self._at_yellow
-        asked = [c for c in program.clauses if isinstance(c, AgentMotion)]
-        self._motions = {c.agent: (c.clause, load_motion(c.clause)) for c in asked}
-        self._drawn = {
-            kind.draw: kind.draw(rng)
-            for kind in dict.fromkeys(kind for _, kind in self._motions.values())
-            if kind.draw is not None
-        }
-        paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
+        motions = [c for c in clauses if isinstance(c, AgentMotion)]
+        self._motions = {c.agent: (c.clause, load_motion(c.clause)) for c in motions}
+        draws = dict.fromkeys(kind.draw for _, kind in self._motions.values() if kind.draw)
+        self._drawn = {draw: draw(rng) for draw in draws}
         pushes = [c for c in self._events if isinstance(c, Contact) and _is_pushed(c)]
         struck = {c.first for c in pushes}
         self._chained = struck | {str(c.second) for c in pushes}
         self._chained |= {c.first for c in self._events if c.second in struck}
-        self._red_first: dict[str, float] = dict.fromkeys((*paced, *self._chained), 0.0)
-        bound = [name for c in self._events for name in (c.first, str(c.second))]
-        runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
+        self._red_first = dict.fromkeys((*list_agents(SpeedBetween), *self._chained), 0.0)
+        bound = [name for c in self._events for name in get_pair(c)]
         company = {name: kind.company for name, (_, kind) in sorted(self._motions.items())}
-        alone = [name for name, needed in company.items() if needed == "cannot"]
-        if {*bound} & {*alone}:
-            raise Rejected(_reject_busy(sorted({*bound} & {*alone})))
-        either = (name for name, needed in company.items() if needed == "may")
-        alone = [*alone, *self._to_meet, *either]
-        self._bound = list(dict.fromkeys((*bound, *runners, *alone)))
+        lone = [name for name, needed in company.items() if needed == "cannot"]
+        either = [name for name, needed in company.items() if needed == "may"]
+        runners = list_agents(RunsRed, RunsYellow)
+        self._bound = list(dict.fromkeys((*bound, *runners, *lone, *self._to_meet, *either)))
+        if busy := sorted({*bound} & {*lone}):
+            fault = "stops at its light or in the junction, so it can do nothing with another agent"
+            raise _reject(busy, f"{busy[0]} {fault}")
         self._reactions = ReactionRequests(
-            frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
+            frozenset(list_agents(NoReaction)),
             {
                 frozenset((str(each.hides), str(each.hidden_from))): each.lead or DEFAULT_LEAD
                 for each in objects
                 if each.hides is not None
             },
-            {c.agent: c.how for c in program.clauses if isinstance(c, Reacts)},
+            {c.agent: c.how for c in clauses if isinstance(c, Reacts)},
         )
         self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
-        if not pool.groups.keys() <= {*bound}:
-            raise Rejected(_reject_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
+        fault = "so it must also do something with another agent"
+        if idle := sorted(pool.groups.keys() - {*bound}):
+            raise _reject(idle, f"{idle[0]} walks in a group, {fault}")
         for name in sorted(company.keys() - {*bound}):
             if company[name] == "must":
                 words = self._motions[name][0].replace("_", " ")
-                raise Rejected(_reject_alone([name], words))
+                raise _reject([name], f"{name} {words}, {fault}")
         self._parts = join_names((), map(get_pair, self._events))
         self._varied: frozenset[str] = frozenset()
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
@@ -250,7 +246,11 @@ class Search:
         """Run the search; Rejected where no combination survives, or it takes too many steps."""
         for clause in (*self._near, *self._before):
             if not {clause.first, clause.second} <= set(self._bound):
-                raise Rejected(_reject_unbound(clause))
+                raise _reject(
+                    [clause.first, clause.second],
+                    f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
+                    "headway, gives_way, brakes_for or stops_behind clause",
+                )
         try:
             with limit_work(_MOST_STEPS):
                 found = self._find_survivor()
@@ -265,12 +265,16 @@ class Search:
     def _find_survivor(self) -> Selection | None:
         """Find the first surviving combination in the order drawn."""
         wanted = max(len(self._events), 1) + len(self._figures)
-        tuples = itertools.islice(self._list_tuples(), _TUPLES * wanted)
-        for tried, choice in enumerate(tuples, start=1):
+        return self._try_tuples(_TUPLES * wanted, _HOPELESS * wanted, _SEATINGS)
+
+    def _try_tuples(self, most: int, hopeless: int, seatings: int) -> Selection | None:
+        """Find the first survivor among so many tuples, giving up after `hopeless` if none is
+        scheduled, and after so many assignments that fail."""
+        for tried, choice in enumerate(itertools.islice(self._list_tuples(), most), start=1):
             selection = self._try(choice)
             if selection is not None:
                 return add_tuple_count(selection, tried)
-            if self._unseated >= _SEATINGS or (tried >= _HOPELESS * wanted and not self._staged):
+            if self._unseated >= seatings or (tried >= hopeless and not self._staged):
                 return None
         return None
 
@@ -296,37 +300,36 @@ class Search:
             if n and n % len(draws[0].nll) == 0:
                 orders = [self._rng.permutation(len(each.nll)) for each in draws]
 
-    def _try(self, choice: dict[str, int]) -> Selection | None:
-        count_work()
+    def _set_up(
+        self, choice: Mapping[str, int]
+    ) -> tuple[dict[str, Candidate], dict[str, Landmarks]] | None:
+        """Build a tuple's candidates and landmarks; None if it fails at any time whatever."""
         built = {name: self._get_candidate(name, m) for name, m in choice.items()}
         if None in built.values():
             self._vary_only(name for name, pair in built.items() if pair is None)
             return None
         candidates = {name: pair[0] for name, pair in built.items() if pair}
         landmarks = {name: pair[1] for name, pair in built.items() if pair}
-        if not self._do_paths_fit(candidates):
+        return (candidates, landmarks) if self._do_paths_fit(candidates) else None
+
+    def _try(self, choice: dict[str, int]) -> Selection | None:
+        """Find a survivor with a tuple, whose agents may wait at red before the first event."""
+        count_work()
+        set_up = self._set_up(choice)
+        if set_up is None:
             return None
-        waiting = self._draw_red_starts(candidates, landmarks)
+        waiting = draw_red_light_starts(
+            *set_up,
+            (*self._events, *self._before),
+            intersection_map=self._ground.intersection_map,
+            chances=self._red_first | dict.fromkeys(self._at_lights, 0.0),
+            rng=self._rng,
+        )
         for red_light_starts in (waiting, {}) if waiting else ({},):
-            selection = self._schedule_tuple(choice, candidates, landmarks, red_light_starts)
+            selection = self._schedule_tuple(choice, *set_up, red_light_starts)
             if selection is not None or self._unseated >= _SEATINGS:
                 return selection
         return None
-
-    def _draw_red_starts(
-        self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
-    ) -> dict[str, ScheduledAgent]:
-        """Draw the foreground agents that wait at red before the first event."""
-        intersection_map, bonds = self._ground.intersection_map, (*self._events, *self._before)
-        chances = self._red_first | dict.fromkeys(self._at_lights, 0.0)
-        return draw_red_light_starts(
-            candidates,
-            landmarks,
-            bonds,
-            intersection_map=intersection_map,
-            chances=chances,
-            rng=self._rng,
-        )
 
     def _schedule_tuple(
         self,
@@ -336,42 +339,35 @@ class Search:
         red_light_starts: Mapping[str, ScheduledAgent],
     ) -> Selection | None:
         """Find the first survivor among the schedules of a tuple with this beginning."""
+        held = {
+            name: kind.hold(candidates[name], landmarks[name], self._rng)
+            for name, (_, kind) in sorted(self._motions.items())
+            if kind.hold is not None and name in candidates
+        }
         context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
-            yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
+            yielding_model=self._pool.yielding_model, red_light_starts={**red_light_starts, **held},
             figures=self._figures, reactions=self._reactions, strikers=self._strikers,
         )  # fmt: skip
-        context.red_light_starts = {
-            **context.red_light_starts,
-            **{
-                name: kind.hold(candidates[name], landmarks[name], self._rng)
-                for name, (_, kind) in sorted(self._motions.items())
-                if kind.hold is not None and name in candidates
-            },
-        }
         stage = ForegroundSolver(context)
         met = {name: self._get_meeting(name, choice) for name in self._to_meet}
         self._placer.block_paths(
             {name: each.place for name, each in met.items() if each},
             {name: (each.door, each.opens) for name, each in met.items() if each and each.door},
         )
-        count = 0
-        scheduled = filter(
-            self._runs_come_first, stage.schedule_all(self._events, self._build_first_schedule())
-        )
-        scheduled = filter(self._is_in_order, filter(self._turns_come_first, scheduled))
-        for schedule in filter(self._is_as_measured, scheduled):
+        before = self._staged
+        scheduled = stage.schedule_all(self._events, self._build_first_schedule())
+        scheduled = filter(self._turns_come_first, filter(self._runs_come_first, scheduled))
+        for schedule in filter(self._is_as_measured, filter(self._is_in_order, scheduled)):
             selection = self._finish(schedule, choice)
             if selection is not None:
                 return selection
-            count += 1
             self._staged += 1
-            spent = self._unseated >= _SEATINGS
-            if count >= _STAGINGS_PER_TUPLE or spent:
+            if self._staged - before >= _STAGINGS_PER_TUPLE or self._unseated >= _SEATINGS:
                 return None
-        if not count:
+        if self._staged == before:
             self._vary_only(stage.unscheduled)
-            self._failures[_format_clauses(self._events)] += 1
+            self._failures["; ".join(map(format_clause, self._events))] += 1
         return None
 
     def _get_meeting(self, name: str, choice: Mapping[str, int]) -> ObjectEncounter | None:
@@ -414,8 +410,9 @@ class Search:
                 candidate, landmarks = reshaped, find_landmarks(reshaped, map_areas=self._ground)
             refused = [
                 rejection
-                for each in self._unary.get(name, ())
-                if not (kind is not None and kind.shortens and isinstance(each, MinLength))
+                for each in self._unary
+                if each.agent == name
+                and not (kind is not None and kind.shortens and isinstance(each, MinLength))
                 for rejection in check(candidate, each, landmarks=landmarks, map_areas=self._ground)
             ]
             self._failures.update(rejection.detail for rejection in refused)
@@ -481,10 +478,8 @@ class Search:
     ) -> TimedSchedule | None:
         """Add scene time and lights; None if one of these does not fit."""
         timed = self._shift_to_scene_time(schedule)
-        timed = None if timed is None else self._add_encounters(timed, choice)
-        timed = None if timed is None else self._add_lone(timed, choice)
-        timed = None if timed is None else self._add_runners(timed, choice)
-        timed = None if timed is None else self._add_members(timed, choice)
+        for add in (self._add_encounters, self._add_lone, self._add_runners, self._add_members):
+            timed = None if timed is None else add(timed, choice)
         if timed is None or not self._are_strangers_apart(timed):
             return None
         if not (self._is_in_order(timed) and self._is_as_measured(timed, timed=True)):
@@ -513,34 +508,24 @@ class Search:
         earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
         latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
         shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
-        shift = self._shift_to_time(schedule, shift)
+        asked = (
+            round((clause.low + clause.high) / 2 - event.time, 1)
+            for clause, event in itertools.product(self._times, schedule.events)
+            if {*get_pair(event.clause)} == {clause.first, clause.second}
+        )
+        shift = next(asked, shift)
         if begins + shift < 0.0:
             self._failures["the events do not fit into one scene of 30 s"] += 1
             return None
         timed = schedule.shift(shift)
         if self._placer.hides_pedestrian and not self._times:
-            return self._begin_hidden(timed, first + shift)
+            # The scene begins later, if only then no hidden pedestrian is visible too soon: a
+            # driver far off looks along the sidewalk, behind what stands at the kerb.
+            for time in (first + shift, *_HIDDEN_FIRST):
+                moved = timed.shift(round(time - (first + shift), 1))
+                if not isinstance(self._placer.place(moved), str):
+                    return moved
         return timed
-
-    def _begin_hidden(self, timed: PartialSchedule, first: float) -> PartialSchedule:
-        """Begin the scene later, if only then no hidden pedestrian is visible too soon.
-
-        A driver far off looks along the sidewalk, behind what stands at the kerb.
-        """
-        for time in (first, *_HIDDEN_FIRST):
-            moved = timed.shift(round(time - first, 1))
-            if not isinstance(self._placer.place(moved), str):
-                return moved
-        return timed
-
-    def _shift_to_time(self, schedule: PartialSchedule, shift: float) -> float:
-        """Find the shift [s] that brings an event to the time asked for; as drawn, if none is."""
-        for clause in self._times:
-            pair = {clause.first, clause.second} if isinstance(clause, PairFigure) else set()
-            for event in schedule.events:
-                if {event.clause.first, event.clause.second} == pair:
-                    return round((clause.low + clause.high) / 2 - event.time, 1)
-        return shift
 
     def _compute_duration(self, _: PartialSchedule) -> float:
         """Compute the length of the scene [s]."""
@@ -551,7 +536,7 @@ class Search:
         alone = [name for name in self._bound if name not in schedule.actors]
         built = {name: self._get_candidate(name, choice[name]) for name in alone}
         known = {name: pair for name, pair in built.items() if pair is not None}
-        return add_red_light_runners(schedule, known, known, self._rng)
+        return add_red_light_runners(schedule, known, self._rng)
 
     def _add_encounters(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
@@ -563,9 +548,9 @@ class Search:
             built = self._get_candidate(name, choice[name])
             met = self._meetings.get((name, choice[name]))
             before = earlier.get(self._to_meet[name].id)
-            placed = (
-                place_encounter(met, built[1], self._rng, earlier=before) if met and built else None
-            )
+            placed = None
+            if met and built:
+                placed = place_encounter(met, built[1], self._rng, earlier=before)
             if placed is None:
                 self._failures[f"{name} cannot stop before {self._to_meet[name].id}"] += 1
                 return None
@@ -588,12 +573,6 @@ class Search:
                 return None
             actors[name] = actor
         return replace(schedule, actors=actors)
-
-    def _list_lone_demands(self, schedule: PartialSchedule) -> Iterator[SignalDemand]:
-        for name, actor in schedule.actors.items():
-            _, kind = self._motions.get(name, ("", None))
-            if kind is not None and kind.demands is not None:
-                yield from kind.demands(actor, self._drawn[kind.draw] if kind.draw else 0.0)
 
     def _add_members(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
@@ -640,18 +619,17 @@ class Search:
         return f"{'runs_yellow' if name in self._at_yellow else 'runs_red'}({name})"
 
     def _are_strangers_apart(self, schedule: PartialSchedule) -> bool:
-        related = {frozenset((c.first, str(c.second))) for c in self._events}
-        for a in schedule.actors:
-            for b in schedule.actors:
-                pair = frozenset((self._leads.get(a, a), self._leads.get(b, b)))
-                if len(pair) == 1 or pair in related:
-                    continue
-                first, second = (schedule.actors[name].cut_after(MAX_SECONDS) for name in (a, b))
-                delta = (second.enters - first.enters) / STEP
-                for low, high in find_blocked_offsets(first, second, strict=True):
-                    if low < delta < high:
-                        self._failures[f"no_interaction({a}, {b})"] += 1
-                        return False
+        """Return whether no two meet that no clause relates, unless they did before."""
+        for a, b in itertools.permutations(schedule.actors, 2):
+            pair = frozenset((self._leads.get(a, a), self._leads.get(b, b)))
+            if len(pair) == 1 or {a, b} <= self._unchanged or pair in self._related:
+                continue
+            first, second = (schedule.actors[name].cut_after(MAX_SECONDS) for name in (a, b))
+            delta = (second.enters - first.enters) / STEP
+            blocked = find_blocked_offsets(first, second, strict=True)
+            if any(low < delta < high for low, high in blocked):
+                self._failures[f"no_interaction({a}, {b})"] += 1
+                return False
         return True
 
     def _is_as_measured(self, schedule: PartialSchedule, *, timed: bool = False) -> bool:
@@ -675,25 +653,22 @@ class Search:
         program = self._ground.intersection_map.signals
         if program is None:
             return None
-        wanted = self._list_signal_demands(schedule, duration)
-        offsets = find_feasible_offsets(program, (*wanted, *self._list_lone_demands(schedule)))
+        demands = list(self._list_signal_demands(schedule, duration))
+        for name, actor in schedule.actors.items():
+            _, kind = self._motions.get(name, ("", None))
+            if kind is not None and kind.demands is not None:
+                demands += kind.demands(actor, self._drawn[kind.draw] if kind.draw else 0.0)
+        offsets = find_feasible_offsets(program, tuple(demands))
         if not len(offsets):
             return None
-        arrivals = [each.route for each in self._pool.agents.values() if each.chance is not None]
+        routes = [each.route for each in self._pool.agents.values() if each.chance is not None]
+        own = self._ground.intersection_map
         often = count_visible_agents(
-            program,
-            offsets,
-            arrivals,
-            duration=duration,
-            intersection_map=self._ground.intersection_map,
+            program, offsets, routes, duration=duration, intersection_map=own
         )
         if schedule.events:
             left = compute_queue_growth(
-                program,
-                offsets,
-                arrivals,
-                duration=duration,
-                intersection_map=self._ground.intersection_map,
+                program, offsets, routes, duration=duration, intersection_map=own
             )
             often = often * np.exp(_DISCHARGE * (left.min() - left))
         return float(self._rng.choice(offsets, p=often / often.sum()))
@@ -721,17 +696,6 @@ class Search:
             )
         )
 
-    def _get_timing(self, timed: TimedSchedule) -> SceneTiming:
-        clock = None
-        if timed.offset is not None and self._ground.intersection_map.signals is not None:
-            clock = SignalClock(self._ground.intersection_map.signals, timed.offset)
-        conflicts = tuple(
-            (each.time, each.location)
-            for each in timed.schedule.events
-            if not isinstance(each.clause, Headway)
-        )
-        return SceneTiming(clock, timed.duration, conflicts)
-
     def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
         """Assign all other agents around the foreground; reserves replace those without room."""
         actors = timed.schedule.actors
@@ -742,15 +706,20 @@ class Search:
 
     def _list_background(self, timed: TimedSchedule, names: Iterable[str]) -> list[BackgroundAgent]:
         """List these agents, to be placed around a schedule."""
-        moment = self._get_timing(timed)
+        program, clock = self._ground.intersection_map.signals, None
+        if timed.offset is not None and program is not None:
+            clock = SignalClock(program, timed.offset)
+        events = (e for e in timed.schedule.events if not isinstance(e.clause, Headway))
+        conflicts = tuple((each.time, each.location) for each in events)
+        moment = SceneTiming(clock, timed.duration, conflicts)
         return [
             BackgroundAgent(
-                name=name,
+                name=draws.name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
                 place=partial(self._place_agent, draws, moment, timed.objects),
             )
-            for name, draws in ((name, self._pool.agents[name]) for name in names)
+            for draws in map(self._pool.agents.__getitem__, names)
         ]
 
     def _list_candidates(self, draws: AgentCandidates) -> Iterable[int]:
@@ -835,10 +804,10 @@ class Search:
         for name, draws in self._pool.agents.items():
             if name in schedule.actors:
                 actor, index = schedule.actors[name], choice[self._leads.get(name, name)]
-            elif name not in assignment:
-                continue
-            else:
+            elif name in assignment:
                 actor, index = assignment[name].actor, assignment[name].index
+            else:
+                continue
             agents[name] = SelectedAgent(
                 name=name,
                 role=draws.role,
@@ -856,7 +825,7 @@ class Search:
         events = tuple(
             PlannedEvent(
                 format_clause(each.clause),
-                (each.clause.first, str(each.clause.second)),
+                get_pair(each.clause),
                 round(each.time, 3),
                 each.location,
             )
@@ -892,6 +861,14 @@ class Search:
         )
 
 
+def _reject(names: list[str], fault: str) -> Rejected:
+    return Rejected(
+        Rejection(
+            stage="waypoint_filter", code="malformed_program", agents=tuple(names), detail=fault
+        )
+    )
+
+
 def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
     """Put followers last, after their leader's other events; but before they run into it.
 
@@ -899,9 +876,18 @@ def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
     which an agent of it is pushed. Agents bound to placed
     ones come before others, as two that have come independently cannot be brought together.
     """
-    later = [each for each in clauses if isinstance(each, Headway) and _comes_last(each, clauses)]
+    # The leader's motion decides when it is followed where it gives way, or is not hit.
+    waits = {each.first for each in clauses if isinstance(each, GivesWay)}
+    hits = [{*get_pair(each)} for each in clauses if isinstance(each, Contact)]
+    later = [
+        each
+        for each in clauses
+        if isinstance(each, Headway) and (each.second in waits or {*get_pair(each)} not in hits)
+    ]
     sooner = [each for each in clauses if each not in later]
-    ends = [each for each in sooner if isinstance(each, Contact) and _has_company(each, sooner)]
+    named = Counter(name for each in sooner for name in get_pair(each))
+    contacts = (each for each in sooner if isinstance(each, Contact))
+    ends = [each for each in contacts if max(named[name] for name in get_pair(each)) > 1]
     ends.sort(key=_is_pushed)
     return _put_connected_first([*(each for each in sooner if each not in ends), *ends, *later])
 
@@ -916,36 +902,11 @@ def _put_connected_first(clauses: list[_EventClause]) -> tuple[_EventClause, ...
     known: set[str] = set()
     rest = list(clauses)
     while rest:
-        joins = (each for each in rest if known & {each.first, str(each.second)})
+        joins = (each for each in rest if known & {*get_pair(each)})
         ordered.append(next(joins, rest[0]))
         rest.remove(ordered[-1])
-        known |= {ordered[-1].first, str(ordered[-1].second)}
+        known |= {*get_pair(ordered[-1])}
     return tuple(ordered)
-
-
-def _comes_last(follow: Headway, clauses: list[_EventClause]) -> bool:
-    """Return whether the leader's motion decides when it is followed: it gives way, or is not
-    hit."""
-    pair = {follow.first, follow.second}
-    hit = any(isinstance(c, Contact) and {c.first, c.second} == pair for c in clauses)
-    waits = any(isinstance(c, GivesWay) and c.first == follow.second for c in clauses)
-    return waits or not hit
-
-
-def _has_company(contact: _EventClause, clauses: list[_EventClause]) -> bool:
-    """Return whether one of the two has another event as well."""
-    pair = {contact.first, str(contact.second)}
-    return any(each is not contact and pair & {each.first, str(each.second)} for each in clauses)
-
-
-def _reject_unbound(clause: PairClause) -> Rejection:
-    return Rejection(
-        stage="waypoint_filter",
-        code="malformed_program",
-        agents=(clause.first, str(clause.second)),
-        detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
-        "headway, gives_way, brakes_for or stops_behind clause",
-    )
 
 
 @cache
@@ -955,29 +916,6 @@ def load_motion(clause: str) -> MotionTemplate:
     return cast(MotionTemplate, load_function(str(name), __package__))
 
 
-def _reject_alone(names: list[str], what: str) -> Rejection:
-    return Rejection(
-        stage="waypoint_filter",
-        code="malformed_program",
-        agents=tuple(names),
-        detail=f"{names[0]} {what}, so it must also do something with another agent",
-    )
-
-
-def _reject_busy(names: list[str]) -> Rejection:
-    return Rejection(
-        stage="waypoint_filter",
-        code="malformed_program",
-        agents=tuple(names),
-        detail=f"{names[0]} stops at its light or in the junction, so it can do nothing with "
-        "another agent",
-    )
-
-
 def add_tuple_count(selection: Selection, tried: int) -> Selection:
     """Return the selection with the number of tuples tried among its figures."""
     return replace(selection, figures={**selection.figures, "tuples": tried})
-
-
-def _format_clauses(clauses: tuple[PairClause, ...]) -> str:
-    return "; ".join(format_clause(clause) for clause in clauses)
