@@ -33,13 +33,13 @@ _MANOEUVRES, _OFFSETS, _FAILURES = 6, 2, 4
 """Brakings that are tried; offsets kept of each, and those after which it is given up."""
 
 _DECELERATIONS = (5.8, 7.4)
-_HARD = (5.2, 7.8)
+HARD = (5.2, 7.8)
 """Intended braking, and what must be left of it after smoothing [m/s^2] (SEMANTICS 4, 5)."""
 
 _ABRUPT = 0.9
 """How much more braking is intended per m/s below 6 m/s, as smoothing takes more off [1/s]."""
 
-_CLOSE_TTC, _CLOSE_PET = 1.42, 1.4
+CLOSE_TTC, _CLOSE_PET = 1.42, 1.4
 """A near miss needs less than one of these [s], here with a margin (SEMANTICS 4)."""
 
 _CLEARANCE, _LONGEST_PET = 0.3, 7.0
@@ -140,11 +140,11 @@ class _HardBraking:
         """Schedule every offset at which this braking leads to the TTC asked for, up to a
         number."""
         braked = _apply_braking(self.a, how)
-        hardest = float(-compute_smooth_acceleration(braked)[1:-1].min(initial=0.0))
-        if not _HARD[0] <= hardest <= _HARD[1]:
+        hardest = find_hardest_braking(braked)
+        if not HARD[0] <= hardest <= HARD[1]:
             words = f"{self.clause.first} is too slow on this movement, its hardest is"
             words = f"braking of more than 5 m/s^2: {words} {hardest:.1f} m/s^2"
-            self.note_miss(FailureStage.PLACE, words, off=compute_excess(*_HARD, hardest))
+            self.note_miss(FailureStage.PLACE, words, off=compute_excess(*HARD, hardest))
             return
         tried = [0, 0]
         for delta in self.context.rng.permutation(self.list_collision_offsets()).tolist():
@@ -258,7 +258,7 @@ class _HardBraking:
             self.note_miss(FailureStage.COMPANY, words, off=off)
             return False
         if pet <= _CLOSE_PET or (
-            pet <= _LONGEST_PET and find_ttc_while_braking(a, near) <= _CLOSE_TTC
+            pet <= _LONGEST_PET and find_ttc_while_braking(a, near) <= CLOSE_TTC
         ):
             return True
         words = "a near miss needs a PET of at most 1.5 s, or a path TTC of at most 1.5 s under"
@@ -329,6 +329,11 @@ def find_ttc_while_braking(a: ScheduledAgent, near: PathTtc) -> float:
 def compute_smooth_acceleration(a: ScheduledAgent) -> FloatArray:
     """Compute its acceleration [T] over 0.3 s [m/s^2]."""
     return np.asarray(np.convolve(a.motion.acceleration, np.full(3, 1 / 3), mode="same"))
+
+
+def find_hardest_braking(a: ScheduledAgent) -> float:
+    """Find how hard it brakes at most, over 0.3 s [m/s^2]."""
+    return float(-compute_smooth_acceleration(a)[1:-1].min(initial=0.0))
 
 
 def _crosses(a: ScheduledAgent, b: ScheduledAgent, zone: PathConflict) -> float:

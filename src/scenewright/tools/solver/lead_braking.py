@@ -18,7 +18,10 @@ from scenewright.scene.track import STEP
 from scenewright.tools.solver.contact import schedule_offsets
 from scenewright.tools.solver.context import FOR_GOOD, SolverContext, compute_excess
 from scenewright.tools.solver.hard_braking import (
+    CLOSE_TTC,
+    HARD,
     compute_smooth_acceleration,
+    find_hardest_braking,
     find_ttc_while_braking,
 )
 from scenewright.tools.solver.impact import find_least_clearance
@@ -30,8 +33,8 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 _LEADERS, _FOLLOWERS, _REACTIONS = 4, 5, 5
 """Brakings of the leader; responses of the follower to each; reaction times of each response."""
 
-_BRAKING, _HARD = (5.6, 7.2), (5.2, 7.8)
-"""Intended braking of the leader, and what must be left of it after smoothing [m/s^2]."""
+_BRAKING = (5.6, 7.2)
+"""Intended braking of the leader [m/s^2]."""
 
 _ON_ITS_WAY, _LEAST_DRIVE = (0.22, 0.88), 1.7
 """Where it stops, as a share of its path; and how long it drives freely before it brakes [s]."""
@@ -48,8 +51,8 @@ _SPEED_LEFT, _LATE_BRAKING = (2.5, 5.5), (5.0, 7.0)
 _LEAST_HEADWAY = 0.7
 """Of the two before either brakes [s]."""
 
-_CLOSE_TTC, _IN_TIME = 1.42, 1.6
-"""A path TTC while braking below the first makes a near miss; above the second it is none [s]."""
+_IN_TIME = 1.6
+"""A path TTC while braking above this makes no near miss [s]."""
 
 _GAPS = {"near": (0.8, 2.0), "in time": (1.5, 4.0)}
 """Between the two when they stand [m]."""
@@ -72,11 +75,7 @@ def schedule_lead_braking(
     a, b = context.get_pair(clause, schedule)
     if context.refuse_after_collision(clause, a, b):
         return
-    for leader in _draw_leaders(b, clause, context):
-        touch = context.find_touch(clause, leader.stops[-1].s)
-        if touch is None:
-            _note_apart(clause, context)
-            continue
+    for leader, touch in _draw_leaders(b, clause, context):
         for _ in range(_FOLLOWERS):
             speed = clause.speed or float(context.rng.uniform(*_SPEED_LEFT))
             braking = float(context.rng.uniform(*_LATE_BRAKING))
@@ -95,11 +94,7 @@ def schedule_stops_behind(
         words = f"one of {clause.first} and {clause.second} has crashed or stopped before"
         context.note_miss(clause, FailureStage.PATHS, words)
         return
-    for leader in _draw_leaders(b, clause, context):
-        touch = context.find_touch(clause, leader.stops[-1].s)
-        if touch is None:
-            _note_apart(clause, context)
-            continue
+    for leader, touch in _draw_leaders(b, clause, context):
         for _ in range(_FOLLOWERS):
             kind = "near" if clause.high <= _IN_TIME else "in time"
             gap, braking = (float(context.rng.uniform(*each[kind])) for each in (_GAPS, _STOPPING))
@@ -115,8 +110,9 @@ def schedule_stops_behind(
 
 def _draw_leaders(
     b: ScheduledAgent, clause: PairClause, context: SolverContext
-) -> Iterator[ScheduledAgent]:
-    """Draw the leader braking hard to a stop, at several places."""
+) -> Iterator[tuple[ScheduledAgent, float]]:
+    """Draw the leader braking hard to a stop, at several places, and where the follower touches it
+    there [m]."""
     rng = context.rng
     for _ in range(_LEADERS):
         place = b.candidate.path.length * float(rng.uniform(*_ON_ITS_WAY))
@@ -126,14 +122,17 @@ def _draw_leaders(
         lasts = FOR_GOOD if isinstance(clause, Contact) else float(rng.uniform(*_STANDS))
         stop = Stop("stopping_point", s, start, start + lasts, "brakes", braking)
         leader = b.edit(stops=(stop,))
-        hardest = float(-compute_smooth_acceleration(leader)[1:-1].min(initial=0.0))
+        touch = context.find_touch(clause, s)
         if _find_onset(leader) < _LEAST_DRIVE:
             continue
-        if _HARD[0] <= hardest <= _HARD[1]:
-            yield leader
-        else:
+        if not HARD[0] <= find_hardest_braking(leader) <= HARD[1]:
             words = f"{clause.second} is too slow on this movement to brake hard"
             context.note_miss(clause, FailureStage.PLACE, words)
+        elif touch is None:
+            words = f"{clause.first} does not drive in the lane where {clause.second} brakes"
+            context.note_miss(clause, FailureStage.PATHS, words)
+        else:
+            yield leader, touch
 
 
 def _draw_offsets(
@@ -192,7 +191,7 @@ def _place(
         context.note_miss(clause, FailureStage.MEASURE, words, off=off)
         return None
     braking = min(find_ttc_while_braking(each, near) for each in (a, b))
-    if braking > _CLOSE_TTC if clause.high <= _IN_TIME else braking < _IN_TIME:
+    if braking > CLOSE_TTC if clause.high <= _IN_TIME else braking < _IN_TIME:
         return None
     clearance, time, place = find_least_clearance(a, b)
     if clearance < _CLEARANCE or schedule.is_too_soon(time, clause):
@@ -202,8 +201,3 @@ def _place(
     begins = b.enters + _find_onset(b) - seen
     event = ScheduledEvent(clause, near.when, begins, until + 1.0, until, place)
     return schedule.add_event(event, a, b)
-
-
-def _note_apart(clause: PairClause, context: SolverContext) -> None:
-    words = f"{clause.first} does not drive in the lane where {clause.second} brakes"
-    context.note_miss(clause, FailureStage.PATHS, words)

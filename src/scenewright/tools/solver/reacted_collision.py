@@ -20,6 +20,7 @@ from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import swerve_away
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.reactions import (
+    SLOWS_FOR,
     find_speed,
     find_threat,
     find_usual_braking,
@@ -40,9 +41,6 @@ _WAYS = ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75))
 _WAYS_ON_FOOT = {"stops": ((1.0, 0.0), (1.0, 0.5)), RUNS: ((1.0, 0.0), (0.6, 0.0))}
 """Share of the strength drawn, and of its speed that it keeps: too weak or too short a reaction may
 be why the two collide."""
-
-_LASTS = 0.45
-"""Shortest time in which an agent slows down [s]."""
 
 _WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
 """Braking below this [m/s^2] is hardly a reaction."""
@@ -282,6 +280,6 @@ def _react(of: ScheduledAgent, how: Reaction, begin: float, keeps: float) -> Sch
         if runner is not None:
             return runner
     least = max(_STANDS if kind == "pedestrian" else _LEFT, keeps * before)
-    strength = min(strength, max((before - least) / _LASTS, _WEAKEST[kind] + usual))
+    strength = min(strength, max((before - least) / SLOWS_FOR, _WEAKEST[kind] + usual))
     kept = of.candidate.path.length
     return slow_down(of, onset=onset, braking=strength, speed=least, kept=kept) or of

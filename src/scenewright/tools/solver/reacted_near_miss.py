@@ -19,6 +19,7 @@ from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.reactions import (
     SEEN_BEFORE,
+    SLOWS_FOR,
     find_place,
     find_speed,
     find_threat,
@@ -49,10 +50,7 @@ _HARDER = 1.1
 _CALLED_OFF = 0.7
 """A reaction that would begin later than this after the threat has ended is called off [s]."""
 
-_LASTS = 0.45
-"""Shortest time in which an agent slows down [s]."""
-
-_LEAST_CLEARANCE = 0.05
+LEAST_CLEARANCE = 0.05
 """Least clearance of two that pass without touching [m]."""
 
 _IN_TIME = 1.7
@@ -254,8 +252,8 @@ def touch_brakes(
     begin, onset = times
     before, usual = find_speed(of, onset), find_usual_braking(of, begin, onset)
     least = usual + _HARDER if usual else 0.0
-    speed = min(keeps * before, before - _LASTS * least)
-    braking = max(min(how.strength, (before - speed) / _LASTS), least)
+    speed = min(keeps * before, before - SLOWS_FOR * least)
+    braking = max(min(how.strength, (before - speed) / SLOWS_FOR), least)
     return slow_down(of, onset=onset, braking=braking, speed=max(speed, 0.5), kept=1.0)
 
 
@@ -286,7 +284,7 @@ def finish_near_miss(
 ) -> PartialSchedule | None:
     """Add the near miss to the schedule; None where the two touch or nothing was perceptible."""
     clearance, time, place = find_least_clearance(*reacted)
-    if clearance <= _LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
+    if clearance <= LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
         return None
     conflict = context.find_evaded_conflict(clause, *reacted)
     lead = context.reactions.hidden.get(frozenset(get_pair(clause)))

@@ -28,6 +28,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 SEEN_BEFORE = 0.6
 """How long before a conflict is perceptible the two are visible at least [s]."""
 
+SLOWS_FOR = 0.45
+"""Shortest time in which an agent slows down [s]."""
+
 _LASTS = 0.3
 """How long a conflict must stay perceptible to count [s] (SEMANTICS 8)."""
 

@@ -19,6 +19,7 @@ from scenewright.tools.solver.path_conflict import (
     find_conflict_intervals,
 )
 from scenewright.tools.solver.reacted_near_miss import (
+    LEAST_CLEARANCE,
     can_react,
     schedule_reacted_time_gaps,
 )
@@ -38,9 +39,6 @@ _CLOSE = 1.05
 
 _LEAST_HEADWAY = 0.7
 """Shortest headway of a follower where none is asked for [s]."""
-
-_LEAST_CLEARANCE = 0.05
-"""Least clearance of two that pass without touching [m]."""
 
 
 def schedule_time_gaps(
@@ -70,7 +68,7 @@ def schedule_time_gaps(
         clearance, time, place = find_least_clearance(placed_a, placed_b)
         if not all(_passes_the_pause(each, time) for each in (placed_a, placed_b)):
             continue
-        if clearance <= _LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
+        if clearance <= LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
             words = "the two touch, or are not yet free for it, at every such moment"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
