@@ -67,7 +67,7 @@ _LEAST_WAY = 2.0
 _ROOM_TO_STOP = 3.0
 """Least distance from its entry to where an agent waits [m]."""
 
-_FOR_GOOD = 10.0
+_BEYOND_SCENE = 10.0
 """Who waits so long beyond the scene does not set off in it [s]."""
 
 
@@ -329,7 +329,7 @@ def _find_entry(
                 )
                 if stop < _ROOM_TO_STOP or release < _STARTED:
                     continue
-                release = min(release, duration + _FOR_GOOD)
+                release = min(release, duration + _BEYOND_SCENE)
                 hold = np.array([[stop, release - enters, braking, 0.0, 0.0]])
                 moved = compute_arc_lengths(nodes, limit, hold, nothing, acceleration)
                 moved = moved[: max(int((duration - enters) / STEP + 1e-6), 1) + 1]

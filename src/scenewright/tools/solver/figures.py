@@ -10,6 +10,7 @@ from scenewright.scene.constraints import AgentFigure, Contact, PairFigure
 from scenewright.scene.measures import get_unit
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.parse import format_clause
+from scenewright.tools.solver.context import compute_excess
 from scenewright.tools.solver.hard_braking import compute_smooth_acceleration
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
@@ -41,7 +42,7 @@ def find_unmet_figure(
         if unbound or (clause.clause == "time" and not timed):
             continue
         values = compute_figures(clause, schedule, timed=timed)
-        off = max((max(clause.low - v, v - clause.high, 0.0) for v in values), default=np.inf)
+        off = max((compute_excess(clause.low, clause.high, v) for v in values), default=np.inf)
         if off > 1e-9:
             return clause, float(off)
     return None

@@ -148,12 +148,12 @@ class _HardBraking:
             return
         tried = [0, 0]
         for delta in self.context.rng.permutation(self.list_collision_offsets()).tolist():
-            least = self.compute_path_ttc(
-                *self.schedule.place(self.clause, braked, self.b, delta)
-            ).least
-            if not self.accepts_ttc(least):
+            pair = self.schedule.place(self.clause, braked, self.b, delta)
+            if not self.accepts_ttc(self.compute_path_ttc(*pair).least):
                 continue
-            scheduled = self.schedule_release(how, delta)
+            free, b = self.schedule.place(self.clause, self.a, self.b, delta)
+            ways = (self.schedule_passage(how, free, way) for way in self.list_reactions(free, b))
+            scheduled = next(filter(None, ways), None)
             if scheduled is not None:
                 yield scheduled
             tried[scheduled is None] += 1
@@ -168,13 +168,6 @@ class _HardBraking:
         meetings = self.context.find_meeting_intervals(self.clause, self.a, self.b)
         steps = [np.arange(low, high, STEP) for low, high in meetings.tolist()]
         return np.concatenate([np.empty(0), *steps])
-
-    def schedule_release(self, how: _BrakingManeuver, delta: float) -> PartialSchedule | None:
-        """Schedule the whole maneuver, driving on after the other has passed; None if no near
-        miss."""
-        free, b = self.schedule.place(self.clause, self.a, self.b, delta)
-        ways = (self.schedule_passage(how, free, each) for each in self.list_reactions(free, b))
-        return next(filter(None, ways), None)
 
     def list_reactions(self, free: ScheduledAgent, b: ScheduledAgent) -> Iterator[ScheduledAgent]:
         """List a pedestrian running out of the way or hesitating, as it perceives the other, and

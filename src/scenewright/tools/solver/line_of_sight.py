@@ -77,21 +77,13 @@ def find_blocked(
     """Return [N] whether a high object blocks every line from the eye [N, 2] to the points looked
     for [N, M, 2]."""
     met = np.zeros(targets.shape[:2], dtype=np.bool_)
-    for each in objects:
-        if each.height == "high":
-            met |= _meets_box(eyes[:, None, :], targets, each)
+    start = eyes[:, None, :]
+    for box in (each for each in objects if each.height == "high"):
+        # A segment meets a rectangle where it is within both of its slabs at once.
+        cos, sin = np.cos(box.heading), np.sin(box.heading)
+        turn, half = np.array([(cos, -sin), (sin, cos)]), np.array([box.length, box.width]) / 2
+        one, way = (start - np.array([box.x, box.y])) @ turn, (targets - start) @ turn
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        enter, leave = np.sort(np.stack(((-half - one) / way, (half - one) / way)), axis=0)
+        met |= np.maximum(enter.max(axis=-1), 0.0) <= np.minimum(leave.min(axis=-1), 1.0)
     return np.asarray(met.all(axis=1))
-
-
-def _meets_box(
-    start: FloatArray, end: FloatArray, box: ObjectRecord
-) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Return whether segments meet a rectangle, by its two slabs."""
-    cos, sin = np.cos(box.heading), np.sin(box.heading)
-    turn = np.array([(cos, -sin), (sin, cos)])
-    middle = np.array([box.x, box.y])
-    one, way = (start - middle) @ turn, (end - start) @ turn
-    half = np.array([box.length / 2, box.width / 2])
-    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
-    enter, leave = np.sort(np.stack(((-half - one) / way, (half - one) / way)), axis=0)
-    return np.asarray(np.maximum(enter.max(axis=-1), 0.0) <= np.minimum(leave.min(axis=-1), 1.0))

@@ -74,11 +74,6 @@ class PathConflict:
         """Whether the swept paths overlap at all."""
         return bool(len(self.clearance) and self.clearance.min() <= 0.0)
 
-    def compute_intervals(self, c: float) -> PathConflict:
-        """Keep only the pairs at most `c` metres apart."""
-        keep = self.clearance <= c
-        return PathConflict(self.s_a, self.s_b, self.i[keep], self.j[keep], self.clearance[keep])
-
     def keep_first_metres(self, metres: float) -> PathConflict:
         """Keep only the start of a shared stretch: a merge conflicts where it begins (SEMANTICS
         4)."""

@@ -32,20 +32,19 @@ def drive_wrong_way(
 
     It comes back to its own side inside the junction.
     """
-    lanes = [
-        np.array(each.centreline)
-        for each in intersection_map.lanelets
-        if (each.kind, each.leg) == ("exit", candidate.route.entry)
-    ]
-    own = _find_approach(candidate.path, intersection_map, candidate.route.entry)
-    if own is None or not lanes:
+    path, leg = candidate.path, candidate.route.entry
+    own = [each for each in intersection_map.lanelets if each.leg == leg]
+    lanes = [np.array(each.centreline) for each in own if each.kind == "exit"]
+    ends = [np.array(each.centreline[-1]) for each in own if each.kind == "approach"]
+    if not lanes or not ends:
         return None
-    wide = _measure_aside(candidate.path, own, lanes[int(rng.integers(len(lanes)))])
+    away = np.min([np.hypot(*(path.xy - end).T) for end in ends], axis=0)
+    until = float(path.s[int(away.argmin())])  # where it leaves its approach lanes
+    wide = _measure_aside(path, until, lanes[int(rng.integers(len(lanes)))])
     if not _WIDE[0] <= abs(wide) <= _WIDE[1]:
         return None
     run = max(_BACK, 3.5 * abs(wide))
-    path = shift_aside(candidate.path, wide, begins=-run, ends=own, run=run)
-    return follow_path(candidate, path)
+    return follow_path(candidate, shift_aside(path, wide, begins=-run, ends=until, run=run))
 
 
 def place_wrong_way(
@@ -56,19 +55,6 @@ def place_wrong_way(
     away = np.hypot(*candidate.path.xy.T)
     there = actor.motion.find_time_at(float(candidate.path.s[int(away.argmin())]))
     return actor.shift(round(float(rng.uniform(*_WHEN)) - there, 1))
-
-
-def _find_approach(path: Path, intersection_map: IntersectionMap, leg: str) -> float | None:
-    """Arc length [m] at which the path leaves the leg's approach lanes; None if it never is."""
-    ends = [
-        np.array(each.centreline[-1])
-        for each in intersection_map.lanelets
-        if (each.kind, each.leg) == ("approach", leg)
-    ]
-    if not ends:
-        return None
-    away = np.min([np.hypot(*(path.xy - end).T) for end in ends], axis=0)
-    return float(path.s[int(away.argmin())])
 
 
 def _measure_aside(path: Path, until: float, lane: FloatArray) -> float:
