@@ -74,7 +74,7 @@ def compute_figures(
             return (event.time,)
         case "time_headway" | "gap":
             return _compute_following(a, b, in_metres=clause.clause == "gap")
-        case "contact_speed":
+        case "contact_speed":  # over the last tenth of a second of a motion that ends there
             s = a.motion.s
             return (float((s[-2] - s[-3]) / STEP) if len(s) > 2 else 0.0,)
         case "ttc":
