@@ -843,7 +843,7 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
         agent = result.users.get(number)
         if agent is None or on_foot != agent.walks:
             result.enter(span, "nothing", (number,), note=_BEYOND["act"])
-        elif motion in list_names("motion", of="vehicle") and agent.type != "vehicle":
+        elif motion not in list_names("motion", of=agent.type):
             result.enter(span, "nothing", (number,), note="only vehicles can be asked to do that")
         elif span.negated:  # "does not run": the pedestrian walks
             agent.motion = None if agent.motion == motion else agent.motion
