@@ -33,7 +33,7 @@ Axis = Literal[
 Trait = Literal[
     "of_contact", "late", "chain", "merges_ahead", "by_to", "by_all",
     "afoot", "at_yellow", "wrong_way", "running", "returns", "on_road", "at_light",
-    "reacts", "aside", "back", "hurries",
+    "reacts", "leaves_way", "aside", "back", "hurries",
     "drives_on", "leads_round", "waits_first", "waits", "heads_queue", "behind_agent", "stands",
     "ends", "door", "red_light", "directed", "no_order", "of_vehicles", "emergency",
 ]  # fmt: skip
