@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -12,7 +13,7 @@ from scenewright import export, synthesize
 from scenewright.errors import InputError
 from scenewright.nodes.scene_planner.prompts import describe_manoeuvres, describe_objects
 from scenewright.nodes.scene_planner.reply import build_plan_schema
-from scenewright.scene.kinds import Axis, Kind, list_kinds, list_shipped
+from scenewright.scene.kinds import Axis, Kind, Trait, list_kinds, list_shipped
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.plan_file import format_plan, read_plan
 from scenewright.scene.record import SceneRecord
@@ -70,6 +71,11 @@ def test_every_kind_is_in_schema_phrasing_and_docs(kind: Kind) -> None:
     assert kind.says or kind.axis == "cause"
     row = f"| `{kind.id}` | {', '.join(kind.agents)} | {kind.help} |"
     assert row in (DOCS / "kinds.md").read_text("utf-8")
+
+
+def test_every_trait_is_explained() -> None:
+    page = (DOCS / "kinds.md").read_text("utf-8").split("## Traits")[1]
+    assert [trait for trait in get_args(Trait) if f"`{trait}`" not in page] == []
 
 
 @pytest.mark.parametrize(
@@ -161,6 +167,8 @@ def proves_with(folder: Path, file: str, record: SceneRecord) -> bool:
         ("describe_run", "describe_flight", "observe: no shipped kind has 'pedestrian_motions:de"),
         ("describe_run", "__import__", "observe: String should match"),
         ("help =", "helps =", "help: is missing"),
+        ("[says]\nany", "[says]\nfollow", "says: a motion needs 'any'"),
+        ("words =", "reads = 'a'\nwords =", "reads, heard: only shipped kinds have these"),
     ],
 )
 def test_a_faulty_kind_is_told_with_its_field(folder: Path, old: str, new: str, told: str) -> None:
