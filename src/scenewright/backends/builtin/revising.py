@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import get_args
 
 from scenewright.backends.builtin.asked_figures import read_figure
 from scenewright.backends.builtin.clock import read_clock
@@ -42,7 +41,8 @@ from scenewright.scene.edits import (
     Unrelate,
     apply_edits,
 )
-from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType, Subtype
+from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType
+from scenewright.scene.track import VEHICLE_SIZES
 
 _PARTS = re.compile(
     r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
@@ -81,7 +81,7 @@ _ORDINARY = re.compile(
 """An ordinary morning says nothing of the event, unlike a normal scene."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
 _EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
-_SUBTYPES = frozenset(get_args(Subtype))
+_SUBTYPES = frozenset(VEHICLE_SIZES)
 _EVENT_WORDS = {
     "collide_at": r"collision|crash|accident|hit",
     "near_miss": r"near[- ]miss|close call",

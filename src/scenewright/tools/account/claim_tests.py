@@ -50,13 +50,6 @@ _PACES = {
     "vehicle": (7.0, 11.2), "pedestrian": (1.25, 1.9), "cyclist": (4.2, 6.2), "scooter": (3.8, 5.3),
 }  # fmt: skip
 """Who keeps no more than the first of these is slow, who keeps the second is fast [m/s]."""
-_POINTS = {
-    "rear_end": ("rear", "back", "front", "tail", "behind", "bumper", "boot", "trunk"),
-    "sideswipe": ("side", "flank", "mirror"),
-    "head_on": ("front", "head", "frontal"),
-    "angle": ("side", "flank", "door", "front"),
-}
-"""Words for the point of impact that a kind of collision bears out."""
 _BODY = ("front", "rear", "left", "right")
 _CAR_SIDES = (
     {"passenger": "right", "driver": "left", "nearside": "right", "offside": "left"},
@@ -650,7 +643,12 @@ class PointTest:
         shown |= {str(evidence.get(f"side_{end}")) for evidence, end in ends}
         on_left = facts.intersection_map is not None and facts.intersection_map.left_hand_traffic
         word = _CAR_SIDES[on_left].get(self.word, self.word)
-        kinds = {word for e in facts.proof.events for word in _POINTS.get(e.kind or "", ())}
+        kinds = {
+            word
+            for e in facts.proof.events
+            if e.kind
+            for word in get_kind("collision", e.kind).points
+        }
         measured = any(m.kind.endswith("point") or "point_" in m.kind for m in facts.scene.measures)
         if (
             word in shown

@@ -17,9 +17,9 @@ from scenewright.scene.measures import UNITS
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.social import get_figure
+from scenewright.scene.track import EMERGENCY
 from scenewright.tools.relation_checker.clock import parse_clock
 
-_EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
 _STANDING = 0.4
 """Speed below which an agent stands [m/s]."""
 _STEP = 0.02
@@ -241,7 +241,7 @@ def _fits(agent: AgentRecord, kind: str) -> bool:
     if kind == "vehicle":
         return True
     if kind == "emergency":
-        return agent.subtype in _EMERGENCY
+        return agent.subtype in EMERGENCY
     if kind == "car":
         return agent.subtype in ("car", None)
     return agent.subtype == kind

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
+from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.account.vocabulary import Token
 
-_VEHICLES = frozenset(
-    {"vehicle", "car", "van", "taxi", "truck", "bus", "motorcycle",
-     "emergency", "ambulance", "fire_engine", "police_car"}
-)  # fmt: skip
+_VEHICLES = frozenset({"vehicle", *VEHICLE_SIZES})
 _NAMED = re.compile(r"(v|veh|vehicle|p|ped|u)(\d)")
 
 

@@ -253,24 +253,19 @@ def _lead_round(
     beside = meeting.touch, meeting.touch + candidate.shape.length + place.length
     left = -1.0 if ground.intersection_map.left_hand_traffic else 1.0
     sharpest = _SHARPEST if meeting.waits_at is None else _SHARPEST_START
+    sharpest = max(sharpest, float(np.abs(candidate.path.curvature).max()))
     if beside[0] - run < _HEADS_FOR:
         return None
     for wide in np.arange(_STEP, _WIDEST, _STEP):
         for side in (left, -left):
             path = shift_aside(candidate.path, float(side * wide), *beside, run=run)
-            if np.abs(path.curvature).max() > max(
-                sharpest, _compute_largest_curvature(candidate.path)
-            ):
+            if np.abs(path.curvature).max() > sharpest:
                 continue
             own = follow_path(candidate, path)
             clear = not is_in_way(own, (place,), margin=keeps)
             if clear and _stays_on_road(own, ground):
                 return own
     return None
-
-
-def _compute_largest_curvature(path: Path) -> float:
-    return float(np.abs(path.curvature).max())
 
 
 def _draw_drift(

@@ -72,7 +72,8 @@ def compute_figures(
         case "time_headway" | "gap":
             return _compute_following(a, b, in_metres=clause.clause == "gap")
         case "contact_speed":
-            return (_compute_last_speed(a),)
+            s = a.motion.s  # over the last tenth of a second of a motion that ends in a contact
+            return (float((s[-2] - s[-3]) / STEP) if len(s) > 2 else 0.0,)
         case "ttc":
             return ((clause.low + clause.high) / 2,)  # the checker measures it
         case _:
@@ -96,7 +97,7 @@ def _compute_agent_figure(
             return _compute_kept_speed(actor, timed=timed)
         case "line_speed":
             at = np.inf if line is None else actor.motion.find_time_at(line)
-            return (_compute_speed_at(actor, at),) if np.isfinite(at) else ()
+            return (actor.motion.find_speed_at(at),) if np.isfinite(at) else ()
         case "braking" | "acceleration":
             change = _compute_seen_change(actor, timed=timed)
             return (float((-change if clause.clause == "braking" else change).max(initial=0.0)),)
@@ -116,17 +117,6 @@ def _compute_kept_speed(actor: ScheduledAgent, *, timed: bool) -> tuple[float, .
         return ()
     kept = np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1)
     return (float(kept.max()),)
-
-
-def _compute_speed_at(actor: ScheduledAgent, local: float) -> float:
-    return actor.motion.find_speed_at(local)
-
-
-def _compute_last_speed(actor: ScheduledAgent) -> float:
-    """Compute the speed over the last tenth of a second of a motion that ends in a contact
-    [m/s]."""
-    s = actor.motion.s
-    return float((s[-2] - s[-3]) / STEP) if len(s) > 2 else 0.0
 
 
 def _compute_seen_change(actor: ScheduledAgent, *, timed: bool) -> FloatArray:

@@ -83,7 +83,8 @@ class ForegroundSolver:
         named = Counter(name for each in clauses for name in get_pair(each))
         self._context.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for besides another relation of the two is checked when that one is placed.
-        ordered = sorted(clauses, key=lambda each: each in gaps and _is_bound(each, clauses))
+        others = [{*get_pair(each)} for each in clauses if each not in gaps]
+        ordered = sorted(clauses, key=lambda each: each in gaps and {*get_pair(each)} in others)
         parts = split_clauses(ordered)
         if schedule.actors or len(parts) < 2:
             yield from self._schedule_rest(tuple(ordered), schedule)
@@ -132,12 +133,6 @@ def _schedule_clause(
             return schedule_stops_behind(clause, schedule, context)
         case _:
             raise ValueError(f"{clause.clause} is not staged")
-
-
-def _is_bound(gap: PairClause, clauses: tuple[PairClause, ...]) -> bool:
-    """Return whether another clause relates the same two agents."""
-    pair = set(get_pair(gap))
-    return any(set(get_pair(each)) == pair for each in clauses if not isinstance(each, TimeGap))
 
 
 def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:

@@ -229,7 +229,8 @@ class _HardBraking:
             return None
         if self.pet is None and _crosses(a, b, self.zone) - near.when > _SEEN:
             return None  # long past, the TTC would not be attributed to this encounter
-        if not self.context.lenient and time - _find_last_hard_braking(a) > _AT_ONCE:
+        hard = np.nonzero(compute_smooth_acceleration(a) < -3.6)[0]
+        if not self.context.lenient and time - a.enters - STEP * float(hard[-1]) > _AT_ONCE:
             return None  # long past, the near miss would not be attributed to the braking
         enters = a.enters + a.motion.find_time_at(float(self.zone.s_a[self.zone.i].min()))
         ends, freed = max(enters, time) + 1.0, max(b.enters + b_out, time)
@@ -320,11 +321,6 @@ def _brakes_early(a: ScheduledAgent) -> bool:
     change = compute_smooth_acceleration(a)
     onset = int(np.argmax(change < -3.4))
     return bool((change[max(onset - 15, 0) : max(onset - 4, 0)] < -2.3).any())
-
-
-def _find_last_hard_braking(a: ScheduledAgent) -> float:
-    """Find when it last brakes hard [s]."""
-    return a.enters + STEP * float(np.nonzero(compute_smooth_acceleration(a) < -3.6)[0][-1])
 
 
 def find_ttc_while_braking(a: ScheduledAgent, near: PathTtc) -> float:

@@ -249,7 +249,9 @@ class ObjectPlacer:
         if found is None or found[1] < _HIDDEN:
             return False
         nearest = self._nearest.get(node.id, np.inf)
-        self._nearest[node.id] = min(found[0], nearest, key=lambda lead: _find_excess(lead, node))
+        self._nearest[node.id] = min(
+            found[0], nearest, key=lambda lead: max(low - lead, lead - high, 0.0)
+        )
         return low + _SPARE <= found[0] <= high - _SPARE
 
 
@@ -302,9 +304,3 @@ def _make_corners(xy: FloatArray, heading: FloatArray, shape: Shape) -> FloatArr
 def _keeps_apart(place: ObjectRecord, others: Sequence[ObjectRecord]) -> bool:
     outline = make_footprint(place)
     return all(geos.distance(outline, make_footprint(each)) >= _APART for each in others)
-
-
-def _find_excess(lead: float, node: ObjectNode) -> float:
-    """Find how far a lead [s] is from the range asked for."""
-    low, high = node.lead or DEFAULT_LEAD
-    return max(low - lead, lead - high, 0.0)

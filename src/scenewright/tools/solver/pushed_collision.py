@@ -123,16 +123,12 @@ def _push(
     agent = schedule.actors[clause.first]
     striker = next(e.clause.first for e in schedule.events if e.clause.second == clause.first)
     restitution = float(context.rng.uniform(*_RESTITUTION))
-    one, two = (_get_mass(context.candidates[name]) for name in (striker, clause.first))
+    kinds = (context.candidates[name].subtype or "car" for name in (striker, clause.first))
+    one, two = (VEHICLE_MASSES[kind] for kind in kinds)
     speed = one * struck.speed * (1.0 + restitution) / (one + two)
     *before, stop = agent.stops
     standing = agent.edit(stops=(*before, replace(stop, until=struck.time)))
     return standing.push_on(Push(struck.time, speed, float(context.rng.uniform(*_BRAKING))))
-
-
-def _get_mass(candidate: Candidate) -> float:
-    """Mass of a vehicle [kg]."""
-    return VEHICLE_MASSES[candidate.subtype or "car"]
 
 
 def _is_pushed_into(found: FirstContact, struck: FirstContact) -> bool:

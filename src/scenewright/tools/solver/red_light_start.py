@@ -47,9 +47,9 @@ def draw_red_light_starts(
         if program is None or group is None or candidate.route.type != "vehicle":
             continue
         bonds = [each for each in clauses if name in get_pair(each)]
-        if not _yields_on_green(bonds, candidates, intersection_map) or _start_together(
-            bonds, found
-        ):
+        # Where another one waits already, the light would settle when both start.
+        together = any(other in found for each in bonds for other in get_pair(each))
+        if together or not _yields_on_green(bonds, candidates, intersection_map):
             continue
         red = _compute_red_duration(program, group)
         if rng.random() < chances.get(name, red / program.cycle):
@@ -73,11 +73,6 @@ def _yields_on_green(
         )
         for each in bonds
     )
-
-
-def _start_together(bonds: Collection[PairClause], waiting: Collection[str]) -> bool:
-    """Return whether one of the others waits already: the light would settle when both start."""
-    return any(name in waiting for each in bonds for name in get_pair(each))
 
 
 def _compute_red_duration(program: SignalProgram, group: str) -> float:

@@ -238,8 +238,7 @@ class Search:
             raise Rejected(_reject_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
         for name in sorted(company.keys() - {*bound}):
             if company[name] == "must":
-                words = self._motions[name][0].replace("_", " ")
-                raise Rejected(_reject_alone([name], words))
+                raise Rejected(_reject_alone([name], self._motions[name][0].replace("_", " ")))
         self._parts = join_names((), map(get_pair, self._events))
         self._varied: frozenset[str] = frozenset()
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}

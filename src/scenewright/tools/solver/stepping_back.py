@@ -94,7 +94,7 @@ def schedule_struck_steps_back(
             found = find_first_contact(*reacted, left_hand=context.left_hand)
             if found is None or not wanted(*reacted, found):
                 continue
-            if not _has_gone_back(reacted[by], found.time):
+            if find_place(reacted[by], found.time) <= reacted[by].slowings[-3].s + _GONE_BACK:
                 continue
             conflict = context.find_evaded_conflict(clause, *reacted)
             threat = find_threat(conflict, *reacted, until=found.time)
@@ -162,9 +162,3 @@ def _list_steps(
     for each in (braked, other):
         if each is not None and changed is not None:
             yield (changed, each) if by == 0 else (each, changed)
-
-
-def _has_gone_back(of: ScheduledAgent, time: float) -> bool:
-    """Return whether it has gone some way backwards by a time [s], from where it turned round."""
-    turn = of.slowings[-3].s
-    return find_place(of, time) > turn + _GONE_BACK

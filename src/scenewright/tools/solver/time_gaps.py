@@ -123,7 +123,8 @@ def schedule_headways(
     for."""
     a, b = context.get_pair(clause, schedule)
     if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
-        a = _match_pace(a, b)
+        paced = replace(a.candidate, time_law=b.candidate.time_law)  # follows closely
+        a = ScheduledAgent.build_unplaced(paced, a.landmarks)
     pair = context.find_path_conflict(clause)
     meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
     if not len(meetings):
@@ -175,12 +176,6 @@ def _queue_behind(
     if len(stops) == len(a.stops):
         return a
     return a.edit(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
-
-
-def _match_pace(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
-    """Give a close follower the speed of its leader."""
-    candidate = replace(a.candidate, time_law=b.candidate.time_law)
-    return ScheduledAgent.build_unplaced(candidate, a.landmarks)
 
 
 def _find_headways(

@@ -32,7 +32,8 @@ def turn_back(
 ) -> Candidate | None:
     """Put the candidate on a path that returns to where it begins; None if it is never on the
     road."""
-    begins, ends = _find_way_over(landmarks)
+    kerbs = ((b, e) for name, b, e in landmarks.crosswalks if name == landmarks.own_crosswalk)
+    begins, ends = next(kerbs, (landmarks.line, None))  # for a jaywalker the first kerb alone
     if begins is None:
         return None
     if ends is None:
@@ -51,14 +52,6 @@ def has_turned(actor: ScheduledAgent) -> bool:
     away = np.hypot(*(actor.candidate.path.xy - actor.candidate.path.xy[0]).T)
     turn = float(actor.candidate.path.s[int(away.argmax())])
     return float(actor.motion.s[-1]) > turn + _CAME_BACK
-
-
-def _find_way_over(landmarks: Landmarks) -> tuple[float | None, float | None]:
-    """Find the arc lengths of both kerbs [m]; for a jaywalker only of the first."""
-    for name, begins, ends in landmarks.crosswalks:
-        if name == landmarks.own_crosswalk:
-            return begins, ends
-    return landmarks.line, None
 
 
 def _double_back(path: Path, s: float, side: float) -> FloatArray:

@@ -117,7 +117,9 @@ def find_conflict_zone(
 ) -> PathConflict:
     """Find the nodes of the pair's conflict zone."""
     zone = context.find_path_conflict(clause).compute_intervals(0.0)
-    return zone.keep_first_metres(MERGE_METRES) if _do_merge(a, b) else zone
+    one, two = a.candidate.route, b.candidate.route
+    merge = "pedestrian" not in (one.type, two.type) and one.exit == two.exit
+    return zone.keep_first_metres(MERGE_METRES) if merge else zone
 
 
 def _schedule_held(
@@ -487,10 +489,3 @@ def _find_slowing_start(speed: FloatArray, waves: float) -> int:
             break
         top = max(top, float(speed[first]))
     return int(np.flatnonzero(speed >= top - 0.6 * waves)[-1])
-
-
-def _do_merge(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Return whether the two go on in one lane after the zone."""
-    if "pedestrian" in (a.candidate.route.type, b.candidate.route.type):
-        return False
-    return a.candidate.route.exit == b.candidate.route.exit

@@ -53,7 +53,6 @@ from scenewright.scene.social import (
 from scenewright.scene.track import EMERGENCY
 
 RELATIONS = {"hit": "collide_at", "near": "near_miss", "yield": "yield_to", "follow": "follow"}
-_KINDS = {"rear": "rear_end", "side": "sideswipe", "head": "head_on", "tbone": "angle"}
 _RELATIVE = {
     "opp": "opposite", "left": "of_left", "right": "of_right", "same": "same",
     "lateral": "lateral", "other": "other", "exit": "exit_crosswalk", "entry": "entry_crosswalk",
@@ -796,7 +795,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         if lets_cross and (users[second].type, users[second].movement) == ("pedestrian", None):
             users[second].movement = "crossing"
         turn = _TURN_CRASH.search(result.text[: span.start])
-        edge.kind = _KINDS.get(span.value or "")
+        edge.kind = find_marked("collision", span.value or "")
         if span.tag == "hit" and turn is not None and edge.kind is None:
             edge.kind = "left_turn" if turn[1].lower() == "left" else "right_turn"
         edge.first = users[first] if span.value == "cutoff" else None

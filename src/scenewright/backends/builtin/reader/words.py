@@ -10,6 +10,7 @@ from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
 from scenewright.scene.base import AgentClass
+from scenewright.scene.kinds import list_shipped
 
 _SUBTYPES = (
     ("motorcycle", r"\bpolice (?:motor ?-?(?:cycle|bike)|bike)"),
@@ -152,10 +153,7 @@ _WALKER = re.compile(
 )
 
 
-COARSE = {
-    "van": "car", "taxi": "car", "police_car": "car",
-    "emergency": "truck", "ambulance": "truck", "fire_engine": "truck",
-}  # fmt: skip
+COARSE = {kind.id: kind.wider for kind in list_shipped("subtype") if kind.wider}
 """Subtypes as kinds of a wider one."""
 
 
