@@ -199,10 +199,11 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
     crosswalk = _is_of_crosswalk(tokens, n)
     marked = any(each.has("crosswalk") for each in tokens[n + 1 : n + 3])
     said = next(
-        (each for each in reversed(tokens[max(0, n - 4) : n]) if each.is_in("to", "from")), None
-    )
-    to = said is not None and said.is_in("to")
+        (t for t in reversed(tokens[max(0, n - 4) : n]) if t.has("noun") or t.is_in("to", "from")),
+        None,
+    )  # "waits for a car from the west": "for" is said of the car
     source = (said is not None and said.is_in("from")) or _begins_pair(tokens, n)
+    to = said is not None and said.is_in("to") and not source
     turned = _is_turn_told(tokens, n)
     heads = any(each.has("motion_verb") for each in tokens[max(0, n - 2) : n])
 

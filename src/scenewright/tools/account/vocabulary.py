@@ -110,7 +110,7 @@ class Vocabulary:
     function: frozenset[str]
     longest: int
     singles: frozenset[str]
-    spelling: tuple[str, ...]
+    spelling: frozenset[str]
     lists: Mapping[str, frozenset[str]]
 
 
@@ -161,7 +161,7 @@ def load_vocabulary() -> Vocabulary:
         function=function,
         longest=max(map(len, (*exact, *stems))),
         singles=frozenset(w for key in (*exact, *stems) for w in key),
-        spelling=tuple(sorted(w for w in spelling if len(w) > 2)),
+        spelling=frozenset(w for w in spelling if len(w) > 2),
         lists={name: frozenset(words) for name, words in plain["lists"].items()},
     )
 
@@ -269,6 +269,9 @@ def _mend_spelling(token: Token) -> Token:
     """A misspelt word with the stem of the one that it is taken for."""
     words = load_vocabulary()
     known = token.text in words.function or not words.singles.isdisjoint((token.text, token.stem))
+    doubled = token.text[-1:] == token.text[-2:-1] and token.text[:-1] in words.spelling
+    if doubled and token.text not in words.spelling:
+        return replace(token, text=token.text[:-1], mended=token.text[:-1])  # "hitt"
     if token.kind != "word" or len(token.text) < 3 or known:
         return token
     alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
@@ -308,7 +311,7 @@ def _drop_letters(word: str) -> set[str]:
 def _index_spelling() -> dict[str, list[str]]:
     """Known words by what any one slip leaves of them: words one slip apart share an entry."""
     index: dict[str, list[str]] = {}
-    for word in load_vocabulary().spelling:
+    for word in sorted(load_vocabulary().spelling):
         for part in _drop_letters(word):
             index.setdefault(part, []).append(word)
     return index

@@ -135,7 +135,7 @@ _ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
 _PASSIVE_REAR = re.compile(
     r"\b(?:is|was|gets|got|being|and)\b[^.,;]*?"
     r"\b(?:(?:hit|struck|rammed|shunted) (?:from behind|in the rear)|"
-    r"rear-?ended)\b(?! by)",
+    r"rear-?ended)\b(?![^.,;]*\bby\b)",
     re.IGNORECASE,
 )
 _CANNOT = re.compile(

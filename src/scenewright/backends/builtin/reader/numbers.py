@@ -36,7 +36,9 @@ _OF_ONE = re.compile(
 
 _SINGULAR = re.compile(r"^(?:an?|one|another|this|that) ", re.IGNORECASE)
 _LABEL = re.compile(
-    r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b", re.IGNORECASE
+    r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b|"
+    r"\b(?!of|the|all|about|around|some\b)[a-z]+\.? ?#?\d+$",
+    re.IGNORECASE,
 )
 
 
