@@ -109,6 +109,8 @@ def _list_sets(mention: Mention, facts: SceneFacts) -> Iterator[Bound]:
     ] or list(facts.foreground)  # of another class: what else is said of it can still be tested
     if mention.count == 1:
         yield from (frozenset({n}) for n in agents)
+        if mention.counted:
+            yield frozenset({BACKGROUND})
         return
     if not mention.pronoun:
         yield frozenset({BACKGROUND})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Any
 
 import shapely
@@ -763,14 +764,18 @@ def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
 
 
 def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
-    """Agents that follow another one closely, and those that they follow."""
-    close = [e for e in facts.events if e.type == "follow" and e.evidence["least_headway"] <= CLOSE]
+    """Agents that follow another one closely or nearly hit it, and those others."""
+    follows = (e for e in facts.events if e.type == "follow")
+    close = [e for e in follows if e.evidence.get("least_headway", 2 * CLOSE) <= CLOSE]
+    close += [e for e in facts.events if e.type == "near_miss"]
     return [number for e in close for number in (e.from_, e.to)]
 
 
 def find_meeting(facts: SceneFacts, value: str) -> list[int]:
-    """Agents that do something of a kind about an object."""
-    return [each.agent for each in facts.scene.encounters if each.how in _MEETINGS[value]]
+    """Agents that do something of a kind about an object, or pass another one in their way."""
+    met = [each.agent for each in facts.scene.encounters if each.how in _MEETINGS[value]]
+    others = permutations(facts.foreground, 2) if value == "round" else ()
+    return [*met, *(first for first, second in others if facts.overtakes(first, second))]
 
 
 def _join(names: Iterable[int | str]) -> str:

@@ -13,7 +13,7 @@ _VEHICLES = frozenset(
     {"vehicle", "car", "van", "taxi", "truck", "bus", "motorcycle",
      "emergency", "ambulance", "fire_engine", "police_car"}
 )  # fmt: skip
-_NAMED = re.compile(r"(v|veh|vehicle|p|ped|u)(\d)")
+_NAMED = re.compile(r"([vpu])(\d\d?)")
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Mention:
         new: it is first told of here (a, another, a number); pronoun: it stands for others.
         first_person: the narrator; object: it stands, as a parked vehicle does.
         background: it is said of traffic around; label: a letter or number that names it.
+        counted: a number says how many.
     """
 
     head: int
@@ -43,6 +44,7 @@ class Mention:
     label: str | None = None
     other: bool = False
     definite: bool = False
+    counted: bool = False
     nouns: tuple[int, ...] = field(default=())
 
 
@@ -73,7 +75,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     """The mention whose noun phrase ends at the noun that begins at token n."""
     token = tokens[n]
     if short := _NAMED.fullmatch(token.text):  # V1, ped2
-        kind = "pedestrian" if short[1].startswith("p") else "any" if short[1] == "u" else "vehicle"
+        kind = {"v": "vehicle", "p": "pedestrian", "u": "any"}[short[1]]
         return Mention(n, n, n + 1, frozenset({kind}), label=token.text, nouns=(n,))
     classes = frozenset(token.list_values("noun"))
     things = token.has("object.thing")
@@ -118,7 +120,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         new=number is not None or (not before and plural)
         or any(each.is_in("indefinite", "ordinals") for each in before),
         object=things or any(each.has("object") for each in before)
-        or any(each.has("object") for each in tokens[stop : stop + 1]),
+        or ("pedestrian" not in classes and _is_said_to_stand(tokens, stop)),
         background=any(each.is_in("around") for each in before) and (plural or number is not None),
         absent=none is not None
         or any(each.text in ("no", "without", "zero", "n't", "any") for each in before)
@@ -126,8 +128,15 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         label=label,
         other="other" in words,
         definite=any(each.is_in("definite") for each in before),
+        counted=number is not None,
         nouns=tuple(range(n, head + 1)),
     )  # fmt: skip
+
+
+def _is_said_to_stand(tokens: Sequence[Token], stop: int) -> bool:
+    """Whether words for what stands follow a noun: "a van parked", "a bus is broken down"."""
+    be = stop < len(tokens) and tokens[stop].is_in("be")
+    return any(each.has("object") for each in tokens[stop + be : stop + be + 1])
 
 
 def _find_none_after(tokens: Sequence[Token], stop: int) -> int | None:

@@ -122,7 +122,8 @@ def _read_mention(finder: PartyFinder, index: int) -> Iterator[Claim]:
     if counted:
         count = tests.CountTest(index, mention.classes, mention.count)
         yield Claim("count", str(mention.count or "several"), counted, (index,), count)
-    words = range(mention.start, min(len(tokens), mention.stop + 1))
+    be = mention.stop < len(tokens) and tokens[mention.stop].is_in("be")  # "a van is parked"
+    words = range(mention.start, min(len(tokens), mention.stop + 1 + be))
     kind = next((k for n in words for k in tokens[n].list_values("object")), None)
     if kind is not None:
         span = tuple(n for n in words if f"object.{kind}" in tokens[n].senses)

@@ -10,6 +10,9 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from itertools import chain
 
+from rapidfuzz import process
+from rapidfuzz.distance import OSA
+
 from scenewright.scene.relations import load_patterns
 
 _TOKEN = re.compile(
@@ -18,6 +21,7 @@ _TOKEN = re.compile(
     r"mps|meters?\s?per\s?second|metres?\s?per\s?second|meters?|metres?|min(?:utes?)?|seconds?|secs?|"
     r"ms|feet|foot|ft|cm|centimet(?:er|re)s?|percent|%|g|m|s)?(?![a-z0-9])"
     r"|(?P<ordinal>\d+(?:st|nd|rd|th))"
+    r"|(?P<named>(?:veh(?:icle)?|ped(?:estrian)?|car|van|truck|bus|bike|cyclist|unit)(?=\d))"
     r"|(?P<word>[^\W\d_]+(?:['’](?:t|s|re|ve|ll|d|m|clock)\b)?\d*)"
     r"|(?P<end>[.;!?\n])|(?P<comma>[,:()—–])|(?P<arrow>->|=>|→|>)",
     re.IGNORECASE,
@@ -173,7 +177,8 @@ def read_tokens(text: str) -> tuple[Token, ...]:
 
 @lru_cache(maxsize=64)
 def _read_tokens(text: str, phrases: tuple[tuple[str, tuple[str, ...]], ...]) -> tuple[Token, ...]:
-    plain = [_mend_spelling(each) for each in _cut(text)]
+    own = {reduce_word(w) for _, said in phrases for each in said for w in each.lower().split()}
+    plain = [each if each.stem in own else _mend_spelling(each) for each in _cut(text)]
     found: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
     lengths = [0] * len(plain)
     for start, stop, senses in _match_phrases(plain):
@@ -236,7 +241,7 @@ def _cut(text: str) -> Iterator[Token]:
     sentence = 0
     for match in _TOKEN.finditer(text):
         kind = match.lastgroup or "word"
-        kind = "figure" if kind == "unit" else kind
+        kind = {"unit": "figure", "named": "word"}.get(kind, kind)  # "veh2" is a noun and its number
         if kind == "end":
             sentence += 1
         low = match[0].lower().strip().replace("’", "'")
@@ -275,7 +280,7 @@ def _mend_spelling(token: Token) -> Token:
     if token.kind != "word" or len(token.text) < 3 or known:
         return token
     alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
-    near = [w for w in alike if _is_one_slip(token.text, w)]
+    near = [w for w in alike if _is_one_slip(token.text, w)] or _find_alike(token.text)
     if token.capital:
         near = [w for w in near if w not in _SPELT]  # "Sven" is no "seven"
     if not near:
@@ -300,6 +305,15 @@ def _is_one_slip(word: str, known: str) -> bool:
     if word[n : n + 2] == known[n : n + 2][::-1] and word[n + 2 :] == known[n + 2 :]:
         return True
     return len(known) > 5 and word[n + 1 :] == known[n + 1 :]
+
+
+@lru_cache(maxsize=1024)
+def _find_alike(word: str) -> list[str]:
+    """Known words of the same letters in another order, and long ones two slips away: "vehical"."""
+    known = [w for w in load_vocabulary().spelling if w[0] == word[0] and len(word) > 4]
+    found = [w for w in known if sorted(w) == sorted(word)]
+    long = [w for w in known if len(word) > 6 and w[:4] == word[:4]]
+    return found or [w for w, *_ in process.extract(word, long, scorer=OSA.distance, score_cutoff=2)]
 
 
 def _drop_letters(word: str) -> set[str]:
