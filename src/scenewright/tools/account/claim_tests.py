@@ -772,10 +772,14 @@ def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
 
 
 def find_meeting(facts: SceneFacts, value: str) -> list[int]:
-    """Agents that do something of a kind about an object, or pass another one in their way."""
-    met = [each.agent for each in facts.scene.encounters if each.how in _MEETINGS[value]]
-    others = permutations(facts.foreground, 2) if value == "round" else ()
-    return [*met, *(first for first, second in others if facts.overtakes(first, second))]
+    """Agents that do something of a kind about an object."""
+    return [each.agent for each in facts.scene.encounters if each.how in _MEETINGS[value]]
+
+
+def find_overtaking(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that get from behind another one on the road to ahead of it."""
+    drivers = [n for n in facts.foreground if facts.agents[n].type != "pedestrian"]
+    return [one for one, other in permutations(drivers, 2) if facts.overtakes(one, other)]
 
 
 def _join(names: Iterable[int | str]) -> str:

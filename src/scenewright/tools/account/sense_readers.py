@@ -323,6 +323,9 @@ def _read_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    lights = any(each.has("light") for each in finder.tokens[:n])
+    if finder.tokens[finder.tokens[n].senses["red"][1] - 1].text == "it" and not lights:
+        return  # "a car runs it over"
     denied = finder.is_denied(n)
     value, what = ("no run", "no red light run") if denied else ("run", "a red light run")
     yield from _claim_all(
@@ -525,6 +528,7 @@ _READERS: Mapping[str, Reader] = {
     "motion": _read_any("motion", tests.find_motion),
     "reaction": _read_any("reaction", tests.find_reaction),
     "manoeuvre": _read_any("manoeuvre", tests.find_manoeuvre),
+    "overtakes": _read_any("manoeuvre", tests.find_overtaking),
     "meets": _read_any("encounter", tests.find_meeting),
     "sight": _read_any("sight", lambda facts, _: [each.subject for each in facts.scene.sights]),
     "group": _read_any(
