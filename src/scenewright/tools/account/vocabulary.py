@@ -241,7 +241,9 @@ def _cut(text: str) -> Iterator[Token]:
     sentence = 0
     for match in _TOKEN.finditer(text):
         kind = match.lastgroup or "word"
-        kind = {"unit": "figure", "named": "word"}.get(kind, kind)  # "veh2" is a noun and its number
+        kind = {"unit": "figure", "named": "word"}.get(
+            kind, kind
+        )  # "veh2" is a noun and its number
         if kind == "end":
             sentence += 1
         low = match[0].lower().strip().replace("’", "'")
@@ -313,7 +315,9 @@ def _find_alike(word: str) -> list[str]:
     known = [w for w in load_vocabulary().spelling if w[0] == word[0] and len(word) > 4]
     found = [w for w in known if sorted(w) == sorted(word)]
     long = [w for w in known if len(word) > 6 and w[:4] == word[:4]]
-    return found or [w for w, *_ in process.extract(word, long, scorer=OSA.distance, score_cutoff=2)]
+    return found or [
+        w for w, *_ in process.extract(word, long, scorer=OSA.distance, score_cutoff=2)
+    ]
 
 
 def _drop_letters(word: str) -> set[str]:

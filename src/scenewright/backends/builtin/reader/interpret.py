@@ -105,6 +105,7 @@ _HERE = re.compile(
 """Words of a place that are the junction itself."""
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
+_STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
 _STOPS_BEFORE = re.compile(r"\b(?:stop|halt|brak)\w*\b[^.;]{0,30}\bbefore $", re.IGNORECASE)
 """What stands right before "hitting each other" where that does not come about."""
 _TURN_CRASH = re.compile(r"\b(left|right)[- ](?:turn|cross)(?: across path)? $", re.IGNORECASE)
@@ -554,7 +555,11 @@ def _is_close_overtake(result: Interpretation, span: ReadSpan) -> bool:
 def _read_overtaking(result: Interpretation) -> None:
     """ "Passes too closely" of a vehicle, then a rider: as a near miss, or marked as no event."""
     agents, relations = result.draft.agents, result.draft.relations
-    if len(agents) != 2 or agents[0].type != "vehicle" or not (agents[1].rides and agents[1].drives):
+    if (
+        len(agents) != 2
+        or agents[0].type != "vehicle"
+        or not (agents[1].rides and agents[1].drives)
+    ):
         return
     text = " ".join(s.words for s in result.spans if s.tag == "near") if relations else result.text
     said = _OVERTAKES.search(text) and (_CLOSELY.search(text) or _is_within_reach(result))
@@ -793,6 +798,9 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         return
     pairs = _chain_followers(named) if span.tag == "follow" else named
     pairs = pairs or _add_striker(result, span) or _add_implied(result, span)
+    if not pairs and span.tag == "yield" and len(users) == 1 and _STOPS.search(span.words):
+        result.enter(span, "signals", span.subjects)  # alone it stops for a light
+        return
     if not pairs:
         raise Refused(
             "out_of_scope",
