@@ -6,7 +6,8 @@ import pytest
 
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.numbers import number_in
-from scenewright.backends.builtin.reader.words import find_class, find_subtype
+from scenewright.backends.builtin.reader.words import find_class
+from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.graph.run import DEFAULT_INTERSECTION, synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.phrasing import describe_graph
@@ -43,11 +44,15 @@ def test_it_is_read_as_it_is_meant(text: str, meant: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "subtype"),
-    [("a buss", "bus"), ("taxsi", "taxi"), ("a trcuk", "truck"), ("a man", None), ("a tram", None)],
-)
-def test_a_slip_of_the_finger_leaves_a_class_what_it_is(words: str, subtype: str | None) -> None:
-    assert find_subtype(words) == subtype
+    ("words", "mended"),
+    [
+        ("a buss and a trcuk lfet", "a bus and a truck left"),
+        ("a man from the esat", "a man from the east"), ("a tram", "a tram"), ("Sven", "Sven"),
+        ("eighty frogs", "eighty frogs"),
+    ],
+)  # fmt: skip
+def test_slips_of_the_finger_are_mended(words: str, mended: str) -> None:
+    assert mend_spelling(words).text == mended
 
 
 def test_numbers_of_two_words_are_one() -> None:

@@ -99,8 +99,8 @@ def _plan_cached(text: str, previous: str | None, site: Site) -> Plan:
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
-        check_language(text, split_tokens(clean(text)))
         mended = mend_spelling(text)
+        check_language(text, split_tokens(clean(mended.text)))
         phrased = replace_phrases(mended.text)
         learned = read_plan(phrased.text, previous=previous, site=site, phrases=phrased.phrases)
     except Refused as verdict:

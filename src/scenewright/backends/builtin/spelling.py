@@ -8,7 +8,7 @@ from importlib.resources import files
 
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 
-_WORD = re.compile(r"(?<![\w'’])[A-Za-z]{4,}(?![\w'’])")
+_WORD = re.compile(r"(?<![\w'’])[A-Za-z]{3,}(?![\w'’])")
 
 
 def mend_spelling(text: str) -> RewrittenText:
@@ -34,6 +34,8 @@ def _is_slip(word: str, meant: str) -> bool:
     if len(word) == len(meant):
         return sorted(word) == sorted(meant)
     short, long = sorted((word, meant), key=len)
+    if long[-1] == long[-2] and long[:-1] == short:
+        return True  # "buss"
     return len(short) >= 5 and any(long[:n] + long[n + 1 :] == short for n in range(len(long)))
 
 

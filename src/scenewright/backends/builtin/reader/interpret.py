@@ -7,9 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast, get_args
 
-from rapidfuzz import process
-from rapidfuzz.distance import OSA
-
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
     OPPOSITE,
@@ -590,10 +587,6 @@ def get_side(span: ReadSpan) -> str | None:
         return names[0]
     if match := _LETTER.search(span.words):
         return _INITIAL[match[1].lower()]
-    for word in re.findall(r"[a-z]{4,6}", span.words.lower()):  # "nroth"
-        near = process.extractOne(word, _INITIAL.values(), scorer=OSA.distance, score_cutoff=1)
-        if near is not None:
-            return str(near[0])
     return _INITIAL[span.side.lower()] if span.side else None
 
 
