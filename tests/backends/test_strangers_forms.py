@@ -27,6 +27,9 @@ from scenewright.tools.account import prove
         ("vehical runs a red lihgt and hits a bycicle", "collides with the cyclist."),
         ("A pedestrian is hit by a vehicle on the minor road (east-west)",
          "A vehicle comes from the east and goes straight."),
+        ("ped x2 crossing N leg, car W->N waits for both", "The car yields to pedestrian 2."),
+        ("Show a car driving away after the light turns green while a pedestrian waits",
+         "There is a car. There is a pedestrian."),
         ("A (northbound) collides with B (eastbound).", "Vehicle 1 collides with vehicle 2."),
         ("ego car must swerve, a child runs out from behind a parked truck",
          "The car narrowly misses the pedestrian."),
@@ -85,12 +88,23 @@ def test_who_passes_a_rider_too_closely_overtakes() -> None:
         "2 cars, 1 ped, no conflict",
         "A van is parked at the kerb; a child emerges from behind it and a car brakes hard",
         "A car passes a cyclist too closely",
+        "A cyclist riding straight is right-hooked by a delivery van.",
+        "While I was turning left someone on a motorbike crashed into my side.",
+        "I had to brake hard because a kid ran into the road.",
+        "ped x2 crossing N leg, car W->N waits for both",
     ],
 )
 def test_every_word_of_it_is_shown(text: str) -> None:
     scene = synthesize(text, seed=3, refiner="none")
     assert scene.proof.verified
     assert {each.state for each in scene.proof.account} <= {"seen", "stands_anyway", "manner"}
+
+
+def test_green_is_contradicted_by_who_runs_red() -> None:
+    scene = synthesize("A car runs the red light", seed=3, refiner="none")
+    meta = scene.record.meta.model_copy(update={"user_prompt": "A car goes on green"})
+    proof = prove(scene.record.model_copy(update={"meta": meta}), load_map(DEFAULT_INTERSECTION))
+    assert [each.words for each in proof.account if each.state == "contradicted"] == ["green"]
 
 
 @pytest.mark.parametrize("words", ["a car passes a van", "a cyclist waits for a van at the light"])

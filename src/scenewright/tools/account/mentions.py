@@ -100,8 +100,10 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     head = stop - 1
     number = _read_number_after(tokens, stop)
     stop += 0 if number is None else 2
+    if stop < len(tokens) and tokens[stop].text.startswith("x") and tokens[stop].number:
+        number, stop = tokens[stop].number, stop + 1  # "ped x2"
     start = n
-    while start > 0 and _belongs_before(tokens[start - 1]):
+    while start > 0 and _belongs_before(tokens[start - 1]) and not _is_turn(tokens, start - 1):
         start -= 1
     before = tokens[start:n]
     words = [each.text for each in before]
@@ -167,6 +169,11 @@ def _is_attribute(tokens: Sequence[Token], n: int) -> bool:
     if follow.has("crosswalk") and not follow.text.endswith("ing"):
         return True
     return follow.has("crosswalk") and n > 1 and tokens[n - 2].is_in("at")
+
+
+def _is_turn(tokens: Sequence[Token], n: int) -> bool:
+    """Whether left or right says how one turns, and nothing of the noun after it."""
+    return n > 0 and tokens[n].has("left", "right") and tokens[n - 1].stem == "turn"
 
 
 def _belongs_before(token: Token) -> bool:

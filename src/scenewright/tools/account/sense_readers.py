@@ -306,6 +306,11 @@ def _read_hand(hand: str) -> Reader:
                 and any(each.text in ("from", "on", "to", "at") for each in before[:-1])
             )
         )
+        if after and after[0].stem == "hook":  # "is right-hooked by a van"
+            parties = finder.find_parties(n, n + 2)
+            subjects = parties[finder.is_passive(n + 1, n + 2)]
+            test = tests.AllAgents(subjects, hand, lambda f, a: f.agents[a].movement == hand)
+            return (Claim("movement", hand, (n,), subjects, test),)
         return (_read_tie(hand) if whose else _read_movement(hand))(finder, n, value)
 
     return read
@@ -336,6 +341,8 @@ def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     """Claim that the place has lights, or of a green light that the agent runs no red one."""
+    if any(m.start <= n < m.head for m in finder.mentions):
+        return  # "a green car"
     if any(each.text == "green" for each in finder.tokens[max(0, n - 1) : n + 1]):
         yield from _claim_all(
             finder, n, ("red_light", "no run", "a green light"),

@@ -250,6 +250,7 @@ def _cut(text: str) -> Iterator[Token]:
         stem = reduce_word(low if low.endswith("n't") else low.partition("'")[0])
         figure = match["figure"]
         number = float(figure.replace(",", ".")) if figure else _SPELT.get(low)
+        number = float(low[1:]) if kind == "word" and re.fullmatch(r"x\d", low) else number
         yield Token(
             match.start(), match.start() + len(match[0].rstrip()), low, stem, kind,
             sentence, number, (match["unit"] or "").lower().replace(" ", "") or None,

@@ -125,6 +125,10 @@ _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] =
     (_YELLOW, "passes_yellow"),
 )
 _CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
+_TURNS_GREEN = re.compile(
+    r"^(?!.*\bred\b).*\b(?:light|signal)s? (?:\w+ )?(?:turn\w*|is|goes|change\w*(?: to)?) green\b",
+    re.IGNORECASE,
+)
 _RIGHT_ON_RED = re.compile(
     r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
     r"(?: (?:light|signal))?)\b",
@@ -164,7 +168,7 @@ def correct_manoeuvres(reading: Reading) -> Reading:
     _weaken_hooks(spans)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
-    _separate_yellow_from_red(spans)
+    _separate_red(reading.text, spans)
     _read_right_on_red(reading, spans)
     if not any(span.tag in ("veh", "cyc", "scoot") for span in spans):
         _read_corner(reading, spans)
@@ -180,13 +184,15 @@ def _weaken_hooks(spans: list[ReadSpan]) -> None:
             spans[n] = replace(span, tag="near", value=None)
 
 
-def _separate_yellow_from_red(spans: list[ReadSpan]) -> None:
-    """An agent that runs a light called yellow runs no red one: "passes the light on yellow"."""
+def _separate_red(text: str, spans: list[ReadSpan]) -> None:
+    """An agent that runs a yellow light, or drives when it is green, runs no red one."""
     yellow = {(s.start, s.subjects) for s in spans if s.value == "passes_yellow"}
     for n, span in enumerate(spans):
         called = _CALLED_YELLOW.search(span.words) or (span.end + 1, span.subjects) in yellow
         if span.tag == "red" and called and not span.negated:
             spans[n] = replace(span, tag="motion", value="passes_yellow")
+        elif span.tag == "red" and _TURNS_GREEN.search(text[span.start : span.end + 15]):
+            spans[n] = replace(span, tag="light", confidence=_KNOWN)
 
 
 def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:

@@ -42,6 +42,10 @@ _LABEL = re.compile(
 )
 
 
+_TIMES = re.compile(r"\bx ?(\d)\b", re.IGNORECASE)
+"""How many of "ped x2"."""
+
+
 def number_in(words: str) -> int | None:
     """The first number in some words; None if there is none."""
     match = _NUMBER.search(words)
@@ -58,6 +62,8 @@ def count_in(words: str) -> int | None:
 
     The number of "vehicle 2" is a name, and that of "a two-door car" says what it is.
     """
+    if times := _TIMES.search(words):
+        return int(times[1])
     plain = _OF_ONE.sub(" ", words)
     if plain != words and _SINGULAR.match(words):
         return 1
