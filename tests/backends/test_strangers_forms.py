@@ -81,6 +81,7 @@ def test_who_passes_a_rider_too_closely_overtakes() -> None:
     "text",
     [
         "pedestrian waits for vehicle, veh N->S",
+        "v1 n->s; v2 e->w; v1 hits v2",
         "cyclits gets hitt by a trukc turnig rigth",
         "a car waits until it is green",
         "a car stops",
