@@ -21,6 +21,7 @@ from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.redraft import free_name, get_next_item, read_change
 from scenewright.backends.builtin.references import People, Unclear
+from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.backends.builtin.standing_edits import find_removed
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
 from scenewright.errors import Rejected
@@ -108,6 +109,7 @@ def read(
         chosen: answers given to questions about these words: phrase -> agent id or leg.
         site: where it happens; None: four legs in right-hand traffic.
     """
+    words = mend_spelling(words).text
     plain = " ".join(words.lower().split())
     if situation is None or _FRESH.search(plain):
         return NewScene()

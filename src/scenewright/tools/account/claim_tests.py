@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Any
 
 import shapely
@@ -754,8 +755,10 @@ def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
 
 
 def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
-    """Agents that follow another one closely, and those that they follow."""
-    close = [e for e in facts.events if e.type == "follow" and e.evidence["least_headway"] <= CLOSE]
+    """Agents that follow another one closely or nearly hit it, and those others."""
+    follows = (e for e in facts.events if e.type == "follow")
+    close = [e for e in follows if e.evidence.get("least_headway", 2 * CLOSE) <= CLOSE]
+    close += [e for e in facts.events if e.type == "near_miss"]
     return [number for e in close for number in (e.from_, e.to)]
 
 
@@ -764,6 +767,12 @@ def find_meeting(facts: SceneFacts, value: str) -> list[int]:
     return [
         each.agent for each in facts.scene.encounters if makes_true("encounter", each.how, value)
     ]
+
+
+def find_overtaking(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that get from behind another one on the road to ahead of it."""
+    drivers = [n for n in facts.foreground if facts.agents[n].type != "pedestrian"]
+    return [one for one, other in permutations(drivers, 2) if facts.overtakes(one, other)]
 
 
 def _join(names: Iterable[int | str]) -> str:

@@ -51,6 +51,10 @@ _NEAR = 45
 
 _SHORT_OF = re.compile(r"^(?:right|just)$", re.IGNORECASE)
 _CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
+_TURNS_GREEN = re.compile(
+    r"^(?!.*\bred\b).*\b(?:light|signal)s? (?:\w+ )?(?:turn\w*|is|goes|change\w*(?: to)?) green\b",
+    re.IGNORECASE,
+)
 _RIGHT_ON_RED = re.compile(
     r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
     r"(?: (?:light|signal))?)\b",
@@ -61,7 +65,7 @@ _ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
 _PASSIVE_REAR = re.compile(
     r"\b(?:is|was|gets|got|being|and)\b[^.,;]*?"
     r"\b(?:(?:hit|struck|rammed|shunted) (?:from behind|in the rear)|"
-    r"rear-?ended)\b(?! by)",
+    r"rear-?ended)\b(?![^.,;]*\bby\b)",
     re.IGNORECASE,
 )
 _CANNOT = re.compile(
@@ -90,7 +94,7 @@ def correct_manoeuvres(reading: Reading) -> Reading:
     _weaken_hooks(spans)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
-    _separate_yellow_from_red(spans)
+    _separate_red(reading.text, spans)
     _read_right_on_red(reading, spans)
     if not any(span.tag in ("veh", "cyc", "scoot") for span in spans):
         _read_corner(reading, spans)
@@ -106,13 +110,15 @@ def _weaken_hooks(spans: list[ReadSpan]) -> None:
             spans[n] = replace(span, tag="near", value=None)
 
 
-def _separate_yellow_from_red(spans: list[ReadSpan]) -> None:
-    """An agent that runs a light called yellow runs no red one: "passes the light on yellow"."""
+def _separate_red(text: str, spans: list[ReadSpan]) -> None:
+    """An agent that runs a yellow light, or drives when it is green, runs no red one."""
     yellow = {(s.start, s.subjects) for s in spans if s.value == "yellow"}
     for n, span in enumerate(spans):
         called = _CALLED_YELLOW.search(span.words) or (span.end + 1, span.subjects) in yellow
         if span.tag == "red" and called and not span.negated:
             spans[n] = replace(span, tag="motion", value="yellow")
+        elif span.tag == "red" and _TURNS_GREEN.search(text[span.start : span.end + 15]):
+            spans[n] = replace(span, tag="light", confidence=_KNOWN)
 
 
 def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
