@@ -32,7 +32,6 @@ _COMPASS = r"(?:north|south)(?:east|west)?|east|west"
 _WORD = re.compile(r"[\w'’]+")
 _FROM = frozenset(("from", "off", "along", "down", "up", "via", "on", "in", "leaving", "exiting"))
 _TO = frozenset(("into", "onto", "to", "toward", "towards", "for"))
-_ACROSS = frozenset(("cross", "crosses", "crossing", "crossed", "across", "over"))
 _PART = re.compile(
     r"(?:'s|’s)?\s+(?:leg|arm|approach|crosswalk|crossing|zebra|side|branch|entrance|exit)s?\b",
     re.IGNORECASE,
@@ -326,8 +325,6 @@ def _rewrite_leg(
         return at + lead.start(), end, f", one from the {leg},"
     if lead and word in _FROM:
         return at + lead.start(), end, f"from the {leg}"
-    if lead and word in _ACROSS:
-        return start, end, f"the {leg} leg"
     return start, end, f"the {leg} leg"
 
 
