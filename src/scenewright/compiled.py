@@ -37,6 +37,7 @@ _STALE = 86400.0
 def compiled(function: FunctionT) -> FunctionT:
     """Compile a function at its first call, and keep the code on disk for the next process.
 
+    It only reads the arrays that it is given, so that frozen ones and others share one code.
     Rounding is that of the plain function: no operation is reordered or fused. Division by zero
     gives what IEEE 754 says instead of raising. Where nothing can be kept, every process compiles
     for itself.
@@ -44,17 +45,22 @@ def compiled(function: FunctionT) -> FunctionT:
     Raises:
         TypeError: it is a generator, whose code on disk cannot be built into another function.
     """
-    if isgeneratorfunction(function):
-        raise TypeError(f"{function.__name__} is a generator: let it return a list")
-    return cast(FunctionT, _CompiledFunction(function))
+    return cast(FunctionT, _CompiledFunction(function, writes=False))
+
+
+def compiled_to_write(function: FunctionT) -> FunctionT:
+    """Compile a function that writes into arrays that it is given, otherwise as `compiled` does."""
+    return cast(FunctionT, _CompiledFunction(function, writes=True))
 
 
 class _CompiledFunction:
     """A function that numba compiles when it is first called, or needed by another such one."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], *, writes: bool) -> None:
+        if isgeneratorfunction(function):
+            raise TypeError(f"{function.__name__} is a generator: let it return a list")
         update_wrapper(self, function)
-        self._ready = False
+        self._ready, self._writes = False, writes
 
     def __call__(self, *arguments: Any) -> Any:
         if not self._ready:
@@ -77,9 +83,39 @@ class _CompiledFunction:
         function = vars(self)["__wrapped__"]
         folder = find_cache_folder(Path(function.__code__.co_filename))
         if folder is None:
-            return numba.njit(error_model="numpy")(function)
-        with _use_cache_folder(numba.config, folder):
-            return numba.njit(cache=True, error_model="numpy")(function)
+            found = numba.njit(error_model="numpy")(function)
+        else:
+            with _use_cache_folder(numba.config, folder):
+                found = numba.njit(cache=True, error_model="numpy")(function)
+        _compile_once_for_similar_types(found, writes=self._writes)
+        return found
+
+
+def _compile_once_for_similar_types(dispatcher: Any, *, writes: bool) -> None:
+    """Have numba compile no code of its own for each constant, nor for frozen arrays if read."""
+    from numba import types
+
+    compile_exactly, find_exactly = dispatcher.compile, dispatcher.get_call_template
+
+    def simplify(given: Any) -> Any:
+        plain: Any = types.unliteral(given)  # type: ignore[no-untyped-call]
+        if type(plain) in (types.Tuple, types.UniTuple):  # of named ones numba casts no field
+            return plain.from_types([simplify(each) for each in plain])
+        if isinstance(plain, types.Array) and not writes:
+            return plain.copy(readonly=True)
+        return plain
+
+    def compile_simply(given: tuple[Any, ...]) -> Any:
+        code = compile_exactly(simple := tuple(map(simplify, given)))
+        if simple != given:  # or the next call with these types would ask here again
+            dispatcher._insert([each._code for each in given], code, False)
+        return code
+
+    def find_simply(given: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        _, folded = dispatcher.fold_argument_types(given, named)
+        return find_exactly(tuple(map(simplify, folded)), {})
+
+    dispatcher.compile, dispatcher.get_call_template = compile_simply, find_simply
 
 
 @cache

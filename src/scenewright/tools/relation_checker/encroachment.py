@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.conflict_zones import MERGE_LENGTH, SHARED
@@ -329,7 +329,7 @@ class _Ways(NamedTuple):
     nose: FloatArray
 
 
-@compiled
+@compiled_to_write
 def _drop_stretches(rows: IntArray, pairs: _OccupancyPairs, s: FloatArray, ways: _Ways) -> None:
     """Writes infinite lags where either of a pair is in a stretch shared with the other's lane."""
     for k in range(len(rows)):
@@ -459,7 +459,7 @@ def _find_best_places(
     return found[:count]
 
 
-@compiled
+@compiled_to_write
 def _label_encounters(
     p: IntArray, lag: FloatArray, s: FloatArray, rows: tuple[int, int], group: IntArray
 ) -> int:
@@ -478,7 +478,7 @@ def _label_encounters(
     return count
 
 
-@compiled
+@compiled_to_write
 def _fill_heap(
     heap: IntArray, pairs: _OccupancyPairs, rows: tuple[int, int], group: IntArray, wanted: int
 ) -> int:
@@ -493,7 +493,7 @@ def _fill_heap(
     return size
 
 
-@compiled
+@compiled_to_write
 def _sift_down(heap: IntArray, k: int, size: int, pairs: _OccupancyPairs) -> None:
     while 2 * k + 1 < size:
         child = 2 * k + 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import GridTable, PairGrid
@@ -170,7 +170,7 @@ def _list_near_samples(
     return row[:count], mine[:count], theirs[:count]
 
 
-@compiled
+@compiled_to_write
 def _keep_least(
     sample: IntArray, other: IntArray, gap: FloatArray, least: FloatArray, leader: IntArray
 ) -> None:

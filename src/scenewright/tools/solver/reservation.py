@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
 from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import RIDERS, AgentClass, FloatArray
@@ -314,7 +314,7 @@ def _find_runs(corridor: Corridor, table: Reservations) -> ConflictRuns:
         room *= 2
 
 
-@compiled
+@compiled_to_write
 def _write_runs(
     corridor: Corridor, table: Reservations, near: IntArray, touching: IntArray
 ) -> tuple[int, int]:
@@ -373,7 +373,7 @@ def _write_runs(
     return found, touched
 
 
-@compiled
+@compiled_to_write
 def _extend_run(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: int) -> int:
     """Extend the last run by one node, or begin another; return how many more runs there are."""
     if under_way:
