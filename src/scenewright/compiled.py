@@ -63,13 +63,12 @@ class _CompiledFunction:
         self._ready, self._writes = False, writes
 
     def __call__(self, *arguments: Any) -> Any:
-        if not self._ready:
-            # The first call compiles or loads, which threads must not do at once.
-            with _LOADING, stop_clock():
-                found = self._dispatcher(*arguments)
-            self._ready = True
-            return found
-        return self._dispatcher(*arguments)
+        if self._ready:
+            return self._dispatcher(*arguments)
+        with _LOADING, stop_clock():  # it compiles or loads, which threads must not do at once
+            found = self._dispatcher(*arguments)
+        self._ready = True
+        return found
 
     @property
     def _numba_type_(self) -> Any:
@@ -82,17 +81,17 @@ class _CompiledFunction:
 
         function = vars(self)["__wrapped__"]
         folder = find_cache_folder(Path(function.__code__.co_filename))
-        if folder is None:
-            found = numba.njit(error_model="numpy")(function)
-        else:
-            with _use_cache_folder(numba.config, folder):
-                found = numba.njit(cache=True, error_model="numpy")(function)
-        _compile_once_for_similar_types(found, writes=self._writes)
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+        try:  # code of other packages stays where it was
+            found = numba.njit(cache=folder is not None, error_model="numpy")(function)
+        finally:
+            numba.config.CACHE_DIR = before
+        _share_code(found, writes=self._writes)
         return found
 
 
-def _compile_once_for_similar_types(dispatcher: Any, *, writes: bool) -> None:
-    """Have numba compile no code of its own for each constant, nor for frozen arrays if read."""
+def _share_code(dispatcher: Any, *, writes: bool) -> None:
+    """Have numba compile nothing for a constant's sake, nor for that of a frozen array if read."""
     from numba import types
 
     compile_exactly, find_exactly = dispatcher.compile, dispatcher.get_call_template
@@ -101,9 +100,7 @@ def _compile_once_for_similar_types(dispatcher: Any, *, writes: bool) -> None:
         plain: Any = types.unliteral(given)  # type: ignore[no-untyped-call]
         if type(plain) in (types.Tuple, types.UniTuple):  # of named ones numba casts no field
             return plain.from_types([simplify(each) for each in plain])
-        if isinstance(plain, types.Array) and not writes:
-            return plain.copy(readonly=True)
-        return plain
+        return plain.copy(readonly=True) if isinstance(plain, types.Array) and not writes else plain
 
     def compile_simply(given: tuple[Any, ...]) -> Any:
         code = compile_exactly(simple := tuple(map(simplify, given)))
@@ -112,8 +109,9 @@ def _compile_once_for_similar_types(dispatcher: Any, *, writes: bool) -> None:
         return code
 
     def find_simply(given: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        _, folded = dispatcher.fold_argument_types(given, named)
-        return find_exactly(tuple(map(simplify, folded)), {})
+        return find_exactly(
+            tuple(map(simplify, dispatcher.fold_argument_types(given, named)[1])), {}
+        )
 
     dispatcher.compile, dispatcher.get_call_template = compile_simply, find_simply
 
@@ -126,7 +124,10 @@ def find_cache_folder(file: Path) -> Path | None:
         with suppress(OSError):
             if not folder.is_dir():
                 root.mkdir(parents=True, exist_ok=True)
-                _remove_stale_folders(root)
+                for earlier in root.glob(f"{_PREFIX}*"):
+                    with suppress(OSError):  # one of today another process may still write
+                        if time.time() - earlier.stat().st_mtime > _STALE:
+                            shutil.rmtree(earlier, ignore_errors=True)
                 folder.mkdir(exist_ok=True)
             if os.access(folder, os.W_OK | os.X_OK):
                 os.utime(folder)  # it is in use, so it is not stale
@@ -136,8 +137,7 @@ def find_cache_folder(file: Path) -> Path | None:
 
 def has_cache(file: Path = _SLOWEST) -> bool:
     """Whether there is machine code of a source file, or it has to be compiled first."""
-    folder = find_cache_folder(file)
-    return folder is not None and any(folder.rglob("*.nbc"))
+    return any((find_cache_folder(file) or file).rglob("*.nbc"))
 
 
 @contextmanager
@@ -175,49 +175,20 @@ def _hash_sources(file: Path) -> str:
     """Compute a name that changes when the file does, or any that it imports, directly or not."""
     found, open_ = {file}, [file]
     while open_:
-        new = _list_imports(open_.pop()) - found
+        new = _read(open_.pop())[1] - found
         found |= new
         open_ += new
-    digest = hashlib.sha256()
-    for each in sorted(found):
-        digest.update(f"{each}:{_hash_text(each)}\n".encode())
-    return digest.hexdigest()[:16]
+    text = "".join(f"{each}:{_read(each)[0]}\n" for each in sorted(found))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @cache
-def _list_imports(file: Path) -> frozenset[Path]:
-    """List the files of this package from which a file imports a module or a name."""
-    candidates = []
-    for module, names in _IMPORT.findall(_read(file)):
+def _read(file: Path) -> tuple[str, frozenset[Path]]:
+    """The hash of a file, and those of this package from which it imports a module or a name."""
+    text, candidates = file.read_text("utf-8"), list[Path]()
+    for module, names in _IMPORT.findall(text):
         place = _PACKAGE.joinpath(*module.split(".")[1:])
         candidates += [place.with_suffix(".py"), place / "__init__.py"]
         candidates += [place / f"{name}.py" for name in re.findall(r"\w+", names)]
-    return frozenset(each for each in candidates if each.is_file())
-
-
-@cache
-def _hash_text(file: Path) -> str:
-    return hashlib.sha256(_read(file).encode()).hexdigest()
-
-
-@cache
-def _read(file: Path) -> str:
-    return file.read_text("utf-8")
-
-
-def _remove_stale_folders(root: Path) -> None:
-    """Remove code of earlier sources, but none of today, as another process may still write it."""
-    for earlier in root.glob(f"{_PREFIX}*"):
-        with suppress(OSError):
-            if time.time() - earlier.stat().st_mtime > _STALE:
-                shutil.rmtree(earlier, ignore_errors=True)
-
-
-@contextmanager
-def _use_cache_folder(config: Any, folder: Path) -> Iterator[None]:
-    """Set numba's cache folder for a moment: code of other packages stays where it was."""
-    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = before
+    found = frozenset(each for each in candidates if each.is_file())
+    return hashlib.sha256(text.encode()).hexdigest(), found
