@@ -109,9 +109,8 @@ def _share_code(dispatcher: Any, *, writes: bool) -> None:
         return code
 
     def find_simply(given: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        return find_exactly(
-            tuple(map(simplify, dispatcher.fold_argument_types(given, named)[1])), {}
-        )
+        _, folded = dispatcher.fold_argument_types(given, named)
+        return find_exactly(tuple(map(simplify, folded)), {})
 
     dispatcher.compile, dispatcher.get_call_template = compile_simply, find_simply
 
@@ -190,5 +189,4 @@ def _read(file: Path) -> tuple[str, frozenset[Path]]:
         place = _PACKAGE.joinpath(*module.split(".")[1:])
         candidates += [place.with_suffix(".py"), place / "__init__.py"]
         candidates += [place / f"{name}.py" for name in re.findall(r"\w+", names)]
-    found = frozenset(each for each in candidates if each.is_file())
-    return hashlib.sha256(text.encode()).hexdigest(), found
+    return hashlib.sha256(text.encode()).hexdigest(), frozenset(filter(Path.is_file, candidates))
