@@ -79,13 +79,13 @@ class _CompiledFunction:
     def _dispatcher(self) -> Any:
         import numba
 
-        function = vars(self)["__wrapped__"]
+        function, config = vars(self)["__wrapped__"], cast(Any, numba.config)
         folder = find_cache_folder(Path(function.__code__.co_filename))
-        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+        before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
         try:  # code of other packages stays where it was
             found = numba.njit(cache=folder is not None, error_model="numpy")(function)
         finally:
-            numba.config.CACHE_DIR = before
+            config.CACHE_DIR = before
         _share_code(found, writes=self._writes)
         return found
 
