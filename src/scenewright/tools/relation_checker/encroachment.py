@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.conflict_zones import MERGE_LENGTH, SHARED
@@ -294,7 +294,7 @@ def _find_touching_pairs(
     return p[:count], q[:count], lags[:count], begin
 
 
-@compiled
+@compiled_to_write
 def _mark_shared_lanes(
     a: int, b: int, places: _Occupancies, movers: FloatArray, lanes: LaneTable, shared: BoolArray
 ) -> None:
@@ -461,7 +461,7 @@ def _find_best_places(
     return found[:count]
 
 
-@compiled
+@compiled_to_write
 def _label_encounters(p: IntArray, s: FloatArray, rows: tuple[int, int], group: IntArray) -> int:
     """Writes in which encounter every place of a pair's first is; returns how many there are."""
     low, high = len(s), -1
@@ -477,7 +477,7 @@ def _label_encounters(p: IntArray, s: FloatArray, rows: tuple[int, int], group: 
     return count
 
 
-@compiled
+@compiled_to_write
 def _fill_heap(
     heap: IntArray, pairs: _OccupancyPairs, rows: tuple[int, int], group: IntArray, wanted: int
 ) -> int:
@@ -492,7 +492,7 @@ def _fill_heap(
     return size
 
 
-@compiled
+@compiled_to_write
 def _sift_down(heap: IntArray, k: int, size: int, pairs: _OccupancyPairs) -> None:
     while 2 * k + 1 < size:
         child = 2 * k + 1

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.scene.base import FloatArray
 
 SPACING = 0.5
@@ -100,7 +100,7 @@ def _resample_evenly(
     return even, points, direction, begin
 
 
-@compiled
+@compiled_to_write
 def _interpolate(even: FloatArray, xy: FloatArray, s: FloatArray, points: FloatArray) -> None:
     """Writes points at ascending arc lengths, linear between samples that differ."""
     here = there = 0
