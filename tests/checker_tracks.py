@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -174,6 +175,7 @@ def box(west: float, south: float, east: float, north: float) -> tuple[tuple[flo
     return ((west, south), (east, south), (east, north), (west, north))
 
 
+@cache
 def plus_map() -> IntersectionMap:
     """Two roads 7 m wide that cross at the origin; a stop line and a crosswalk on the west leg."""
     corner = 100.0

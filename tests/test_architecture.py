@@ -81,19 +81,6 @@ def test_import_loads_nothing_heavy() -> None:
     assert not HEAVY & set(loaded.stdout.split())
 
 
-def test_a_scene_is_made_refined_and_proven_without_any_extra() -> None:
-    script = (
-        "import sys\n"
-        "for name in ('torch', 'sklearn', 'rerun', 'pyarrow', 'starlette'):\n"
-        "    sys.modules[name] = None\n"
-        "from scenewright import synthesize, verify\n"
-        "scene = synthesize('A car yields to a pedestrian', seed=1, refiner='trajnet')\n"
-        "assert scene.provenance['refinement']['refiner'] == 'trajnet'\n"
-        "assert verify(scene.record).verified"
-    )
-    subprocess.run([sys.executable, "-c", script], check=True)
-
-
 def test_public_surface() -> None:
     assert sorted(scenewright.__all__) == [
         "IntersectionMap",

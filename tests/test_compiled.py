@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from scenewright import compiled as module
 
@@ -101,8 +102,7 @@ def test_a_change_of_what_is_imported_changes_the_place_and_no_other(
 
     def name(number: int) -> str:
         far.write_text(f"A = {number}\n")
-        for each in (module._read, module._hash_text, module._list_imports):
-            each.cache_clear()
+        module._read.cache_clear()
         return module._hash_sources(loop)
 
     before = name(1)
@@ -117,3 +117,42 @@ def test_a_generator_is_refused_when_it_is_defined() -> None:
 
     with pytest.raises(TypeError, match="count is a generator"):
         module.compiled(count)
+
+
+@module.compiled
+def add(values: np.ndarray, pair: tuple[np.ndarray, float], twice: bool) -> float:
+    return float((values[0] + pair[0][0] + pair[1]) * (2.0 if twice else 1.0))
+
+
+@module.compiled
+def add_twice(values: np.ndarray) -> float:
+    return add(values, (values, 1.0), True) + add(values, (values, 1.0), twice=False)
+
+
+@module.compiled
+def overwrite(values: np.ndarray) -> None:
+    values[0] = 1.0
+
+
+@module.compiled_to_write
+def write(values: np.ndarray) -> None:
+    values[0] = 1.0
+
+
+def test_constants_and_frozen_arrays_share_one_code() -> None:
+    free, frozen = np.array([2.0]), np.array([3.0])
+    frozen.setflags(write=False)
+    for first in (free, frozen):
+        for second in (free, frozen):
+            assert add(first, (second, 1.0), True) == 2.0 * (first[0] + second[0] + 1.0)
+        assert add_twice(first) == 3.0 * (2.0 * first[0] + 1.0)
+    assert (len(add._dispatcher.overloads), len(add_twice._dispatcher.overloads)) == (1, 1)
+
+
+def test_only_what_is_said_to_write_writes() -> None:
+    values = np.array([2.0])
+    with pytest.raises(TypingError, match="readonly"):
+        overwrite(values)
+    assert values[0] == 2.0
+    write(values)
+    assert values[0] == 1.0

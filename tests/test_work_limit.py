@@ -47,6 +47,7 @@ def test_a_request_whose_work_is_spent_is_refused_for_good(monkeypatch: pytest.M
 @pytest.mark.parametrize("text", [TEXT, HOPELESS])
 def test_a_slow_machine_gives_the_same_answer(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A clock that says an hour between two looks, as under any load; none decides."""
+    monkeypatch.setattr(run, "MOST_WORK", 2000)
     calm = work(Job(0, "a", "a", text, 0, "amsterdam_120", ("builtin",), "none", "draw"))
     spent: list[int] = []
     monkeypatch.setattr(work_limit, "check_time", lambda: spent.append(1))

@@ -37,6 +37,7 @@ _STALE = 86400.0
 def compiled(function: FunctionT) -> FunctionT:
     """Compile a function at its first call, and keep the code on disk for the next process.
 
+    It only reads the arrays that it is given, so that frozen ones and others share one code.
     Rounding is that of the plain function: no operation is reordered or fused. Division by zero
     gives what IEEE 754 says instead of raising. Where nothing can be kept, every process compiles
     for itself.
@@ -44,26 +45,30 @@ def compiled(function: FunctionT) -> FunctionT:
     Raises:
         TypeError: it is a generator, whose code on disk cannot be built into another function.
     """
-    if isgeneratorfunction(function):
-        raise TypeError(f"{function.__name__} is a generator: let it return a list")
-    return cast(FunctionT, _CompiledFunction(function))
+    return cast(FunctionT, _CompiledFunction(function, writes=False))
+
+
+def compiled_to_write(function: FunctionT) -> FunctionT:
+    """Compile a function that writes into arrays that it is given, otherwise as `compiled` does."""
+    return cast(FunctionT, _CompiledFunction(function, writes=True))
 
 
 class _CompiledFunction:
     """A function that numba compiles when it is first called, or needed by another such one."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], *, writes: bool) -> None:
+        if isgeneratorfunction(function):
+            raise TypeError(f"{function.__name__} is a generator: let it return a list")
         update_wrapper(self, function)
-        self._ready = False
+        self._ready, self._writes = False, writes
 
     def __call__(self, *arguments: Any) -> Any:
-        if not self._ready:
-            # The first call compiles or loads, which threads must not do at once.
-            with _LOADING, stop_clock():
-                found = self._dispatcher(*arguments)
-            self._ready = True
-            return found
-        return self._dispatcher(*arguments)
+        if self._ready:
+            return self._dispatcher(*arguments)
+        with _LOADING, stop_clock():  # it compiles or loads, which threads must not do at once
+            found = self._dispatcher(*arguments)
+        self._ready = True
+        return found
 
     @property
     def _numba_type_(self) -> Any:
@@ -74,12 +79,40 @@ class _CompiledFunction:
     def _dispatcher(self) -> Any:
         import numba
 
-        function = vars(self)["__wrapped__"]
+        function, config = vars(self)["__wrapped__"], cast(Any, numba.config)
         folder = find_cache_folder(Path(function.__code__.co_filename))
-        if folder is None:
-            return numba.njit(error_model="numpy")(function)
-        with _use_cache_folder(numba.config, folder):
-            return numba.njit(cache=True, error_model="numpy")(function)
+        before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+        try:  # code of other packages stays where it was
+            found = numba.njit(cache=folder is not None, error_model="numpy")(function)
+        finally:
+            config.CACHE_DIR = before
+        _share_code(found, writes=self._writes)
+        return found
+
+
+def _share_code(dispatcher: Any, *, writes: bool) -> None:
+    """Have numba compile nothing for a constant's sake, nor for that of a frozen array if read."""
+    from numba import types
+
+    compile_exactly, find_exactly = dispatcher.compile, dispatcher.get_call_template
+
+    def simplify(given: Any) -> Any:
+        plain: Any = types.unliteral(given)  # type: ignore[no-untyped-call]
+        if type(plain) in (types.Tuple, types.UniTuple):  # of named ones numba casts no field
+            return plain.from_types([simplify(each) for each in plain])
+        return plain.copy(readonly=True) if isinstance(plain, types.Array) and not writes else plain
+
+    def compile_simply(given: tuple[Any, ...]) -> Any:
+        code = compile_exactly(simple := tuple(map(simplify, given)))
+        if simple != given:  # or the next call with these types would ask here again
+            dispatcher._insert([each._code for each in given], code, False)
+        return code
+
+    def find_simply(given: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        _, folded = dispatcher.fold_argument_types(given, named)
+        return find_exactly(tuple(map(simplify, folded)), {})
+
+    dispatcher.compile, dispatcher.get_call_template = compile_simply, find_simply
 
 
 @cache
@@ -90,7 +123,10 @@ def find_cache_folder(file: Path) -> Path | None:
         with suppress(OSError):
             if not folder.is_dir():
                 root.mkdir(parents=True, exist_ok=True)
-                _remove_stale_folders(root)
+                for earlier in root.glob(f"{_PREFIX}*"):
+                    with suppress(OSError):  # one of today another process may still write
+                        if time.time() - earlier.stat().st_mtime > _STALE:
+                            shutil.rmtree(earlier, ignore_errors=True)
                 folder.mkdir(exist_ok=True)
             if os.access(folder, os.W_OK | os.X_OK):
                 os.utime(folder)  # it is in use, so it is not stale
@@ -100,8 +136,7 @@ def find_cache_folder(file: Path) -> Path | None:
 
 def has_cache(file: Path = _SLOWEST) -> bool:
     """Whether there is machine code of a source file, or it has to be compiled first."""
-    folder = find_cache_folder(file)
-    return folder is not None and any(folder.rglob("*.nbc"))
+    return any((find_cache_folder(file) or file).rglob("*.nbc"))
 
 
 @contextmanager
@@ -139,49 +174,19 @@ def _hash_sources(file: Path) -> str:
     """Compute a name that changes when the file does, or any that it imports, directly or not."""
     found, open_ = {file}, [file]
     while open_:
-        new = _list_imports(open_.pop()) - found
+        new = _read(open_.pop())[1] - found
         found |= new
         open_ += new
-    digest = hashlib.sha256()
-    for each in sorted(found):
-        digest.update(f"{each}:{_hash_text(each)}\n".encode())
-    return digest.hexdigest()[:16]
+    text = "".join(f"{each}:{_read(each)[0]}\n" for each in sorted(found))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @cache
-def _list_imports(file: Path) -> frozenset[Path]:
-    """List the files of this package from which a file imports a module or a name."""
-    candidates = []
-    for module, names in _IMPORT.findall(_read(file)):
+def _read(file: Path) -> tuple[str, frozenset[Path]]:
+    """The hash of a file, and those of this package from which it imports a module or a name."""
+    text, candidates = file.read_text("utf-8"), list[Path]()
+    for module, names in _IMPORT.findall(text):
         place = _PACKAGE.joinpath(*module.split(".")[1:])
         candidates += [place.with_suffix(".py"), place / "__init__.py"]
         candidates += [place / f"{name}.py" for name in re.findall(r"\w+", names)]
-    return frozenset(each for each in candidates if each.is_file())
-
-
-@cache
-def _hash_text(file: Path) -> str:
-    return hashlib.sha256(_read(file).encode()).hexdigest()
-
-
-@cache
-def _read(file: Path) -> str:
-    return file.read_text("utf-8")
-
-
-def _remove_stale_folders(root: Path) -> None:
-    """Remove code of earlier sources, but none of today, as another process may still write it."""
-    for earlier in root.glob(f"{_PREFIX}*"):
-        with suppress(OSError):
-            if time.time() - earlier.stat().st_mtime > _STALE:
-                shutil.rmtree(earlier, ignore_errors=True)
-
-
-@contextmanager
-def _use_cache_folder(config: Any, folder: Path) -> Iterator[None]:
-    """Set numba's cache folder for a moment: code of other packages stays where it was."""
-    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = before
+    return hashlib.sha256(text.encode()).hexdigest(), frozenset(filter(Path.is_file, candidates))

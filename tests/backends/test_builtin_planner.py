@@ -656,7 +656,6 @@ VOCABULARY = (
 WORDS = st.sampled_from(VOCABULARY.split())
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.lists(WORDS, max_size=25).map(" ".join), st.none() | st.just(BEFORE))
 def test_every_string_of_traffic_words_gets_a_plan(text: str, previous: str | None) -> None:
     first = plan(text, previous=previous)
@@ -672,10 +671,10 @@ def test_every_text_gets_a_plan(text: str) -> None:
 
 @pytest.mark.parametrize("part", ["development", "test"])
 def test_labelled_instructions_are_mostly_understood(part: str) -> None:
-    rows = load(part)[::3]  # benchmarks/planner.py takes them all
+    rows = load(part)[::6]  # benchmarks/planner.py takes them all
     found = (plan_whole(row["text"], previous=row.get("previous")) for row in rows)
     result = score(rows, [plan_to_row(r["id"], plan) for r, plan in zip(rows, found, strict=True)])
-    assert len(rows) > 150
+    assert len(rows) > 75
     assert result.all_fields.rate is not None
     assert result.all_fields.rate >= 0.8
 

@@ -235,6 +235,10 @@ def test_a_door_opens_too_late_for_a_cyclist() -> None:
     assert {each.state for each in scene.proof.account} == {"seen"}
 
 
-def test_a_cyclist_the_wrong_way_is_said_to_be_left_out() -> None:
-    graph = plan("A cyclist rides the wrong way down the north leg and nearly hits a pedestrian")
-    assert isinstance(graph, Refusal) or all(each.motion is None for each in graph.agents)
+def test_a_cyclist_rides_the_wrong_way_and_is_hit() -> None:
+    text = "A cyclist rides the wrong way and is hit by a car turning right"
+    scene = synthesize(text, seed=3, refiner="none")
+    (cyclist,) = (each for each in scene.record.agents if each.motion is not None)
+    assert (cyclist.type, cyclist.motion) == ("cyclist", "drives_wrong_way")
+    entry = next(each for each in scene.proof.account if "wrong way" in each.words)
+    assert (entry.state, entry.claim) == ("seen", "motion drives_wrong_way")

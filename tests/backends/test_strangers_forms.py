@@ -6,9 +6,13 @@ import pytest
 
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.numbers import number_in
-from scenewright.backends.builtin.reader.words import find_class, find_subtype
+from scenewright.backends.builtin.reader.words import find_class
+from scenewright.backends.builtin.spelling import mend_spelling
+from scenewright.graph.run import DEFAULT_INTERSECTION, synthesize
+from scenewright.intersections import load_map
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.social import Refusal, SocialGraph
+from scenewright.tools.account import prove
 
 
 @pytest.mark.parametrize(
@@ -17,6 +21,15 @@ from scenewright.scene.social import Refusal, SocialGraph
         ("veh W->E, ped lets veh go", "The pedestrian yields to the vehicle."),
         ("Two cars crash in the middle of the junction", "Car 1 collides with car 2."),
         ("A bycicle and a buss colide", "The cyclist collides with the bus."),
+        ("A pedestrian struck by Veh 2, a box truck", "The truck collides with the pedestrian."),
+        ("Veh 1 w/b rear-ended veh 2 stopped at the light.", "Vehicle 1 rear-ends vehicle 2."),
+        ("I was rear-ended at the light by a truck", "The truck rear-ends the vehicle."),
+        ("vehical runs a red lihgt and hits a bycicle", "collides with the cyclist."),
+        ("A pedestrian is hit by a vehicle on the minor road (east-west)",
+         "A vehicle comes from the east and goes straight."),
+        ("ped x2 crossing N leg, car W->N waits for both", "The car yields to pedestrian 2."),
+        ("Show a car driving away after the light turns green while a pedestrian waits",
+         "There is a car. There is a pedestrian."),
         ("A (northbound) collides with B (eastbound).", "Vehicle 1 collides with vehicle 2."),
         ("ego car must swerve, a child runs out from behind a parked truck",
          "The car narrowly misses the pedestrian."),
@@ -34,11 +47,15 @@ def test_it_is_read_as_it_is_meant(text: str, meant: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "subtype"),
-    [("a buss", "bus"), ("taxsi", "taxi"), ("a trcuk", "truck"), ("a man", None), ("a tram", None)],
-)
-def test_a_slip_of_the_finger_leaves_a_class_what_it_is(words: str, subtype: str | None) -> None:
-    assert find_subtype(words) == subtype
+    ("words", "mended"),
+    [
+        ("a buss and a trcuk lfet", "a bus and a truck left"),
+        ("a man from the esat", "a man from the east"), ("a tram", "a tram"), ("Sven", "Sven"),
+        ("eighty frogs", "eighty frogs"),
+    ],
+)  # fmt: skip
+def test_slips_of_the_finger_are_mended(words: str, mended: str) -> None:
+    assert mend_spelling(words).text == mended
 
 
 def test_numbers_of_two_words_are_one() -> None:
@@ -48,6 +65,55 @@ def test_numbers_of_two_words_are_one() -> None:
 def test_what_something_becomes_has_a_class() -> None:
     found = [find_class(words) for words in ("a cyclist", "a jogger", "a lorry", "an e-scooter")]
     assert found == ["cyclist", "pedestrian", "vehicle", "scooter"]
+
+
+def test_who_passes_a_rider_too_closely_overtakes() -> None:
+    for text in ("A driver passes a cyclist far too closely", "A car passes close by a cyclist"):
+        graph = plan(text)
+        assert isinstance(graph, SocialGraph), graph
+        assert [edge.pattern for edge in graph.relations] == ["rider_close_overtaking"]
+    through = plan("A car passing through narrowly misses a cyclist")
+    assert isinstance(through, SocialGraph)
+    assert [edge.pattern for edge in through.relations] == [None]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "pedestrian waits for vehicle, veh N->S",
+        "v1 n->s; v2 e->w; v1 hits v2",
+        "cyclits gets hitt by a trukc turnig rigth",
+        "a car waits until it is green",
+        "a car stops",
+        "A cyclist waits at the red light and a car runs it",
+        "2 cars, 1 ped, no conflict",
+        "A van is parked at the kerb; a child emerges from behind it and a car brakes hard",
+        "A car passes a cyclist too closely",
+        "A cyclist riding straight is right-hooked by a delivery van.",
+        "While I was turning left someone on a motorbike crashed into my side.",
+        "I had to brake hard because a kid ran into the road.",
+        "ped x2 crossing N leg, car W->N waits for both",
+    ],
+)
+def test_every_word_of_it_is_shown(text: str) -> None:
+    scene = synthesize(text, seed=3, refiner="none")
+    assert scene.proof.verified
+    assert {each.state for each in scene.proof.account} <= {"seen", "stands_anyway", "manner"}
+
+
+def test_green_is_contradicted_by_who_runs_red() -> None:
+    scene = synthesize("A car runs the red light", seed=3, refiner="none")
+    meta = scene.record.meta.model_copy(update={"user_prompt": "A car goes on green"})
+    proof = prove(scene.record.model_copy(update={"meta": meta}), load_map(DEFAULT_INTERSECTION))
+    assert [each.words for each in proof.account if each.state == "contradicted"] == ["green"]
+
+
+@pytest.mark.parametrize("words", ["a car passes a van", "a cyclist waits for a van at the light"])
+def test_words_for_what_a_scene_does_not_show_stay_claims(words: str) -> None:
+    scene = synthesize("A cyclist and a car wait at the red light", seed=3, refiner="none")
+    meta = scene.record.meta.model_copy(update={"user_prompt": words})
+    proof = prove(scene.record.model_copy(update={"meta": meta}), load_map(DEFAULT_INTERSECTION))
+    assert {each.state for each in proof.account} & {"contradicted", "not_shown"}
 
 
 def test_nothing_happens_is_never_offered_for_a_crash() -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from scenewright.cli.adapted_refiner import adapt_refiner, compare_errors
+from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner, compare_errors
 from scenewright.intersections import REFINER_WEIGHTS
 from scenewright.scene.track import Track
 from scenewright.tools.track_io.cleaning import CleaningReport
@@ -33,7 +34,10 @@ def test_too_few_tracks_leave_the_weights_that_serve() -> None:
     assert adapt_refiner("amsterdam_120", [recorded(1)], lambda *_: None)[0] == {}
 
 
-def test_tracks_are_learned_from_and_those_who_come_late_are_held_out() -> None:
+def test_tracks_are_learned_from_and_those_who_come_late_are_held_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(GOES_ON, "epochs", 1)
     made, note = adapt_refiner("amsterdam_120", [recorded(80)], lambda *_: None)
     assert "vehicles held out are off by" in note
     assert bool(made) == note.startswith("the refiner is adapted")

@@ -119,10 +119,7 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
     server = mcp.StdioServerParameters(
         command=sys.executable,
         args=["-m", "scenewright", "mcp", "--seed", "1", "--out", str(tmp_path / "kept")],
-        env={
-            "SCENEWRIGHT_DATA": str(tmp_path / "data"),
-            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
-        },
+        env=os.environ | {"SCENEWRIGHT_DATA": str(tmp_path / "data")},
     )
 
     async def session() -> None:

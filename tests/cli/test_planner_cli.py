@@ -34,6 +34,7 @@ def test_a_training_writes_weights_that_read(
     file.write_text(GOOD)
     files = list_package_files()[:2]
     monkeypatch.setattr(corpus, "list_package_files", lambda: files)
+    monkeypatch.setattr("scenewright.backends.builtin.training.fit.BATCH", 2)
     words = ["planner", "train", str(file), "--out", str(out), "--steps", "1"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output

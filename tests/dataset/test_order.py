@@ -364,7 +364,7 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     assert report["filled"]
     assert report["by the builtin writer"] == 1
     monkeypatch.undo()
-    monkeypatch.setattr(carrying, "spread", spread_inline)
+    run_jobs_inline(monkeypatch)
     words = ["agent", "3 follows at 5 am in light traffic", "--writer", f"recorded:{answers}"]
     out = tmp_path / "again"
     assert main([*words, "--refiner", "none", "--out", str(out), "--json"]) == 0

@@ -74,7 +74,8 @@ def test_a_digest_is_that_of_the_values_and_of_nothing_else() -> None:
 def test_the_digest_of_a_scene_is_that_of_its_file(made: Path, value: float) -> None:
     scene = load_scene(made)
     agent = scene.agents[0]
-    changes = {"heading": (value, *agent.heading[1:]), "name": 'a "." \\ é'}
+    changes = {"heading": (value, *agent.heading[1:]), "name": 'a "." \\ é "waypoints":[1.0]'}
+    changes["waypoints"] = ((value, 1.0), *agent.waypoints[1:])
     scene = scene.model_copy(
         update={"agents": (agent.model_copy(update=changes), *scene.agents[1:])}
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -12,7 +13,7 @@ from scenewright import export, synthesize
 from scenewright.errors import InputError
 from scenewright.nodes.scene_planner.prompts import describe_manoeuvres, describe_objects
 from scenewright.nodes.scene_planner.reply import build_plan_schema
-from scenewright.scene.kinds import Kind, list_kinds, list_shipped
+from scenewright.scene.kinds import Axis, Kind, Trait, list_kinds, list_shipped
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.plan_file import format_plan, read_plan
 from scenewright.scene.record import SceneRecord
@@ -22,8 +23,8 @@ from scenewright.tools.dsl_validator.parse import format_program, parse
 
 PACKAGE = Path(scenewright.__file__).parent
 DOCS = Path(__file__).parents[2] / "docs"
-AXES = ("manoeuvre", "motion", "reaction", "encounter", "cause")
-KINDS = [kind for axis in AXES for kind in list_shipped(axis)]  # type: ignore[arg-type]
+AXES: tuple[Axis, ...] = ("manoeuvre", "motion", "reaction", "encounter", "cause")
+KINDS = [kind for axis in AXES for kind in list_shipped(axis)]
 IDS = [f"{kind.axis} {kind.id}" for kind in KINDS]
 WORDS = (
     "A car brakes hard ahead, in the middle somebody runs or walks back at yellow, does not react, "
@@ -70,6 +71,11 @@ def test_every_kind_is_in_schema_phrasing_and_docs(kind: Kind) -> None:
     assert kind.says or kind.axis == "cause"
     row = f"| `{kind.id}` | {', '.join(kind.agents)} | {kind.help} |"
     assert row in (DOCS / "kinds.md").read_text("utf-8")
+
+
+def test_every_trait_is_explained() -> None:
+    page = (DOCS / "kinds.md").read_text("utf-8").split("## Traits")[1]
+    assert [trait for trait in get_args(Trait) if f"`{trait}`" not in page] == []
 
 
 @pytest.mark.parametrize(
@@ -138,7 +144,7 @@ def test_a_kind_of_a_users_own_is_read_made_proven_said_and_exported(folder: Pat
     (walker,) = (each for each in scene.record.agents if each.motion == "hurtles")
     assert "hurtles" in [each.value for each in scene.record.said if each.became == "motion"]
     (tracks,) = export(scene, "csv", folder / "out")
-    assert walker.name in tracks.read_text("utf-8")
+    assert f",{walker.id},pedestrian," in tracks.read_text("utf-8")
     slower = HURTLES.replace("least_speed = 3.0", "least_speed = 4.6")
     assert not proves_with(folder / "faster", slower, scene.record)
     assert proves_with(folder / "same", HURTLES, scene.record)
@@ -161,6 +167,8 @@ def proves_with(folder: Path, file: str, record: SceneRecord) -> bool:
         ("describe_run", "describe_flight", "observe: no shipped kind has 'pedestrian_motions:de"),
         ("describe_run", "__import__", "observe: String should match"),
         ("help =", "helps =", "help: is missing"),
+        ("[says]\nany", "[says]\nfollow", "says: a motion needs 'any'"),
+        ("words =", "reads = 'a'\nwords =", "reads, heard: only shipped kinds have these"),
     ],
 )
 def test_a_faulty_kind_is_told_with_its_field(folder: Path, old: str, new: str, told: str) -> None:

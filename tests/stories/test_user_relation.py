@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
-import re
 import shlex
-import subprocess
-import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from scenewright import synthesize
+from scenewright.cli.main import main
+from scenewright.graph.run import Scene
 from scenewright.intersections import load_map
 from scenewright.scene.record import RelationRecord, SceneRecord
 from scenewright.tools.relation_checker import check
@@ -24,25 +23,26 @@ ANSWER = PAGE.split("```text\n")[1].split("```")[0].strip()
 MAP = load_map("amsterdam_120")
 
 
-def run(command: str, *, inside: Path) -> subprocess.CompletedProcess[str]:
-    """A line of the page, with its variables, in a folder."""
+def run(command: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    """A line of the page, with its variables, in a folder; the exit code."""
+    monkeypatch.chdir(folder)
     words = shlex.split(command)
-    given = dict(word.split("=", 1) for word in words if re.match(r"[A-Z_]+=", word))
-    program, *arguments = words[len(given) :]
-    return subprocess.run(
-        [str(Path(sys.executable).parent / program), *arguments],
-        cwd=inside, env=os.environ | given, stdin=subprocess.DEVNULL,
-        capture_output=True, text=True, timeout=120.0, check=False,
-    )  # fmt: skip
+    while "=" in words[0]:
+        monkeypatch.setenv(*words.pop(0).split("=", 1))
+    assert words[0] == "scenewright"
+    return main(words[1:])
 
 
-def test_the_page_leads_from_a_file_to_a_verified_scene(tmp_path: Path) -> None:
+def test_the_page_leads_from_a_file_to_a_verified_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "my_relations").mkdir()
     (tmp_path / "my_relations" / "noses_out.toml").write_text(EXAMPLE, "utf-8")
     for command in COMMANDS:
-        done = run(command, inside=tmp_path)
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
-    assert "verified" in done.stdout
+        code = run(command, tmp_path, monkeypatch)
+        printed = capsys.readouterr()
+        assert code == 0, f"{command}\n{printed.out}{printed.err}"
+    assert "verified" in printed.out
     provenance = json.loads((tmp_path / "scene" / "provenance.json").read_text("utf-8"))
     assert provenance["patterns"] == ["noses_out"]
     scene = json.loads((tmp_path / "scene" / "scene.json").read_text("utf-8"))
@@ -53,12 +53,14 @@ def test_the_page_leads_from_a_file_to_a_verified_scene(tmp_path: Path) -> None:
     assert (kinds[relation["from"]], kinds[relation["to"]]) == ("car", "bus")
 
 
-def test_the_page_shows_what_a_faulty_file_is_answered(tmp_path: Path) -> None:
-    (tmp_path / "my_relations").mkdir()
+def test_the_page_shows_what_a_faulty_file_is_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "faulty").mkdir()  # files of a folder that was read stay as they were read
     faulty = EXAMPLE.replace("in {gap} s", "in 0.7 s")
-    (tmp_path / "my_relations" / "noses_out.toml").write_text(faulty, "utf-8")
-    done = run(COMMANDS[0], inside=tmp_path)
-    assert (done.returncode, done.stderr.strip()) == (2, ANSWER)
+    (tmp_path / "faulty" / "noses_out.toml").write_text(faulty, "utf-8")
+    assert run(COMMANDS[0].replace("my_relations", "faulty"), tmp_path, monkeypatch) == 2
+    assert capsys.readouterr().err.strip() == ANSWER.replace("my_relations", "faulty")
 
 
 @pytest.fixture
@@ -93,13 +95,18 @@ def test_the_one_named_first_passes_first(seed: int) -> None:
     ],
 )
 def test_the_gate_looks_for_all_that_the_file_demands(change: dict[str, object], why: str) -> None:
-    text = "A car noses out in front of a bus, which does not react. Nobody else is around."
-    scene = synthesize(text, seed=1)
+    scene = make_once()
     assert [a.reaction for a in scene.state["social_graph"].agents] == [None, "none"]
     assert check(scene.record, MAP).verified
     proof = check(demanding(scene.record, change), MAP)
     assert not proof.verified
     assert why in proof.missing[0].detail
+
+
+@cache
+def make_once() -> Scene:
+    text = "A car noses out in front of a bus, which does not react. Nobody else is around."
+    return synthesize(text, seed=1)
 
 
 def demanding(record: SceneRecord, change: dict[str, object]) -> SceneRecord:

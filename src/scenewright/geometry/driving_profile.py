@@ -23,7 +23,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.geometry.along import sample_poses
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import PACE_STEP, Candidate, DrivingProfile, Path
@@ -248,7 +248,7 @@ def limit_speed(
     return w
 
 
-@compiled
+@compiled_to_write
 def _reach_forward(s: FloatArray, w: FloatArray, acceleration: float) -> None:
     """Takes from squared speeds what cannot be reached by accelerating."""
     least = np.inf
@@ -335,7 +335,7 @@ def _insert_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, F
     return more, there
 
 
-@compiled
+@compiled_to_write
 def _slow_down(s: FloatArray, w: FloatArray, place: FloatArray) -> None:
     """Slow down in time for a speed at a place, and keep to it as far as it says."""
     at, braking, speed, kept = place[0], place[2], place[3], place[4]
@@ -356,7 +356,7 @@ def _compute_times(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray
     return v, times, took
 
 
-@compiled
+@compiled_to_write
 def _delay_after_hold(s: FloatArray, times: FloatArray, hold: FloatArray) -> None:
     """Delay everything after a hold by its remaining time."""
     if hold[3] > 0.0:

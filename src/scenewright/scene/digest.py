@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from typing import Any
 
 from scenewright.scene.record import SceneRecord
@@ -11,24 +12,26 @@ from scenewright.scene.record import SceneRecord
 
 def digest_scene(scene: SceneRecord) -> str:
     """The digest of the scene.json that holds a scene: without writing and reading it."""
-    # Nearly all of a scene are samples, whose digits machine code writes as Python does, but for
+    # Nearly all of a scene are points, whose digits machine code writes as Python does, but for
     # those of very small and very large numbers.
-    text = scene.model_dump_json(include=_SAMPLES).removeprefix('{"agents":[{"trajectory":')
-    text = text.removesuffix("}]}").replace('},{"trajectory":', ',"heading":')
-    lists = text.split(',"heading":') if scene.agents else []
+    _, *rest = _POINTS.split(scene.model_dump_json(by_alias=True))
+    lists = [each[: each.index('"') - 1] for each in rest]  # up to the next key
     if any(sign in each for each in lists for sign in ("e", "null", "0.0000")):
         return _digest_text(_write_canonical(_escape_all(scene.to_json())))
-    document = _escape_all(scene.model_dump(mode="json", by_alias=True, exclude=_SAMPLES))
+    document = _escape_all(scene.model_dump(mode="json", by_alias=True, exclude=_LEFT_OUT))
     for agent in document["agents"]:
-        agent |= {"heading": ".", "trajectory": "."}  # no other string holds a point
+        agent.update(dict.fromkeys(_KEYS, "."))  # no other string holds a point
     first, *parts = _write_canonical(document).split(':"."')
     # Sorted keys have the headings before the trajectory.
-    lists[::2], lists[1::2] = lists[1::2], lists[::2]
+    lists[::3], lists[1::3] = lists[1::3], lists[::3]
     pieces = (f":{each}{part}" for each, part in zip(lists, parts, strict=True))
     return _digest_text(first + "".join(pieces))
 
 
-_SAMPLES: Any = {"agents": {"__all__": {"trajectory", "heading"}}}
+_KEYS = ("trajectory", "heading", "waypoints")
+_LEFT_OUT: Any = {"agents": {"__all__": set(_KEYS)}}
+_POINTS = re.compile(rf'"(?:{"|".join(_KEYS)})":(?=\[)')
+_WHOLE = re.compile(r"\.0(?=[,\]}])")
 
 
 def digest_json(data: bytes) -> str:
@@ -51,8 +54,7 @@ def _write_canonical(document: Any) -> str:
 
 
 def _digest_text(text: str) -> str:
-    for end in (",", "]", "}"):
-        text = text.replace(f".0{end}", end)  # of numbers alone: strings hold no point any more
+    text = _WHOLE.sub("", text)  # of numbers alone: strings hold no point any more
     return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -72,7 +74,10 @@ def _read_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _escape_all(value: Any) -> Any:
     """The document as `_read_object` would have read it."""
     if isinstance(value, dict):
-        return {key: _escape(_escape_all(each)) for key, each in value.items()}
+        return {
+            key: each if isinstance(each, float | int) else _escape(_escape_all(each))
+            for key, each in value.items()
+        }
     if isinstance(value, list | tuple) and value and isinstance(value[0], dict | list | tuple):
         return [_escape_all(each) for each in value]
     return value

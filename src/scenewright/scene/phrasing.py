@@ -16,14 +16,6 @@ from scenewright.scene.social import (
 )
 
 Key = TypeVar("Key")
-_VERBS = {
-    "collide_at": "collides with", "near_miss": "narrowly misses", "yield_to": "yields to",
-    "follow": "follows",
-}  # fmt: skip
-_KINDS = {
-    "rear_end": "rear-ends", "sideswipe": "sideswipes", "head_on": "collides head-on with",
-    "angle": "T-bones",
-}  # fmt: skip
 _TIES = {
     "opposite": "oncoming to", "left": "from the left of", "right": "from the right of",
     "same": "from the same approach as", "lateral": "on the cross street of",
@@ -115,11 +107,12 @@ def _describe_route(agent: AgentNode) -> Iterator[str]:
 
 
 def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
-    verb = _KINDS.get(edge.kind or "", _VERBS[edge.type])
-    words = f"{names[edge.from_]} {verb} {names[edge.to]}"
+    own = get_kind("relation", edge.type)
+    if edge.kind is not None and get_kind("collision", edge.kind).says:
+        own = get_kind("collision", edge.kind)
     if edge.manoeuvre is not None:
         own = get_kind("manoeuvre", edge.manoeuvre)
-        words = own.say(names[edge.from_], names[edge.to], relation=edge.type)
+    words = own.say(names[edge.from_], names[edge.to], relation=edge.type)
     if edge.target_pet is not None:
         words += f" with a PET of {edge.target_pet:g} s"
     if edge.target_ttc is not None:

@@ -28,9 +28,7 @@ from scenewright.scene.kinds import (
 from scenewright.scene.measures import Measure
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
-CollisionKind = Literal[
-    "pedestrian_strike", "rear_end", "sideswipe", "head_on", "left_turn", "angle"
-]
+CollisionKind = Annotated[str, KindOf("collision")]
 ImpactPoint = Literal[
     "front", "rear", "side", "left", "right",
     "front_left", "front_right", "rear_left", "rear_right",
@@ -50,10 +48,7 @@ Motion = Annotated[str, KindOf("motion")]
 """How a pedestrian crosses, or a vehicle drives."""
 
 Density = Literal["low", "medium", "high"]
-Subtype = Literal[
-    "car", "van", "taxi", "truck", "bus", "motorcycle",
-    "emergency", "ambulance", "fire_engine", "police_car",
-]  # fmt: skip
+Subtype = Annotated[str, KindOf("subtype")]
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
 
 

@@ -7,40 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.base import AgentClass, FloatArray, frozen
+from scenewright.scene.kinds import list_shipped
 
 STEP = 0.1
 """Output time step [s] (SEMANTICS section 1)."""
 
 PEDESTRIAN_RADIUS = 0.30
-VEHICLE_SIZES: dict[str, tuple[float, float]] = {
-    "car": (4.6, 1.85),
-    "van": (5.4, 2.0),
-    "taxi": (4.8, 1.85),
-    "truck": (8.5, 2.5),
-    "bus": (12.0, 2.55),
-    "motorcycle": (2.2, 0.9),
-    "emergency": (6.0, 2.1),
-    "ambulance": (6.0, 2.1),
-    "fire_engine": (8.5, 2.5),
-    "police_car": (4.8, 1.9),
-}
+VEHICLE_SIZES = {k.id: (k.figures["length"], k.figures["width"]) for k in list_shipped("subtype")}
 """Length and width [m] by vehicle subtype."""
 
-VEHICLE_MASSES: dict[str, float] = {
-    "car": 1500.0,
-    "van": 2200.0,
-    "taxi": 1600.0,
-    "truck": 9000.0,
-    "bus": 12000.0,
-    "motorcycle": 280.0,
-    "emergency": 4000.0,
-    "ambulance": 4000.0,
-    "fire_engine": 14000.0,
-    "police_car": 1700.0,
-}
+VEHICLE_MASSES = {kind.id: kind.figures["mass"] for kind in list_shipped("subtype")}
 """Usual mass [kg], with its driver, by vehicle subtype; decides how far a collision pushes one."""
 
-EMERGENCY = frozenset({"emergency", "ambulance", "fire_engine", "police_car"})
+EMERGENCY = frozenset(k.id for k in list_shipped("subtype") if "emergency" in k.traits)
 """Subtypes that may pass a red light while others give way (SEMANTICS section 8)."""
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
-from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.base import FloatArray
 from scenewright.scene.map import Crosswalk, IntersectionMap, Leg, Route, VehicleMovement
 
 _NARROWEST = 5.5
@@ -44,7 +44,9 @@ def _derive(intersection_map: IntersectionMap, leg: Leg) -> VehicleMovement | No
     if not into or not out or not own:
         return None
     ends = {each.id: np.array(each.centreline[0]) for each in out}
-    inner = min(into, key=lambda lane: _compute_distance(lane.centreline[-1], ends.values()))
+    inner = min(
+        into, key=lambda lane: min(np.hypot(*(end - lane.centreline[-1])) for end in ends.values())
+    )
     away = {name: float(np.hypot(*(end - inner.centreline[-1]))) for name, end in ends.items()}
     outer = max(out, key=lambda lane: away[lane.id])
     if away[outer.id] < _NARROWEST:
@@ -57,10 +59,6 @@ def _derive(intersection_map: IntersectionMap, leg: Leg) -> VehicleMovement | No
         centreline=tuple((round(x, 3), round(y, 3)) for x, y in line.tolist()),
         signal_group=own[0].signal_group,
     )  # fmt: skip
-
-
-def _compute_distance(point: Point, ends: Iterable[FloatArray]) -> float:
-    return min(float(np.hypot(*(end - np.array(point)))) for end in ends)
 
 
 def _draw(into: FloatArray, out: FloatArray, crosswalks: list[Crosswalk]) -> FloatArray:

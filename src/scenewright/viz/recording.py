@@ -22,6 +22,7 @@ from scenewright.extras import require_extra
 from scenewright.files import write_atomically
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event, Proof
+from scenewright.scene.kinds import list_shipped
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import EventRecord, SceneRecord, SignalRecord
@@ -52,10 +53,7 @@ TIMELINE = "scene_time"
 TRAIL = 5.0
 """How long [s] the trail behind an agent is."""
 WALKER_HEIGHT = 1.7
-VEHICLE_HEIGHTS = {
-    "van": 2.2, "truck": 3.2, "bus": 3.1, "motorcycle": 1.3,
-    "emergency": 2.5, "ambulance": 2.5, "fire_engine": 3.2,
-}  # fmt: skip
+VEHICLE_HEIGHTS = {kind.id: kind.figures["height"] for kind in list_shipped("subtype")}
 PAPER, PAVING, ASPHALT = (246, 244, 239), (228, 222, 210), (205, 209, 214)
 PAINT, MEDIAN = (255, 255, 255), (224, 178, 60)
 _LAYERS = {"walkable": -0.30, "road": -0.24, "crosswalks": -0.18, "lanes": -0.12}
@@ -481,14 +479,13 @@ def _format_events(events: tuple[Event, ...], names: Mapping[int, str]) -> list[
         return ["No events.", ""]
     rows = ["| event | time | evidence |", "|---|---|---|"]
     for event in events:
-        evidence = ", ".join(f"{k} {_format_evidence(v)}" for k, v in event.evidence.items())
+        evidence = ", ".join(
+            f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {make_printable(str(v), limit=80)}"
+            for k, v in event.evidence.items()
+        )
         action = _describe_event(event, names)
         rows.append(f"| {action} | {event.time:.2f} s | {escape_markdown(evidence)} |")
     return [*rows, ""]
-
-
-def _format_evidence(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else make_printable(str(value), limit=80)
 
 
 def _build_blueprint(

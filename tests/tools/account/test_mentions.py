@@ -56,6 +56,15 @@ def test_pronouns_and_labels_stand_for_those_told_of_before() -> None:
     assert [m.pronoun for m in mentions] == [False, False, True, True]
 
 
+def test_what_is_said_to_be_parked_is_an_object() -> None:
+    assert [m.object for m in find("a van is parked and a man is parked")] == [True, False]
+
+
+def test_a_number_may_stand_close_to_its_noun() -> None:
+    first, second = find("veh1 hits ped2")
+    assert (first.label, second.label) == ("1", "2")
+
+
 def test_a_parked_vehicle_is_an_object() -> None:
     cyclist, van = find("A cyclist passes a parked van")
     assert (cyclist.object, van.object) == (False, True)

@@ -50,8 +50,12 @@ def test_a_negation_is_read_from_the_end_of_its_verb() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slip", "known"), [("cra", "car"), ("bicicle", "bicycle"), ("crosswlak", "crosswalk")]
-)
+    ("slip", "known"),
+    [
+        ("cra", "car"), ("bicicle", "bicycle"), ("crosswlak", "crosswalk"), ("hitt", "hit"),
+        ("brekas", "brakes"), ("vehical", "vehicle"),
+    ],
+)  # fmt: skip
 def test_a_slip_is_mended_and_said(slip: str, known: str) -> None:
     (token,) = read_tokens(slip)
     assert (token.text, token.mended, token.stem) == (known, known, reduce_word(known))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,7 @@ class TestTheEndOfTheScene:
             assert find_events([car, walker]) == ()
 
 
+@cache  # what the checker prepares is kept by map
 def lit_map() -> Any:
     """The plus with a programme for its stop line and its crosswalk."""
     movement = VehicleMovement(
@@ -206,6 +208,7 @@ class TestLabels:
         assert check(empty).verified
 
 
+@cache  # what the checker prepares is kept by map
 def routed_map() -> Any:
     routes = (
         Route(id="through", type="vehicle", entry="west", exit="east", movement="straight",

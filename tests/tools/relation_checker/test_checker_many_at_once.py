@@ -16,7 +16,7 @@ from scenewright.tools.relation_checker import (
     measure_lane_gaps,
 )
 from scenewright.tools.relation_checker.signals import SignalPlan
-from scenewright.tools.relation_checker.track_path import build_lane_table, project, project_each
+from scenewright.tools.relation_checker.track_path import build_lane_table, project, project_on_lane
 
 LENGTHS = st.lists(st.integers(1, 30), min_size=1, max_size=6)
 
@@ -78,16 +78,17 @@ def test_each_point_on_a_lane_of_its_own(seed: int) -> None:
     turning = along(1, bend((-20.0, 0.0), EAST, 20.0, 10.0, 1.5, 30.0), distance(6.0, (0.0, 9.0)))
     straight = line(2, (3.0, -40.0), NORTH, distance(8.0, (0.0, 9.0)))
     lanes = [m.lane for m in build_trajectories([turning, straight])]
-    points, which = rng.uniform(-40.0, 40.0, (60, 2)), rng.integers(0, 2, 60)
-    found = project_each(points, build_lane_table(lanes), which, within=np.full(60, 5.0))
-    for k, n in enumerate(which):
-        one = project(points[k], lanes[n])
+    table = build_lane_table(lanes)
+    for x, y in rng.uniform(-40.0, 40.0, (60, 2)):
+        n = int(rng.integers(0, 2))
+        s, lateral, direction = project_on_lane(x, y, table, n, 5.0)
+        one = project(np.array((x, y)), lanes[n])
         if one.lateral < 5.0:
-            assert found.s[k] == pytest.approx(float(one.s))
-            assert found.lateral[k] == pytest.approx(float(one.lateral))
-            assert found.direction[k] == pytest.approx(float(one.direction))
+            assert s == pytest.approx(float(one.s))
+            assert lateral == pytest.approx(float(one.lateral))
+            assert direction == pytest.approx(float(one.direction))
         else:
-            assert found.lateral[k] >= 5.0
+            assert lateral >= 5.0
 
 
 def test_gaps_in_one_lane_do_not_depend_on_who_else_is_there() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 ENDS = {"appears", "vanishes"}
 
 
+@cache  # what the checker prepares is kept by map
 def gated_map(**changes: Any) -> IntersectionMap:
     """The plus with an exit in the east, its way through, and a goal beside the west crosswalk."""
     goals = (

@@ -15,6 +15,7 @@ from scenewright.backends.builtin.draft import (
     RelationDraft,
     Site,
 )
+from scenewright.scene.kinds import has_trait
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {exit_: entry for entry, exit_ in LEFT.items()}
@@ -24,7 +25,6 @@ TURNS = {
     "straight": OPPOSITE,
     "uturn": {side: side for side in OPPOSITE},
 }
-_VEHICLE_TAKES = frozenset({"rear_end", "sideswipe", "head_on", "angle"})
 
 
 def fill_entailed(draft: Draft) -> None:
@@ -238,10 +238,11 @@ def _check_possible(relation: RelationDraft, site: Site) -> None:
         _check_crosswalk(*((first, second) if first.drives else (second, first)))
     if relation.type == "collide_at" and "pedestrian" in (first.type, second.type):
         # A car may hit a pedestrian head-on; a pedestrian never rear-ends.
-        if relation.kind in _VEHICLE_TAKES and first.type == "pedestrian":
+        kind = relation.kind or ""
+        if has_trait("collision", kind, "of_vehicles") and first.type == "pedestrian":
             raise Refused(
                 "impossible",
-                f"Only two vehicles collide as {relation.kind.replace('_', ' ')}; name two "
+                f"Only two vehicles collide as {kind.replace('_', ' ')}; name two "
                 "vehicles or just a collision.",
             )
         relation.kind = None

@@ -24,13 +24,13 @@ from scenewright.scene.social import (
     RelationEdge,
     SceneContext,
     SocialGraph,
-    Subtype,
 )
+from scenewright.scene.track import VEHICLE_SIZES
 
 _FASTEST, _LONGEST = 20.0, 8.0
 """Speed [m/s], and PET and TTC [s], that may be asked for."""
 
-_SUBTYPES = frozenset(get_args(Subtype))
+_SUBTYPES = frozenset(VEHICLE_SIZES)
 
 
 def finish_draft(draft: Draft) -> Draft:

@@ -1,24 +1,15 @@
-"""Words -> tagged chunks: the longest phrase of lexicon.toml at each place, typos mended."""
+"""Words -> tagged chunks: the longest phrase of lexicon.toml at each place."""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from rapidfuzz import process
-from rapidfuzz.distance import OSA
-
 from scenewright.backends.builtin.normalise import Token, split_tokens, stem
-
-_MENDED_TAGS = {
-    "AGENT", "COLLIDE", "YIELD", "NEAR", "FOLLOW", "WAIT", "COMPASS", "BOUND", "XWALK", "CROSS",
-    "TURN", "JAYWALK", "TIMEWORD", "DENSITY", "OPPOSITE", "LEG", "STRAIGHT", "HEAD", "FROM",
-    "NEGATION", "ALMOST", "BAD_AGENT", "SIGNAL", "LEVEL", "TRAFFIC_NOUN",
-}  # fmt: skip
 
 _EXACT_TAGS = frozenset({"IGNORE", "CORRECTION", "NOBODY"})
 
@@ -49,28 +40,22 @@ class _Node:
 
 @dataclass(frozen=True)
 class Lexicon:
-    """The phrase tree, the known stems and the words that typos are mended to."""
+    """The phrase tree and the known words and stems."""
 
     root: _Node
     known: frozenset[str]
-    targets: tuple[str, ...]
 
     def split_chunks(self, tokens: Sequence[Token]) -> list[Chunk]:
         """Split tokens into chunks, longest phrase first, left to right."""
-        mended = self.correct_tokens(tokens)
         result: list[Chunk] = []
         at = 0
-        while at < len(mended):
-            length, tags = self._find_longest(mended, at)
-            result.append(_build_chunk(mended[at : at + length], tags))
+        while at < len(tokens):
+            length, tags = self._find_longest(tokens, at)
+            result.append(_build_chunk(tokens[at : at + length], tags))
             at += length
         return [
             part for at, chunk in enumerate(result) for part in _split_parts(result, at) or [chunk]
         ]
-
-    def correct_tokens(self, tokens: Sequence[Token]) -> list[Token]:
-        """The tokens with the typos of known words put right."""
-        return [self._correct_token(token) for token in tokens]
 
     def measure_familiar(self, tokens: Sequence[Token]) -> float:
         """Share of words that are English as far as the lexicon knows."""
@@ -99,30 +84,6 @@ class Lexicon:
                         best = index + 1 - at
             layer = deeper
         return best, dict(tags)
-
-    def _correct_token(self, token: Token) -> Token:
-        word = token.text
-        if len(word) < 4 or not word.isalpha() or word in self.known or token.stem in self.known:
-            return token
-        mended = _find_nearest(word, self.targets)
-        return token if mended is None else Token(mended, stem(mended))
-
-
-@lru_cache(maxsize=4096)
-def _find_nearest(word: str, targets: tuple[str, ...]) -> str | None:
-    budget = 1 if len(word) < 7 else 2
-    close = process.extract(word, targets, scorer=OSA.distance, score_cutoff=budget, limit=5)
-    ranked = sorted(
-        (distance, target[0] != word[0], abs(len(target) - len(word)), target)
-        for target, distance, _ in close
-    )
-    if not ranked:
-        return None
-    distance, other_initial, _, target = ranked[0]
-    slip = sorted(word) == sorted(target) or word[:3] == target[:3]
-    if len(word) <= 5 and len(target) == len(word) and not slip:
-        return None  # "stack" is no typo of "smack": short words differ by slips, not letters
-    return None if other_initial and distance > 1 else target
 
 
 def _build_chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
@@ -164,28 +125,13 @@ def load_lexicon() -> Lexicon:
     plain = folder.joinpath("english.txt").read_text("utf-8").split()
     root = _Node()
     known: set[str] = {*plain, *(stem(word) for word in plain)}
-    targets: set[str] = set()
     for tag, values in table.items():
         for value, phrases in values.items():
             for phrase in phrases:
                 words = _add(root, phrase, tag, value.rstrip("_"))
                 known.update(words)
                 known.update(stem(word) for word in words)
-                if tag in _MENDED_TAGS:
-                    targets.update(
-                        form for word in words if len(word) >= 4 for form in _list_forms(word, tag)
-                    )
-    return Lexicon(root, frozenset(known), tuple(sorted(targets)))
-
-
-def _list_forms(word: str, tag: str) -> tuple[str, ...]:
-    """The word with the endings that a typo may hide."""
-    if tag in {"AGENT", "BAD_AGENT", "XWALK"}:
-        return word, f"{word}s"
-    if tag in {"COLLIDE", "YIELD", "NEAR", "FOLLOW", "WAIT", "CROSS", "TURN"}:
-        base = word.removesuffix("e")
-        return word, f"{word}s", f"{base}ed", f"{base}ing"
-    return (word,)
+    return Lexicon(root, frozenset(known))
 
 
 def _add(root: _Node, phrase: str, tag: str, value: str) -> list[str]:

@@ -15,14 +15,6 @@ from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.relations import Pattern, Role, load_patterns
 
-_VERBS = {
-    "rear_end": ("rear-ends", "is rear-ended by"), "sideswipe": ("sideswipes", "is sideswiped by"),
-    "head_on": ("crashes head-on into", "is hit head-on by"), "angle": ("T-bones", "is T-boned by"),
-    "collide_at": ("hits", "is hit by"), "near_miss": ("narrowly misses", "is narrowly missed by"),
-    "yield_to": ("yields to", "is let through by"), "follow": ("follows", "is followed by"),
-}  # fmt: skip
-"""Verbs that stand for a phrase: said of `from`, and of `to`."""
-
 
 @dataclass(frozen=True)
 class Phrase:
@@ -65,7 +57,8 @@ def _compile_phrases(patterns: Sequence[Pattern]) -> _Spoken:
     """Any phrase; by the number of its group, its verbs (active, passive) and its patterns."""
     known: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {}
     for pattern in patterns:
-        verbs = _VERBS.get(pattern.kind or "", _VERBS[pattern.relation])
+        active, passive = pattern.find_kind("stand_ins").stand_ins
+        verbs = (active, passive)
         for words, turned in pattern.list_phrase_words():
             both, others = known.get(words, (verbs[::-1] if turned else verbs, ()))
             known[words] = both, (*others, pattern.id)

@@ -21,6 +21,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
 )
 from scenewright.backends.builtin.same_lane import settle_lanes
 from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.backends.builtin.street_names import CompassText, list_compass_texts
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.phrasing import describe_graph
@@ -98,15 +99,16 @@ def _plan_cached(text: str, previous: str | None, site: Site) -> Plan:
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
-        check_language(text, split_tokens(clean(text)))
-        phrased = replace_phrases(text)
+        mended = mend_spelling(text)
+        check_language(text, split_tokens(clean(mended.text)))
+        phrased = replace_phrases(mended.text)
         learned = read_plan(phrased.text, previous=previous, site=site, phrases=phrased.phrases)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
     found = learned.plan if is_sure(learned, site) else _offer(learned, site)
     if isinstance(found, SocialGraph):
         found = settle_lanes(found, phrased.text)
-    return phrased.restore_plan(found)
+    return mended.restore_plan(phrased.restore_plan(found))
 
 
 def is_sure(learned: LearnedPlan, site: Site) -> bool:

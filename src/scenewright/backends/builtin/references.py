@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import get_args
 
 from scenewright.backends.builtin.draft import OPPOSITE, Refused
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.mentions import Item, Mention
 from scenewright.backends.builtin.reader.words import COARSE, narrow_subtype
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
-from scenewright.scene.social import Subtype
+from scenewright.scene.track import VEHICLE_SIZES
 
 ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
 _NEW = frozenset({"indefinite", "another", "no"})
-_SUBTYPES = frozenset(get_args(Subtype))
+_SUBTYPES = frozenset(VEHICLE_SIZES)
 _PLAIN_WORDS = frozenset((
     "the", "a", "an", "one", "that", "which", "who", "is", "on", "in", "at", "of", "from", "to",
     "leg", "side", "please", "i", "mean", "meant", "it", "with", "and", "crosswalk", "crossing",

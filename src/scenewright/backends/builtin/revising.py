@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import get_args
 
 from scenewright.backends.builtin.asked_figures import read_figure
 from scenewright.backends.builtin.clock import read_clock
@@ -22,6 +21,7 @@ from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.redraft import free_name, get_next_item, read_change
 from scenewright.backends.builtin.references import People, Unclear
+from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.backends.builtin.standing_edits import find_removed
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
 from scenewright.errors import Rejected
@@ -42,7 +42,8 @@ from scenewright.scene.edits import (
     Unrelate,
     apply_edits,
 )
-from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType, Subtype
+from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType
+from scenewright.scene.track import VEHICLE_SIZES
 
 _PARTS = re.compile(
     r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
@@ -81,7 +82,7 @@ _ORDINARY = re.compile(
 """An ordinary morning says nothing of the event, unlike a normal scene."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
 _EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
-_SUBTYPES = frozenset(get_args(Subtype))
+_SUBTYPES = frozenset(VEHICLE_SIZES)
 _EVENT_WORDS = {
     "collide_at": r"collision|crash|accident|hit",
     "near_miss": r"near[- ]miss|close call",
@@ -108,6 +109,7 @@ def read(
         chosen: answers given to questions about these words: phrase -> agent id or leg.
         site: where it happens; None: four legs in right-hand traffic.
     """
+    words = mend_spelling(words).text
     plain = " ".join(words.lower().split())
     if situation is None or _FRESH.search(plain):
         return NewScene()

@@ -35,7 +35,7 @@ def check_text(text: str) -> None:
 
 
 def check_language(text: str, tokens: Sequence[Token]) -> None:
-    """Refused unless most words are English and one of them is a word at all."""
+    """Refused unless most words, with slips mended, are English and one is a word at all."""
     letters = [char for char in text if char.isalpha()]
     latin = sum(char.isascii() for char in letters)
     if not letters or latin < 0.8 * len(letters):
@@ -43,7 +43,11 @@ def check_language(text: str, tokens: Sequence[Token]) -> None:
     words = [token.text for token in tokens if token.text.isalpha()]
     foreign_words = _load_foreign_words()
     foreign = sum(word in foreign_words for word in words)
-    if not words or not _is_familiar(tokens) or (foreign >= 2 and foreign >= 0.2 * len(words)):
+    if (
+        not words
+        or load_lexicon().measure_familiar(tokens) < 0.6
+        or (foreign >= 2 and foreign >= 0.2 * len(words))
+    ):
         raise build_not_english()
 
 
@@ -52,14 +56,6 @@ def _load_foreign_words() -> frozenset[str]:
     """Function words that betray another language."""
     source = files("scenewright.backends.builtin").joinpath("foreign.txt")
     return frozenset(source.read_text("utf-8").split())
-
-
-def _is_familiar(tokens: Sequence[Token]) -> bool:
-    words = load_lexicon()
-    return (
-        words.measure_familiar(tokens) >= 0.2
-        and words.measure_familiar(words.correct_tokens(tokens)) >= 0.6
-    )
 
 
 def build_nothing_planned() -> Refused:

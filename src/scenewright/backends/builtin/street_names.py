@@ -7,9 +7,11 @@ Both readers know "from the north" and no street of any town. What they are give
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import islice, product
+from typing import NamedTuple
 
 from rapidfuzz import fuzz
 
@@ -30,7 +32,6 @@ _COMPASS = r"(?:north|south)(?:east|west)?|east|west"
 _WORD = re.compile(r"[\w'’]+")
 _FROM = frozenset(("from", "off", "along", "down", "up", "via", "on", "in", "leaving", "exiting"))
 _TO = frozenset(("into", "onto", "to", "toward", "towards", "for"))
-_ACROSS = frozenset(("cross", "crosses", "crossing", "crossed", "across", "over"))
 _PART = re.compile(
     r"(?:'s|’s)?\s+(?:leg|arm|approach|crosswalk|crossing|zebra|side|branch|entrance|exit)s?\b",
     re.IGNORECASE,
@@ -136,13 +137,12 @@ def ask_which_leg(text: str, mention: StreetMention) -> Clarification:
 
 def find_mentions(text: str, roads: Sequence[tuple[str, str]]) -> list[StreetMention]:
     """Where a text names streets of the map, in order; of names within names the longest."""
-    named = [(leg, name) for leg, road in roads for name in _list_names(road) if name]
+    streets = _name_streets(tuple(roads))
     words = [(m.start(), m.end(), m[0]) for m in _WORD.finditer(text)]
-    found: list[StreetMention] = list(_find_unspaced(text, named))
-    longest = max((len(name.split()) for _, name in named), default=0) + 1
+    found: list[StreetMention] = list(_find_unspaced(text, streets.named))
     at = 0
     while at < len(words):
-        mention = next(_match_at(text, words, at, longest, named), None)
+        mention = _match_at(text, words, at, streets)
         if mention is None or any(m.start < mention.end and mention.start < m.end for m in found):
             at += 1
             continue
@@ -168,6 +168,29 @@ def _narrow(text: str, mention: StreetMention) -> StreetMention:
     return mention
 
 
+class _Streets(NamedTuple):
+    """The streets of a map.
+
+    Attributes:
+        named: leg and name, one row for each name of a leg; wordings: names by what else they are
+            called; longest: words of a mention at most.
+    """
+
+    named: tuple[tuple[str, str], ...]
+    wordings: Mapping[str, set[str]]
+    longest: int
+
+
+@lru_cache(maxsize=16)
+def _name_streets(roads: tuple[tuple[str, str], ...]) -> _Streets:
+    named = tuple((leg, name) for leg, road in roads for name in _list_names(road) if name)
+    wordings: dict[str, set[str]] = {}
+    for _, name in named:
+        for words in _list_wordings(name):
+            wordings.setdefault(words, set()).add(name)
+    return _Streets(named, wordings, max((len(name.split()) for _, name in named), default=0) + 1)
+
+
 def _list_names(road: str) -> list[str]:
     """What a street is called: its whole name, each name of several, the name without its type."""
     parts = [part.strip() for part in re.split(r"[/;,]", road) if part.strip()]
@@ -189,49 +212,52 @@ def _list_legs(name: str, named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
 
 
 def _match_at(
-    text: str,
-    words: Sequence[tuple[int, int, str]],
-    at: int,
-    longest: int,
-    named: Sequence[tuple[str, str]],
-) -> Iterator[StreetMention]:
+    text: str, words: Sequence[tuple[int, int, str]], at: int, streets: _Streets
+) -> StreetMention | None:
     """The street that is named from a word on, longest wording first."""
-    for many in range(min(longest, len(words) - at), 0, -1):
+    for many in range(min(streets.longest, len(words) - at), 0, -1):
         start, end = words[at][0], words[at + many - 1][1]
         if re.search(r"[.,;:!?]\s", text[start:end].replace("St. ", "St  ")):
             continue
         said = expand_name(re.sub(r"['’]s$", "", text[start:end]))
         if said in TYPES or not said:
             continue
-        # Exact names first: "10th Street" is like "11th Street".
-        for fits in (_is_name, _is_core, _is_alike):
-            legs = tuple(dict.fromkeys(leg for leg, name in named if fits(said, name)))
-            streets = {name for _, name in named if fits(said, name)}
-            if legs and (len(streets) == 1 or fits is _is_name):
-                stop = end - (2 if re.search(r"['’]s$", text[start:end]) else 0)
-                yield StreetMention(start, stop, legs)
-                return
+        found = _find_meant(said, streets)
+        if found:
+            stop = end - (2 if re.search(r"['’]s$", text[start:end]) else 0)
+            legs = dict.fromkeys(leg for leg, name in streets.named if name in found)
+            return StreetMention(start, stop, tuple(legs))
+    return None
 
 
-def _is_name(said: str, name: str) -> bool:
-    return said == name
+def _find_meant(said: str, streets: _Streets) -> Collection[str]:
+    """The one name that words mean, exact names first: "10th Street" is like "11th Street"."""
+    names = {name for _, name in streets.named}
+    meant = streets.wordings.get(said, set())
+    if said in names:
+        return (said,)
+    if len(meant) != 1:
+        meant = {name for name in names if _is_alike(said, name)}
+    return meant if len(meant) == 1 else ()
 
 
-def _is_core(said: str, name: str) -> bool:
-    """Whether words are a street's name without its type: "Marshalsea" for Marshalsea Road."""
+def _list_wordings(name: str) -> list[str]:
+    """A street's name without its type or side: "Marshalsea" for Marshalsea Road."""
     core = [word for word in name.split() if word not in TYPES]
     short = [word for word in core if not re.fullmatch(_COMPASS, word)]
-    plain = " ".join(core), " ".join(short)
-    typed = " ".join(word for word in name.split() if not re.fullmatch(_COMPASS, word))
-    has_own_word = any(len(word) > 3 or word[0].isdigit() for word in short)
-    return has_own_word and said in (*plain, typed) and not re.fullmatch(_COMPASS, said)
+    typed = [word for word in name.split() if not re.fullmatch(_COMPASS, word)]
+    if not any(len(word) > 3 or word[0].isdigit() for word in short):
+        return []
+    wordings = (" ".join(each) for each in (core, short, typed))
+    return [each for each in wordings if not re.fullmatch(_COMPASS, each)]
 
 
 def _is_alike(said: str, name: str) -> bool:
     """Whether words are a name with a slip in its letters; figures must be the same."""
+    if len(said) <= 6 or len(said.split()) != len(name.split()):
+        return False
     figures = [re.findall(r"\d+", each) for each in (said, name)]
-    long = len(said) > 6 and len(said.split()) == len(name.split())
-    return long and figures[0] == figures[1] and fuzz.ratio(said, name) >= _ALIKE
+    return figures[0] == figures[1] and fuzz.ratio(said, name) >= _ALIKE
 
 
 def _refuse_unknown(
@@ -299,8 +325,6 @@ def _rewrite_leg(
         return at + lead.start(), end, f", one from the {leg},"
     if lead and word in _FROM:
         return at + lead.start(), end, f"from the {leg}"
-    if lead and word in _ACROSS:
-        return start, end, f"the {leg} leg"
     return start, end, f"the {leg} leg"
 
 

@@ -140,7 +140,8 @@ class Batches:
         running = process is not None and process.poll() is None
         entries = list(_read_journal(folder))
         setting = json.loads((folder / _SETTING).read_bytes())
-        rows = _read_rows(folder) if after < len(entries) else {}
+        source = read_source(folder / _ROWS) if after < len(entries) else ()
+        rows = {each.number: each.row for each in source}
         shown = list(enumerate(entries))[after : after + MOST_AT_ONCE]
         done = len({each["number"] for each in entries})
         return {
@@ -212,11 +213,6 @@ def _read_journal(folder: Path) -> Iterator[dict[str, Any]]:
         for line in lines:
             if line.endswith(b"\n"):
                 yield json.loads(line)
-
-
-def _read_rows(folder: Path) -> dict[int, DatasetRow]:
-    """Number of a row -> the row."""
-    return {each.number: each.row for each in read_source(folder / _ROWS)}
 
 
 def _read_error(folder: Path) -> str:

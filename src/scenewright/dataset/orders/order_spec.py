@@ -259,7 +259,11 @@ def _parse_quotas(span: list[str], count: int) -> list[Quota]:
         for pattern in load_patterns()
         if (not kinds or pattern.relation in kinds)
         and all(
-            any(_is_match(part, known) for known in _list_vocabulary(pattern)) for part in wanted
+            any(
+                known == part or (len(part) > 3 and known.startswith(part))
+                for known in _list_vocabulary(pattern)
+            )
+            for part in wanted
         )
     ]
     if not found:
@@ -310,10 +314,6 @@ def _get_meaning(word: str, kind_named: bool) -> tuple[str, ...]:
 def _list_vocabulary(pattern: Pattern) -> frozenset[str]:
     text = f"{pattern.id} {pattern.theme} {pattern.subtype}".lower().replace("_", " ")
     return frozenset(_make_singular(word) for word in re.findall(r"[a-z]+", text))
-
-
-def _is_match(part: str, known: str) -> bool:
-    return known == part or (len(part) > 3 and known.startswith(part))
 
 
 def _name(span: list[str], kind: str) -> str:

@@ -97,7 +97,8 @@ def list_parties(
         # One of the two places is given; the other follows from it or stays open.
         hide_walk = bool(rng.integers(2))
         return _drop_side(first, hide_walk), _drop_side(second, hide_walk)
-    return _drop_side(first, False), _tie_party(pattern, second)
+    tie = {"opposite": "oncoming", "lateral": "cross"}.get(pattern.entries)
+    return _drop_side(first, False), Party(second.type, second.movement, tie=tie)
 
 
 def draw_passers(
@@ -118,21 +119,17 @@ def _make_bare_party(role: Role, kind: AgentClass, rng: np.random.Generator) -> 
 
 
 def _drop_side(party: Party, hide_walk: bool) -> Party:
-    if _walks(party):
+    if party.movement in ("crossing", "jaywalking"):
         return Party(party.type, party.movement, crosswalk=None if hide_walk else party.crosswalk)
     return Party(party.type, party.movement, side=party.side if hide_walk else None)
-
-
-def _tie_party(pattern: Pattern, party: Party) -> Party:
-    ties = {"opposite": "oncoming", "lateral": "cross"}
-    return Party(party.type, party.movement, tie=ties.get(pattern.entries))
 
 
 def _list_meetings(
     pattern: Pattern, intersection_map: IntersectionMap
 ) -> Iterator[tuple[Party, Party]]:
     """Every pair of ways on the map that the pattern's two can take."""
-    walking = [_is_walked(role) for role in (pattern.from_, pattern.to)]
+    on_foot = {"crossing", "jaywalking"}  # or riding on a crosswalk
+    walking = [set(role.movements) <= on_foot for role in (pattern.from_, pattern.to)]
     if all(walking) and pattern.zone == "sidewalk":
         yield Party("pedestrian", "crossing"), Party("pedestrian", "crossing", tie="corner")
     elif all(walking):
@@ -145,15 +142,6 @@ def _list_meetings(
         yield from _list_strikes(pattern.from_, pattern.to, intersection_map)
     else:
         yield from _list_pairs(pattern, intersection_map)
-
-
-def _walks(party: Party) -> bool:
-    return party.movement in ("crossing", "jaywalking")
-
-
-def _is_walked(role: Role) -> bool:
-    """Whether a role is played on foot, or riding on a crosswalk."""
-    return set(role.movements) <= {"crossing", "jaywalking"}
 
 
 def _list_strikes(

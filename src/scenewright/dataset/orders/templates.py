@@ -7,14 +7,13 @@ voice makes of a story is read back before it is used, so a wording that is misr
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from scenewright.dataset.orders.scenario_spec import Party, Story, has_likelier_twin
 from scenewright.scene.base import AgentClass
-from scenewright.scene.relations import Pattern, get_pattern
+from scenewright.scene.relations import get_pattern
 
 ItemT = TypeVar("ItemT")
 
@@ -40,8 +39,7 @@ _SURELY_ON_FOOT = ("pedestrian", "jogger")
 """Nouns of one that hits another pedestrian; a man or a woman that does might be driving."""
 
 
-@dataclass(frozen=True)
-class Verb:
+class Verb(NamedTuple):
     """Present, past, after `to`, and passive where there is one: `{0}` acts on `{1}`."""
 
     present: str
@@ -50,52 +48,6 @@ class Verb:
     passive: str | None = None
 
 
-def _make_verb(present: str, past: str, bare: str, participle: str | None = None) -> Verb:
-    return Verb(present, past, bare, participle)
-
-
-_HIT = (
-    _make_verb("hits", "hit", "hit", "hit by"),
-    _make_verb("strikes", "struck", "strike", "struck by"),
-    _make_verb("runs into", "ran into", "run into"),
-    _make_verb("collides with", "collided with", "collide with"),
-)  # fmt: skip
-VERBS: Mapping[str, tuple[Verb, ...]] = {
-    "pedestrian_strike": (
-        *_HIT[:3], _make_verb("knocks down", "knocked down", "knock down", "knocked down by"),
-    ),
-    "angle": (
-        _make_verb("T-bones", "T-boned", "T-bone"),
-        _make_verb("broadsides", "broadsided", "broadside"),
-    ),
-    "rear_end": (
-        _make_verb("rear-ends", "rear-ended", "rear-end", "rear-ended by"),
-        _make_verb("runs into the back of", "ran into the back of", "run into the back of"),
-    ),
-    "sideswipe": (_make_verb("sideswipes", "sideswiped", "sideswipe", "sideswiped by"),),
-    "head_on": (
-        _make_verb("collides head-on with", "collided head-on with", "collide head-on with"),
-        _make_verb("crashes head-on into", "crashed head-on into", "crash head-on into"),
-    ),
-    "collide_at": (*_HIT, _make_verb("crashes into", "crashed into", "crash into")),
-    "near_miss": (
-        _make_verb("narrowly misses", "narrowly missed", "narrowly miss", "narrowly missed by"),
-        _make_verb("nearly hits", "nearly hit", "nearly hit", "nearly hit by"),
-        _make_verb("almost hits", "almost hit", "almost hit", "almost hit by"),
-        _make_verb("barely misses", "barely missed", "barely miss"),
-    ),
-    "yield_to": (
-        _make_verb("yields to", "yielded to", "yield to"),
-        _make_verb("gives way to", "gave way to", "give way to"),
-        _make_verb("waits for", "waited for", "wait for"),
-        _make_verb("stops for", "stopped for", "stop for"),
-    ),
-    "follow": (
-        _make_verb("follows", "followed", "follow", "followed by"),
-        _make_verb("tails", "tailed", "tail"), _make_verb("trails", "trailed", "trail"),
-    ),
-}  # fmt: skip
-"""By kind of collision, else by relation."""
 _DENSITIES: Mapping[str, tuple[str, ...]] = {
     "low": ("light traffic", "sparse traffic", "low density", "quiet streets"),
     "medium": ("medium traffic", "moderate traffic", "average traffic", "medium density"),
@@ -154,11 +106,11 @@ def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
         return _render_normal(story, voice, rng)
     pattern = get_pattern(story.leaf)
     names, nouns = _draw_nouns(story, rng)
-    verb = _draw_one(VERBS.get(pattern.kind or "", VERBS[pattern.relation]), rng)
+    verb = _draw_one([Verb(*each) for each in pattern.find_kind("verbs").verbs], rng)
     event = f"{nouns[0]} {verb.present} {nouns[1]}"
     passive = verb.passive and f"{nouns[1]} is {verb.passive} {nouns[0]}"
     setting = _render_setting(story, rng)
-    text = VOICES[voice]
+    text, own = VOICES[voice], _draw_one(pattern.phrases, rng)
     parts = {
         **setting,
         "event": event, "Event": _capitalize(event), "EVENT": event.upper(),
@@ -166,7 +118,7 @@ def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
         "Passive": _capitalize(passive or event),
         "first": nouns[0], "First": _capitalize(nouns[0]), "second": nouns[1], "verb": verb.present,
         "second again": f"the {names[1]}",
-        "Own": _capitalize(_draw_own_phrase(pattern, nouns, rng)),
+        "Own": _capitalize(own.replace("{from}", nouns[0]).replace("{to}", nouns[1])),
     }  # fmt: skip
     return _fill(text, parts)
 
@@ -276,11 +228,6 @@ def _render_walking(party: Party, name: str, rng: np.random.Generator) -> str:
         f"in the {party.crosswalk} crosswalk",
     )[: 3 if party.type == "pedestrian" else 1]  # fmt: skip
     return f"{_choose_article(name)} {name} {_draw_one(where, rng)}"
-
-
-def _draw_own_phrase(pattern: Pattern, nouns: Sequence[str], rng: np.random.Generator) -> str:
-    phrase = _draw_one(pattern.phrases, rng)
-    return phrase.replace("{from}", nouns[0]).replace("{to}", nouns[1])
 
 
 def _choose_article(words: str) -> str:

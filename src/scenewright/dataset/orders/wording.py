@@ -126,7 +126,8 @@ def choose_planner(slot: Slot, options: Options) -> Names:
 def draw_story(slot: Slot, wish: OrderSpec, options: Options, rng: np.random.Generator) -> Story:
     """What this attempt is to show."""
     intersection_map = load_map(slot.intersection)
-    leaf = _choose_leaf(slot)
+    nth = (slot.attempts - 1) // REWORDED
+    leaf = slot.leaves[nth % len(slot.leaves)] if slot.leaves else None
     parties: tuple[Party, ...] = ()
     if leaf is not None:
         detail = int(rng.choice(len(_DETAIL), p=_DETAIL))
@@ -154,12 +155,6 @@ def choose_runner(leaf: str | None, intersection: str) -> int | None:
     if leaf is None or can_be_lawful(get_pattern(leaf), intersection_map=load_map(intersection)):
         return None
     return 0 if get_pattern(leaf).violator == "from" else 1
-
-
-def _choose_leaf(slot: Slot) -> str | None:
-    if not slot.leaves:
-        return None
-    return slot.leaves[(slot.attempts - 1) // REWORDED % len(slot.leaves)]
 
 
 def make_rng(*key: int | str) -> np.random.Generator:

@@ -9,7 +9,7 @@ scenes give the same bytes (for one version of pyarrow). pyarrow loads on first 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -386,13 +386,14 @@ class _Part:
         self._columns: dict[str, list[Any]] = {key: [] for key in SCHEMAS[name]}
 
     def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> int:
-        columns = rows if isinstance(rows, dict) else _group_by_column(rows, self._columns)
+        if not isinstance(rows, dict):
+            rows = {key: [row.get(key) for row in rows] for key in self._columns}
         first = next(iter(self._columns))
-        for key, values in columns.items():
+        for key, values in rows.items():
             self._columns[key] += values
         while len(self._columns[first]) >= self._group:
             self._write(self._group)
-        return len(columns.get(first, ()))
+        return len(rows.get(first, ()))
 
     def close(self) -> None:
         self._write(self._group)
@@ -406,10 +407,6 @@ class _Part:
             )
         for values in self._columns.values():
             del values[:count]
-
-
-def _group_by_column(rows: list[dict[str, Any]], columns: Iterable[str]) -> dict[str, list[Any]]:
-    return {key: [row.get(key) for row in rows] for key in columns}
 
 
 def require_tables() -> None:

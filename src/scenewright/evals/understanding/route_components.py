@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled_to_write
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path, compute_spline_matrix
@@ -171,7 +171,7 @@ def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> Float
     return found
 
 
-@compiled
+@compiled_to_write
 def _interpolate(at: FloatArray, s: FloatArray, values: FloatArray, found: FloatArray) -> None:
     """Writes what `interpolate_rows` returns, by bisection.
 

@@ -69,18 +69,13 @@ def render_edits_prompt(
 
 def _describe_agent(agent: AgentView) -> str:
     """What distinguishes the agent, in a few words."""
-    pace = f"{agent.speed:.1f} m/s" + _describe_stops(agent)
+    slows = "" if agent.slows_to is None else f", slows to {agent.slows_to:.1f} m/s"
+    pace = f"{agent.speed:.1f} m/s{', stops' if agent.stops else slows}"
     if agent.type == "pedestrian":
         at = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
         return f"{at}, from {agent.entry} to {agent.exit}, {pace}"
     kind = agent.subtype or agent.type
     return f"{kind}, from {agent.entry}, {agent.movement} to {agent.exit}, {pace}"
-
-
-def _describe_stops(agent: AgentView) -> str:
-    if agent.stops:
-        return ", stops"
-    return "" if agent.slows_to is None else f", slows to {agent.slows_to:.1f} m/s"
 
 
 def _list_background(situation: Situation) -> dict[str, str]:

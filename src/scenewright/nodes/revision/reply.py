@@ -59,7 +59,6 @@ from scenewright.scene.route_table import WAY_FIELDS, RouteDescription, resolve_
 from scenewright.scene.social import (
     MOST_BACKGROUND,
     AgentNode,
-    CollisionKind,
     Density,
     RelationEdge,
     RelationType,
@@ -228,7 +227,7 @@ def build_edits_schema(
         **build_motion_schema(words),
     }
     relation: dict[str, Schema] = {
-        "kind": build_enum(get_args(CollisionKind)),
+        "kind": build_enum(list_names("collision")),
         "cause": build_enum(list_names("cause")),
         **build_order_schema(words, agent),
     }

@@ -20,23 +20,20 @@ from scenewright.nodes.schema import (
     build_text,
 )
 from scenewright.scene.base import AgentClass
-from scenewright.scene.kinds import list_names
+from scenewright.scene.kinds import is_heard, list_names
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import (
     MOST_BACKGROUND,
     MOST_OBJECTS,
     AgentNode,
-    CollisionKind,
     Density,
     EntrySide,
     ImpactPoint,
     ObjectKind,
     Refusal,
-    RelationEdge,
     RelationType,
     SocialGraph,
-    Subtype,
 )
 from scenewright.scene.stems import stem_word
 from scenewright.scene.track import EMERGENCY
@@ -58,25 +55,9 @@ _PARTS = re.compile(
     r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
     re.IGNORECASE,
 )
-_IN_LANE = re.compile(
-    r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv|"
-    r"push|shov|shunt|knock|propel|pile-?up|chain",
-    re.IGNORECASE,
-)
 _IN_ORDER = re.compile(
     r"\b(?:first|second|last|before|after|until|once|ahead|behind|in front|beats?|cut|cuts|"
     r"cutting|prior|order|(?:step|pull|dart|dash|run|walk|jump)(?:s|ped|ed|ing)? out)\b|\bpreced",
-    re.IGNORECASE,
-)
-_ON_FOOT = re.compile(
-    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
-    r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
-    re.IGNORECASE,
-)
-_UNREACTING = re.compile(
-    r"\breact|\brespond|\bnotic|\bwithout (?:brak|slow)|\bnot (?:brak|slow)|n['’]t (?:brak|slow)|"
-    r"distract|inattent|asleep|attention|\bphone\b|texting|swerv|veer|\bback\b|"
-    r"\b(?:run|ran|jump|leap|dash|sprint)\w* (?:out|clear) of",
     re.IGNORECASE,
 )
 _IN_GROUPS = re.compile(
@@ -152,13 +133,14 @@ def build_plan_schema(
     legs = build_enum(side for way in ways for side in (way.entry, way.exit))
     crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
     agent_id, side = build_reference("id"), build_reference("side")
+    all_cross = set(crossed) == set(legs["enum"])
     agent = {
         "id": agent_id,
         "subtype": build_subtype_schema(words),
         "entry": side,
         "exit": side,
         "movement": build_enum([*(way.movement for way in ways), "uturn"]),
-        **({"crosswalk": _build_crosswalk_schema(crossed, legs)} if crossed else {}),
+        **({"crosswalk": side if all_cross else build_enum(crossed)} if crossed else {}),
         "runs_red": {"type": "boolean"},
         **build_motion_schema(words),
     }
@@ -166,7 +148,7 @@ def build_plan_schema(
         "type": build_enum(get_args(RelationType)),
         "from": agent_id,
         "to": agent_id,
-        "kind": build_enum(get_args(CollisionKind)),
+        "kind": build_enum(list_names("collision")),
         "cause": build_enum(list_names("cause")),
         "braker": agent_id,
         **build_order_schema(words, agent_id),
@@ -229,12 +211,14 @@ _EMERGENCY = re.compile(r"ambulance|fire|police|patrol|squad|emergency|siren", r
 def build_subtype_schema(words: str) -> Schema:
     """The subtypes of vehicles; those of emergency vehicles where the words may speak of them."""
     special = bool(_EMERGENCY.search(words))
-    return build_enum(each for each in get_args(Subtype) if special or each not in EMERGENCY)
+    return build_enum(each for each in list_names("subtype") if special or each not in EMERGENCY)
 
 
 def build_manoeuvre_schema(words: str) -> Schema:
     """How a relation in one lane comes about, where the words may speak of it."""
-    return {"manoeuvre": build_enum(list_names("manoeuvre"))} if _IN_LANE.search(words) else {}
+    return (
+        {"manoeuvre": build_enum(list_names("manoeuvre"))} if is_heard("manoeuvre", words) else {}
+    )
 
 
 def build_object_schema(words: str, side: Schema) -> Schema:
@@ -276,28 +260,23 @@ def build_order_schema(words: str, agent: Schema) -> Schema:
     return {"first": agent} if _IN_ORDER.search(words) else {}
 
 
-_DRIVING = re.compile(
-    r"yellow|amber|dilemma|wrong|against|ghost driver|oncoming lane", re.IGNORECASE
-)
+_MOVING: tuple[AgentClass, ...] = ("pedestrian", "vehicle")
 
 
 def build_motion_schema(words: str) -> Schema:
     """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
-    known = list_names("motion", of="pedestrian") if _ON_FOOT.search(words) else ()
-    known += list_names("motion", of="vehicle") if _DRIVING.search(words) else ()
+    classes = [of for of in _MOVING if is_heard("motion", words, of=of)]
+    known = [name for of in classes for name in list_names("motion", of=of)]
     motion = {"motion": build_enum(known)} if known else {}
-    motion |= {"reaction": build_enum(list_names("reaction"))} if _UNREACTING.search(words) else {}
+    motion |= (
+        {"reaction": build_enum(list_names("reaction"))} if is_heard("reaction", words) else {}
+    )
     return motion | ({"members": build_integer(2, 8)} if _IN_GROUPS.search(words) else {})
 
 
 def build_point_schema(words: str) -> Schema:
     """The places on a vehicle, for `$defs`, where the words may speak of one."""
     return {"point": build_enum(get_args(ImpactPoint))} if _PARTS.search(words) else {}
-
-
-def _build_crosswalk_schema(crossed: Sequence[str], legs: Schema) -> Schema:
-    """The legs that have one; mostly all."""
-    return build_reference("side") if set(crossed) == set(legs["enum"]) else build_enum(crossed)
 
 
 def find_similar_patterns(instruction: str, *, left_hand: bool = False) -> tuple[Pattern, ...]:
@@ -380,16 +359,11 @@ def _list_side_ties(graph: SocialGraph) -> list[tuple[str, str, EntrySide]]:
     """Pairs of agents with the side of one entry to the other, from ties and relations."""
     bonds: list[tuple[str, str, EntrySide]] = [(t.agent, t.of, t.side) for t in graph.ties]
     for edge in graph.relations:
-        side = _get_entry_side(edge)
-        if side is not None:
-            bonds.append((edge.from_, edge.to, side))
+        if edge.type == "follow" or edge.kind == "rear_end":
+            bonds.append((edge.from_, edge.to, "same"))
+        elif edge.kind == "head_on":
+            bonds.append((edge.from_, edge.to, "opposite"))
     return bonds
-
-
-def _get_entry_side(edge: RelationEdge) -> EntrySide | None:
-    if edge.type == "follow" or edge.kind == "rear_end":
-        return "same"
-    return "opposite" if edge.kind == "head_on" else None
 
 
 def _set_entry(agent: AgentNode, legs: Sequence[str]) -> AgentNode:

@@ -66,9 +66,8 @@ def _find_words(edge: RelationEdge, plan: SocialGraph, text: str) -> SaidSpan | 
     if edge.type != "collide_at" or edge.strikes is not None or walks or not with_front:
         return None
     words = (each for each in plan.said if each.became == "relation" and set(each.agents) == pair)
-    return next((each for each in words if _says_striker(each, text)), None)
-
-
-def _says_striker(words: SaidSpan, text: str) -> bool:
-    mutual = _MUTUAL.match(text[words.start : words.end + len(" involving")])
-    return _STRIKES.search(words.words) is not None and not mutual
+    for each in words:
+        mutual = _MUTUAL.match(text[each.start : each.end + len(" involving")])
+        if _STRIKES.search(each.words) and not mutual:
+            return each
+    return None

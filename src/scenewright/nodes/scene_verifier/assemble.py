@@ -175,7 +175,7 @@ def _build_agent_record(
         id=number,
         type=candidate.shape.type,
         spawn_time=track.start,
-        goal=_round_point(candidate.path.xy[-1]),
+        goal=_round_points(candidate.path.xy[-1:])[0],
         trajectory=_round_points(track.xy),
         role=agent.role,
         name=agent.name,
@@ -200,11 +200,6 @@ def _build_agent_record(
 def _round_points(xy: FloatArray) -> tuple[Point, ...]:
     x, y = xy.round(3).T.tolist()
     return tuple(zip(x, y, strict=True))
-
-
-def _round_point(xy: FloatArray) -> Point:
-    x, y = xy.round(3).tolist()
-    return x, y
 
 
 def _build_relation_records(

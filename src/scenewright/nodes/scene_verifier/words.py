@@ -68,4 +68,7 @@ def _may_be_redrawn(word: AccountEntry, scene: SceneRecord) -> bool:
     if claim.startswith("movement"):  # one that turns may turn earlier
         ways = claim.removeprefix("movement ").split("/")
         return any(each.movement in ways for each in scene.agents if each.role == "foreground")
+    walks = any(each.type == "pedestrian" for each in scene.agents if each.role == "foreground")
+    if walks and claim in ("tie left", "tie right"):  # no plan ties where walkers come from
+        return True
     return served or claim.startswith(REDRAWN) or claim.endswith("to a stop")

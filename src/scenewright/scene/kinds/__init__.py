@@ -7,26 +7,35 @@ user's own lie beside the relations, in the folder that SCENEWRIGHT_RELATIONS na
 from __future__ import annotations
 
 import os
+import re
 from functools import cache
 from importlib import import_module, resources
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    model_validator,
+)
 from pydantic_core import PydanticKnownError, core_schema
 
 from scenewright.scene.base import AgentClass, Model
 from scenewright.scene.data_files import build_refusal, list_files, read_models
 
-Axis = Literal["manoeuvre", "motion", "reaction", "encounter", "cause"]
+Axis = Literal[
+    "manoeuvre", "motion", "reaction", "encounter", "cause", "collision", "relation", "subtype"
+]
 
 Trait = Literal[
     "of_contact", "late", "chain", "merges_ahead", "by_to", "by_all",
     "afoot", "at_yellow", "wrong_way", "running", "returns", "on_road", "at_light",
-    "reacts", "aside", "back", "hurries",
+    "reacts", "leaves_way", "aside", "back", "hurries",
     "drives_on", "leads_round", "waits_first", "waits", "heads_queue", "behind_agent", "stands",
-    "ends", "door", "red_light",
+    "ends", "door", "red_light", "directed", "no_order", "of_vehicles", "emergency",
 ]  # fmt: skip
 """What other rooms ask of a kind instead of its name; docs/kinds.md says what each means."""
 
@@ -35,9 +44,13 @@ _Line = Annotated[str, Field(min_length=1, max_length=400)]
 _Function = Annotated[str, Field(pattern=r"^[a-z_]+:[A-Za-z][A-Za-z_]*$", max_length=80)]
 
 
+_Pattern = Annotated[str, AfterValidator(lambda text: re.sub(r"\s*\n\s*", "", text.strip()))]
+"""A regular expression, in which line breaks and indentation do not count."""
+
 _NEEDS: dict[Axis, tuple[str, ...]] = {
     "manoeuvre": ("says", "observe"), "motion": ("agents", "constraints", "observe"),
-    "reaction": ("agents", "constraints"), "cause": (),
+    "reaction": ("agents", "constraints"), "cause": (), "collision": (),
+    "relation": ("says", "verbs", "stand_ins"), "subtype": ("figures",),
     "encounter": ("shown", "figure", "template", "observe"),
 }  # fmt: skip
 """What a kind of an axis cannot be without."""
@@ -53,25 +66,7 @@ class AskedFigure(Model):
 
 
 class Kind(Model):
-    """A kind of one axis.
-
-    Attributes:
-        place: its place among those of its axis.
-        help: what it is, for people.
-        agents: classes of agents that it can be asked of.
-        marks: marks of the reader that ask for it, beside its id; see docs/kinds.md.
-        words: plain words that ask for it, as a user's file of a motion may say.
-        prompt: what the planner's prompt says of it; empty: what another line says covers it.
-        says: sentences, by relation or `any`, with `{from}` and `{to}`, or what follows a name.
-        shown: what it should do, in findings.
-        constraints: clauses of the constraint language that bring it about, with `{agent}`.
-        claims: senses of words (tools/account) that it makes true, beside its id.
-        traits: what other rooms ask of it.
-        figure: what may be asked of it.
-        template: `module:function`, or a table of functions, of tools/solver that brings it about.
-        observe: `module:function` of tools/relation_checker that sees it on the tracks.
-        figures, ranges: numbers that these two and the sampler use, in m, s, m/s and m/s^2.
-    """
+    """A kind of one axis; docs/kinds.md says what each field means."""
 
     id: _Name
     axis: Axis
@@ -79,13 +74,19 @@ class Kind(Model):
     help: _Line
     agents: tuple[AgentClass, ...] = ()
     marks: tuple[_Line, ...] = ()
+    reads: _Pattern | None = None
     words: tuple[_Line, ...] = Field(default=(), max_length=12)
+    heard: _Pattern | None = None
     prompt: str = Field(default="", max_length=400)
     says: dict[_Name, _Line] = Field(default_factory=dict)
     shown: str | None = None
+    verbs: tuple[tuple[str, ...], ...] = ()
+    stand_ins: tuple[str, ...] = ()
+    points: tuple[str, ...] = ()
     constraints: tuple[_Line, ...] = Field(default=(), max_length=12)
     claims: tuple[_Name, ...] = ()
     traits: frozenset[Trait] = frozenset()
+    wider: str | None = None
     figure: AskedFigure | None = None
     template: _Function | None = None
     observe: _Function | None = None
@@ -109,7 +110,8 @@ class Kind(Model):
 
     def say(self, from_: str = "", to: str = "", *, relation: str = "any") -> str:
         """The sentence about the two, or what follows the name of an agent."""
-        return self.says[relation].format(**{"from": from_, "to": to})
+        text = self.says.get(relation) or self.says["any"]
+        return text.format(**{"from": from_, "to": to})
 
 
 def list_kinds(axis: Axis) -> tuple[Kind, ...]:
@@ -153,12 +155,29 @@ def has_trait(axis: str, name: str | None, trait: Trait) -> bool:
     return kind is not None and trait in kind.traits
 
 
+def list_readings(axis: Axis) -> tuple[tuple[re.Pattern[str], str], ...]:
+    """What asks for a kind in a text, and the mark that stands for it; later places first."""
+    kinds = reversed(list_kinds(axis))
+    return tuple((_compile_words(k.reads, k.words), (*k.marks, k.id)[0]) for k in kinds)
+
+
+@cache
+def _compile_words(pattern: str | None, words: tuple[str, ...]) -> re.Pattern[str]:
+    """A regular expression and plain words as one; without either it finds nothing."""
+    parts = filter(None, (pattern, *(rf"\b{re.escape(each)}\b" for each in words)))
+    return re.compile("|".join(parts) or "(?!)", re.IGNORECASE)
+
+
+def is_heard(axis: Axis, text: str, *, of: AgentClass | None = None) -> bool:
+    """Whether a text may speak of a kind of an axis, so that a model hears of them all."""
+    kinds = (kind for kind in list_kinds(axis) if of is None or of in kind.agents)
+    return any(_compile_words(kind.heard, kind.words).search(text) for kind in kinds)
+
+
 def find_marked(axis: Axis, mark: str, *, of: AgentClass | None = None) -> str | None:
     """The kind that a mark of the reader, or its own id, asks for, of a class of agents."""
-    for kind in list_kinds(axis):
-        if mark in (kind.id, *kind.marks) and (of is None or of in kind.agents):
-            return kind.id
-    return None
+    kinds = (each for each in list_kinds(axis) if of is None or of in each.agents)
+    return next((each.id for each in kinds if mark in (each.id, *each.marks)), None)
 
 
 @cache
@@ -217,6 +236,8 @@ def _load_kinds(own: str | None) -> dict[tuple[str, str], Kind]:
         known = {name for _, kind in found.values() for name in (kind.template, kind.observe)}
         added = read_models(list_files(Path(own)), Kind, "kind", _get_key)
         for file, kind in added.values():
+            if kind.reads or kind.heard:
+                raise build_refusal(file, "kind", "reads, heard: only shipped kinds have these")
             for field in ("template", "observe"):
                 if (name := getattr(kind, field)) not in {None, *known}:
                     # A file holds no code, and starts none of its own choice.

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from scenewright.scene.base import RIDERS, AgentClass, Model, Movement
 from scenewright.scene.events import EVENT_OF_RELATION, EventType, EventZone
+from scenewright.scene.kinds import Kind, get_kind
 from scenewright.scene.record import SegmentStatus
 from scenewright.scene.social import Cause, CollisionKind, Manoeuvre, RelationType
 
@@ -189,6 +190,11 @@ class Pattern(Model):
         """The kind of collision that proves it; None: any, or no collision."""
         return self.proof.kind
 
+    def find_kind(self, field: str) -> Kind:
+        """The kind of collision that proves it, if it has such words, else the relation."""
+        own = get_kind("collision", self.kind) if self.kind is not None else None
+        return own if own and getattr(own, field) else get_kind("relation", self.relation)
+
     @property
     def names_a_turn(self) -> bool:
         """Whether its phrases speak of a left or a right turn; in left-hand traffic the pattern is
@@ -206,7 +212,10 @@ class Pattern(Model):
     def fill(self, clause: str, *, from_: str, to: str) -> str:
         """A clause with the names of two agents and with the thresholds."""
         values = {"from": from_, "to": to}
-        values |= {name: _write_clause(value) for name, value in self.thresholds.items()}
+        values |= {
+            name: f"[{value[0]:g}, {value[1]:g}]" if isinstance(value, tuple) else f"{value:g}"
+            for name, value in self.thresholds.items()
+        }
         return _PLACEHOLDER.sub(lambda found: values[found[1]], clause)
 
     def compute_bounds(self) -> dict[str, tuple[float, float]]:
@@ -221,12 +230,6 @@ class Pattern(Model):
         """The phrases' words in lower case, and whether `to` stands before them."""
         found = (_PHRASE.fullmatch(phrase) for phrase in self.phrases)
         return tuple((each[2].lower(), each[1] == "to") for each in found if each)
-
-
-def _write_clause(value: float | tuple[float, float]) -> str:
-    if isinstance(value, tuple):
-        return f"[{value[0]:g}, {value[1]:g}]"
-    return f"{value:g}"
 
 
 def _format_alternatives(words: frozenset[str]) -> str:

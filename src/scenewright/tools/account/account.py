@@ -27,7 +27,7 @@ _TURNS_MEANING = ("negation", "sequence", "order")
 """Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
 _DECISIVE = ("kind", "object")
 """Types of which one that fails outweighs whatever else holds of the word."""
-_STRICT = (*_DECISIVE, "event", "side", "heading", "movement", "crossing", "tie")
+_STRICT = (*_DECISIVE, "red_light", "event", "side", "heading", "movement", "crossing", "tie")
 """Types of which one that fails outweighs what only holds of nearly every scene."""
 _WEAK = ("phrase", "moves", "crosswalk", "crossing", "light")
 """Types that hold of nearly every scene."""
@@ -166,7 +166,7 @@ def list_unknown_words(
 def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
     """Why nothing can show a word; None where something may."""
     token = tokens[n]
-    if token.kind != "word" or token.text.endswith("ly"):
+    if token.kind != "word" or token.number is not None or token.text.endswith("ly"):
         return None
     families = token.list_families()
     if families == {"beyond"} and not token.phrase and not _is_denied(tokens, n):
@@ -323,7 +323,7 @@ def _judge_claims(
     limit = token.unit is not None and not found
     if (limit or not families.isdisjoint(_STANDS)) and not grave:
         return _ANYWAY
-    if "manner" in families or (token.text.endswith("ly") and not families):
+    if not grave and ("manner" in families or (token.text.endswith("ly") and not families)):
         return _Judged("manner", evidence="tracks cannot speak of it")
     if false:
         claim, result = (grave or false)[0]

@@ -95,8 +95,10 @@ def _list_choices(
         for bound in _list_sets(mention, facts)
         if not (mention.new and bound & alone) and not (bound and bound == last)
     )
-    yield from islice(fitting, MOST_CHOICES)
-    yield frozenset()
+    choices = list(islice(fitting, MOST_CHOICES))
+    yield from choices
+    if not (mention.first_person and choices):  # the narrator is always there
+        yield frozenset()
 
 
 def _list_sets(mention: Mention, facts: SceneFacts) -> Iterator[Bound]:
@@ -109,6 +111,8 @@ def _list_sets(mention: Mention, facts: SceneFacts) -> Iterator[Bound]:
     ] or list(facts.foreground)  # of another class: what else is said of it can still be tested
     if mention.count == 1:
         yield from (frozenset({n}) for n in agents)
+        if mention.counted:
+            yield frozenset({BACKGROUND})
         return
     if not mention.pronoun:
         yield frozenset({BACKGROUND})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Any
 
 import shapely
@@ -50,13 +51,6 @@ _PACES = {
     "vehicle": (7.0, 11.2), "pedestrian": (1.25, 1.9), "cyclist": (4.2, 6.2), "scooter": (3.8, 5.3),
 }  # fmt: skip
 """Who keeps no more than the first of these is slow, who keeps the second is fast [m/s]."""
-_POINTS = {
-    "rear_end": ("rear", "back", "front", "tail", "behind", "bumper", "boot", "trunk"),
-    "sideswipe": ("side", "flank", "mirror"),
-    "head_on": ("front", "head", "frontal"),
-    "angle": ("side", "flank", "door", "front"),
-}
-"""Words for the point of impact that a kind of collision bears out."""
 _BODY = ("front", "rear", "left", "right")
 _CAR_SIDES = (
     {"passenger": "right", "driver": "left", "nearside": "right", "offside": "left"},
@@ -650,7 +644,12 @@ class PointTest:
         shown |= {str(evidence.get(f"side_{end}")) for evidence, end in ends}
         on_left = facts.intersection_map is not None and facts.intersection_map.left_hand_traffic
         word = _CAR_SIDES[on_left].get(self.word, self.word)
-        kinds = {word for e in facts.proof.events for word in _POINTS.get(e.kind or "", ())}
+        kinds = {
+            word
+            for e in facts.proof.events
+            if e.kind
+            for word in get_kind("collision", e.kind).points
+        }
         measured = any(m.kind.endswith("point") or "point_" in m.kind for m in facts.scene.measures)
         if (
             word in shown
@@ -756,8 +755,10 @@ def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
 
 
 def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
-    """Agents that follow another one closely, and those that they follow."""
-    close = [e for e in facts.events if e.type == "follow" and e.evidence["least_headway"] <= CLOSE]
+    """Agents that follow another one closely or nearly hit it, and those others."""
+    follows = (e for e in facts.events if e.type == "follow")
+    close = [e for e in follows if e.evidence.get("least_headway", 2 * CLOSE) <= CLOSE]
+    close += [e for e in facts.events if e.type == "near_miss"]
     return [number for e in close for number in (e.from_, e.to)]
 
 
@@ -766,6 +767,12 @@ def find_meeting(facts: SceneFacts, value: str) -> list[int]:
     return [
         each.agent for each in facts.scene.encounters if makes_true("encounter", each.how, value)
     ]
+
+
+def find_overtaking(facts: SceneFacts, _value: str) -> list[int]:
+    """Agents that get from behind another one on the road to ahead of it."""
+    drivers = [n for n in facts.foreground if facts.agents[n].type != "pedestrian"]
+    return [one for one, other in permutations(drivers, 2) if facts.overtakes(one, other)]
 
 
 def _join(names: Iterable[int | str]) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from scenewright.tools.account.claim_tests import (
+    LEAST_STANDSTILL,
+    AllAgents,
     EventTest,
     OrderTest,
     OrdinalTest,
@@ -32,6 +34,10 @@ def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
         subjects, objects = objects, subjects
     before = finder.tokens[max(0, start - 4) : start]
     denied = finder.is_denied(start)
+    if "yielding" in kinds and _is_for_a_light(finder, stop):
+        test = AllAgents(subjects, "stands", lambda facts, n: facts.stands(n) >= LEAST_STANDSTILL)
+        yield Claim("stop", "waits at a light", tuple(range(start, stop)), subjects, test)
+        return
     stops = any(each.is_in("standstill") for each in finder.tokens[start:stop])
     almost = any(each.has("almost") for each in (*before, word))
     avoided = any(each.has("avoid") for each in before)
@@ -53,6 +59,16 @@ def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
             tuple(dict.fromkeys((*subjects, *objects))),
             EventTest(kind, subjects, objects, directed, denied, stands),
         )
+
+
+def _is_for_a_light(finder: PartyFinder, stop: int) -> bool:
+    """Whether a light, and no road user, is what one waits for: "at red", "until it is green"."""
+    rest = range(stop, len(finder.tokens))
+    ends = (n for n in rest if finder.tokens[n].kind in ("comma", "end")
+            or finder.tokens[n].text in ("while", "and", "then", "but"))  # fmt: skip
+    last = next(ends, len(finder.tokens))
+    users = any(stop <= m.head < last and not m.pronoun for m in finder.mentions)
+    return not users and any(each.has("light") for each in finder.tokens[stop:last])
 
 
 def _says_striker(finder: PartyFinder, start: int, stop: int) -> bool:

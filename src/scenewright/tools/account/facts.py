@@ -17,11 +17,13 @@ from scenewright.scene.measures import UNITS
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.social import get_figure
+from scenewright.scene.track import EMERGENCY
 from scenewright.tools.relation_checker.clock import parse_clock
 
-_EMERGENCY = ("emergency", "ambulance", "fire_engine", "police_car")
 _STANDING = 0.4
 """Speed below which an agent stands [m/s]."""
+_BESIDE, _ALIKE, _CLEAR = 5.0, 0.8, 1.0
+"""Who overtakes is no farther aside [m], heads alike (cosine) and gets clear of the other [m]."""
 _STEP = 0.02
 """Shorter steps than this have no direction [m]."""
 
@@ -116,6 +118,24 @@ class SceneFacts:
         if len(speed) <= window:
             return None
         return float(np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1).max())
+
+    def overtakes(self, first: int, second: int) -> bool:
+        """Whether one gets from behind another one to ahead of it, beside it on its way."""
+        pair = [self.agents[first], self.agents[second]]
+        starts = [round(each.spawn_time / self.scene.meta.step) for each in pair]
+        begin = max(starts)
+        end = min(at + len(each.trajectory) for at, each in zip(starts, pair, strict=True))
+        parts = [slice(begin - at, max(end, begin) - at) for at in starts]
+        (xy, turn), (around, heading) = (
+            (np.array(each.trajectory)[part], np.array(each.heading)[part])
+            for each, part in zip(pair, parts, strict=True)
+        )
+        east, north = (xy - around).T
+        along = east * np.cos(heading) + north * np.sin(heading)
+        across = np.abs(north * np.cos(heading) - east * np.sin(heading))
+        along = along[(across < _BESIDE) & (np.cos(turn - heading) > _ALIKE)]
+        behind = np.flatnonzero(along < -_CLEAR)
+        return len(behind) > 0 and bool((along[behind[0] :] > _CLEAR).any())
 
     def compute_turn(self, number: int) -> float:
         """How far an agent turns to the left on its track [rad]; negative to the right."""
@@ -241,7 +261,7 @@ def _fits(agent: AgentRecord, kind: str) -> bool:
     if kind == "vehicle":
         return True
     if kind == "emergency":
-        return agent.subtype in _EMERGENCY
+        return agent.subtype in EMERGENCY
     if kind == "car":
         return agent.subtype in ("car", None)
     return agent.subtype == kind

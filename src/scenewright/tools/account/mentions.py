@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
+from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.account.vocabulary import Token
 
-_VEHICLES = frozenset(
-    {"vehicle", "car", "van", "taxi", "truck", "bus", "motorcycle",
-     "emergency", "ambulance", "fire_engine", "police_car"}
-)  # fmt: skip
-_NAMED = re.compile(r"(v|veh|vehicle|p|ped|u)(\d)")
+_VEHICLES = frozenset({"vehicle", *VEHICLE_SIZES})
+_NAMED = re.compile(r"([vpu])(\d\d?)")
 
 
 @dataclass(frozen=True)
@@ -27,6 +25,7 @@ class Mention:
         new: it is first told of here (a, another, a number); pronoun: it stands for others.
         first_person: the narrator; object: it stands, as a parked vehicle does.
         background: it is said of traffic around; label: a letter or number that names it.
+        counted: a number says how many.
     """
 
     head: int
@@ -43,6 +42,7 @@ class Mention:
     label: str | None = None
     other: bool = False
     definite: bool = False
+    counted: bool = False
     nouns: tuple[int, ...] = field(default=())
 
 
@@ -73,7 +73,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     """The mention whose noun phrase ends at the noun that begins at token n."""
     token = tokens[n]
     if short := _NAMED.fullmatch(token.text):  # V1, ped2
-        kind = "pedestrian" if short[1].startswith("p") else "any" if short[1] == "u" else "vehicle"
+        kind = {"v": "vehicle", "p": "pedestrian", "u": "any"}[short[1]]
         return Mention(n, n, n + 1, frozenset({kind}), label=token.text, nouns=(n,))
     classes = frozenset(token.list_values("noun"))
     things = token.has("object.thing")
@@ -98,8 +98,10 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     head = stop - 1
     number = _read_number_after(tokens, stop)
     stop += 0 if number is None else 2
+    if stop < len(tokens) and tokens[stop].text.startswith("x") and tokens[stop].number:
+        number, stop = tokens[stop].number, stop + 1  # "ped x2"
     start = n
-    while start > 0 and _belongs_before(tokens[start - 1]):
+    while start > 0 and _belongs_before(tokens[start - 1]) and not _is_turn(tokens, start - 1):
         start -= 1
     before = tokens[start:n]
     words = [each.text for each in before]
@@ -118,7 +120,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         new=number is not None or (not before and plural)
         or any(each.is_in("indefinite", "ordinals") for each in before),
         object=things or any(each.has("object") for each in before)
-        or any(each.has("object") for each in tokens[stop : stop + 1]),
+        or ("pedestrian" not in classes and _is_said_to_stand(tokens, stop)),
         background=any(each.is_in("around") for each in before) and (plural or number is not None),
         absent=none is not None
         or any(each.text in ("no", "without", "zero", "n't", "any") for each in before)
@@ -126,8 +128,15 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         label=label,
         other="other" in words,
         definite=any(each.is_in("definite") for each in before),
+        counted=number is not None,
         nouns=tuple(range(n, head + 1)),
     )  # fmt: skip
+
+
+def _is_said_to_stand(tokens: Sequence[Token], stop: int) -> bool:
+    """Whether words for what stands follow a noun: "a van parked", "a bus is broken down"."""
+    be = stop < len(tokens) and tokens[stop].is_in("be")
+    return any(each.has("object") for each in tokens[stop + be : stop + be + 1])
 
 
 def _find_none_after(tokens: Sequence[Token], stop: int) -> int | None:
@@ -158,6 +167,11 @@ def _is_attribute(tokens: Sequence[Token], n: int) -> bool:
     if follow.has("crosswalk") and not follow.text.endswith("ing"):
         return True
     return follow.has("crosswalk") and n > 1 and tokens[n - 2].is_in("at")
+
+
+def _is_turn(tokens: Sequence[Token], n: int) -> bool:
+    """Whether left or right says how one turns, and nothing of the noun after it."""
+    return n > 0 and tokens[n].has("left", "right") and tokens[n - 1].stem == "turn"
 
 
 def _belongs_before(token: Token) -> bool:

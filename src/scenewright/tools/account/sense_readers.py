@@ -123,7 +123,8 @@ def _read_mention(finder: PartyFinder, index: int) -> Iterator[Claim]:
     if counted:
         count = tests.CountTest(index, mention.classes, mention.count)
         yield Claim("count", str(mention.count or "several"), counted, (index,), count)
-    words = range(mention.start, min(len(tokens), mention.stop + 1))
+    be = mention.stop < len(tokens) and tokens[mention.stop].is_in("be")  # "a van is parked"
+    words = range(mention.start, min(len(tokens), mention.stop + 1 + be))
     kind = next((k for n in words for k in tokens[n].list_values("object")), None)
     if kind is not None:
         span = tuple(n for n in words if f"object.{kind}" in tokens[n].senses)
@@ -200,10 +201,11 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
     crosswalk = _is_of_crosswalk(tokens, n)
     marked = any(each.has("crosswalk") for each in tokens[n + 1 : n + 3])
     said = next(
-        (each for each in reversed(tokens[max(0, n - 4) : n]) if each.is_in("to", "from")), None
-    )
-    to = said is not None and said.is_in("to")
+        (t for t in reversed(tokens[max(0, n - 4) : n]) if t.has("noun") or t.is_in("to", "from")),
+        None,
+    )  # "waits for a car from the west": "for" is said of the car
     source = (said is not None and said.is_in("from")) or _begins_pair(tokens, n)
+    to = said is not None and said.is_in("to") and not source
     turned = _is_turn_told(tokens, n)
     heads = any(each.has("motion_verb") for each in tokens[max(0, n - 2) : n])
 
@@ -305,6 +307,11 @@ def _read_hand(hand: str) -> Reader:
                 and any(each.text in ("from", "on", "to", "at") for each in before[:-1])
             )
         )
+        if after and after[0].stem == "hook":  # "is right-hooked by a van"
+            parties = finder.find_parties(n, n + 2)
+            subjects = parties[finder.is_passive(n + 1, n + 2)]
+            test = tests.AllAgents(subjects, hand, lambda f, a: f.agents[a].movement == hand)
+            return (Claim("movement", hand, (n,), subjects, test),)
         return (_read_tie(hand) if whose else _read_movement(hand))(finder, n, value)
 
     return read
@@ -322,6 +329,9 @@ def _read_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
+    lights = any(each.has("light") for each in finder.tokens[:n])
+    if finder.tokens[finder.tokens[n].senses["red"][1] - 1].text == "it" and not lights:
+        return  # "a car runs it over"
     denied = finder.is_denied(n)
     value, what = ("no run", "no red light run") if denied else ("run", "a red light run")
     yield from _claim_all(
@@ -332,6 +342,8 @@ def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     """Claim that the place has lights, or of a green light that the agent runs no red one."""
+    if any(m.start <= n < m.head for m in finder.mentions):
+        return  # "a green car"
     if any(each.text == "green" for each in finder.tokens[max(0, n - 1) : n + 1]):
         yield from _claim_all(
             finder, n, ("red_light", "no run", "a green light"),
@@ -524,6 +536,7 @@ _READERS: Mapping[str, Reader] = {
     "motion": _read_any("motion", tests.find_motion),
     "reaction": _read_any("reaction", tests.find_reaction),
     "manoeuvre": _read_any("manoeuvre", tests.find_manoeuvre),
+    "overtakes": _read_any("manoeuvre", tests.find_overtaking),
     "meets": _read_any("encounter", tests.find_meeting),
     "sight": _read_any("sight", lambda facts, _: [each.subject for each in facts.scene.sights]),
     "group": _read_any(

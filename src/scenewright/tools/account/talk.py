@@ -29,7 +29,7 @@ _TELLING = ("noun", "event", "motion_verb", "side", "stop", "crosswalk", "beyond
 
 def is_talk(tokens: Sequence[Token], n: int) -> bool:
     """Whether an unknown word at a place most likely says nothing of the scene."""
-    if tokens[n].is_in("never_talk"):
+    if tokens[n].is_in("never_talk") or tokens[n].number is not None:
         return False
     before = tokens[n - 1] if n else None
     limit = LIKELY

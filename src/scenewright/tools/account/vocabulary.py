@@ -11,6 +11,9 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from itertools import chain
 
+from rapidfuzz import process
+from rapidfuzz.distance import OSA
+
 from scenewright.scene.kinds import list_kinds
 from scenewright.scene.relations import load_patterns
 
@@ -20,6 +23,7 @@ _TOKEN = re.compile(
     r"mps|meters?\s?per\s?second|metres?\s?per\s?second|meters?|metres?|min(?:utes?)?|seconds?|secs?|"
     r"ms|feet|foot|ft|cm|centimet(?:er|re)s?|percent|%|g|m|s)?(?![a-z0-9])"
     r"|(?P<ordinal>\d+(?:st|nd|rd|th))"
+    r"|(?P<named>(?:veh(?:icle)?|ped(?:estrian)?|car|van|truck|bus|bike|cyclist|unit)(?=\d))"
     r"|(?P<word>[^\W\d_]+(?:['’](?:t|s|re|ve|ll|d|m|clock)\b)?\d*)"
     r"|(?P<end>[.;!?\n])|(?P<comma>[,:()—–])|(?P<arrow>->|=>|→|>)",
     re.IGNORECASE,
@@ -112,7 +116,7 @@ class Vocabulary:
     function: frozenset[str]
     longest: int
     singles: frozenset[str]
-    spelling: tuple[str, ...]
+    spelling: frozenset[str]
     lists: Mapping[str, frozenset[str]]
 
 
@@ -170,7 +174,7 @@ def _load_vocabulary(_own: str | None) -> Vocabulary:
         function=function,
         longest=max(map(len, (*exact, *stems))),
         singles=frozenset(w for key in (*exact, *stems) for w in key),
-        spelling=tuple(sorted(w for w in spelling if len(w) > 2)),
+        spelling=frozenset(w for w in spelling if len(w) > 2),
         lists={name: frozenset(words) for name, words in plain["lists"].items()},
     )
 
@@ -183,7 +187,8 @@ def read_tokens(text: str) -> tuple[Token, ...]:
 @lru_cache(maxsize=64)
 def _read_tokens(text: str, _own: str | None) -> tuple[Token, ...]:
     phrases = tuple((each.proof.event, each.phrases) for each in load_patterns())
-    plain = [_mend_spelling(each) for each in _cut(text)]
+    own = {reduce_word(w) for _, said in phrases for each in said for w in each.lower().split()}
+    plain = [each if each.stem in own else _mend_spelling(each) for each in _cut(text)]
     found: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
     lengths = [0] * len(plain)
     for start, stop, senses in _match_phrases(plain):
@@ -246,13 +251,16 @@ def _cut(text: str) -> Iterator[Token]:
     sentence = 0
     for match in _TOKEN.finditer(text):
         kind = match.lastgroup or "word"
-        kind = "figure" if kind == "unit" else kind
+        kind = {"unit": "figure", "named": "word"}.get(
+            kind, kind
+        )  # "veh2" is a noun and its number
         if kind == "end":
             sentence += 1
         low = match[0].lower().strip().replace("’", "'")
         stem = reduce_word(low if low.endswith("n't") else low.partition("'")[0])
         figure = match["figure"]
         number = float(figure.replace(",", ".")) if figure else _SPELT.get(low)
+        number = float(low[1:]) if kind == "word" and re.fullmatch(r"x\d", low) else number
         yield Token(
             match.start(), match.start() + len(match[0].rstrip()), low, stem, kind,
             sentence, number, (match["unit"] or "").lower().replace(" ", "") or None,
@@ -279,10 +287,13 @@ def _mend_spelling(token: Token) -> Token:
     """A misspelt word with the stem of the one that it is taken for."""
     words = load_vocabulary()
     known = token.text in words.function or not words.singles.isdisjoint((token.text, token.stem))
+    doubled = token.text[-1:] == token.text[-2:-1] and token.text[:-1] in words.spelling
+    if doubled and token.text not in words.spelling:
+        return replace(token, text=token.text[:-1], mended=token.text[:-1])  # "hitt"
     if token.kind != "word" or len(token.text) < 3 or known:
         return token
     alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
-    near = [w for w in alike if _is_one_slip(token.text, w)]
+    near = [w for w in alike if _is_one_slip(token.text, w)] or _find_alike(token.text)
     if token.capital:
         near = [w for w in near if w not in _SPELT]  # "Sven" is no "seven"
     if not near:
@@ -309,6 +320,17 @@ def _is_one_slip(word: str, known: str) -> bool:
     return len(known) > 5 and word[n + 1 :] == known[n + 1 :]
 
 
+@lru_cache(maxsize=1024)
+def _find_alike(word: str) -> list[str]:
+    """Known words of the same letters in another order, and long ones two slips away: "vehical"."""
+    known = [w for w in load_vocabulary().spelling if w[0] == word[0] and len(word) > 4]
+    found = [w for w in known if sorted(w) == sorted(word)]
+    long = [w for w in known if len(word) > 6 and w[:4] == word[:4]]
+    return found or [
+        w for w, *_ in process.extract(word, long, scorer=OSA.distance, score_cutoff=2)
+    ]
+
+
 def _drop_letters(word: str) -> set[str]:
     """The word, and the word without any one of its letters."""
     return {word} | {word[:n] + word[n + 1 :] for n in range(len(word))}
@@ -318,7 +340,7 @@ def _drop_letters(word: str) -> set[str]:
 def _index_spelling() -> dict[str, list[str]]:
     """Known words by what any one slip leaves of them: words one slip apart share an entry."""
     index: dict[str, list[str]] = {}
-    for word in load_vocabulary().spelling:
+    for word in sorted(load_vocabulary().spelling):
         for part in _drop_letters(word):
             index.setdefault(part, []).append(word)
     return index

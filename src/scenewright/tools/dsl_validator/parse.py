@@ -40,7 +40,7 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
-from scenewright.scene.kinds import list_shipped
+from scenewright.scene.kinds import KindOf, list_shipped
 from scenewright.scene.measures import get_unit
 from scenewright.scene.rejection import Rejection
 
@@ -81,12 +81,6 @@ _WORDS = {
     "LSQB": "'['",
     "RSQB": "']'",
     "COMMA": "','",
-}
-_TERMINALS = {
-    "vehicle": "VEHICLE",
-    "pedestrian": "PEDESTRIAN",
-    "cyclist": "RIDER",
-    "scooter": "RIDER",
 }
 _BOUNDS = {
     "greater_than": ("gt", "more than"),
@@ -146,31 +140,26 @@ def format_clause(clause: Clause) -> str:
 def _build_parser() -> Lark:
     grammar = files("scenewright.tools.dsl_validator").joinpath("constraints.lark")
     text = grammar.read_text("utf-8")
-    for word, kinds in (("reactions", REACTS), ("contact_causes", CONTACT_CAUSE)):
-        text = text.replace(f"<<{word}>>", "|".join(kinds.list_names()))
-    rules, names = [], []
-    for kind in list_shipped("motion"):
-        if kind.clause is not None:
-            agents = " | ".join(dict.fromkeys(_TERMINALS[each] for each in kind.agents))
-            rules.append(f'| _{kind.clause.upper()} "(" ({agents}) ")" -> {kind.clause}')
-            names.append(f"_{kind.clause.upper()}: /{kind.clause}\\b/")
-    text = text.replace("<<motions>>", "\n".join(rules)).replace(
-        "<<motion_names>>", "\n".join(names)
-    )
+    made = {"reactions": REACTS, "causes": CONTACT_CAUSE, "collisions": KindOf("collision")}
+    words = {word: kinds.list_names() for word, kinds in made.items()}
+    words["motions"] = tuple(k.clause for k in list_shipped("motion") if k.clause)
+    for word, names in words.items():
+        text = text.replace(f"<<{word}>>", "|".join(names))
     return Lark(text, parser="lalr", propagate_positions=True)
 
 
 def _build_clause(tree: Tree[Token]) -> Clause:
     """The typed clause: the grammar keeps values in the order of the model's fields."""
-    model = _MODELS[tree.data]
-    names = [name for name in model.model_fields if name != "clause"]
     values = [None if token is None else str(token) for token in tree.children]
+    clause = str(values.pop(0) if tree.data == "motion" else tree.data)
+    model = _MODELS[clause]
+    names = [name for name in model.model_fields if name != "clause"]
     try:
-        fields = {"clause": str(tree.data), **dict(zip(names, values, strict=False))}
+        fields = {"clause": clause, **dict(zip(names, values, strict=False))}
         return cast("Clause", model.model_validate(fields))
     except ValidationError as error:
         place = _place(tree.meta.line, tree.meta.column)
-        detail = f"{place}: {tree.data}: {_describe_value_error(error)}"
+        detail = f"{place}: {clause}: {_describe_value_error(error)}"
         tokens = [child for child in tree.children if isinstance(child, Token)]
         names = [str(token) for token in tokens if token.type in {"VEHICLE", "PEDESTRIAN", "RIDER"}]
         raise _build_refusal(detail, agents=tuple(dict.fromkeys(names))) from None

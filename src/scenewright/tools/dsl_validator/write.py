@@ -44,9 +44,6 @@ _ANY_HEADWAY = (0.7, 3.4)
 _CLOSE_CALL = (0.7, 1.35)
 """Path TTC of a vehicle that brakes hard, where the text names none [s]."""
 
-_BETWEEN_EQUALS = ("rear_end", "sideswipe", "head_on")
-"""Contacts that keep the pattern's roles, with either agent as the striking one."""
-
 
 def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
     """The program of a planned scene.
@@ -163,13 +160,13 @@ def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[C
 
 
 def _fill_pattern(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
-    """The file's clauses about these agents; a contact names the striker first."""
+    """The file's clauses about the two; a contact, but along one road, names the striker first."""
     names = {"from_": relation["from"], "to": relation["to"]}
     lines = "\n".join(pattern.fill(line, **names) for line in pattern.clauses)
     parts = {relation["from"]: relation["striker"], relation["to"]: relation["struck"]}
     return [
         _change(each, first=parts[each.first], second=parts[each.second])
-        if isinstance(each, Contact) and each.kind not in _BETWEEN_EQUALS
+        if isinstance(each, Contact) and not has_trait("collision", each.kind, "no_order")
         else each
         for each in parse(lines).clauses
     ]

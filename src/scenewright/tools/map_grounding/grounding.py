@@ -460,11 +460,7 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
     """Patterns that serve the relation and, if one is named, the kind of collision."""
     first, second = graph.agent(edge.from_), graph.agent(edge.to)
     figures = (edge.target_pet, edge.target_ttc, edge.cause)
-    leaves_path = any(
-        has_trait("reaction", each.reaction, "aside")
-        or has_trait("reaction", each.reaction, "back")
-        for each in (first, second)
-    )
+    leaves_path = any(has_trait("reaction", a.reaction, "leaves_way") for a in (first, second))
     by_red = has_trait("cause", edge.cause, "red_light") and edge.kind is None
     return [
         pattern

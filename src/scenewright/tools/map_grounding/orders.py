@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from scenewright.errors import Rejected
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern
-from scenewright.scene.social import CollisionKind, RelationEdge, SocialGraph
+from scenewright.scene.social import RelationEdge, SocialGraph
 
 _ORDERED = ("crossing", "merging", "turn_across")
 """Geometries with a place that two pass one after the other."""
-
-_UNORDERED: tuple[CollisionKind, ...] = ("rear_end", "sideswipe", "head_on")
-"""Collisions along one road, where there is no order of passing."""
 
 _LONGEST_PET = 1.4
 """A near miss with a longer PET needs a vehicle that brakes hard [s] (SEMANTICS 4)."""
@@ -50,7 +48,8 @@ def refuse_wrong_orders(graph: SocialGraph) -> None:
 def find_wrong_order(edge: RelationEdge, graph: SocialGraph) -> str | None:
     """Why the relation cannot have its order, and what would work; None where it can."""
     second = edge.to if edge.first == edge.from_ else edge.from_
-    if edge.type == "follow" or edge.kind in _UNORDERED or edge.manoeuvre is not None:
+    in_line = has_trait("collision", edge.kind, "no_order")  # along one road
+    if edge.type == "follow" or in_line or edge.manoeuvre is not None:
         return (
             f"{edge.manoeuvre or edge.kind or edge.type} has no order of passing, as the two share "
             f"one road, where {edge.to} is ahead or beside; leave first out, or ask for a "

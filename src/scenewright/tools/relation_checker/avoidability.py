@@ -174,7 +174,7 @@ def _find_room(
     room = np.full(len(other_heading), np.inf)
     for n in range(len(room)):
         other = make_pose(other_xy[n, 0], other_xy[n, 1], other_heading[n])
-        k, before = 0, 0.0
+        k = 0
         while k < len(heading):
             own = make_pose(xy[k, 0], xy[k, 1], heading[k])
             gap = compute_gap(own, size, other, other_size)
@@ -186,8 +186,5 @@ def _find_room(
                 else:
                     room[n] = 0.0
                 break
-            bound = swept[k] + gap
-            k += 1
-            while k < len(heading) and swept[k] < bound:
-                k += 1
+            k = max(k + 1, np.searchsorted(swept, swept[k] + gap))
     return room

@@ -2,9 +2,9 @@
 
 The PET of a pair is the least |t_a - t_b| over all times at which footprint a(t_a) would touch
 footprint b(t_b). The search works on *places*: runs of samples at which an agent stays within
-2 cm. Blocks of places are discarded by circles, the rest tested place by place with footprints
-lengthened by the way to the next place, and the pairs of places that can hold the least lag are
-resolved to 0.01 s.
+2 cm. Blocks of places are discarded by boxes round them, the rest tested place by place with
+footprints lengthened by the way to the next place, and the pairs of places that can hold the least
+lag are resolved to 0.01 s.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.conflict_zones import MERGE_LENGTH, SHARED
@@ -25,11 +25,15 @@ from scenewright.tools.relation_checker.footprints import (
     Box,
     IntArray,
     Pose,
-    compute_angle_between,
     double_room,
     is_in_touch,
 )
-from scenewright.tools.relation_checker.track_path import project_each
+from scenewright.tools.relation_checker.track_path import (
+    LANE_AFTER,
+    LANE_BEFORE,
+    LaneTable,
+    project_on_lane,
+)
 from scenewright.tools.relation_checker.trajectory import (
     Trajectory,
     concatenate_samples,
@@ -86,17 +90,14 @@ class _OccupancyPairs(NamedTuple):
     """Pairs of places that may touch, one pair of movers after another.
 
     Attributes:
-        p, q: [C] the places; lag: [C] a lower bound of their lag [s], infinite where they do not
-            count.
+        p, q: [C] the places; lag: [C] a lower bound of their lag [s].
         begin: [M+1] where those of each pair of movers begin.
-        parallel: [M] whether a pair of one class is somewhere heading the same way.
     """
 
     p: IntArray
     q: IntArray
     lag: FloatArray
     begin: IntArray
-    parallel: BoolArray
 
 
 def compute_pet(first: Trajectory, second: Trajectory) -> float | None:
@@ -132,11 +133,11 @@ def find_encounters(
     occupancies = _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
     among = np.stack(np.triu_indices(len(tracks), 1), axis=1) if among is None else among
     first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
-    alike = np.array([m.is_vehicle for m in tracks])
+    movers = np.array([(m.is_vehicle, m.width, m.nose) for m in tracks])
     pairs = _OccupancyPairs(*_find_touching_pairs(
-        first, second, alike, occupancies, np.inf if horizon is None else horizon
+        first, second, occupancies, np.inf if horizon is None else horizon, movers,
+        get_lane_table(tracks),
     ))  # fmt: skip
-    _drop_shared_lanes(occupancies, tracks, pairs, first, second)
     found = _resolve_encounters(occupancies, pairs)
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
 
@@ -157,37 +158,6 @@ def _find_overlapping_boxes(
     for low, high in ((west - reach, east + reach), (south - reach, north + reach)):
         result &= (low[i] <= high[j]) & (low[j] <= high[i])
     return np.asarray(result)
-
-
-def _drop_shared_lanes(
-    occupancies: _Occupancies,
-    tracks: tuple[Trajectory, ...],
-    pairs: _OccupancyPairs,
-    first: IntArray,
-    second: IntArray,
-) -> None:
-    """Makes contacts of two of one class that are behind one another in one lane count no more."""
-    rows = np.flatnonzero(pairs.parallel)
-    if not len(rows):
-        return
-    mine = np.concatenate((first[rows], second[rows]))
-    theirs = np.concatenate((second[rows], first[rows]))
-    paths = [tracks[n].path.coarsen() for n in mine.tolist()]
-    size = [len(path.s) for path in paths]
-    width, nose = np.array([(m.width, m.nose) for m in tracks]).T
-    beside = np.repeat((width[mine] + width[theirs]) / 2, size)
-    foot = project_each(
-        np.concatenate([path.xy for path in paths]), get_lane_table(tracks),
-        np.repeat(theirs, size), within=beside,
-    )  # fmt: skip
-    near = foot.lateral < beside
-    direction = np.concatenate([path.direction for path in paths])
-    along = near & (compute_angle_between(direction, foot.direction) <= SHARED)
-    ways = _Ways(
-        np.cumsum([0, *size]), np.concatenate([path.s for path in paths]), foot.s, near, along,
-        nose[mine],
-    )  # fmt: skip
-    _drop_stretches(rows, pairs, occupancies.s, ways)
 
 
 def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> list[Encounter]:
@@ -270,23 +240,38 @@ def _find_occupancies(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArr
 
 @compiled
 def _find_touching_pairs(
-    first: IntArray, second: IntArray, alike: BoolArray, places: _Occupancies, horizon: float
-) -> tuple[IntArray, IntArray, FloatArray, IntArray, BoolArray]:
-    """What `_OccupancyPairs` holds, of pairs of movers; blocks of places are looked at first."""
+    first: IntArray,
+    second: IntArray,
+    places: _Occupancies,
+    horizon: float,
+    movers: FloatArray,
+    lanes: LaneTable,
+) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
+    """What `_OccupancyPairs` holds, of pairs of movers; blocks of places are looked at first.
+
+    Two of one class that touch heading the same way may be behind one another in one lane; their
+    contacts there do not count.
+
+    Args:
+        movers: [N, 3] whether each is a vehicle, its width and nose [m].
+    """
     origin, reach, table = places.origin, places.reach, places.table
-    large = _bound_blocks(origin, reach, table, LARGE)
-    blocks = _bound_blocks(origin, reach, table, BLOCK)
+    large = _bound_blocks(origin, table, LARGE)
+    blocks = _bound_blocks(origin, table, BLOCK)
     p: IntArray = np.empty(256, np.intp)
     q: IntArray = np.empty(256, np.intp)
     lags: FloatArray = np.empty(256)
     count = 0
-    begin, parallel = np.zeros(len(first) + 1, np.intp), np.zeros(len(first), np.bool_)
+    begin, shared = np.zeros(len(first) + 1, np.intp), np.zeros(len(reach), np.bool_)
     aligned = np.cos(SHARED)
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
+        open_yet = movers[a, 0] == movers[b, 0]
         for i, j in _list_blocks(a, b, origin, large, blocks, horizon):
             for m in range(i, min(i + BLOCK, origin[a + 1])):
                 for n in range(j, min(j + BLOCK, origin[b + 1])):
+                    if shared[m] or shared[n]:
+                        continue
                     lag = _bound_lag(m, n, reach, table, horizon)
                     if lag == np.inf:
                         continue
@@ -295,9 +280,62 @@ def _find_touching_pairs(
                     p[count], q[count], lags[count] = m, n, lag
                     count += 1
                     facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
-                    parallel[pair] |= alike[a] == alike[b] and facing >= aligned
+                    if open_yet and facing >= aligned:
+                        open_yet = False
+                        _mark_shared_lanes(a, b, places, movers, lanes, shared)
+                        size, count = count, begin[pair]
+                        for row in range(begin[pair], size):
+                            if not (shared[p[row]] or shared[q[row]]):
+                                p[count], q[count], lags[count] = p[row], q[row], lags[row]
+                                count += 1
         begin[pair + 1] = count
-    return p[:count], q[:count], lags[:count], begin, parallel
+        shared[origin[a] : origin[a + 1]] = False
+        shared[origin[b] : origin[b + 1]] = False
+    return p[:count], q[:count], lags[:count], begin
+
+
+@compiled_to_write
+def _mark_shared_lanes(
+    a: int, b: int, places: _Occupancies, movers: FloatArray, lanes: LaneTable, shared: BoolArray
+) -> None:
+    """Writes which places of two movers are in a stretch that either shares with the other."""
+    ones, twos = _find_stretches(a, b, movers, lanes), _find_stretches(b, a, movers, lanes)
+    if len(ones) == 0 or len(twos) == 0:
+        return
+    for mover, stretches in ((a, ones), (b, twos)):
+        for k in range(places.origin[mover], places.origin[mover + 1]):
+            here = places.s[k]
+            shared[k] = ((stretches[:, 0] <= here) & (here <= stretches[:, 1])).any()
+
+
+@compiled
+def _find_stretches(a: int, b: int, movers: FloatArray, lanes: LaneTable) -> FloatArray:
+    """[R, 2] where a mover is in one lane with another, past the first 5 m of a merge [m].
+
+    Of runs of points of its path that are near the other's lane, of which any is along it.
+    """
+    first, end = LANE_BEFORE // 2, lanes.size[a] - LANE_AFTER // 2
+    beside, nose = (movers[a, 1] + movers[b, 1]) / 2, movers[a, 2]
+    found, count = np.zeros((end - first, 2)), 0
+    start, shares, from_start = -1, False, False
+    for k in range(first, end):
+        s, way = lanes.s[a, k], lanes.direction[a, k]
+        foot, lateral, facing = project_on_lane(lanes.x[a, k], lanes.y[a, k], lanes, b, beside)
+        if lateral < beside:
+            along = abs((way - facing + np.pi) % (2 * np.pi) - np.pi) <= SHARED
+            if start < 0:
+                start, from_start = k, along and min(s, foot) < 1.0
+            shares = shares or along
+        ends = lateral >= beside or k + 1 == end
+        if ends and start >= 0:
+            last = k - 1 if lateral >= beside else k
+            if shares:
+                before = lanes.s[a, start] + MERGE_LENGTH + nose
+                found[count, 0] = -np.inf if from_start else before
+                found[count, 1] = lanes.s[a, last] + nose + 1.0
+                count += 1
+            start, shares = -1, False
+    return found[:count]
 
 
 @compiled
@@ -316,84 +354,48 @@ def _list_blocks(
     return found
 
 
-class _Ways(NamedTuple):
-    """Paths of W movers beside the lanes of others: where each begins [W+1], of each of its points
-    the arc length on both [m], whether it is in the lane and leads the same way; noses [W] [m].
-    """
-
-    origin: IntArray
-    s: FloatArray
-    foot: FloatArray
-    near: BoolArray
-    along: BoolArray
-    nose: FloatArray
-
-
 @compiled
-def _drop_stretches(rows: IntArray, pairs: _OccupancyPairs, s: FloatArray, ways: _Ways) -> None:
-    """Writes infinite lags where either of a pair is in a stretch shared with the other's lane."""
-    for k in range(len(rows)):
-        ones, twos = _find_stretches(k, ways), _find_stretches(k + len(rows), ways)
-        if len(ones) == 0 or len(twos) == 0:
-            continue
-        for row in range(pairs.begin[rows[k]], pairs.begin[rows[k] + 1]):
-            here, there = s[pairs.p[row]], s[pairs.q[row]]
-            shared = ((ones[:, 0] <= here) & (here <= ones[:, 1])).any()
-            if shared or ((twos[:, 0] <= there) & (there <= twos[:, 1])).any():
-                pairs.lag[row] = np.inf
+def _bound_blocks(origin: IntArray, table: FloatArray, size: int) -> FloatArray:
+    """[8, K] what bounds the block that begins at a place.
 
-
-@compiled
-def _find_stretches(n: int, ways: _Ways) -> FloatArray:
-    """[R, 2] where a mover is in one lane with another, past the first 5 m of a merge [m].
-
-    Of runs of points that are near it, of which any is along it.
+    From when until when it is there [s]; and a box: x and y of its middle, cosine and sine of its
+    heading, half its length and width [m], with all that `is_in_touch` allows for at the corners.
     """
-    end, nose = ways.origin[n + 1], ways.nose[n]
-    found, count = np.zeros((end - ways.origin[n], 2)), 0
-    start, shares = -1, False
-    for k in range(ways.origin[n], end):
-        if not ways.near[k]:
-            start, shares = -1, False
-            continue
-        start, shares = k if start < 0 else start, shares or ways.along[k]
-        if shares and (k + 1 == end or not ways.near[k + 1]):
-            initial = ways.along[start] and min(ways.s[start], ways.foot[start]) < 1.0
-            found[count, 0] = -np.inf if initial else ways.s[start] + MERGE_LENGTH + nose
-            found[count, 1] = ways.s[k] + nose + 1.0
-            count += 1
-    return found[:count]
-
-
-@compiled
-def _bound_blocks(origin: IntArray, reach: FloatArray, table: FloatArray, size: int) -> FloatArray:
-    """[5, K] circle round the block that begins at a place, and from when until when it is there.
-
-    Of the circle twice the middle's x and y and twice the radius [m].
-    """
-    blocks = np.empty((5, len(reach)))
+    blocks = np.empty((8, len(table[0])))
     for owner in range(len(origin) - 1):
         for i in range(origin[owner], origin[owner + 1], size):
             end = min(i + size, origin[owner + 1])
-            west = east = table[_SWEPT_X, i]
-            south = north = table[_SWEPT_Y, i]
-            widest = reach[i]
-            for k in range(i + 1, end):
-                west, east = min(west, table[_SWEPT_X, k]), max(east, table[_SWEPT_X, k])
-                south, north = min(south, table[_SWEPT_Y, k]), max(north, table[_SWEPT_Y, k])
-                widest = max(widest, reach[k])
-            blocks[0, i], blocks[1, i] = west + east, south + north
-            blocks[2, i] = np.hypot(east - west, north - south) + 2 * widest
-            blocks[3, i], blocks[4, i] = table[_ARRIVE, i], table[_DEPART, end - 1] + STEP
+            k = (i + end) // 2
+            x, y, cos, sin = table[_SWEPT_X, k], table[_SWEPT_Y, k], table[_COS, k], table[_SIN, k]
+            front, rear, left, right = -np.inf, np.inf, -np.inf, np.inf
+            for k in range(i, end):
+                dx, dy = table[_SWEPT_X, k] - x, table[_SWEPT_Y, k] - y
+                along, aside = cos * dx + sin * dy, cos * dy - sin * dx
+                turned = abs(cos * table[_COS, k] + sin * table[_SIN, k])
+                across = abs(cos * table[_SIN, k] - sin * table[_COS, k])
+                length, width = table[_SWEPT_LENGTH, k], table[_WIDTH, k]
+                room = 1.5 * (table[_SWEPT_RADIUS, k] + table[_SLACK, k])
+                long, wide = length * turned + width * across, length * across + width * turned
+                front, rear = max(front, along + long + room), min(rear, along - long - room)
+                left, right = max(left, aside + wide + room), min(right, aside - wide - room)
+            along, aside = (front + rear) / 2, (left + right) / 2
+            blocks[0, i], blocks[1, i] = table[_ARRIVE, i], table[_DEPART, end - 1] + STEP
+            blocks[2, i], blocks[3, i] = (
+                x + cos * along - sin * aside,
+                y + sin * along + cos * aside,
+            )
+            blocks[4, i], blocks[5, i] = cos, sin
+            blocks[6, i], blocks[7, i] = (front - rear) / 2, (left - right) / 2
     return blocks
 
 
 @compiled
 def _may_touch(a: FloatArray, b: FloatArray, horizon: float) -> bool:
-    """Whether the circles of two blocks overlap, with a lag within the horizon [s]."""
-    dx, dy, room = a[0] - b[0], a[1] - b[1], a[2] + b[2]
-    soon = max(a[3] - b[4], b[3] - a[4]) <= horizon
-    return bool(soon and dx * dx + dy * dy <= room * room)
+    """Whether the boxes of two blocks overlap, with a lag within the horizon [s]."""
+    if max(a[0] - b[1], b[0] - a[1]) > horizon:
+        return False
+    one, two = (a[2], a[3], a[4], a[5]), (b[2], b[3], b[4], b[5])
+    return is_in_touch(one, (a[6], a[7], 0.0), two, (b[6], b[7], 0.0), TOUCH)
 
 
 @compiled
@@ -430,7 +432,7 @@ def _find_best_places(
     The most promising are tried first, a few at a time, until no other can be better.
     """
     found: IntArray = np.empty(64, np.intp)
-    p, q, lag, begin, _ = pairs
+    p, q, lag, begin = pairs
     s, table = places.s, places.table
     count = longest = 0
     for pair in range(len(begin) - 1):
@@ -438,7 +440,7 @@ def _find_best_places(
     group, heap = np.full(len(s), -1), np.empty(longest, np.intp)
     for pair in range(len(begin) - 1):
         rows = begin[pair], begin[pair + 1]
-        for k in range(_label_encounters(p, lag, s, rows, group)):
+        for k in range(_label_encounters(p, s, rows, group)):
             size = _fill_heap(heap, pairs, rows, group, k)
             least, best, tried = np.inf, -1, 0
             while size > 0 and (tried % BATCH > 0 or lag[heap[0]] < least):
@@ -459,16 +461,13 @@ def _find_best_places(
     return found[:count]
 
 
-@compiled
-def _label_encounters(
-    p: IntArray, lag: FloatArray, s: FloatArray, rows: tuple[int, int], group: IntArray
-) -> int:
+@compiled_to_write
+def _label_encounters(p: IntArray, s: FloatArray, rows: tuple[int, int], group: IntArray) -> int:
     """Writes in which encounter every place of a pair's first is; returns how many there are."""
     low, high = len(s), -1
     for row in range(rows[0], rows[1]):
-        if lag[row] < np.inf:
-            group[p[row]] = 0
-            low, high = min(low, p[row]), max(high, p[row])
+        group[p[row]] = 0
+        low, high = min(low, p[row]), max(high, p[row])
     count, last = 0, -1
     for place in range(low, high + 1):
         if group[place] >= 0:
@@ -478,14 +477,14 @@ def _label_encounters(
     return count
 
 
-@compiled
+@compiled_to_write
 def _fill_heap(
     heap: IntArray, pairs: _OccupancyPairs, rows: tuple[int, int], group: IntArray, wanted: int
 ) -> int:
     """Writes a heap of the rows of one encounter, least lag on top; returns how many there are."""
-    p, lag, size = pairs.p, pairs.lag, 0
+    p, size = pairs.p, 0
     for row in range(rows[0], rows[1]):
-        if lag[row] < np.inf and group[p[row]] == wanted:
+        if group[p[row]] == wanted:
             heap[size] = row
             size += 1
     for k in range(size // 2 - 1, -1, -1):
@@ -493,7 +492,7 @@ def _fill_heap(
     return size
 
 
-@compiled
+@compiled_to_write
 def _sift_down(heap: IntArray, k: int, size: int, pairs: _OccupancyPairs) -> None:
     while 2 * k + 1 < size:
         child = 2 * k + 1

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -427,16 +427,26 @@ class _EventSearch:
                 continue
             if self.near.least[row] < YIELD_CLEARANCE:
                 continue
-            further = extend_straight(
-                giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0
-            )
-            if is_held_throughout(further, giver.end, partial(self.lights.is_held, giver)):
+            further, held = self._drive_on(giver, onwards)
+            if held:
                 continue
             for zone in find_conflict_zones(further, other):
                 yielded = self._find_yield_at(zone, further, other, real_end=giver.end)
                 if yielded is not None and yielded.braking <= YIELD_BRAKING:
                     return [self._build_yield_event((giver, other), yielded, full)]
         return []
+
+    @cached_property
+    def _drive_on(self) -> Callable[[Trajectory, float], tuple[Trajectory, bool]]:
+        """A giver that goes straight on for so far [m], and whether a light held it until then."""
+
+        def drive_on(giver: Trajectory, onwards: float) -> tuple[Trajectory, bool]:
+            speed = 2.0 if giver.is_vehicle else 1.0
+            further = extend_straight(giver, distance=onwards, speed=speed)
+            red = partial(self.lights.is_held, giver)
+            return further, is_held_throughout(further, giver.end, red)
+
+        return cache(drive_on)
 
     def _build_yield_event(
         self,

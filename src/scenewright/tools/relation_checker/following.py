@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,18 +11,13 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import GridTable, PairGrid
-from scenewright.tools.relation_checker.footprints import (
-    BoolArray,
-    IntArray,
-    compute_angle_between,
-    double_room,
-)
-from scenewright.tools.relation_checker.track_path import project_each
+from scenewright.tools.relation_checker.footprints import IntArray
+from scenewright.tools.relation_checker.track_path import LaneTable, project_on_lane
 from scenewright.tools.relation_checker.trajectory import get_lane_table
 
 LOOK_AHEAD = 60.0
-ROOM = 1_000_000
-"""Samples of followers that are looked at in one go."""
+ALONG = np.deg2rad(30.0)
+"""A leader's heading is no further off the follower's path than this [rad]."""
 STRIDE, SPARSE = 2, 4
 """Every so many samples it is measured who leads whom, and looked who may."""
 MIN_DURATION = 3.0
@@ -73,25 +69,15 @@ class Following:
 
 def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
     """Leaders and gaps of all movers that have another ahead at some time."""
-    # Pairs of which the second is at some time ahead of the first, in order.
-    vehicle = np.array([m.is_vehicle for m in grid.tracks])
-    alike = vehicle[grid.pairs[:, 0]] == vehicle[grid.pairs[:, 1]]
-    pairs = grid.pairs[alike]
-    cos, sin = np.cos(grid.heading), np.sin(grid.heading)
-    ahead, behind = _find_possible_leaders(grid.table, alike, cos, sin)[alike].T
-    both = np.concatenate((pairs[ahead], pairs[behind][:, ::-1]))
-    followers, others = both[np.lexsort((both[:, 1], both[:, 0]))].T
-    if len(followers) == 0:
+    if not len(grid.tracks):
         return ()
-    least = np.full(len(grid.xy), np.inf)
-    leader = np.full(len(grid.xy), -1, dtype=np.intp)
-    # Portion by portion, for the memory's sake.
-    size = np.cumsum(np.diff(grid.origin)[followers])
-    for part in np.split(np.arange(len(size)), np.flatnonzero(np.diff(size // ROOM)) + 1):
-        _measure_gaps(grid, followers[part], others[part], least, leader)
+    movers = np.array([(m.is_vehicle, m.width, m.nose) for m in grid.tracks])
+    driven = np.concatenate([m.s for m in grid.tracks])
+    ways = np.stack((np.cos(grid.heading), np.sin(grid.heading), grid.heading, driven))
+    least, leader = _measure_gaps(grid.table, movers, ways, get_lane_table(grid.tracks))
     found = []
-    for n in dict.fromkeys(followers.tolist()):
-        track, own = grid.tracks[n], slice(grid.origin[n], grid.origin[n + 1], STRIDE)
+    for n, track in enumerate(grid.tracks):
+        own = slice(grid.origin[n], grid.origin[n + 1], STRIDE)
         if (leader[own] >= 0).any():
             lane = LaneGaps(
                 n, track.times[::STRIDE], leader[own], least[own], track.speed[::STRIDE]
@@ -100,105 +86,86 @@ def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
     return tuple(found)
 
 
+@compiled
 def _measure_gaps(
-    grid: PairGrid, followers: IntArray, others: IntArray, least: FloatArray, leader: IntArray
-) -> None:
-    """Notes where another is the nearest ahead so far of a follower, and its gap, by sample [S].
+    grid: GridTable, movers: FloatArray, ways: FloatArray, lanes: LaneTable
+) -> tuple[FloatArray, IntArray]:
+    """By sample [S] the gap to the nearest ahead [m], inf where none, and whose it is, else -1.
 
-    Looked at every 0.2 s from each follower's start.
+    Looked at every 0.2 s from each follower's start, of equals the first is kept. Others are of one
+    kind and at some time ahead, looked at every 0.4 s.
+
+    Args:
+        movers: [N, 3] whether each is a vehicle, its width and nose [m].
+        ways: [4, S] cosine and sine of the heading, heading [rad] and arc length [m].
     """
-    row, mine, theirs = _list_near_samples(followers, others, grid.table)
-    n, k = followers[row], others[row]
-    nose, width = np.array([(m.nose, m.width) for m in grid.tracks]).T
-    driven = np.concatenate([m.s for m in grid.tracks])[mine]
-    beside = (width[n] + width[k]) / 2
-    lanes = get_lane_table(grid.tracks)
-    foot = project_each(grid.xy[theirs], lanes, n, within=beside)
-    gap = foot.s - driven - nose[n] - nose[k]
-    inside = (foot.lateral < beside) & (gap > -nose[n]) & (foot.s > driven)
-    inside &= compute_angle_between(grid.heading[theirs], foot.direction) <= np.deg2rad(30.0)
-    _keep_least(mine[inside], k[inside], gap[inside], least, leader)
+    least, leader = np.full(len(grid.xy), np.inf), np.full(len(grid.xy), -1)
+    cos, sin, heading, driven = ways[0], ways[1], ways[2], ways[3]
+    for row in range(len(grid.pairs)):
+        for side in range(2):
+            n, k = grid.pairs[row, side], grid.pairs[row, 1 - side]
+            if movers[n, 0] != movers[k, 0] or not _may_lead(grid, row, n, k, cos, sin):
+                continue
+            beside, own, noses = (movers[n, 1] + movers[k, 1]) / 2, movers[n, 2], movers[k, 2]
+            foot, lateral, way, before = 0.0, np.inf, 0.0, -1
+            for i in range(grid.origin[n], grid.origin[n + 1], STRIDE):
+                j = i - grid.shift[n] + grid.shift[k]
+                if not grid.origin[k] <= j < grid.origin[k + 1] or _is_apart(grid.xy, i, j):
+                    continue
+                x, y = grid.xy[j]
+                if before < 0 or x != grid.xy[before, 0] or y != grid.xy[before, 1]:
+                    foot, lateral, way = project_on_lane(x, y, lanes, n, beside)
+                before = j
+                gap = foot - driven[i] - own - noses
+                if not (lateral < beside and gap > -own and foot > driven[i]):
+                    continue
+                turn = abs((heading[j] - way + np.pi) % (2 * np.pi) - np.pi)
+                if turn <= ALONG and gap < least[i]:
+                    least[i], leader[i] = gap, k
+    return least, leader
 
 
 @compiled
-def _find_possible_leaders(
-    grid: GridTable, alike: BoolArray, cos: FloatArray, sin: FloatArray
-) -> BoolArray:
-    """[M, 2] whether the second is ahead of the first every 0.4 s, and the first of the second.
-
-    Of pairs of one kind.
-    """
-    found, xy = np.zeros((len(grid.pairs), 2), np.bool_), grid.xy
-    for row in np.flatnonzero(alike):
-        a, b = grid.pairs[row]
-        begin, end = grid.common[row, 0], grid.common[row, 0] + grid.common[row, 1]
-        for column in range(begin + -begin % SPARSE, end, SPARSE):
-            i, j = grid.shift[a] + column, grid.shift[b] + column
-            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-            apart = dx * dx + dy * dy > LOOK_AHEAD**2
-            if apart or not cos[i] * cos[j] + sin[i] * sin[j] >= 0.5:
-                continue
-            found[row, 0] |= dx * cos[i] + dy * sin[i] > 0
-            found[row, 1] |= dx * cos[j] + dy * sin[j] < 0
-    return found
+def _may_lead(grid: GridTable, row: int, n: int, k: int, cos: FloatArray, sin: FloatArray) -> bool:
+    """Whether one of a pair, k, is ahead of the other, n, at a time when both are there."""
+    begin, count = grid.common[row]
+    for column in range(begin + -begin % SPARSE, begin + count, SPARSE):
+        i, j = grid.shift[n] + column, grid.shift[k] + column
+        if _is_apart(grid.xy, i, j) or not cos[i] * cos[j] + sin[i] * sin[j] >= 0.5:
+            continue
+        dx, dy = grid.xy[j, 0] - grid.xy[i, 0], grid.xy[j, 1] - grid.xy[i, 1]
+        if dx * cos[i] + dy * sin[i] > 0:
+            return True
+    return False
 
 
 @compiled
-def _list_near_samples(
-    followers: IntArray, others: IntArray, grid: GridTable
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Rows, samples of the follower and of the other, while they are within 60 m of one another."""
-    row: IntArray = np.empty(64, np.intp)
-    mine: IntArray = np.empty(64, np.intp)
-    theirs: IntArray = np.empty(64, np.intp)
-    origin, shift, xy = grid.origin, grid.shift, grid.xy
-    count = 0
-    for k in range(len(followers)):
-        a, b = followers[k], others[k]
-        end = origin[b + 1]
-        for i in range(origin[a], origin[a + 1], STRIDE):
-            j = i - shift[a] + shift[b]
-            if not origin[b] <= j < end:
-                continue
-            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-            if dx * dx + dy * dy > LOOK_AHEAD**2:
-                continue
-            if count == len(row):
-                row, mine, theirs = double_room(row), double_room(mine), double_room(theirs)
-            row[count], mine[count], theirs[count] = k, i, j
-            count += 1
-    return row[:count], mine[:count], theirs[:count]
-
-
-@compiled
-def _keep_least(
-    sample: IntArray, other: IntArray, gap: FloatArray, least: FloatArray, leader: IntArray
-) -> None:
-    """Writes the least gap of every sample, and whose it is; of equals the first."""
-    for k in range(len(sample)):
-        if gap[k] < least[sample[k]]:
-            least[sample[k]], leader[sample[k]] = gap[k], other[k]
+def _is_apart(xy: FloatArray, i: int, j: int) -> bool:
+    """Whether two samples are further apart than a leader is looked for."""
+    dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+    return bool(dx * dx + dy * dy > LOOK_AHEAD**2)
 
 
 def find_followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:
     """All stretches of at least 3 s with headway 0.5-4 s, or a standing gap of 0.5-5 m."""
     found: list[Following] = []
     for lane in lanes:
-        moving = lane.speed > CREEP
+        moving, headway = lane.speed > CREEP, lane.headway
         fine = np.where(
             moving,
-            (lane.headway >= HEADWAY[0]) & (lane.headway <= HEADWAY[1]),
+            (headway >= HEADWAY[0]) & (headway <= HEADWAY[1]),
             (lane.gap >= STANDING_GAP[0]) & (lane.gap <= STANDING_GAP[1]),
         )
         tag = np.where(fine, lane.leader, -1)
-        runs = np.split(np.arange(len(tag)), np.flatnonzero(np.diff(tag)) + 1)
-        for run in runs:
-            if tag[run[0]] < 0 or (len(run) - 1) * STRIDE * STEP < MIN_DURATION - 1e-6:
+        edges = [0, *(np.flatnonzero(tag[1:] != tag[:-1]) + 1).tolist(), len(tag)]
+        for begin, end in pairwise(edges):
+            if tag[begin] < 0 or (end - 1 - begin) * STRIDE * STEP < MIN_DURATION - 1e-6:
                 continue
-            headways = lane.headway[run[moving[run]]]
+            run = slice(begin, end)
+            headways = headway[run][moving[run]]
             found.append(Following(
-                lane.follower, int(lane.leader[run[0]]),
-                float(lane.times[run[0]]), float(lane.times[run[-1]]), float(lane.gap[run].min()),
+                lane.follower, int(lane.leader[begin]),
+                float(lane.times[begin]), float(lane.times[end - 1]), float(lane.gap[run].min()),
                 float(headways.min()) if len(headways) else None,
             ))  # fmt: skip
     return tuple(found)

@@ -48,11 +48,16 @@ class RasterizedArea:
 
 @dataclass(frozen=True, eq=False)
 class CrosswalkArea:
-    """A crosswalk with its polygon; bounds: its west, south, east and north end [m]."""
+    """A crosswalk with its polygon.
+
+    Attributes:
+        bounds: its west, south, east and north end [m]; across: [2] unit vector over the street.
+    """
 
     crosswalk: Crosswalk
     area: Area
     bounds: Bounds
+    across: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +133,8 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
 def _build_crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
     # Not prepared: threads share it, and what GEOS prepares for lines and polygons is not for that.
     area = geos.Polygon(crosswalk.polygon)
-    return CrosswalkArea(crosswalk, area, area.bounds)
+    way = np.subtract(*np.array(crosswalk.centreline)[::-1])
+    return CrosswalkArea(crosswalk, area, area.bounds, way / max(float(np.hypot(*way)), 1e-9))
 
 
 def _compute_bounds(polygon: Sequence[Point]) -> Bounds:

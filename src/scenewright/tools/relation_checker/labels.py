@@ -28,7 +28,6 @@ GOAL = 15.0
 BACKWARDS = 1.0
 """How far a pedestrian may end behind its start, from its entry towards its exit [m]."""
 SYMMETRIC = ("collision", "near_miss")
-DIRECTED = ("rear_end", "pedestrian_strike")
 """Kinds of collision in which which party strikes is part of what was asked for."""
 
 _TOWARDS: dict[Compass, complex] = {
@@ -50,7 +49,9 @@ def find_false_labels(
         detail = "events is empty; where nothing happens it has one row of the type normal"
         return (Finding(rule="label_missing", agents=(), detail=detail),)
     asked: set[tuple[str, int, int]] = {
-        (r.type, r.from_, r.to) for r in scene.relations if r.kind not in DIRECTED
+        (r.type, r.from_, r.to)
+        for r in scene.relations
+        if not has_trait("collision", r.kind, "directed")
     }
     left = list(events)
     found: list[Finding] = []

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
@@ -45,12 +46,22 @@ class LanePoints:
 
     def find_leg(self, xy: FloatArray, heading: float) -> str | None:
         """The leg of the nearest lane that leads the way a vehicle [2] is headed, if on it."""
-        alike = np.flatnonzero(np.abs(_turn(self.heading - heading)) <= ALONG)
-        if not len(alike):
-            return None
-        away = np.hypot(*(self.xy[alike] - xy).T)
-        nearest = int(away.argmin())
-        return self.legs[alike[nearest]] if away[nearest] <= BESIDE else None
+        nearest, away = _find_nearest_alike(self.xy, self.heading, xy, heading)
+        return self.legs[nearest] if away <= BESIDE else None
+
+
+@compiled
+def _find_nearest_alike(
+    points: FloatArray, headings: FloatArray, place: FloatArray, heading: float
+) -> tuple[int, float]:
+    """Of points that lead the way of a heading the nearest to a place [2], and how far it is."""
+    nearest, least = 0, np.inf
+    for k in range(len(points)):
+        if abs((headings[k] - heading + np.pi) % (2.0 * np.pi) - np.pi) <= ALONG:
+            away = np.hypot(points[k, 0] - place[0], points[k, 1] - place[1])
+            if away < least:
+                nearest, least = k, away
+    return nearest, least
 
 
 def find_entry_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
@@ -74,7 +85,7 @@ def _find_leg(track: Trajectory, intersection_map: IntersectionMap, kind: _Kind)
     if name is not None:
         return name
     ways = {leg.name: leg.bearing + turn for leg in intersection_map.legs}
-    off = {leg: float(np.abs(_turn(heading - way))) for leg, way in ways.items()}
+    off = {leg: abs((heading - way + np.pi) % (2.0 * np.pi) - np.pi) for leg, way in ways.items()}
     nearest = min(off, key=off.__getitem__, default=None)
     if nearest is None or off[nearest] > ALONG:
         return None
@@ -155,8 +166,3 @@ def _sample_line(line: FloatArray) -> FloatArray:
     course = np.arctan2(step[:, 1], step[:, 0])
     piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(step) - 1)
     return np.stack([np.interp(at, s, line[:, 0]), np.interp(at, s, line[:, 1]), course[piece]], 1)
-
-
-def _turn(angle: FloatArray | float) -> FloatArray:
-    """Angles as turns within half a circle [rad]."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled_to_write
 from scenewright.scene.base import FloatArray
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.track import STEP
@@ -113,7 +113,7 @@ def _tabulate_bounds(vehicles: tuple[Trajectory, ...]) -> FloatArray:
     return np.asarray(np.array([m.bounds for m in vehicles]).reshape(-1, 4) + reach)
 
 
-@compiled
+@compiled_to_write
 def _mark_met(
     met: BoolArray,
     eyes: FloatArray,

@@ -17,11 +17,7 @@ from scenewright.tools.relation_checker.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class SeenMotion:
-    """An agent's track, and what else shows how it moves.
-
-    Attributes:
-        struck: the track ends in a collision.
-    """
+    """An agent's track, and what else shows how it moves; whether it ends in a collision."""
 
     kind: Kind
     track: Trajectory

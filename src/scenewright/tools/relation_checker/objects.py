@@ -123,7 +123,7 @@ def check_places(
         for a, b in combinations(objects, 2)
         if outlines[a.id].intersection(outlines[b.id]).area > 1e-4
     ]
-    if intersection_map is None:
+    if intersection_map is None or not objects:
         return tuple(found)
     crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
     areas = (*intersection_map.road, *intersection_map.walkable)

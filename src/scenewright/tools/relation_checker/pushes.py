@@ -35,11 +35,9 @@ SAME_SIZE = 0.05
 
 def list_pushed(relations: Sequence[RelationRecord]) -> frozenset[int]:
     """The agents that are said to be pushed into another."""
-    return frozenset(each.from_ for each in relations if _is_pushed(each))
-
-
-def _is_pushed(relation: RelationRecord) -> bool:
-    return has_trait("manoeuvre", relation.manoeuvre, "chain")
+    return frozenset(
+        each.from_ for each in relations if has_trait("manoeuvre", each.manoeuvre, "chain")
+    )
 
 
 def list_chained(relations: Sequence[RelationRecord]) -> frozenset[frozenset[int]]:
@@ -47,8 +45,9 @@ def list_chained(relations: Sequence[RelationRecord]) -> frozenset[frozenset[int
     return frozenset(
         frozenset((first.from_, second.to))
         for second in relations
+        if has_trait("manoeuvre", second.manoeuvre, "chain")
         for first in relations
-        if _is_pushed(second) and first.type == "collision" and first.to == second.from_
+        if first.type == "collision" and first.to == second.from_
     )
 
 

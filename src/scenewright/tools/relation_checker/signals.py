@@ -11,11 +11,13 @@ from math import isfinite
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
 from scenewright.tools.relation_checker.ground_raster import CrosswalkArea, get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import (
@@ -102,9 +104,8 @@ class SignalPlan:
         ends = np.array([line.line for line in lines]).reshape(-1, 2, 2)
         way = ends[:, 1] - ends[:, 0]
         length = np.hypot(way[:, 0], way[:, 1])
-        outward = tuple(bearing.get(line.leg) for line in lines)
-        facing = np.array([np.nan if each is None else each + np.pi for each in outward])
-        left = np.sign(way[:, 1] * np.cos(facing) - way[:, 0] * np.sin(facing))
+        outward = np.array([bearing.get(line.leg, np.nan) for line in lines], dtype=np.float64)
+        left = np.sign(way[:, 0] * np.sin(outward) - way[:, 1] * np.cos(outward))
         left_hand = self._map is not None and self._map.left_hand_traffic
         return _StopLines(
             ids=tuple(line.id for line in lines), start=ends[:, 0], length=length,
@@ -173,7 +174,7 @@ class _StopLines:
 
     Attributes:
         ids: L of them; start: [L, 2] one end [m]; along: [L, 2] unit vector to the other end.
-        length: [L] [m]; outward: bearing of each leg [rad], None if the map lacks the leg.
+        length: [L] [m]; outward: [L] bearing of each leg [rad], NaN if the map lacks the leg.
         left: [L] 1 where the other half of the road lies past the end, -1 before the start, 0 if
             unknown; it is as wide as the line is long.
     """
@@ -182,7 +183,7 @@ class _StopLines:
     start: FloatArray
     along: FloatArray
     length: FloatArray
-    outward: tuple[float | None, ...]
+    outward: FloatArray
     left: FloatArray
 
     def find_passages(
@@ -194,33 +195,52 @@ class _StopLines:
         xy, heading, origin = concatenate_samples(tracks)
         half = np.repeat([m.half_length for m in tracks], np.diff(origin))
         front = np.stack((xy[:, 0] + half * np.cos(heading), xy[:, 1] + half * np.sin(heading)))
-        east, north = (front[k] - self.start[:, k, None] for k in (0, 1))
-        side = self.along[:, :1] * north - self.along[:, 1:] * east
-        before, after = side[:, :-1], side[:, 1:]
-        n, k = np.nonzero((before * after <= 0) & (before != after))
-        place = self.along[n, 0] * east[n, k] + self.along[n, 1] * north[n, k]
-        reach = self.length[n] + 0.5
-        hit = (place > -0.5) & (place < reach)
-        wrong_way = ~hit & (place > np.where(self.left[n] < 0, -reach, -0.5))
-        wrong_way &= place < self.length[n] + np.where(self.left[n] > 0, reach, 0.5)
-        hit |= wrong_way
-        owner = np.searchsorted(origin, k, side="right") - 1
-        hit &= k + 1 < origin[owner + 1]
-        rows = (each[hit].tolist() for each in (n, k, owner, wrong_way))
-        for line, i, m, wrong in zip(*rows, strict=True):
-            least = WRONG_WAY if wrong else 0.0
-            if _leads_to_junction(front[:, i + 1] - front[:, i], self.outward[line], least=least):
-                part = float(side[line, i] / (side[line, i] - side[line, i + 1]))
-                time = float(tracks[m].times[i - origin[m]])
-                yield tracks[m], time + STEP * part, self.ids[line]
+        for line, m, i, part in _find_passages(
+            front, origin, self.start, self.along, self.length, self.left, self.outward
+        ):
+            yield tracks[m], float(tracks[m].times[i]) + STEP * part, self.ids[line]
 
 
-def _leads_to_junction(step: FloatArray, outward: float | None, *, least: float) -> bool:
-    """Whether more than a share of a step leads to the junction; without a bearing, any does."""
-    if outward is None:
-        return True
-    inwards = -(step[0] * np.cos(outward) + step[1] * np.sin(outward))
-    return bool(inwards > least * np.hypot(step[0], step[1]))
+@compiled
+def _find_passages(
+    front: FloatArray,
+    origin: IntArray,
+    start: FloatArray,
+    along: FloatArray,
+    length: FloatArray,
+    left: FloatArray,
+    outward: FloatArray,
+) -> list[tuple[int, int, int, float]]:
+    """Line, mover, its sample before and the part of the step at which it passes.
+
+    Args:
+        front: [2, S] middles of the front bumpers [m]; origin: where each mover's begin; the rest:
+            see `_StopLines`.
+    """
+    found = [(0, 0, 0, 0.0) for _ in range(0)]
+    for line in range(len(start)):
+        reach = length[line] + 0.5
+        for m in range(len(origin) - 1):
+            after = 0.0
+            for k in range(origin[m], origin[m + 1]):
+                east, north = front[0, k] - start[line, 0], front[1, k] - start[line, 1]
+                before, after = after, along[line, 0] * north - along[line, 1] * east
+                if k == origin[m] or not before * after <= 0 or before == after:
+                    continue
+                east, north = front[0, k - 1] - start[line, 0], front[1, k - 1] - start[line, 1]
+                place = along[line, 0] * east + along[line, 1] * north
+                own = -0.5 < place < reach
+                low = -reach if left[line] < 0 else -0.5
+                high = length[line] + (reach if left[line] > 0 else 0.5)
+                if not low < place < high:
+                    continue
+                # More than a share of the step leads to the junction; without a bearing, any does.
+                dx, dy = front[0, k] - front[0, k - 1], front[1, k] - front[1, k - 1]
+                inwards = -(dx * np.cos(outward[line]) + dy * np.sin(outward[line]))
+                least = 0.0 if own else WRONG_WAY
+                if np.isnan(outward[line]) or inwards > least * np.hypot(dx, dy):
+                    found.append((line, m, k - 1 - origin[m], before / (before - after)))
+    return found
 
 
 def check_signal_plan(
@@ -337,11 +357,22 @@ def _find_crosswalk_entries(track: Trajectory, area: CrosswalkArea) -> list[floa
     if west > box[2] or south > box[3] or east < box[0] or north < box[1]:
         return []
     inside = geos.contains_xy(area.area, track.xy[:, 0], track.xy[:, 1])
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
-    across = np.subtract(*np.array(area.crosswalk.centreline)[::-1])
-    along = track.xy @ (across / max(float(np.hypot(*across)), 1e-9))
-    return [
-        float(track.times[i])
-        for i, j in edges.reshape(-1, 2)
-        if float(np.ptp(along[i:j])) >= CROSSING
-    ]
+    return [float(track.times[k]) for k in _find_entries(inside, track.xy, area.across)]
+
+
+@compiled
+def _find_entries(inside: BoolArray, xy: FloatArray, across: FloatArray) -> list[int]:
+    """First samples of the stretches inside a crosswalk that lead over enough of it."""
+    found = [0 for _ in range(0)]
+    for k in range(len(inside)):
+        if not inside[k] or (k > 0 and inside[k - 1]):
+            continue
+        low = high = xy[k, 0] * across[0] + xy[k, 1] * across[1]
+        for end in range(k + 1, len(inside)):
+            if not inside[end]:
+                break
+            along = xy[end, 0] * across[0] + xy[end, 1] * across[1]
+            low, high = min(low, along), max(high, along)
+        if high - low >= CROSSING:
+            found.append(k)
+    return found

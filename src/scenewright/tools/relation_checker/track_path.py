@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.scene.base import FloatArray
 
 SPACING = 0.5
 """Distance of path points [m]."""
 FOOT = 2 * SPACING
 """The foot of a projection lies at most this far from the nearest path point [m]."""
+WIDEST, STRETCH = 3 * SPACING, 8
+"""Most that two neighbouring points of a path or lane are apart [m]; so many points are passed over
+together."""
 SHORTEST = 0.05
 """Shorter tracks have no direction of their own [m]."""
 LANE_BEFORE, LANE_AFTER = 30, 50
@@ -35,10 +39,6 @@ class TrackPath:
     s: FloatArray
     xy: FloatArray
     direction: FloatArray
-
-    def coarsen(self) -> TrackPath:
-        """Every second point."""
-        return TrackPath(self.s[::2], self.xy[::2], self.direction[::2])
 
     def extend(self, *, before: float, after: float) -> TrackPath:
         """The path with straight pieces at both ends [m]."""
@@ -100,7 +100,7 @@ def _resample_evenly(
     return even, points, direction, begin
 
 
-@compiled
+@compiled_to_write
 def _interpolate(even: FloatArray, xy: FloatArray, s: FloatArray, points: FloatArray) -> None:
     """Writes points at ascending arc lengths, linear between samples that differ."""
     here = there = 0
@@ -209,91 +209,66 @@ def _project_point(
     px: float, py: float, x: FloatArray, y: FloatArray, s: FloatArray, direction: FloatArray
 ) -> tuple[float, float, float]:
     """Arc length, lateral and direction of a place at the nearest point of a path."""
+    bound = np.inf
+    for m in range(0, len(x), STRETCH):
+        bound = min(bound, (px - x[m]) * (px - x[m]) + (py - y[m]) * (py - y[m]))
+    bound = (np.sqrt(bound) + STRETCH * WIDEST) ** 2  # beyond it no point of a stretch is nearest
     nearest, k = np.inf, 0
-    for m in range(len(x)):
-        away = (px - x[m]) * (px - x[m]) + (py - y[m]) * (py - y[m])
-        if away < nearest:
-            nearest, k = away, m
+    for first in range(0, len(x), STRETCH):
+        if (px - x[first]) * (px - x[first]) + (py - y[first]) * (py - y[first]) <= bound:
+            for m in range(first, min(first + STRETCH, len(x))):
+                away = (px - x[m]) * (px - x[m]) + (py - y[m]) * (py - y[m])
+                if away < nearest:
+                    nearest, k = away, m
     px, py, facing = px - x[k], py - y[k], direction[k]
     along = min(max(np.cos(facing) * px + np.sin(facing) * py, -FOOT), FOOT)
     return s[k] + along, np.sqrt(max(px * px + py * py - along * along, 0.0)), facing
 
 
-@dataclass(frozen=True, eq=False)
-class LaneTable:
+class LaneTable(NamedTuple):
     """Lanes of N movers side by side, padded to one length.
 
     Attributes:
         x, y: [N, P] points [m], inf past the end of a lane; s, direction: [N, P], see `TrackPath`.
-        low, high: [2, N] corners of the boxes round the lanes [m].
+        size: [N] points of each; low, high: [2, N] corners of the boxes round the lanes [m].
     """
 
     x: FloatArray
     y: FloatArray
     s: FloatArray
     direction: FloatArray
+    size: IntArray
     low: FloatArray
     high: FloatArray
 
 
 def build_lane_table(lanes: Sequence[TrackPath]) -> LaneTable:
     """Lanes in one table, for many projections at once."""
-    size = max(len(lane.s) for lane in lanes)
-    xy = np.full((2, len(lanes), size), np.inf)
-    s, direction = np.zeros((len(lanes), size)), np.zeros((len(lanes), size))
+    sizes = np.array([len(lane.s) for lane in lanes])
+    xy = np.full((2, len(lanes), sizes.max()), np.inf)
+    s, direction = np.zeros((2, len(lanes), sizes.max()))
     for n, lane in enumerate(lanes):
-        xy[:, n, : len(lane.s)] = lane.xy.T
-        s[n, : len(lane.s)], direction[n, : len(lane.s)] = lane.s, lane.direction
+        xy[:, n, : sizes[n]] = lane.xy.T
+        s[n, : sizes[n]], direction[n, : sizes[n]] = lane.s, lane.direction
     high = np.where(np.isinf(xy), -np.inf, xy).max(axis=2)
-    return LaneTable(xy[0], xy[1], s, direction, xy.min(axis=2), high)
-
-
-def project_each(
-    points: FloatArray, lanes: LaneTable, which: IntArray, *, within: FloatArray
-) -> Projection:
-    """Projects points [n, 2], each on a lane of its own, `which` [n].
-
-    Args:
-        within: [n] distance from the lane [m] beyond which a point does not matter; points that the
-            box of the lane already excludes are not projected: lateral inf, the rest 0.
-    """
-    return Projection(*_project_each(
-        points, which, within, lanes.x, lanes.y, lanes.s, lanes.direction, lanes.low, lanes.high,
-    ))  # fmt: skip
+    return LaneTable(xy[0], xy[1], s, direction, sizes, xy.min(axis=2), high)
 
 
 @compiled
-def _project_each(
-    points: FloatArray,
-    which: IntArray,
-    within: FloatArray,
-    x: FloatArray,
-    y: FloatArray,
-    s: FloatArray,
-    direction: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-) -> FloatArray:
-    """[3, n] arc length, lateral and direction; see `project_each`."""
-    found = np.zeros((3, len(points)))
-    for n in range(len(points)):
-        px, py, lane = points[n, 0], points[n, 1], which[n]
-        beside = max(low[0, lane] - px, px - high[0, lane])
-        beyond = max(low[1, lane] - py, py - high[1, lane])
-        if max(beside, beyond) >= within[n] + FOOT:
-            found[1, n] = np.inf
-            continue
-        # A standing agent keeps the projection of its first sample there.
-        k = n - 1
-        stays = n > 0 and px == points[k, 0] and py == points[k, 1]
-        if stays and lane == which[k] and within[n] == within[k]:
-            for row in range(3):
-                found[row, n] = found[row, k]
-            continue
-        found[0, n], found[1, n], found[2, n] = _project_point(
-            px, py, x[lane], y[lane], s[lane], direction[lane]
-        )
-    return found
+def project_on_lane(
+    px: float, py: float, lanes: LaneTable, lane: int, within: float
+) -> tuple[float, float, float]:
+    """Arc length, lateral and direction of a place at the nearest point of a lane.
+
+    Where the box of the lane excludes that it is within a distance [m], lateral inf, the rest 0.
+    """
+    beside = max(lanes.low[0, lane] - px, px - lanes.high[0, lane])
+    beyond = max(lanes.low[1, lane] - py, py - lanes.high[1, lane])
+    if max(beside, beyond) >= within + FOOT:
+        return 0.0, np.inf, 0.0
+    return _project_point(
+        px, py, lanes.x[lane], lanes.y[lane], lanes.s[lane], lanes.direction[lane]
+    )
 
 
 def sample_path(path: TrackPath, s: FloatArray) -> tuple[FloatArray, FloatArray]:

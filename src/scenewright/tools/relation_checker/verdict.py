@@ -36,7 +36,6 @@ from scenewright.tools.relation_checker.groups import (
     list_groups,
 )
 from scenewright.tools.relation_checker.labels import (
-    DIRECTED,
     find_false_journeys,
     find_false_labels,
 )
@@ -304,7 +303,9 @@ def _match_events(
 
 def _has_same_roles(relation: RelationRecord, event: Event) -> bool:
     asked, found = (relation.from_, relation.to), (event.from_, event.to)
-    symmetric = relation.type in ("collision", "near_miss") and relation.kind not in DIRECTED
+    symmetric = relation.type in ("collision", "near_miss") and not has_trait(
+        "collision", relation.kind, "directed"
+    )
     return relation.type == event.type and (asked == found or (symmetric and asked == found[::-1]))
 
 

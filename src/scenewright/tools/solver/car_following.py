@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.geometry.driving_profile import (
     Motion,
     compute_arc_lengths,
@@ -224,7 +224,7 @@ def _list_stops(moved: FloatArray, speed: FloatArray) -> FloatArray:
     return stops[:count]
 
 
-@compiled
+@compiled_to_write
 def _time_stops(
     stops: FloatArray, places: FloatArray, limit: FloatArray, rates: tuple[float, float]
 ) -> FloatArray:
@@ -482,7 +482,7 @@ def _accelerate(
     return rate - held + min(max(speed - v, 0.0), 1.0) * max(eager - rate + held, 0.0)
 
 
-@compiled
+@compiled_to_write
 def _raise_walls(
     walls: FloatArray, rows: IntArray, high: FloatArray, who: IntArray, kind: IntArray, met: int
 ) -> bool:

@@ -14,6 +14,10 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.tools.map_grounding.signal_plan import SignalDemand
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
+_Rng = np.random.Generator
+_Reshape = Callable[[Candidate, Landmarks, IntersectionMap, _Rng], Candidate | None]
+_Place = Callable[[Candidate, Landmarks, _Rng], ScheduledAgent | None]
+
 
 @dataclass(frozen=True)
 class MotionTemplate:
@@ -32,14 +36,9 @@ class MotionTemplate:
 
     company: Literal["must", "may", "cannot"]
     fault: str = ""
-    reshape: (
-        Callable[[Candidate, Landmarks, IntersectionMap, np.random.Generator], Candidate | None]
-        | None
-    ) = None
+    reshape: _Reshape | None = None
     hold: Callable[[Candidate, Landmarks, np.random.Generator], ScheduledAgent] | None = None
-    place: Callable[[Candidate, Landmarks, np.random.Generator], ScheduledAgent | None] | None = (
-        None
-    )
+    place: _Place | None = None
     draw: Callable[[np.random.Generator], float] | None = None
     demands: Callable[[ScheduledAgent, float], tuple[SignalDemand, ...]] | None = None
     is_done: Callable[[ScheduledAgent], bool] | None = None

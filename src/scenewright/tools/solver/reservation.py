@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
 from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import RIDERS, AgentClass, FloatArray
@@ -317,7 +317,7 @@ def _find_runs(corridor: Corridor, table: Reservations) -> ConflictRuns:
         room *= 2
 
 
-@compiled
+@compiled_to_write
 def _write_runs(
     corridor: Corridor, table: Reservations, near: IntArray, touching: IntArray
 ) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP
@@ -182,7 +182,7 @@ def find_free_parts(kept: BoolArray) -> list[slice]:
 # ---- as machine code ----------------------------------------------------------------------------
 
 
-@compiled
+@compiled_to_write
 def _solve_banded(bands: FloatArray, x: FloatArray) -> FloatArray:
     """Solve a symmetric system in place: its diagonal and those below it [4, N], right side [N]."""
     n = len(x)

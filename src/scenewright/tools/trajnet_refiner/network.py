@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.compiled import compiled
+from scenewright.compiled import compiled, compiled_to_write
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.config import (
@@ -358,7 +358,7 @@ def _pool(
     return _rectify(_apply(layers.pool, strongest))
 
 
-@compiled
+@compiled_to_write
 def _compare(
     now: _Present, i: int, j: int, along: Floats, unit: float, kind: int, out: Floats
 ) -> None:
@@ -383,7 +383,7 @@ def _compare(
     out[14], out[15] = share * x, share * y
 
 
-@compiled
+@compiled_to_write
 def _move(
     now: _Present, i: int, learned: Floats, aims: Floats, step: int, along: Floats, kind: int,
     layers: _Layers, places: Floats, spread: Floats,
@@ -426,7 +426,7 @@ def _turn_back(vector: Floats, along: Floats) -> tuple[float, float]:
     return c * x + s * y, c * y - s * x
 
 
-@compiled
+@compiled_to_write
 def _advance(cell: _Linear, read: Floats, h: Floats, c: Floats) -> None:
     """Advance output h and memory c of an LSTM [M, hidden] by a step."""
     gates, width = _apply(cell, np.concatenate((read, h), axis=1)), h.shape[1]
@@ -474,7 +474,7 @@ def _apply(layer: _Linear, x: Floats) -> Floats:
     return y
 
 
-@compiled
+@compiled_to_write
 def _multiply(x: Floats, weight: Floats, out: Floats) -> None:
     """Add the product of x [M, I] and weight [I, O] to out [M, O].
 
@@ -497,7 +497,7 @@ def _multiply(x: Floats, weight: Floats, out: Floats) -> None:
             out[r] += x[r, k] * weight[k]
 
 
-@compiled
+@compiled_to_write
 def _rectify(x: Floats) -> Floats:
     """Set what is less than 0 to 0."""
     flat = x.reshape(-1)

@@ -6,9 +6,6 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from rapidfuzz import process
-from rapidfuzz.distance import OSA
-
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
     OPPOSITE,
@@ -53,7 +50,6 @@ from scenewright.scene.social import (
 from scenewright.scene.track import EMERGENCY
 
 RELATIONS = {"hit": "collide_at", "near": "near_miss", "yield": "yield_to", "follow": "follow"}
-_KINDS = {"rear": "rear_end", "side": "sideswipe", "head": "head_on", "tbone": "angle"}
 _RELATIVE = {
     "opp": "opposite", "left": "of_left", "right": "of_right", "same": "same",
     "lateral": "lateral", "other": "other", "exit": "exit_crosswalk", "entry": "entry_crosswalk",
@@ -102,6 +98,7 @@ _HERE = re.compile(
 """Words of a place that are the junction itself."""
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
+_STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
 _STOPS_BEFORE = re.compile(r"\b(?:stop|halt|brak)\w*\b[^.;]{0,30}\bbefore $", re.IGNORECASE)
 """What stands right before "hitting each other" where that does not come about."""
 _TURN_CRASH = re.compile(r"\b(left|right)[- ](?:turn|cross)(?: across path)? $", re.IGNORECASE)
@@ -499,6 +496,9 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
         return
     if span.tag == "act" and _is_close_overtake(result, span):
         return
+    if span.tag == "sight" and not _VIEW.search(span.words):
+        result.enter(span, "manner", span.subjects)  # "overlooks", "does not see"
+        return
     if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(
         agent.subtype in EMERGENCY for agent in result.users.values()
     ):
@@ -513,6 +513,11 @@ def _leave_out_act(result: Interpretation, span: ReadSpan) -> None:
     _leave_out(result, replace(span, tag="act"))
 
 
+_VIEW = re.compile(
+    r"hid|behind|between|block|view|occlu|obscur|mask|screen|blind|sight|conceal|emerg|appear|out",
+    re.IGNORECASE,
+)
+"""Words of what can be seen from where, which objects decide; others say who took notice."""
 _SIREN = re.compile(
     r"siren|blue lights?|blues and twos|(?:flashing|emergency) lights?|lights? flashing|"
     r"\bon (?:a|an emergency) call\b",
@@ -530,7 +535,8 @@ def _is_close_overtake(result: Interpretation, span: ReadSpan) -> bool:
     riders = [number for number, agent in result.users.items() if agent.rides and agent.drives]
     drivers = [n for n in span.subjects if n in result.users and not result.users[n].rides]
     asked = _OVERTAKES.search(span.words) and _CLOSELY.search(result.text)
-    if result.eventful or span.negated or not asked or (len(drivers), len(riders)) != (1, 1):
+    nears = all(s.tag == "near" for s in result.spans if s.tag in EVENTS and not s.negated)
+    if not nears or span.negated or not asked or (len(drivers), len(riders)) != (1, 1):
         return False
     edge = RelationDraft("near_miss", result.users[drivers[0]], result.users[riders[0]])
     edge.pattern = "rider_close_overtaking"
@@ -540,14 +546,20 @@ def _is_close_overtake(result: Interpretation, span: ReadSpan) -> bool:
 
 
 def _read_overtaking(result: Interpretation) -> None:
-    """ "Passes too closely", where the encoder marks no event: of a vehicle, then a rider."""
-    agents, text = result.draft.agents, result.text
-    if result.eventful or result.draft.relations or len(agents) != 2:
+    """ "Passes too closely" of a vehicle, then a rider: as a near miss, or marked as no event."""
+    agents, relations = result.draft.agents, result.draft.relations
+    if (
+        len(agents) != 2
+        or agents[0].type != "vehicle"
+        or not (agents[1].rides and agents[1].drives)
+    ):
         return
-    first, second = agents
+    text = " ".join(s.words for s in result.spans if s.tag == "near") if relations else result.text
     said = _OVERTAKES.search(text) and (_CLOSELY.search(text) or _is_within_reach(result))
-    if said and first.type == "vehicle" and second.rides and second.drives:
-        edge = RelationDraft("near_miss", first, second, pattern="rider_close_overtaking")
+    edge = RelationDraft("near_miss", agents[0], agents[1]) if not result.eventful else None
+    edge = relations[0] if [each.type for each in relations] == ["near_miss"] else edge
+    if said and edge is not None:
+        edge.pattern = "rider_close_overtaking"
         _add_relation(result, edge)
 
 
@@ -571,10 +583,6 @@ def get_side(span: ReadSpan) -> str | None:
         return names[0]
     if match := _LETTER.search(span.words):
         return _INITIAL[match[1].lower()]
-    for word in re.findall(r"[a-z]{4,6}", span.words.lower()):  # "nroth"
-        near = process.extractOne(word, _INITIAL.values(), scorer=OSA.distance, score_cutoff=1)
-        if near is not None:
-            return str(near[0])
     return _INITIAL[span.side.lower()] if span.side else None
 
 
@@ -779,6 +787,9 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         return
     pairs = _chain_followers(named) if span.tag == "follow" else named
     pairs = pairs or _add_striker(result, span) or _add_implied(result, span)
+    if not pairs and span.tag == "yield" and len(users) == 1 and _STOPS.search(span.words):
+        result.enter(span, "signals", span.subjects)  # alone it stops for a light
+        return
     if not pairs:
         raise Refused(
             "out_of_scope",
@@ -796,7 +807,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         if lets_cross and (users[second].type, users[second].movement) == ("pedestrian", None):
             users[second].movement = "crossing"
         turn = _TURN_CRASH.search(result.text[: span.start])
-        edge.kind = _KINDS.get(span.value or "")
+        edge.kind = find_marked("collision", span.value or "")
         if span.tag == "hit" and turn is not None and edge.kind is None:
             edge.kind = "left_turn" if turn[1].lower() == "left" else "right_turn"
         edge.first = users[first] if span.value == "cutoff" else None
@@ -843,7 +854,7 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
         agent = result.users.get(number)
         if agent is None or on_foot != agent.walks:
             result.enter(span, "nothing", (number,), note=_BEYOND["act"])
-        elif motion in list_names("motion", of="vehicle") and agent.type != "vehicle":
+        elif motion not in list_names("motion", of=agent.type):
             result.enter(span, "nothing", (number,), note="only vehicles can be asked to do that")
         elif span.negated:  # "does not run": the pedestrian walks
             agent.motion = None if agent.motion == motion else agent.motion
@@ -953,6 +964,7 @@ def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
     if same:
         same[0].kind = same[0].kind or edge.kind
         same[0].first = same[0].first or edge.first
+        same[0].pattern = same[0].pattern or edge.pattern
     else:
         relations.append(edge)
 

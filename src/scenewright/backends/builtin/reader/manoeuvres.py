@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.scene.kinds import find_marked, list_kinds
+from scenewright.scene.kinds import find_marked, list_readings
 from scenewright.scene.social import RelationType
 
 if TYPE_CHECKING:
@@ -50,83 +50,11 @@ _NEAR = 45
 """Characters behind the words of a follow in which it may be said that it is a close one."""
 
 _SHORT_OF = re.compile(r"^(?:right|just)$", re.IGNORECASE)
-_MIDWAY = re.compile(
-    r"\b(?:stop\w*|paus\w+|freez\w+|froze|halt\w*|stand\w* still|stood still)\b[^.;,]*?"
-    r"\b(?:middle|half-?way|half way|midway|mid-?\w+)\b(?: (?:of|on|across|over|through) the "
-    r"(?:crosswalk|street|road|crossing|zebra))?",
-    re.IGNORECASE,
-)
-_DARTS = re.compile(
-    r"\b(?:dart\w*|dash\w* out|bolt\w*|"
-    r"(?:runs?|running|ran|races?|sprint\w*|rush\w*|jump\w*|leap\w*) out)"
-    r"(?: (?:in)?to the (?:road|street|roadway|crosswalk|traffic))?\b",
-    re.IGNORECASE,
-)
-_RUNS = re.compile(
-    r"\b(?:runs?|running|ran|sprint\w*|dash\w*|rac(?:es|ed|ing)|rush\w*|jogs|jogging)"
-    r"(?= (?:quickly |fast |straight )?"
-    r"(?:across|over|onto|into the (?:road|street|roadway|crosswalk)))"
-    r"(?: (?:across|over|onto|into) the (?:road|street|roadway|crosswalk))?",
-    re.IGNORECASE,
-)
-_YELLOW = re.compile(
-    r"\b(?:(?:runs?|running|ran|jump\w*|beats?|beating|catch\w*|tak(?:es|ing)|(?:goes|going|drives|"
-    r"driving|races|racing|speeds|speeding|comes|coming|shoots|slips|sneaks) (?:straight )?"
-    r"(?:on|at|over|through)|pass(?:es|ing)|cross(?:es|ing)|enter(?:s|ing)(?: the (?:junction|"
-    r"intersection))?)(?: on| at| through)? |(?:on|at) )"
-    r"(?:a |an |the )?(?:\w+ )?(?:yellow|amber)(?: (?:light|signal|phase))?"
-    r"(?! (?:cab|taxi|car|bus|van|truck|vehicle))\b|"
-    r"\b(?:caught )?in (?:the|a) (?:yellow[- ]light )?dilemma(?: zone)?",
-    re.IGNORECASE,
-)
-_OVER = r"(?: (?:of|on|across|over|through)(?: the (?:crosswalk|street|road|crossing|zebra)| it)?)?"
-_GOES = (
-    r"(?:go(?:es|ing)|went|walk(?:s|ed|ing)|head(?:s|ed|ing)|hurr\w+|runs?|running|ran|doubl\w+)"
-)
-_BACK = re.compile(
-    r"\b(?:(?:starts?|starting|begins?|beginning) (?:to cross|crossing|to walk|walking)"
-    r"(?: the (?:crosswalk|street|road))?,? )?"
-    r"(?:(?:but|and|suddenly|then|hesitat\w+ and|chang\w+ (?:her|his|its|their) minds?,? and) )*"
-    rf"(?:turn(?:s|ed|ing)? (?:back|a?round)|{_GOES} back|retreats|retreating|returns|"
-    r"chang(?:es|ed|ing) (?:her|his|its|their) minds?)"
-    rf"(?:,? (?:half-?way|half way|midway|part-?way|mid-?\w+|in the middle){_OVER})?"
-    rf"(?:,? (?:and |then )*(?:{_GOES} back|returns|retreats))?"
-    r"(?: (?:to|towards|onto) (?:the |her |his |its )?(?:kerb|curb|sidewalk|pavement|"
-    r"(?:same )?side(?: (?:she|he|it|they) c[ao]me from)?))?",
-    re.IGNORECASE,
-)
-_ITS_LIGHT = r"(?:the|its|a|his|her) (?:traffic )?(?:light|signal)s?"
-_OTHERS = r"(?:the )?(?:cross(?:ing)?[- ](?:traffic|street)|others|other (?:side|street|road))"
-_AT_YELLOW = re.compile(
-    r"\b(?:brak(?:es?|ing)|stop(?:s|ping)?|slams? on the brakes|halts?|comes to a (?:\w+ )?stop)\b"
-    r"(?: (?:hard|sharply|abruptly|suddenly|heavily|short|firmly|to a stop|in time))*,? "
-    r"(?:(?:for|at|on) (?:a |the |an |its )?(?:yellow|amber)(?: (?:traffic )?(?:light|signal))?|"
-    rf"(?:(?:when|as|because|after|once|just as) )?{_ITS_LIGHT} "
-    r"(?:(?:is )?turn(?:s|ed|ing)|goes|changes?(?: to)?|is|becomes) (?:yellow|amber))",
-    re.IGNORECASE,
-)
-_BLOCKS = re.compile(
-    r"\b(?:block(?:s|ing|ed)? (?:the )?(?:box|junction|intersection)|"
-    r"(?:gets?|is|getting) (?:stuck|caught|stranded) in(?: the middle of)? the "
-    r"(?:box|junction|intersection)|"
-    r"(?:stops?|stands?|waits?|stopping|standing) (?:in|inside)(?: the middle of)? the "
-    r"(?:box|junction|intersection))"
-    rf"(?: for {_OTHERS})?"
-    rf"(?:,? (?:when|while|as|after|until) {_ITS_LIGHT}(?: (?:of|for) {_OTHERS})? "
-    rf"(?:turns?|has turned|is|goes|(?:has )?change[sd]? to) (?:red|green)(?: for {_OTHERS})?)?",
-    re.IGNORECASE,
-)
-_MOTIONS: tuple[tuple[re.Pattern[str], str], ...] = (
-    (_AT_YELLOW, "stopyellow"),
-    (_BLOCKS, "box"),
-    (_BACK, "back"),
-    (_MIDWAY, "midway"),
-    (_DARTS, "darts"),
-    (_RUNS, "runs"),
-    (_YELLOW, "yellow"),
-)
-"""Words of motions, and the mark that stands for them."""
 _CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
+_TURNS_GREEN = re.compile(
+    r"^(?!.*\bred\b).*\b(?:light|signal)s? (?:\w+ )?(?:turn\w*|is|goes|change\w*(?: to)?) green\b",
+    re.IGNORECASE,
+)
 _RIGHT_ON_RED = re.compile(
     r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
     r"(?: (?:light|signal))?)\b",
@@ -137,7 +65,7 @@ _ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
 _PASSIVE_REAR = re.compile(
     r"\b(?:is|was|gets|got|being|and)\b[^.,;]*?"
     r"\b(?:(?:hit|struck|rammed|shunted) (?:from behind|in the rear)|"
-    r"rear-?ended)\b(?! by)",
+    r"rear-?ended)\b(?![^.,;]*\bby\b)",
     re.IGNORECASE,
 )
 _CANNOT = re.compile(
@@ -166,7 +94,7 @@ def correct_manoeuvres(reading: Reading) -> Reading:
     _weaken_hooks(spans)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
-    _separate_yellow_from_red(spans)
+    _separate_red(reading.text, spans)
     _read_right_on_red(reading, spans)
     if not any(span.tag in ("veh", "cyc", "scoot") for span in spans):
         _read_corner(reading, spans)
@@ -182,13 +110,15 @@ def _weaken_hooks(spans: list[ReadSpan]) -> None:
             spans[n] = replace(span, tag="near", value=None)
 
 
-def _separate_yellow_from_red(spans: list[ReadSpan]) -> None:
-    """An agent that runs a light called yellow runs no red one: "passes the light on yellow"."""
+def _separate_red(text: str, spans: list[ReadSpan]) -> None:
+    """An agent that runs a yellow light, or drives when it is green, runs no red one."""
     yellow = {(s.start, s.subjects) for s in spans if s.value == "yellow"}
     for n, span in enumerate(spans):
         called = _CALLED_YELLOW.search(span.words) or (span.end + 1, span.subjects) in yellow
         if span.tag == "red" and called and not span.negated:
             spans[n] = replace(span, tag="motion", value="yellow")
+        elif span.tag == "red" and _TURNS_GREEN.search(text[span.start : span.end + 15]):
+            spans[n] = replace(span, tag="light", confidence=_KNOWN)
 
 
 def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
@@ -226,12 +156,7 @@ def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
 
 def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     """How a pedestrian crosses, as spans of their own; what lies within says no more."""
-    own = (
-        (re.compile(rf"\b(?:{'|'.join(map(re.escape, kind.words))})\b", re.IGNORECASE), kind.id)
-        for kind in list_kinds("motion")
-        if kind.words
-    )
-    for pattern, motion in (*_MOTIONS, *own):
+    for pattern, motion in list_readings("motion"):
         for match in pattern.finditer(reading.text):
             owner = _find_owner(
                 spans, match, drives=find_marked("motion", motion, of="vehicle") is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
@@ -72,6 +73,7 @@ def merge_mentions(reading: Reading) -> Reading:
     "Another pedestrian" is the other way round: a new agent where the encoder sees a known one.
     """
     reading = _drop_function_words(reading)
+    reading = replace(reading, spans=tuple(_read_axes(reading)))
     reading = replace(reading, spans=tuple(map(_let_walk, reading.spans)))
     reading = replace(reading, spans=tuple(_let_ride(span, reading) for span in reading.spans))
     for at, span in enumerate(reading.spans):
@@ -104,6 +106,18 @@ def refer_back(reading: Reading, end: int) -> Reading:
         if span.start >= end and definite and noun in known and len(span.subjects) == 1:
             reading = _merge(reading, known[noun], user)
     return reading
+
+
+def _read_axes(reading: Reading) -> Iterator[ReadSpan]:
+    """The spans, with "east-west" as a way from the one side to the other."""
+    yield from reading.spans[:1]
+    for before, span in pairwise(reading.spans):
+        between = reading.text[before.end : span.start].strip()
+        axis = before.tag == span.tag == "from" and {before.value, span.value} == {None}
+        if axis and between in ("-", "/", "–") and before.subjects == span.subjects:
+            yield replace(span, tag="to", confidence=max(span.confidence, _SURELY))
+        else:
+            yield span
 
 
 def _let_walk(span: ReadSpan) -> ReadSpan:

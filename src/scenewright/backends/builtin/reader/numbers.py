@@ -36,8 +36,14 @@ _OF_ONE = re.compile(
 
 _SINGULAR = re.compile(r"^(?:an?|one|another|this|that) ", re.IGNORECASE)
 _LABEL = re.compile(
-    r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b", re.IGNORECASE
+    r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b|"
+    r"\b(?!of|the|all|about|around|some\b)[a-z]+\.? ?#?\d+$",
+    re.IGNORECASE,
 )
+
+
+_TIMES = re.compile(r"\bx ?(\d)\b", re.IGNORECASE)
+"""How many of "ped x2"."""
 
 
 def number_in(words: str) -> int | None:
@@ -56,6 +62,8 @@ def count_in(words: str) -> int | None:
 
     The number of "vehicle 2" is a name, and that of "a two-door car" says what it is.
     """
+    if times := _TIMES.search(words):
+        return int(times[1])
     plain = _OF_ONE.sub(" ", words)
     if plain != words and _SINGULAR.match(words):
         return 1

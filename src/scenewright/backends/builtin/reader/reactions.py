@@ -8,36 +8,11 @@ from dataclasses import replace
 
 from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.scene.kinds import list_readings
 
 _KNOWN = 0.9
 """How sure a span is whose words leave no doubt."""
 
-_ANSWER = r"(?:react|respond|brak|slow|notic)\w*(?: down)?(?: (?:at all|to it|in any way))?"
-_UNREACTING = re.compile(
-    rf"\bwithout (?:even |ever )?(?:reacting|responding|braking|slowing(?: down)?|noticing)\b|"
-    rf"\b(?:does|do|did)(?: not|n['’]t) (?:even )?{_ANSWER}|\bnever {_ANSWER}|"
-    r"\bfail(?:s|ed|ing)? to (?:react|respond|brake|notice)\b"
-    r"(?! in time| to (?:the|its) |[^.]* braking of)|"
-    r"\b(?:is |was )?(?:distracted|inattentive|asleep|absent-minded|daydreaming|texting)\b|"
-    r"\b(?:is |was )?not paying attention\b|"
-    r"\b(?:is |was )?(?:looking|staring) (?:down )?at (?:a|the|his|her|their|its) phone\b|"
-    r"\b(?:is |was )?on (?:his|her|their|its|the) phone\b",
-    re.IGNORECASE,
-)
-_AWAY = r"(?: away)?(?: from (?:it|him|her|them|the (?:car|van|truck|bus|vehicle)))?"
-_WAYS = {
-    "back": rf"(?:steps?|stepp?ed|stepping|backs?|backed|backing) (?:back|off|up)\b"
-    r"(?! (?:of )?(?:the |a )?(?:kerb|curb|pavement|sidewalk|footpath|bus))(?! mid-?block)"
-    f"{_AWAY}",
-    "jump": rf"(?:jump(?:s|ed|ing)?|leap(?:s|ed|ing|t)?|spr[aiu]ngs?) back\b{_AWAY}",
-    "run": r"(?:r[au]n(?:s|ning)?|sprint(?:s|ed|ing)?|dash(?:es|ed|ing)?|jump(?:s|ed|ing)?|"
-    r"leap(?:s|ed|ing|t)?) (?:out of|clear of) (?:the|its|his|her|their) (?:way|path)\b",
-    "swerve": r"(?:swerv(?:e|es|ed|ing)|veer(?:s|ed|ing)?)\b(?! (?:into|over|across|off|out|onto|"
-    r"toward|in front|back)| (?:to the )?(?:left|right)\b)"
-    r"(?: (?:with)?in (?:its|his|her|their|the) lane)?",
-}
-_REACTING = {way: re.compile(rf"\b{words}", re.IGNORECASE) for way, words in _WAYS.items()}
-"""By the mark of how they react, the words that say so."""
 _TO_AVOID = re.compile(r" (?:to|and) (?:avoids?|dodges?|evades?|escapes?)\b", re.IGNORECASE)
 _THREATS = ("hit", "near")
 """Tags of collisions and near misses, without which there is nothing to react to."""
@@ -51,7 +26,8 @@ _OF_REACTING = (
 def read_reactions(reading: Reading) -> Reading:
     """The reading with spans of their own for words that say that an agent does not react."""
     spans = list(reading.spans)
-    for match in _UNREACTING.finditer(reading.text):
+    (unreacting,) = (pattern for pattern, way in list_readings("reaction") if way == "none")
+    for match in unreacting.finditer(reading.text):
         owner = _find_owner(spans, match)
         if owner is None or _IN_TIME.match(reading.text, match.end()):
             continue
@@ -68,7 +44,8 @@ def _add_ways(reading: Reading, spans: list[ReadSpan]) -> list[ReadSpan]:
     """The spans with those that say how an agent reacts to a collision or a near miss."""
     if any(span.tag == "turn" for span in spans):
         return spans  # which way is open, and nothing else would hold an agent to turning at all
-    found = [(way, m) for way, words in _REACTING.items() for m in words.finditer(reading.text)]
+    ways = (each for each in reversed(list_readings("reaction")) if each[1] != "none")
+    found = [(way, match) for words, way in ways for match in words.finditer(reading.text)]
     for way, match in found:
         owner = _find_owner(spans, match)
         threats = _find_threats(reading, spans, match)

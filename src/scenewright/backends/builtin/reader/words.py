@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import re
-from functools import cache, lru_cache
-from importlib.resources import files
-
-from rapidfuzz import process
-from rapidfuzz.distance import OSA
 
 from scenewright.scene.base import AgentClass
+from scenewright.scene.kinds import list_shipped
 
 _SUBTYPES = (
     ("motorcycle", r"\bpolice (?:motor ?-?(?:cycle|bike)|bike)"),
@@ -97,36 +93,7 @@ def find_subtype(words: str) -> str | None:
     """The subtype of vehicle that some words name; None where they leave it open."""
     if _PICKUP.search(words):
         return "car"
-    found = next((name for name, pattern in _COMPILED if pattern.search(words)), None)
-    return found or _find_misspelt(words)
-
-
-@lru_cache(maxsize=512)
-def _find_misspelt(words: str) -> str | None:
-    """The subtype of a noun with one slip of the finger in it: "buss", "taix", "trcuk"."""
-    for word in re.findall(r"[a-z-]{3,}", words.lower()):
-        if word in _load_plain_words():
-            continue
-        slips = 1 if len(word) < 7 else 2
-        near = process.extractOne(word, _NOUNS.keys(), scorer=OSA.distance, score_cutoff=slips)
-        if near is not None and near[0][0] == word[0]:
-            return _NOUNS[near[0]]
-    return None
-
-
-_NOUNS = {
-    "car": "car", "van": "van", "bus": "bus", "buses": "bus", "taxi": "taxi", "truck": "truck",
-    "lorry": "truck",
-    "coach": "bus", "motorbike": "motorcycle", "motorcycle": "motorcycle", "ambulance": "ambulance",
-    "sedan": "car", "hatchback": "car", "pickup": "car", "minivan": "car", "moped": "motorcycle",
-}  # fmt: skip
-
-
-@cache
-def _load_plain_words() -> frozenset[str]:
-    """English words that are no slip of the finger."""
-    folder = files("scenewright.backends.builtin")
-    return frozenset(folder.joinpath("english.txt").read_text("utf-8").split())
+    return next((name for name, pattern in _COMPILED if pattern.search(words)), None)
 
 
 def find_class(words: str) -> AgentClass | None:
@@ -152,10 +119,7 @@ _WALKER = re.compile(
 )
 
 
-COARSE = {
-    "van": "car", "taxi": "car", "police_car": "car",
-    "emergency": "truck", "ambulance": "truck", "fire_engine": "truck",
-}  # fmt: skip
+COARSE = {kind.id: kind.wider for kind in list_shipped("subtype") if kind.wider}
 """Subtypes as kinds of a wider one."""
 
 

@@ -1,0 +1,44 @@
+"""Slips of the finger in words of traffic: "lihgt", "bycicle", "wset"."""
+
+from __future__ import annotations
+
+import re
+from functools import cache, lru_cache
+from importlib.resources import files
+
+from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
+
+_WORD = re.compile(r"(?<![\w'’])[A-Za-z]{3,}(?![\w'’])")
+
+
+def mend_spelling(text: str) -> RewrittenText:
+    """The text with every word that is no English one put right, if one slip explains it."""
+    slips = ((m.start(), m.end(), _mend_word(m[0].lower())) for m in _WORD.finditer(text))
+    worded, pieces = replace_pieces(text, ((a, b, word) for a, b, word in slips if word))
+    return RewrittenText(worded, text, pieces)
+
+
+@lru_cache(maxsize=4096)
+def _mend_word(word: str) -> str | None:
+    """The word of traffic that has the same letters in another order, or one more or less."""
+    targets = _load_words("traffic_words.txt")
+    known = (targets, _load_words("english.txt"), _load_words("instruction_words.txt"))
+    if any(word in words for words in known):
+        return None
+    near = (w for w in targets if w[0] == word[0] and abs(len(w) - len(word)) <= 1)
+    slips = [each for each in near if _is_slip(word, each)]
+    return min(slips, key=lambda each: (abs(len(each) - len(word)), each), default=None)
+
+
+def _is_slip(word: str, meant: str) -> bool:
+    if len(word) == len(meant):
+        return sorted(word) == sorted(meant)
+    short, long = sorted((word, meant), key=len)
+    if long[-1] == long[-2] and long[:-1] == short:
+        return True  # "buss"
+    return len(short) >= 5 and any(long[:n] + long[n + 1 :] == short for n in range(len(long)))
+
+
+@cache
+def _load_words(name: str) -> frozenset[str]:
+    return frozenset(files(__package__).joinpath(name).read_text("utf-8").split())
