@@ -192,7 +192,7 @@ def test_a_struck_car_is_pushed_into_the_one_ahead(seed: int) -> None:
 
 
 def test_a_chain_without_its_push_is_none() -> None:
-    record = make_chain(0).record
+    record = make_chain(2).record
     push = record.relations[1]
     plain = (record.relations[0], push.model_copy(update={"manoeuvre": None}))
     forged = record.model_copy(update={"relations": plain})

@@ -176,7 +176,7 @@ def test_texts_of_a_lawful_order_name_the_red_lights_that_they_need() -> None:
     assert choose_runner("vehicle_yields_to_pedestrian_through", ON.name) == 1
     assert choose_runner("pedestrian_near_miss_right_turn", ON.name) is None
     assert choose_runner("rear_end_collision", ON.name) is None
-    wish, writer = read_order("23 near misses"), BuiltinWriter(ON, lawful=True)
+    wish, writer = read_order("24 near misses"), BuiltinWriter(ON, lawful=True)
     options = Options(ON.name, lawful=True)
     worded = dict[str | None, str]()
     for slot in build_slots(wish, seed=0, places=[ON.name]):

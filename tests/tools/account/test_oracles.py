@@ -40,7 +40,7 @@ TEXTS = (
     "A pedestrian stops halfway across the road and a car yields",
     "A car hits a child who steps out from behind a parked van",
     "A distracted driver rear-ends a taxi at 7 pm",
-    "A car cuts in ahead of a taxi and nearly hits it",
+    "A car cuts in ahead of a bus and nearly hits it",
     "A car sideswipes a van when changing lanes",
     "A van waits behind a broken down car with three other vehicles and no pedestrians",
     "A car collides head-on with a van at dawn",
@@ -131,7 +131,7 @@ class Mover:
             return False
         if self.foot or other.foot:
             return other.foot or None
-        return mine[0] > 0.85 if (mine[0] > 0.85) != (its[0] > 0.85) else None
+        return mine[0] > 0.75 if (mine[0] > 0.75) != (its[0] > 0.75) else None
 
     def yields(self, other: Mover) -> Truth:
         """Whether the other passes the crossing of the paths first, and this one slowed before."""
@@ -139,7 +139,8 @@ class Mover:
             return False if self.path.distance(other.path) > 5 else None
         speed = self.speed[: max(1, round(10 * passing[1]) + 10 - self.first)]
         low = len(speed) - 1 - int(speed[::-1].argmin())
-        kept = decide(speed[low] / speed[: low + 1].max(), 0.6, 0.9)
+        top = speed[: low + 1].max()
+        kept = decide(speed[low] / top, 0.6, 0.9) if top > 0 else None
         late = abs((self.first + low) / 10 - passing[1]) > 3
         return False if passing[0] < passing[1] else None if kept and late else kept
 
@@ -189,7 +190,7 @@ class Mover:
         others = [m for m in self.view.users if m is not self]
         for other in others:
             if touch := find_contact(self, other):
-                behind = (self.locate_touch(other) or (0.0, 0.0))[0] < -0.85
+                behind = (self.locate_touch(other) or (0.0, 0.0))[0] < -0.75
                 return False if behind else self.measure_braking(touch[0] - 30) > 3.8 or None
         return False if all(self.misses(m) is False for m in others) else None
 
@@ -399,8 +400,8 @@ def tell_collisions(view: View) -> Iterator[Fact]:
         angle = measure_angle(one.way[found[0]], other.way[found[1]])
         left = angle > 60 and max(one.turn, other.turn) > (25 if angle > 135 else 15)
         for verb, true in (
-            ("rear-ends", angle < 30 and its[0] < -0.85),
-            ("sideswipes", angle < 30 and min(mine[0], its[0]) > -0.85),
+            ("rear-ends", angle < 30 and its[0] < -0.75),
+            ("sideswipes", angle < 30 and min(mine[0], its[0]) > -0.75),
             ("collides head on with", None if left else angle > 135),
             ("T-bones", None if left or 30 < angle < 60 else 60 < angle < 120),
         ):
@@ -527,15 +528,17 @@ def tell_whole(view: View) -> Iterator[Fact]:
 
 WRONG: dict[ClaimType, str] = {
     "background": r"\[0\]",
-    "cause": r"A (taxi|van|truck) brakes",
+    "cause": r"A (taxi|van|truck) brakes|then .*A (car|bus) brakes",
+    "event": r"cuts in .*A bus \[yields",
     "kind": r"lanes .* A van \[sideswipes",
     "sight": r"\[hidden\] car",
     "braking": r"\[hard|(lanes .* A car|then .* A bus|A taxi|A truck) does|hard .*not braking"
     r"|distracted .*A car .*\[not",
     "motion": r"child who .*\[stops halfway",
-    "movement": r"right and .* turns \[right",
+    "movement": r"right and .* turns \[right|then .*A truck turns \[left",
     "point": r"distracted .*\[right\] side",
-    "phrase": r"within a hair|^(?!A taxi follows).*after\]|over the crosswalk|cuts in .*lanes into",
+    "phrase": r"within a hair|^(?!A taxi follows).*after\]|over the crosswalk|cuts in .*(lanes into|merg|for the )"
+    r"|U-turn .*for the course of",
 }
 """What the account gets wrong: texts of scenes and phrases, left out until it is mended."""
 

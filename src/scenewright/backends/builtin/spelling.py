@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 from functools import cache, lru_cache
 from importlib.resources import files
+from itertools import chain
 
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
+from scenewright.scene.relations import load_patterns
 
 _WORD = re.compile(r"(?<![\w'’])[A-Za-z]{3,}(?![\w'’])")
 
@@ -23,7 +26,10 @@ def _mend_word(word: str) -> str | None:
     """The word of traffic that has the same letters in another order, or one more or less."""
     targets = _load_words("traffic_words.txt")
     known = (targets, _load_words("english.txt"), _load_words("instruction_words.txt"))
-    if any(word in words for words in known):
+    if any(
+        word in words
+        for words in (*known, _list_phrase_words(os.environ.get("SCENEWRIGHT_RELATIONS")))
+    ):
         return None
     near = (w for w in targets if w[0] == word[0] and abs(len(w) - len(word)) <= 1)
     slips = [each for each in near if _is_slip(word, each)]
@@ -37,6 +43,13 @@ def _is_slip(word: str, meant: str) -> bool:
     if long[-1] == long[-2] and long[:-1] == short:
         return True  # "buss"
     return len(short) >= 5 and any(long[:n] + long[n + 1 :] == short for n in range(len(long)))
+
+
+@cache
+def _list_phrase_words(_own: str | None) -> frozenset[str]:
+    """The words of the phrases of all relations."""
+    phrases = chain.from_iterable(each.phrases for each in load_patterns())
+    return frozenset(word.lower() for each in phrases for word in _WORD.findall(each))
 
 
 @cache

@@ -231,8 +231,8 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
     if token.is_in("stand_for_one", "stand_for_many") and not (follows and follows.has("noun")):
         if n and tokens[n - 1].text == "no":
             return None
-        many = token.is_in("stand_for_many")
-        return Mention(n, n, n + 1, frozenset(), None if many else 1, pronoun=True,
+        count = 2 if token.text == "both" else None if token.is_in("stand_for_many") else 1
+        return Mention(n, n, n + 1, frozenset(), count, pronoun=True,
                        other=token.text in ("other", "another", "others"))  # fmt: skip
     if token.kind == "word" and token.text in ("a", "b", "c") and _is_bare_label(tokens, n):
         return Mention(n, n, n + 1, frozenset(), 1, pronoun=True, label=token.text)

@@ -275,12 +275,19 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
             yield start, start + 1, frozenset({"negation"})
         for stop in range(min(len(tokens), start + words.longest), start, -1):
             part = tokens[start:stop]
-            if any(each.kind == "end" for each in part):
+            if any(each.kind == "end" for each in part) or _is_duration(tokens, stop):
                 continue
             exact = words.exact.get(tuple(each.text for each in part), frozenset())
             stems = words.stems.get(tuple(each.stem for each in part), frozenset())
             if exact | stems:
                 yield start, stop, exact | stems
+
+
+def _is_duration(tokens: list[Token], n: int) -> bool:
+    """Whether "for" before a token says how long: "stop for five seconds", but not "for a bus"."""
+    unit = tokens[n : n + 2][-1:] + tokens[n : n + 1]
+    timed = any(t.stem == "second" or (t.kind == "figure" and t.text[-1] == "s") for t in unit)
+    return timed and tokens[n - 1].text == "for"
 
 
 def _mend_spelling(token: Token) -> Token:
