@@ -537,8 +537,8 @@ WRONG: dict[ClaimType, str] = {
     "motion": r"child who .*\[stops halfway",
     "movement": r"right and .* turns \[right|then .*A truck turns \[left",
     "point": r"distracted .*\[right\] side",
-    "phrase": r"within a hair|^(?!A taxi follows).*after\]|over the crosswalk|cuts in .*(lanes into|merg|for the )"
-    r"|U-turn .*for the course of",
+    "phrase": r"within a hair|^(?!A taxi follows).*after\]|over the crosswalk"
+    r"|cuts in .*(lanes into|merg|for the )|U-turn .*for the course of",
 }
 """What the account gets wrong: texts of scenes and phrases, left out until it is mended."""
 

@@ -296,7 +296,8 @@ def _mend_spelling(token: Token) -> Token:
     known = token.text in words.function or not words.singles.isdisjoint((token.text, token.stem))
     doubled = token.text[-1:] == token.text[-2:-1] and token.text[:-1] in words.spelling
     if doubled and token.text not in words.spelling:
-        return replace(token, text=token.text[:-1], mended=token.text[:-1])  # "hitt"
+        once = token.text[:-1]  # "hitt"
+        return replace(token, text=once, stem=reduce_word(once), mended=once)
     if token.kind != "word" or len(token.text) < 3 or known:
         return token
     alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
