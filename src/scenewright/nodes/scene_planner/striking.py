@@ -7,6 +7,7 @@ import re
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import RelationEdge, SocialGraph
+from scenewright.tools.account.vocabulary import read_tokens
 from scenewright.tools.map_grounding.orders import keeps_striker
 
 _STRIKES = re.compile(
@@ -68,6 +69,7 @@ def _find_words(edge: RelationEdge, plan: SocialGraph, text: str) -> SaidSpan | 
     words = (each for each in plan.said if each.became == "relation" and set(each.agents) == pair)
     for each in words:
         mutual = _MUTUAL.match(text[each.start : each.end + len(" involving")])
-        if _STRIKES.search(each.words) and not mutual:
+        mended = " ".join(token.text for token in read_tokens(each.words))
+        if (_STRIKES.search(each.words) or _STRIKES.search(mended)) and not mutual:
             return each
     return None
