@@ -67,6 +67,7 @@ from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
+from scenewright.graph.collector import HARDLY_EVER
 
 LOOPS = 180
 """That `warm` compiles, for its progress."""
@@ -426,7 +427,7 @@ def _collect_garbage_rarely() -> Iterator[None]:
     The libraries' objects stay until the end; the search takes a third of a run, half of that
     when the interpreter ends.
     """
-    gc.set_threshold(100_000, 50, 50)
+    gc.set_threshold(*HARDLY_EVER)
     try:
         yield
     finally:

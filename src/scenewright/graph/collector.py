@@ -15,6 +15,9 @@ from contextlib import contextmanager
 _RARELY = (20_000, 20, 20)
 """Objects made before the young are looked through; and passes before the older are."""
 
+HARDLY_EVER = (100_000, 50, 50)
+"""The same for a process that does nothing else, in which what is loaded stays."""
+
 _LOCK = threading.Lock()
 _usual: list[tuple[int, int, int]] = []
 """The thresholds before, once for each run that is going on."""

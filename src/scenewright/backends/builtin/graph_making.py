@@ -30,8 +30,6 @@ from scenewright.scene.track import VEHICLE_SIZES
 _FASTEST, _LONGEST = 20.0, 8.0
 """Speed [m/s], and PET and TTC [s], that may be asked for."""
 
-_SUBTYPES = frozenset(VEHICLE_SIZES)
-
 
 def finish_draft(draft: Draft) -> Draft:
     """The draft with all that follows from it; Refused where it cannot be."""
@@ -165,7 +163,7 @@ def make_node(agent: AgentDraft, name: str) -> AgentNode:
         {
             "id": name,
             "type": agent.type,
-            "subtype": subtype if subtype in _SUBTYPES else None,
+            "subtype": subtype if subtype in VEHICLE_SIZES else None,
             "entry": agent.entry,
             "exit": agent.exit,
             "movement": agent.movement,

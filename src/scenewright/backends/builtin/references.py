@@ -14,7 +14,6 @@ from scenewright.scene.track import VEHICLE_SIZES
 
 ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
 _NEW = frozenset({"indefinite", "another", "no"})
-_SUBTYPES = frozenset(VEHICLE_SIZES)
 _PLAIN_WORDS = frozenset((
     "the", "a", "an", "one", "that", "which", "who", "is", "on", "in", "at", "of", "from", "to",
     "leg", "side", "please", "i", "mean", "meant", "it", "with", "and", "crosswalk", "crossing",
@@ -185,7 +184,7 @@ def _is_alike(agent: AgentView, mention: Mention) -> bool:
     if agent.type != mention.type:
         return False
     named = narrow_subtype(mention.subtype, mention.head)
-    return named not in _SUBTYPES or named in (agent.subtype, COARSE.get(agent.subtype or ""))
+    return named not in VEHICLE_SIZES or named in (agent.subtype, COARSE.get(agent.subtype or ""))
 
 
 def _is_as_described(agent: AgentView, given: Modifier) -> bool:

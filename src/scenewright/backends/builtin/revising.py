@@ -82,7 +82,6 @@ _ORDINARY = re.compile(
 """An ordinary morning says nothing of the event, unlike a normal scene."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
 _EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
-_SUBTYPES = frozenset(VEHICLE_SIZES)
 _EVENT_WORDS = {
     "collide_at": r"collision|crash|accident|hit",
     "near_miss": r"near[- ]miss|close call",
@@ -338,7 +337,7 @@ def _read_removal(
         return (SetBackground(vehicles=0, pedestrians=0),)
     if not groups:
         return None
-    rare = {_get_kind(each) for each in groups} & (_SUBTYPES - {"car"})
+    rare = {_get_kind(each) for each in groups} & (VEHICLE_SIZES.keys() - {"car"})
     if rare and len(groups) == 1 and not groups[0].counted:
         return _remove_kind(groups[0], situation)
     counts = _count_background(situation)
@@ -369,7 +368,7 @@ def _read_count_change(
         return None
     if any(each.det == "definite" or each.premods for each in groups if not each.counted):
         return None
-    named = [each for each in groups if _get_kind(each) in _SUBTYPES - {"car"}]
+    named = [each for each in groups if _get_kind(each) in VEHICLE_SIZES.keys() - {"car"}]
     if named and more:
         return _read_kinds(groups, situation)
     counts = _count_background(situation)
@@ -432,7 +431,7 @@ def _read_kind(
     if not _BECOMES.search(plain) or not mentions:
         return None
     at, last = mentions[-1]
-    if last.det != "indefinite" or last.subtype not in _SUBTYPES:
+    if last.det != "indefinite" or last.subtype not in VEHICLE_SIZES:
         return None
     earlier = [each for _, each in mentions[:-1]]
     subject = _find_subject(earlier, people)

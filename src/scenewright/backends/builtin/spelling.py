@@ -25,11 +25,9 @@ def mend_spelling(text: str) -> RewrittenText:
 def _mend_word(word: str) -> str | None:
     """The word of traffic that has the same letters in another order, or one more or less."""
     targets = _load_words("traffic_words.txt")
-    known = (targets, _load_words("english.txt"), _load_words("instruction_words.txt"))
-    if any(
-        word in words
-        for words in (*known, _list_phrase_words(os.environ.get("SCENEWRIGHT_RELATIONS")))
-    ):
+    own = _list_phrase_words(os.environ.get("SCENEWRIGHT_RELATIONS"))
+    known = (targets, own, _load_words("english.txt"), _load_words("instruction_words.txt"))
+    if any(word in words for words in known):
         return None
     near = (w for w in targets if w[0] == word[0] and abs(len(w) - len(word)) <= 1)
     slips = [each for each in near if _is_slip(word, each)]

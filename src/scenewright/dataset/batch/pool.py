@@ -22,6 +22,8 @@ from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
+from scenewright.graph.collector import HARDLY_EVER
+
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
 
@@ -123,7 +125,7 @@ def _serve(pipe: Connection, task: Callable[[Any], Any]) -> None:
         # What the first job loaded stays: the collector need not look through it again and again,
         # as it would after every scene.
         gc.freeze()
-        gc.set_threshold(100_000, 50, 50)
+        gc.set_threshold(*HARDLY_EVER)
         while True:
             pipe.send_bytes(pickle.dumps(task(pipe.recv())))
 

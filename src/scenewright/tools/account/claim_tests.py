@@ -11,7 +11,7 @@ from typing import Any
 import shapely
 
 from scenewright.scene.events import Event
-from scenewright.scene.kinds import Axis, get_kind, has_trait, list_names
+from scenewright.scene.kinds import Axis, find_kind, get_kind, has_trait
 from scenewright.tools.account.claims import (
     BACKGROUND,
     UNTESTED,
@@ -741,7 +741,8 @@ def find_reaction(facts: SceneFacts, value: str) -> list[int]:
 
 def makes_true(axis: Axis, name: str | None, sense: str) -> bool:
     """Whether a kind makes a sense of words true."""
-    return name in list_names(axis) and sense in (name, *get_kind(axis, str(name)).claims)
+    kind = find_kind(axis, name)
+    return kind is not None and sense in (kind.id, *kind.claims)
 
 
 def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:

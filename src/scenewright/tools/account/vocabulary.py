@@ -185,10 +185,9 @@ def read_tokens(text: str) -> tuple[Token, ...]:
 
 
 @lru_cache(maxsize=64)
-def _read_tokens(text: str, _own: str | None) -> tuple[Token, ...]:
-    phrases = tuple((each.proof.event, each.phrases) for each in load_patterns())
-    own = {reduce_word(w) for _, said in phrases for each in said for w in each.lower().split()}
-    plain = [each if each.stem in own else _mend_spelling(each) for each in _cut(text)]
+def _read_tokens(text: str, own: str | None) -> tuple[Token, ...]:
+    phrases, stems = _list_phrases(own)
+    plain = [each if each.stem in stems else _mend_spelling(each) for each in _cut(text)]
     found: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
     lengths = [0] * len(plain)
     for start, stop, senses in _match_phrases(plain):
@@ -218,6 +217,16 @@ def is_list_label(tokens: Sequence[Token], n: int) -> bool:
         return False
     begins = n == 0 or tokens[n - 1].kind in ("end", "comma")
     return follow.text == ")" or (begins and follow.text in (".", ":"))
+
+
+@cache
+def _list_phrases(
+    _own: str | None,
+) -> tuple[tuple[tuple[str, tuple[str, ...]], ...], frozenset[str]]:
+    """The event and the phrases of each relation, and the stems of all their words."""
+    phrases = tuple((each.proof.event, each.phrases) for each in load_patterns())
+    words = (word for _, said in phrases for each in said for word in each.lower().split())
+    return phrases, frozenset(map(reduce_word, words))
 
 
 def _find_relation_phrases(
@@ -285,9 +294,10 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
 
 def _is_duration(tokens: list[Token], n: int) -> bool:
     """Whether "for" before a token says how long: "stop for five seconds", but not "for a bus"."""
-    unit = tokens[n : n + 2][-1:] + tokens[n : n + 1]
-    timed = any(t.stem == "second" or (t.kind == "figure" and t.text[-1] == "s") for t in unit)
-    return timed and tokens[n - 1].text == "for"
+    return tokens[n - 1].text == "for" and any(
+        each.stem == "second" or (each.kind == "figure" and each.text[-1] == "s")
+        for each in tokens[n : n + 2]
+    )
 
 
 def _mend_spelling(token: Token) -> Token:

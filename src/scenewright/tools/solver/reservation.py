@@ -308,7 +308,7 @@ def _compute_time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tu
 @compiled
 def _find_runs(corridor: Corridor, table: Reservations) -> ConflictRuns:
     """Find runs within the clearance, and runs in touch, of a new agent with all scheduled ones."""
-    room = 6 * len(corridor.s) + 64
+    room = 64 * len(corridor.s)  # hardly ever too little: what is not written costs nothing
     while True:
         near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
         found, touched = _write_runs(corridor, table, near, touching)
