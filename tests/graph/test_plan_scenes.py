@@ -166,13 +166,94 @@ def test_samplings_stay_within_and_reach_lists(tmp_path: Path, sampling: str) ->
 
     plan = tmp_path / "plan.yaml"
     plan.write_text(SWEEP, encoding="utf-8")
-    points = build_points(read_logical_plan(plan), 16, sampling=sampling, seed=3)  # type: ignore[arg-type]
+    points = build_points(
+        read_logical_plan(plan),
+        16,
+        sampling=sampling,
+        seed=3,
+        place="amsterdam_120",  # type: ignore[arg-type]
+    )
     assert len(points) == {"grid": 16, "lhs": 16, "sobol": 16, "boundary": 4}[sampling]
     subtypes, pets = zip(*(each.values.values() for each in points), strict=True)
     assert set(subtypes) == {"car", "truck"}
     assert min(pets) >= 0.8
     assert max(pets) <= 9.0
     assert max(pets) - min(pets) > 6.0
+
+
+PLACES = """\
+intersections: any
+constraints:
+  - vehicle-1.entry != vehicle-2.entry
+  - relations[0].target_pet < measures[0].value / 5 or measures[0].value > 8
+agents:
+  - {id: vehicle-1, entry: has left-turn lane and crosswalk, movement: left}
+  - {id: vehicle-2, entry: has 1 entry lane}
+relations:
+  - {type: near_miss, from: vehicle-1, to: vehicle-2, target_pet: 0.5 .. 3 s}
+measures:
+  - {kind: speed, agent: vehicle-1, value: 3 .. 9 m/s}
+"""
+
+
+@pytest.mark.parametrize("sampling", ["grid", "lhs", "sobol", "boundary"])
+def test_points_fulfil_constraints_at_every_place_with_such_a_leg(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sampling: str
+) -> None:
+    from scenewright.dataset.batch.sweep import build_points
+    from scenewright.intersections import find_bundle_folder
+    from scenewright.scene.plan_file import read_logical_plan
+
+    shipped = json.loads((find_bundle_folder("amsterdam_120") / "map.json").read_text("utf-8"))
+    for name, without in (("bare", ("north", "south")), ("half", ("south",))):
+        own = tmp_path / "own" / name
+        own.mkdir(parents=True)
+        crosswalks = [c for c in shipped["crosswalks"] if c["leg"] not in without]
+        routes = [r for r in shipped["routes"] if r.get("crosswalk") not in without]
+        changed = {**shipped, "name": name, "crosswalks": crosswalks, "routes": routes}
+        kept = {each["id"] for each in crosswalks}
+        for group in changed["signals"]["groups"]:
+            group["crosswalks"] = [each for each in group["crosswalks"] if each in kept]
+        (own / "map.json").write_text(json.dumps(changed), encoding="utf-8")
+    monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(PLACES, encoding="utf-8")
+    points = build_points(
+        read_logical_plan(plan),
+        24,
+        sampling=sampling,
+        seed=3,
+        place="amsterdam_120",  # type: ignore[arg-type]
+    )
+    entries = {place: {p.values.get(("agents", 0, "entry")) for p in points if p.place == place}
+               for place in ("amsterdam_120", "bare", "half")}  # fmt: skip
+    assert entries == {"amsterdam_120": {"north", "south"}, "bare": {None}, "half": {"north"}}
+    assert [p.fault for p in points if p.place == "bare"] == [
+        f"{plan}, line 6, agents[0].entry: no leg of bare has left-turn lane and crosswalk"
+    ]
+    for values in (p.values for p in points if p.place != "bare"):
+        first, second, pet, speed = values.values()
+        assert first != second
+        assert second in ("east", "west")
+        assert pet < speed / 5 or speed > 8
+
+
+def test_a_sweep_happens_where_its_plan_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_jobs_inline(monkeypatch)
+    plan, out = tmp_path / "plan.yaml", tmp_path / "out"
+    plan.write_text(PLACES.replace("any", "amsterdam_120"), encoding="utf-8")
+    assert main(["plan", str(plan)]) == 0
+    words = ["sweep", str(plan), "--n", "1", "--out", str(out), "--refiner", "none", "-q"]
+    assert main(words) == 0
+    (row,) = csv.DictReader((out / "points.csv").read_text("utf-8").splitlines())
+    assert (row["intersection"], row["status"]) == ("amsterdam_120", "made")
+    plan.write_text(PLACES.replace("any", "[nowhere]"), encoding="utf-8")
+    assert main([*words[:-3], "--out", str(tmp_path / "more")]) == 2
+    assert "line 1, intersections: no intersection 'nowhere'" in capsys.readouterr().err
+    plan.write_text(PLACES.replace("!=", "== vehicle-1.entry !="), encoding="utf-8")
+    assert main([*words[:-3], "--out", str(tmp_path / "more")]) == 0
 
 
 def test_commands_write_and_check_plans(

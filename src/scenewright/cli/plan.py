@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -284,17 +285,26 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         InputError: it is no plan, or the place has no way for an agent; names line and field.
     """
     from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
+    from scenewright.intersections import load_map
     from scenewright.scene.phrasing import describe_graph
     from scenewright.scene.plan_file import format_path, read_logical_plan
 
-    logical = read_logical_plan(path)
-    middle = {at: spread.compute_value(0.5) for at, spread in logical.spreads.items()}
-    given = logical.settle(middle)
+    logical, place = read_logical_plan(path), intersection or DEFAULT_INTERSECTION
+    if "any" not in logical.places:
+        place = next(iter(logical.places), place)
+    placed = logical.place_at(load_map(place))
+    middle = {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
+    if placed.find_broken(middle) is not None:
+        from scenewright.dataset.batch.sweep import build_points
+
+        here = replace(logical, places=(place,))
+        middle = dict(build_points(here, 1, sampling="sobol", seed=0, place=place)[0].values)
+    given = placed.settle(middle)
     try:
-        check_plan(given.plan, intersection=intersection or DEFAULT_INTERSECTION)
+        check_plan(given.plan, intersection=place)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    open_ = [format_path(at) for at in logical.spreads]
+    open_ = [format_path(at) for at in placed.spreads]
     left = f" Left open: {', '.join(open_)}." if open_ else ""
     return {
         "file": path,

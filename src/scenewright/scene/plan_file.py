@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -18,7 +18,10 @@ from pydantic.fields import FieldInfo
 from scenewright.errors import InputError
 from scenewright.scene.base import FieldError, Model
 from scenewright.scene.kinds import KindOf
+from scenewright.scene.leg_predicates import LEG_FIELDS, check_predicate, find_legs, is_predicate
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import UNITS
+from scenewright.scene.plan_constraints import PlanConstraint, parse_constraint
 from scenewright.scene.social import (
     AgentNode,
     Meeting,
@@ -70,12 +73,54 @@ class LogicalPlan:
 
     Attributes:
         data: the fields as plain data, as the file has them; spreads: what is left open, by path.
+        legs: what the leg of a field has, by path; each is any leg of a place that has it.
+        places: intersections by name, () where the file names none; `any` is all there are.
+        constraints: what the values of a point must fulfil.
     """
 
     name: str
     data: dict[str, Any]
     lines: Mapping[Path_, int] = field(default_factory=dict)
     spreads: Mapping[Path_, Spread] = field(default_factory=dict)
+    legs: Mapping[Path_, str] = field(default_factory=dict)
+    places: tuple[str, ...] = ()
+    constraints: tuple[PlanConstraint, ...] = ()
+
+    def place_at(self, place: IntersectionMap) -> LogicalPlan:
+        """The plan with the legs of an intersection in place of what they shall have.
+
+        Raises:
+            InputError: no leg there has it; names the line and the field.
+        """
+        found: dict[Path_, Spread] = {}
+        for path, predicate in self.legs.items():
+            if not (legs := find_legs(predicate, place)):
+                what = f"no leg of {place.name} {predicate.strip()}"
+                raise _fault(self.name, self.lines, path, what)
+            found[path] = Spread("list", legs)
+        # In the order of the file, so that a predicate in place of a list changes no point.
+        spreads = {**found, **self.spreads}
+        ordered = {path: spreads[path] for path in sorted(spreads, key=self.get_line)}
+        return replace(self, spreads=ordered, legs={})
+
+    def get_line(self, path: Path_) -> int:
+        """The line of a field; 0 where the plan is no file."""
+        return self.lines.get(path, 0)
+
+    def find_broken(self, values: Mapping[Path_, Any]) -> str | None:
+        """The first constraint that a point's values do not fulfil; None where all hold.
+
+        Raises:
+            InputError: a constraint cannot be computed; names its line.
+        """
+        data = self.settle_data(values)
+        for n, each in enumerate(self.constraints):
+            try:
+                if not each.holds(data):
+                    return each.text
+            except ValueError as error:
+                raise _fault(self.name, self.lines, ("constraints", n), str(error)) from error
+        return None
 
     def settle(self, values: Mapping[Path_, Any]) -> PlanFile:
         """The plan with a value for each field that was left open.
@@ -114,9 +159,28 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
     if not isinstance(data, dict):
         what = "is empty" if data is None else "holds no fields such as 'agents: ...'"
         raise _fault(name, lines, (), f"{what}; `scenewright plan TEXT --yaml` writes one to begin")
+    places, written = data.pop("intersections", None), data.pop("constraints", None) or []
+    if isinstance(places, str):
+        places = [places]
+    if not (places is None or (isinstance(places, list) and all(map(_is_name, places)))):
+        what = "any, the name of an intersection, or a list of names"
+        raise _fault(name, lines, ("intersections",), what)
+    if not isinstance(written, list):
+        raise _fault(name, lines, ("constraints",), "is a list of comparisons")
+    constraints = []
+    for n, text in enumerate(written):
+        try:
+            constraints.append(parse_constraint(text))
+        except ValueError as error:
+            raise _fault(name, lines, ("constraints", n), str(error)) from error
     spreads: dict[Path_, Spread] = {}
-    _read_values(data, (), name, lines, spreads)
-    return LogicalPlan(name, data, lines, spreads)
+    legs: dict[Path_, str] = {}
+    _read_values(data, (), name, lines, spreads, legs)
+    return LogicalPlan(name, data, lines, spreads, legs, tuple(places or ()), tuple(constraints))
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and bool(value)
 
 
 def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
@@ -126,9 +190,14 @@ def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
         InputError: unreadable, or no plan; names the line and the field.
     """
     logical = read_logical_plan(source)
-    for path in logical.spreads:
+    for path in (*logical.spreads, *logical.legs):
         what = "several values; `scenewright sweep` makes scenes of them, `make` needs one"
         raise _fault(logical.name, logical.lines, path, what)
+    if logical.places:
+        what = "is read by `scenewright sweep`; others have --intersection"
+        raise _fault(logical.name, logical.lines, ("intersections",), what)
+    if (broken := logical.find_broken({})) is not None:
+        raise _fault(logical.name, logical.lines, ("constraints",), f"{broken} does not hold")
     return logical.settle({})
 
 
@@ -243,15 +312,23 @@ def format_path(path: Path_) -> str:
 
 
 def _read_values(
-    data: Any, path: Path_, name: str, lines: Mapping[Path_, int], spreads: dict[Path_, Spread]
-) -> None:
+    data: Any, path: Path_, name: str, lines: Mapping[Path_, int],
+    spreads: dict[Path_, Spread], legs: dict[Path_, str],
+) -> None:  # fmt: skip
     """Turn numbers with a unit into SI, in place, and collect the fields that are left open."""
     items = data.items() if isinstance(data, dict) else enumerate(data)
     for key, value in list(items):
         at = (*path, key)
         field_name = key if isinstance(key, str) else path[-1] if path else ""
         if isinstance(value, dict) or (isinstance(value, list) and field_name in _LISTS):
-            _read_values(value, at, name, lines, spreads)
+            _read_values(value, at, name, lines, spreads, legs)
+            continue
+        if field_name in LEG_FIELDS and is_predicate(value):
+            try:
+                check_predicate(value)
+            except ValueError as error:
+                raise _fault(name, lines, at, str(error)) from error
+            legs[at] = value
             continue
         if field_name in ("text", "read_as") or (path and path[0] == "said"):
             continue
@@ -364,7 +441,7 @@ def _list_fields_at(path: Path_) -> list[str]:
             info = next(i for n, i in model.model_fields.items() if (i.alias or n) == step)
             model = find_model(info.annotation) or model
     names = [info.alias or name for name, info in model.model_fields.items()]
-    return names if path else ["text", *names]
+    return names if path else ["text", *names, "intersections", "constraints"]
 
 
 def find_model(annotation: Any) -> type[Model] | None:
@@ -502,7 +579,17 @@ def build_plan_schema() -> dict[str, Any]:
                 model["properties"][name] = {"description": own["description"], **ends}
             elif "const" not in own and "array" not in types and name not in ("id", "background"):
                 kept = {key: own.pop(key) for key in ("description",) if key in own}
-                model["properties"][name] = {**kept, "anyOf": [own, choices]}
+                also = [{"type": "string", "pattern": "^has "}] if name in LEG_FIELDS else []
+                model["properties"][name] = {**kept, "anyOf": [own, *also, choices]}
+    schema["properties"]["intersections"] = {
+        "description": "of a sweep: any, a name, or a list of names",
+        "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
+    }
+    schema["properties"]["constraints"] = {
+        "description": "comparisons of fields, such as vehicle-1.entry != vehicle-2.entry",
+        "type": "array",
+        "items": {"type": "string"},
+    }
     agent = schema["$defs"][AgentNode.__name__]
     agent["required"] = ["id"]
     schema["$defs"]["Measure"]["properties"]["value"] = {

@@ -27,6 +27,7 @@ from scenewright.dataset.batch.run import (
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.graph.run import make_folder
+from scenewright.intersections import list_intersections, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.plan_file import LogicalPlan, format_path
 from scenewright.scene.spread import Spread
@@ -35,15 +36,18 @@ Sampling = Literal["grid", "lhs", "sobol", "boundary"]
 SCENES, POINTS, TABLE = "scenes", "points.jsonl", "points.csv"
 """What a sweep's folder holds: the dataset, its rows, and the table of all points."""
 MOST_POINTS = 100_000
+MOST_TRIES = 64
+"""Points drawn for each that is asked for, before few or none fulfil the constraints."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """Values for what a plan leaves open, by path; `fault` says why they are no plan."""
+    """Values for what a plan leaves open, by path; `fault` says why they are no plan there."""
 
     name: str
     values: Mapping[tuple[str | int, ...], Any]
     fault: str | None = None
+    place: str | None = None
 
 
 def draw_shares(spreads: Sequence[Spread], n: int, *, sampling: Sampling, seed: int) -> FloatArray:
@@ -75,30 +79,70 @@ def draw_shares(spreads: Sequence[Spread], n: int, *, sampling: Sampling, seed: 
     return points
 
 
-def build_points(plan: LogicalPlan, n: int, *, sampling: Sampling, seed: int) -> list[Point]:
-    """The points of a sweep; one that is no plan says why.
+def build_points(
+    plan: LogicalPlan, n: int, *, sampling: Sampling, seed: int, place: str
+) -> list[Point]:
+    """The points of a sweep that fulfil its constraints; one that is no plan says why.
+
+    Args:
+        place: intersection of a plan that names none; of several, each gets an equal share of n.
 
     Raises:
-        InputError: nothing is left open, or no number of points.
+        InputError: nothing is left open, no number of points, or none fulfils the constraints.
     """
-    if not plan.spreads:
+    if not (plan.spreads or plan.legs):
         raise InputError(f"{plan.name} leaves nothing open; write a range such as 0.4 .. 1.2 s")
     if not 1 <= n <= MOST_POINTS:
         raise InputError(f"--n is a number from 1 to {MOST_POINTS:,}, got {n}")
-    paths, spreads = list(plan.spreads), list(plan.spreads.values())
-    found = []
-    for number, shares in enumerate(draw_shares(spreads, n, sampling=sampling, seed=seed)):
-        values = [
-            spread.compute_value(float(share))
-            for spread, share in zip(spreads, shares, strict=True)
-        ]
-        point = Point(f"point-{number:05d}", dict(zip(paths, values, strict=True)))
+    listed = "any" in plan.places
+    places = list_intersections() if listed else list(plan.places) or [place]
+    found: list[Point] = []
+    for k, name in enumerate(places):
+        share = n // len(places) + (k < n % len(places))
+        own = name if plan.places else None
         try:
-            plan.settle(point.values)
+            intersection = load_map(name)
         except InputError as error:
-            point = Point(point.name, point.values, str(error))
-        found.append(point)
+            where = f"{plan.name}, line {plan.get_line(('intersections',))}, intersections"
+            raise InputError(f"{where}: {error}" if plan.places else str(error)) from error
+        try:
+            placed = plan.place_at(intersection)
+        except InputError as error:
+            if len(places) == 1:
+                raise
+            found.append(Point(f"point-{len(found):05d}", {}, str(error), own))
+            continue
+        for values in _draw_values(placed, share, sampling=sampling, seed=seed):
+            point = Point(f"point-{len(found):05d}", values, None, own)
+            try:
+                placed.settle(values)
+            except InputError as error:
+                point = replace(point, fault=str(error))
+            found.append(point)
     return found
+
+
+def _draw_values(
+    plan: LogicalPlan, n: int, *, sampling: Sampling, seed: int
+) -> list[dict[tuple[str | int, ...], Any]]:
+    """Values of n points that fulfil the constraints; more are drawn where many do not."""
+    spreads, broken = list(plan.spreads.values()), ""
+    drawn = n
+    while 0 < drawn <= MOST_TRIES * n:
+        found = []
+        for shares in draw_shares(spreads, drawn, sampling=sampling, seed=seed):
+            chosen = (s.compute_value(float(x)) for s, x in zip(spreads, shares, strict=True))
+            values = dict(zip(plan.spreads, chosen, strict=True))
+            own = plan.find_broken(values)
+            if own is None:
+                found.append(values)
+            broken = broken or own or ""
+        if len(found) >= n or (found and sampling in ("grid", "boundary")):
+            return found[:n]
+        drawn *= 4
+    if n and not found:
+        raise InputError(f"{plan.name}: no point fulfils {broken}; {drawn // 4:,} were drawn")
+    return found if n else []
 
 
 def run_sweep(
@@ -119,13 +163,16 @@ def run_sweep(
     """
     out = request.out
     check_request(request)
-    points = build_points(plan, n, sampling=sampling, seed=request.options.seed)
+    points = build_points(
+        plan, n, sampling=sampling, seed=request.options.seed, place=request.options.intersection
+    )
     sound = [each for each in points if each.fault is None]
     if not sound:
         raise InputError(f"no point is a plan; the first: {points[0].fault}")
     make_folder(out)
     rows = [
         {"id": each.name, "plan": plan.settle_data(each.values), "seed": request.options.seed}
+        | ({"overrides": {"intersection": each.place}} if each.place else {})
         for each in sound
     ]
     lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
@@ -142,7 +189,9 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
     """The table: each point's values, and what became of it."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    names = list(map(format_path, plan.spreads))
+    paths = sorted({**plan.spreads, **plan.legs}, key=plan.get_line)
+    place = ["intersection"] if plan.places else []
+    names = [*place, *map(format_path, paths)]
     table.writerow(["point", *names, "status", "code", "reason", "folder"])
     header = build_batch_header(read_source(request.source), request.options)
     with Journal(request.out, name=None, header=header) as journal:
@@ -158,5 +207,6 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
                     folder = f"{SCENES}/{entry.folder}" if made else ""
                     status = "infeasible" if status == "refused" else status
                     end = [status, entry.code or "", entry.reason or "", folder]
-            table.writerow([each.name, *each.values.values(), *end])
+            values = [each.values.get(path, "") for path in paths]
+            table.writerow([each.name, *([each.place] if place else []), *values, *end])
     return text.getvalue()
