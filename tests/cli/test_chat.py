@@ -165,7 +165,8 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
             assert Path((await call("record_scene"))["kept"]).is_dir()
             exact = await call("make_planned_scene", plan=plan, seed=1)
             assert (exact["verdict"], exact["account"][0]["words"]) == ("verified", "vehicle-1")
-            assert (Path(exact["folder"]) / "scene.json").is_file()
+            assert (exact["version"], exact["from"]) == (3, 1)
+            assert (Path((await call("save_scene"))["folder"]) / "scene.json").is_file()
             wrong = await call("make_planned_scene", plan={"agents": [{"id": "tram-1"}]})
             assert wrong["detail"].startswith("plan, agents[0].id: a name such as vehicle-1")
 

@@ -180,6 +180,48 @@ def make_in_this_process(folder: Path, time_limit: float, **_: object) -> subpro
     return subprocess.Popen([sys.executable, "-c", ""])
 
 
+def test_the_plan_of_words_is_changed_made_and_changed_in_words(client: TestClient) -> None:
+    read = client.post("/api/plan", json={"words": "A truck turning left yields to a pedestrian"})
+    plan = read.json()["plan"]
+    assert [each["id"] for each in plan["agents"]] == ["vehicle-1", "pedestrian-1"]
+    assert client.post("/api/plan", json={"plan": plan}).json() == read.json()
+    plan["agents"][0]["subtype"] = "bus"
+    plan["measures"] = [{"kind": "speed", "agent": "vehicle-1", "value": "30 km/h"}]
+    found = client.post("/api/plan", json={"plan": plan}).json()
+    assert found["words"].startswith("A bus turns left.")
+    assert "The bus drives at 8.33 m/s" in found["words"]
+    assert "read_as" not in found["plan"]
+    name = client.post("/api/threads", json={}).json()["thread"]
+    *_, last = take_turn(client, name, "plan", json.dumps(plan))
+    assert last["reply"]["kind"] == "made"
+    record = SceneRecord.model_validate(client.get(f"/api/threads/{name}/scene.json").json())
+    assert record.meta.plan is not None
+    assert verify(record).verified
+    shown = client.post("/api/plan", json={"thread": name}).json()
+    assert shown["plan"]["agents"][0]["subtype"] == "bus"
+    assert shown["words"] == found["words"]
+    *_, last = take_turn(client, name, "say", "Make it night")
+    assert last["reply"]["kind"] == "made", last
+    record = SceneRecord.model_validate(client.get(f"/api/threads/{name}/scene.json").json())
+    assert record.meta.user_prompt == f"{found['words']}; then: Make it night"
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [({"plan": {"agents": [{"id": "tram-1"}]}}, "plan, agents[0].id: a name such as vehicle-1"),
+     ({"plan": {"agents": [{"id": "vehicle-1", "entry": "northwest"}]}}, "northwest"),
+     ({"plan": 3}, "a plan is an object"), ({"words": "a pig flies"}, ""), ({"words": 3}, "text"),
+     ({"thread": "none"}, "no conversation"), ({}, "words must be text")],
+    ids=range(7),
+)  # fmt: skip
+def test_a_plan_that_is_none_names_its_field(
+    client: TestClient, body: dict[str, object], reason: str
+) -> None:
+    answer = client.post("/api/plan", json=body)
+    assert answer.status_code == 400
+    assert reason in answer.json()["reason"]
+
+
 def test_dropped_rows_are_made_and_opened_one_by_one(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -132,6 +132,39 @@ def test_a_conversation_with_changes_by_hand(page: Page) -> None:
     assert "version 1" in page.inner_text("#log .answer:last-child")
 
 
+def test_words_and_form_follow_one_another(page: Page) -> None:
+    page.fill("#words", YIELD)
+    page.click("#as-form")
+    place = page.locator('[data-path="agents[1].crosswalk"]')
+    expect(place).to_have_value("east")
+    for n, (path, value, words) in enumerate((
+        ("agents[0].subtype", "bus", "A bus comes from the north"),
+        ("agents[1].crosswalk", "west", "on the west crosswalk"),
+        ("relations[0].type", "near_miss", "narrowly misses"),
+        ("agents[0].entry", "south", "comes from the south"),
+    )):  # fmt: skip
+        page.select_option(f'[data-path="{path}"]', value)
+        expect(page.locator("#words")).to_have_value(re.compile(words))
+        page.fill("#words", YIELD.replace("8 am", f"{n + 1} pm"))
+        expect(page.locator('[data-path="context.time_of_day"]')).to_have_value(f"{n + 13}:00")
+    page.select_option('[aria-label="Set more of agents 0"]', "movement")
+    page.select_option('[data-path="agents[0].movement"]', "left")
+    expect(page.locator("#words")).to_have_value(re.compile("turns left"))
+    page.click('[aria-label="Add to: Figures"]')
+    page.fill('[data-path="measures[0].value"]', "fast")
+    page.keyboard.press("Tab")
+    expect(page.locator("#plan-said")).to_contain_text("a number in m/s")
+    page.fill('[data-path="measures[0].value"]', "25 km/h")
+    page.keyboard.press("Tab")
+    expect(page.locator("#words")).to_have_value(re.compile(r"drives at 6\.94 m/s"))
+    keep_picture(page, "form")
+    page.click("#send")
+    page.wait_for_selector("#log .answer", timeout=WAIT)
+    wait_until_free(page)
+    assert "version 1: verified" in page.inner_text("#log .answer")
+    expect(page.locator('[data-path="agents[0].subtype"]')).to_have_value("car")
+
+
 def test_hostile_words_are_text(page: Page) -> None:
     say(page, YIELD)
     say(page, HOSTILE)
@@ -435,6 +468,8 @@ def test_no_state_has_a_serious_fault_of_accessibility(page: Page, tmp_path: Pat
     page.wait_for_selector("#hand table")
     page.click("#making")
     page.wait_for_selector("svg.run")
+    page.click("#as-form")
+    page.wait_for_selector("#plan .entry")
     page.select_option("#against", "1")
     page.wait_for_selector("#differences li")
     page.frame_locator("#players iframe >> nth=0").locator("#events button").first.click()

@@ -77,6 +77,8 @@ from scenewright.scene.edits import (
     Situation,
 )
 from scenewright.scene.events import Proof
+from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT, check_time_limit, limit_time
@@ -214,6 +216,16 @@ class Session:
     def make(self, instruction: str, *, lenient: bool = False) -> dict[str, Any]:
         """A scene of its own, whatever was there before; lenient as in `synthesize`."""
         return self._turn({"act": "make", "words": instruction, "argument": LENIENT * lenient})
+
+    def make_plan(self, plan: PlanFile, *, seed: int | None = None) -> dict[str, Any]:
+        """A scene of its own of a plan, whose fields then must be seen; the seed is the thread's,
+        unless another is given."""
+        asked = {
+            "plan": plan.plan.model_dump(mode="json", by_alias=True),
+            "text": plan.text, "as_read": plan.as_read, "seed": seed,
+        }  # fmt: skip
+        words = plan.text if plan.as_read else describe_graph(plan.plan)
+        return self._turn({"act": "plan", "words": words, "argument": json.dumps(asked)})
 
     def edit(self, asked: Any) -> dict[str, Any]:
         """Changes made by hand, a list of objects (`authoring/direct_edits.py`).
@@ -361,7 +373,7 @@ def build_session() -> StateGraph[ThreadState, SessionContext, Any, Any]:
 
 def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState:
     """What the words amount to, where the scene is as it is."""
-    if state["act"] == "make":
+    if state["act"] in ("make", "plan"):
         return {"reading": NewScene().model_dump(mode="json"), "pending": None}
     if state["act"] == "edit":
         edits = _EDITS.validate_json(state.get("argument", ""))
@@ -545,7 +557,16 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             )
         else:
             text = _keep_hour(_OPENING.sub("", state["words"]), version)
-            made = _run_apart(setting, begin, text, setting, log=context.log)
+            asked: str | PlanFile = text
+            if state["act"] == "plan":
+                given = json.loads(state["argument"])
+                plan = SocialGraph.model_validate(given["plan"])
+                asked = PlanFile(plan, given["text"], given["as_read"])
+                seed = setting.seed if given["seed"] is None else given["seed"]
+                setting = replace(setting, seed=seed)
+            made = _run_apart(setting, begin, asked, setting, log=context.log)
+            if isinstance(asked, PlanFile) and not asked.as_read:  # its words are of its fields
+                made = replace(made, graph=made.graph.model_copy(update={"said": ()}))
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
         return _build_refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypedDict
 
-Act = Literal["say", "make", "edit", "undo", "redo", "branch"]
+Act = Literal["say", "make", "plan", "edit", "undo", "redo", "branch"]
 
 
 class Version(TypedDict):
@@ -68,7 +68,7 @@ class ThreadState(TypedDict, total=False):
 
     Attributes:
         act, words: of this turn; argument: of an act that has one; of an `edit`, the edits as JSON;
-            of words, whether they are taken leniently.
+            of a `plan`, the plan and the seed as JSON; of words, whether they are taken leniently.
         reading: what the words amount to; models: what reading them has cost, where one was asked.
         current: number of the version that is shown; ahead: those that were undone, last first.
         branches: name -> number of its version; branch: the one that is worked on.

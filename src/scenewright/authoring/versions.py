@@ -15,6 +15,7 @@ from scenewright.nodes.context import Budgets
 from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import Edit
 from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
+from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -71,10 +72,12 @@ class EditResult:
     let_go: tuple[str, ...] = ()
 
 
-def begin(text: str, setting: Setting, *, log: ProgressCallback | None = None) -> EditResult:
-    """The first version, from an instruction (see `synthesize` for what it raises)."""
+def begin(
+    asked: str | PlanFile, setting: Setting, *, log: ProgressCallback | None = None
+) -> EditResult:
+    """The first version, from an instruction or a plan (see `synthesize` for what it raises)."""
     scene = synthesize(
-        text,
+        asked,
         intersection=setting.intersection,
         backend=setting.backend,
         seed=setting.seed,

@@ -131,36 +131,20 @@ class _ClientState:
         """A new scene from an instruction, such as "A car yields to a pedestrian at 8 am"."""
         return self._act("make", instruction)
 
-    def make_planned_scene(self, plan: dict[str, Any], seed: int = 0) -> dict[str, Any]:
-        """A scene from a plan, without words, apart from the conversation.
+    def make_planned_scene(self, plan: dict[str, Any], seed: int | None = None) -> dict[str, Any]:
+        """A new scene of the conversation from a plan, without words.
 
         `plan` has the fields of a plan file (docs/plan-files.md), such as {"agents": [{"id":
         "vehicle-1"}, {"id": "pedestrian-1"}], "relations": [{"type": "yield_to", "from":
         "vehicle-1", "to": "pedestrian-1"}]}.
         """
-        from scenewright.cli.errors import to_cli_error
-        from scenewright.errors import ScenewrightError
-        from scenewright.graph.run import synthesize
         from scenewright.scene.plan_file import read_plan
 
-        served = self._served
         try:
-            with self._take_turn():
-                made = synthesize(
-                    read_plan(plan),
-                    intersection=served.intersection,
-                    backend=served.backend,
-                    seed=seed,
-                    lawful=served.lawful,
-                    time_limit=served.time_limit,
-                )
-        except ScenewrightError as error:
-            fault = to_cli_error(error)
-            return _build_refusal(fault.code, fault.reason)
-        account = [each.model_dump(mode="json") for each in made.proof.account]
-        events = made.record.to_json()["events"]
-        return {"ok": True, **made.proof.build_verdict(), "events": events, "account": account,
-                "folder": self._keep(made.record, made.proof)}  # fmt: skip
+            given = read_plan(plan)
+        except InputError as error:
+            return _build_refusal("unusable_input", str(error))
+        return self._act("make_plan", given, seed=seed)
 
     def edit_scene(self, words: str) -> dict[str, Any]:
         """Changes the scene as the words say, such as "now have it be a collision"."""
@@ -387,10 +371,10 @@ class _ClientState:
                     yield session
                     return
 
-    def _act(self, act: str, *argument: Any) -> dict[str, Any]:
+    def _act(self, act: str, *argument: Any, **named: Any) -> dict[str, Any]:
         """One turn of the conversation, and the scene as it left it."""
         with self._take_turn() as session:
-            return self._reply(getattr(session, act)(*argument))
+            return self._reply(getattr(session, act)(*argument, **named))
 
     def _get_record(self) -> Any:
         shown = self._session.find_version()

@@ -48,7 +48,7 @@ def describe_graph(graph: SocialGraph) -> str:
         sentences.append("nothing happens")
     sentences += _describe_objects(graph, names)
     sentences += [
-        f"{names[m.agent]} drives at {(m.low + m.high) / 2:g} m/s"
+        f"{names[m.agent]} drives at {(m.low + m.high) / 2:.3g} m/s"
         for m in graph.measures
         if m.kind == "speed"
     ]
@@ -114,11 +114,11 @@ def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
         own = get_kind("manoeuvre", edge.manoeuvre)
     words = own.say(names[edge.from_], names[edge.to], relation=edge.type)
     if edge.target_pet is not None:
-        words += f" with a PET of {edge.target_pet:g} s"
+        words += f" with a PET of {edge.target_pet:.3g} s"
     if edge.target_ttc is not None:
-        words += f" with a TTC of {edge.target_ttc:g} s"
+        words += f" with a TTC of {edge.target_ttc:.3g} s"
     if edge.impact_speed is not None:
-        words += f" at an impact speed of {edge.impact_speed:g} m/s"
+        words += f" at an impact speed of {edge.impact_speed:.3g} m/s"
     if edge.first is not None and edge.type != "yield_to":
         words += f", and {names[edge.first]} passes first"
     return words
@@ -137,7 +137,7 @@ def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str
         if node.hides is not None and node.id in ends:
             yield f"{names[node.hides]} comes out from between two parked {node.subtype or 'car'}s"
         elif node.hides is not None:
-            lead = f", seen {sum(node.lead) / 2:g} s before the event" if node.lead else ""
+            lead = f", seen {sum(node.lead) / 2:.3g} s before the event" if node.lead else ""
             yield f"{names[node.hides]} comes out from behind {thing}{lead}"
         elif node.met_by is None and node.beyond is None:
             yield f"there is {thing}"

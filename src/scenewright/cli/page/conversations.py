@@ -16,14 +16,18 @@ from scenewright.authoring.session import LENIENT, MAIN, Session, SessionVersion
 from scenewright.authoring.thread_state import ThreadSetting, ThreadState
 from scenewright.backends import Backend
 from scenewright.cli.chat import build_facts
+from scenewright.cli.page.plan_form import read_plan_object
 from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
-from scenewright.graph.run import choose_refiner
+from scenewright.graph.run import choose_refiner, plan_instruction
 from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
 from scenewright.nodes.remaining import OR_LENIENT
 from scenewright.scene.called import call_agents, speak_plainly
-from scenewright.time_limit import DEFAULT_LIMIT
+from scenewright.scene.plan_file import PlanFile
+from scenewright.scene.record import NEXT_TEXT
+from scenewright.scene.social import SocialGraph
+from scenewright.time_limit import DEFAULT_LIMIT, limit_time
 from scenewright.viz.html_player import build_player
 
 ProgressCallback = Callable[[str, str], None]
@@ -71,6 +75,8 @@ class Conversation:
             return self.session.branch(argument)
         if action == "edit":
             return self.session.edit(_read_json(argument))
+        if action == "plan":
+            return self.session.make_plan(read_plan_object(_read_json(argument)))
         acts = {"undo": self.session.undo, "redo": self.session.redo}
         if action not in acts:
             raise InputError(f"there is no action {action[:40]!r}")
@@ -80,7 +86,7 @@ class Conversation:
         """All turns so far: what was said, and the reply as it was reported."""
         turns = []
         for each in self.session.list_turns():
-            said = each["words"] if each["act"] in ("say", "make") else ""
+            said = each["words"] if each["act"] in ("say", "make", "plan") else ""
             words = LEAVE_OUT if each.get("argument") == LENIENT else said
             turns.append({"words": words, **self._report(each["reply"], each)})
         return turns
@@ -108,6 +114,12 @@ class Conversation:
             why = [speak_plainly(line, about.record) for line in why]
         return {"kind": reply["kind"], "lines": lines, "why": why, "choices": choices,
                 "caveat": reply.get("caveat", "")}  # fmt: skip
+
+    def find_plan(self, which: str | None) -> PlanFile:
+        """The plan of a version, its text that of the scene; InputError if there is none."""
+        version = self.find(which).version
+        graph = SocialGraph.model_validate(version["graph"])
+        return PlanFile(graph, "" if NEXT_TEXT in version["text"] else version["text"])
 
     def list_handles(self, which: str | None) -> list[dict[str, Any]]:
         """What can be changed by hand in a version, of agents as they are called."""
@@ -167,7 +179,7 @@ def _list_choices(reply: dict[str, Any], state: ThreadState) -> list[dict[str, s
     """What can be answered, each a sentence with the action that it stands for."""
     pending, reason = state.get("pending"), reply.get("reason", "")
     if reply["kind"] == "refused":
-        left_out = OR_LENIENT in reason
+        left_out = OR_LENIENT in reason and state["act"] != "plan"
         offered = reason.partition(OR_LENIENT if left_out else " Did you mean: ")[2]
         edits = (state.get("reading") or {}).get("reading") == "edits"  # then it says the old scene
         sentences = [] if edits else [each for each in offered.strip("'?").split("' or '") if each]
@@ -208,7 +220,7 @@ def _read_json(text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError("a change made by hand is a list in JSON") from error
+        raise InputError("what is changed by hand or in a form is sent as JSON") from error
 
 
 class Conversations:
@@ -248,6 +260,11 @@ class Conversations:
             if not _NAME.fullmatch(name) or name not in self.list_names():
                 raise InputError(f"there is no conversation {name[:64]!r}")
             return self._start(name, "amsterdam_120", self._seed)
+
+    def plan(self, words: str, intersection: str) -> SocialGraph:
+        """The plan of an instruction; raises as `synthesize`."""
+        with limit_time(self._time_limit):
+            return plan_instruction(words, intersection=intersection, backend=self._backend)
 
     def speak_with(self, backend: Backend) -> None:
         """From now on this backend plans and reasons, in the open conversations as well."""

@@ -22,7 +22,7 @@ def _build_object(required: Sequence[str], **properties: dict[str, Any]) -> dict
     return {"type": "object", "required": list(required), "properties": properties}
 
 
-ACTIONS = ("say", "say_without", "make", "make_without", "edit", "undo", "redo", "branch")
+ACTIONS = ("say", "say_without", "make", "make_without", "plan", "edit", "undo", "redo", "branch")
 _BODIES: dict[str, tuple[str, dict[str, Any]]] = {
     "/api/threads": ("application/json", _build_object((), intersection=_TEXT, seed=_WHOLE)),
     "/api/threads/{thread}/turn": (
@@ -30,6 +30,10 @@ _BODIES: dict[str, tuple[str, dict[str, Any]]] = {
         _build_object(
             ("action",), action={"type": "string", "enum": list(ACTIONS)}, argument=_TEXT
         ),
+    ),
+    "/api/plan": (
+        "application/json",
+        _build_object((), intersection=_TEXT, words=_TEXT, plan={"type": "object"}, thread=_TEXT),
     ),
     "/api/settings/backend": (
         "application/json", _build_object(("backend",), backend=_TEXT, base_url=_TEXT)

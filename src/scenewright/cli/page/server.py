@@ -30,6 +30,7 @@ from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversation, Conversations
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
+from scenewright.cli.page.plan_form import check_plan_object, describe_plan_file
 from scenewright.cli.page.saved import SAVED, write_saved
 from scenewright.cli.page.schema import describe_routes
 from scenewright.cli.page.suggestions import list_places, list_words
@@ -37,6 +38,7 @@ from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiabl
 from scenewright.extras import describe_missing
 from scenewright.intersections import load_map
 from scenewright.scene.called import speak_plainly
+from scenewright.scene.plan_file import PlanFile, build_plan_schema
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -45,7 +47,7 @@ _POLICY = (
 )
 _ASSETS = {
     name: "text/css" if name.endswith(".css") else "text/javascript"
-    for name in ("app.css", "app.js", "batch.js", "places.js", "hand.js", "run_graph.js")
+    for name in ("app.css", "app.js", "batch.js", "places.js", "hand.js", "plan.js", "run_graph.js")
 }
 
 
@@ -113,6 +115,8 @@ class Page:
             Route("/api/threads/{thread}/log", answer_safely(self.list_log)),
             Route("/api/threads/{thread}/{name}", answer_safely(self.send_file)),
             Route("/api/intersections/{name}.png", answer_safely(self.draw_map)),
+            Route("/api/plan/schema", answer_safely(self.send_plan_schema)),
+            Route("/api/plan", answer_safely(self.describe_plan), methods=post),
             *self._choice.list_routes(),
             *self._batches.list_routes(),
             *self._own_maps.list_routes(),
@@ -229,6 +233,26 @@ class Page:
         """A picture of an intersection."""
         picture = await run_in_threadpool(_draw_intersection, request.path_params["name"])
         return Response(picture, media_type="image/png")
+
+    async def send_plan_schema(self, _request: Request) -> Response:
+        """The JSON Schema of plans, of which the form is made."""
+        return JSONResponse(build_plan_schema())
+
+    async def describe_plan(self, request: Request) -> Response:
+        """A plan and its words, of {"words"}, of the fields of a {"plan"}, or of a {"thread"}."""
+        asked = await read_object(request)
+        place = read_text(asked, "intersection", self._intersection)
+        if "plan" in asked:
+            found = await run_in_threadpool(check_plan_object, asked["plan"], place)
+        elif "thread" in asked:
+            name, which = read_text(asked, "thread"), asked.get("version")
+            held = await run_in_threadpool(self._conversations.get, name)
+            found = await run_in_threadpool(held.find_plan, which)
+        else:
+            words = read_text(asked, "words")
+            plan = await run_in_threadpool(self._conversations.plan, words, place)
+            found = PlanFile(plan, words, as_read=True)
+        return JSONResponse(describe_plan_file(found))
 
     async def _find(self, request: Request) -> Conversation:
         return await run_in_threadpool(self._conversations.get, request.path_params["thread"])

@@ -73,7 +73,7 @@ async function takeTurn(action, argument = "", said = argument) {
   if (app.busy) return;
   setBusy(true);
   offerChoices([]);
-  if (["say", "say_without", "make", "make_without"].includes(action)) logWords(said);
+  if (["say", "say_without", "make", "make_without", "plan"].includes(action)) logWords(said);
   try {
     if (app.thread === null) await createThread();
     const reply = await readTurn(action, argument);
@@ -148,6 +148,8 @@ async function refresh(shown = null) {
   fillVersions(find("against"), versions, null, "–");
   drawTree(versions, current);
   showVersion(current);
+  form.words = null;
+  await followWords();
 }
 function fillVersions(select, versions, chosen, none) {
   const options = versions.map((each) => make("option", { value: String(each.number), textContent: `${each.number}: ${each.words.slice(0, 40)}` }));
@@ -309,9 +311,11 @@ function sendWords(action) {
   if (app.busy) return;
   if (!words && action === "make") { find("new").click(); return; }
   if (!words) return;
+  const plan = takePlan(words);
   find("words").value = "";
   complete();
-  takeTurn(action, words);
+  if (plan) takeTurn("plan", JSON.stringify(plan), words);
+  else takeTurn(action, words);
 }
 function listen() {
   find("form").addEventListener("submit", (event) => {
@@ -342,6 +346,7 @@ function listen() {
   listenToPlaces();
   listenToBatches();
   listenToPlayers();
+  listenToPlan();
   find("theme").addEventListener("click", () => chooseTheme(!document.documentElement.classList.contains("dark")));
 }
 async function start() {
