@@ -49,4 +49,4 @@ def _discard(part: Path) -> None:
 
 def is_plan_file(text: str) -> bool:
     """Whether a word of the command line names a plan file; no instruction ends like that."""
-    return text.lower().endswith((".yaml", ".yml")) and "\n" not in text
+    return text.lower().endswith((".yaml", ".yml", ".osc")) and "\n" not in text

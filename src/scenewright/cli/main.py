@@ -198,6 +198,10 @@ def plan(
     as_yaml: Annotated[
         bool, typer.Option("--yaml", help="Write the plan of a text as a file to edit and make.")
     ] = False,
+    as_osc: Annotated[
+        bool,
+        typer.Option("--osc-dsl", help="Write it in OpenSCENARIO DSL, with what it leaves open."),
+    ] = False,
     schema: Annotated[
         bool, typer.Option("--schema", help="Write the JSON Schema of plan files, for editors.")
     ] = False,
@@ -214,11 +218,16 @@ def plan(
     if as_json and out == "-" and not is_plan_file(rows):
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     backend = model.load()
-    if schema or as_yaml:
-        from scenewright.cli.plan import format_plan_of_text, format_plan_schema, write_text
+    if schema or as_yaml or as_osc:
+        from scenewright.cli.plan import (
+            format_osc_dsl,
+            format_plan_of_text,
+            format_plan_schema,
+            write_text,
+        )
 
-        made = format_plan_schema() if schema else format_plan_of_text(rows, backend, intersection)
-        write_text(out, made)
+        write = format_osc_dsl if as_osc else format_plan_of_text
+        write_text(out, format_plan_schema() if schema else write(rows, backend, intersection))
         return
     if is_plan_file(rows):
         from scenewright.cli.plan import check_plan_file

@@ -271,6 +271,26 @@ def format_plan_of_text(text: str, backend: Backend, intersection: str | None) -
     return format_plan(plan_instruction(words, intersection=place, backend=backend), words)
 
 
+def format_osc_dsl(text: str, backend: Backend, intersection: str | None) -> str:
+    """The plan of a file, with what it leaves open, or of a text, in OpenSCENARIO DSL.
+
+    Raises:
+        InputError, Unsatisfiable, BackendFault: as `synthesize`.
+    """
+    from scenewright.files import is_plan_file
+    from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
+    from scenewright.scene.plan_file import LogicalPlan, read_logical_plan
+
+    if is_plan_file(text):
+        logical = read_logical_plan(text)
+    else:
+        place = intersection or DEFAULT_INTERSECTION
+        plan = plan_instruction(text, intersection=place, backend=backend)
+        fields = plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+        logical = LogicalPlan("words", {**fields, "text": text})
+    return logical.format_osc_dsl()
+
+
 def format_plan_schema() -> str:
     """The JSON Schema of plan files."""
     from scenewright.scene.plan_file import build_plan_schema

@@ -25,6 +25,10 @@ has no effect on tracks, `nothing` cannot be realised.
 """
 
 
+LEFT_TO_STAGES = ("constraint", "behavior")
+"""What words became that no field of a plan holds."""
+
+
 class SaidSpan(Model):
     """Words of the instruction and what they became in the plan.
 

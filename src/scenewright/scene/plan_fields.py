@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, cast, get_args
 
-from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.account import LEFT_TO_STAGES, Became, SaidSpan
 from scenewright.scene.base import Model
 from scenewright.scene.measures import format_measure
 from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.social import Background, SocialGraph
 
-LEFT_TO_STAGES = ("constraint", "behavior")
-"""What words became that no field holds."""
 _HEADS: dict[str, tuple[Became, tuple[str, ...]]] = {
     "agents": ("agent", ("id", "type")),
     "relations": ("relation", ("type", "from_", "to")),

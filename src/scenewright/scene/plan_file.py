@@ -21,6 +21,7 @@ from scenewright.scene.kinds import KindOf
 from scenewright.scene.leg_predicates import LEG_FIELDS, check_predicate, find_legs, is_predicate
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import UNITS
+from scenewright.scene.osc_dsl import parse_osc_dsl, write_osc_dsl
 from scenewright.scene.plan_constraints import PlanConstraint, parse_constraint
 from scenewright.scene.social import (
     AgentNode,
@@ -107,6 +108,13 @@ class LogicalPlan:
         """The line of a field; 0 where the plan is no file."""
         return self.lines.get(path, 0)
 
+    def format_osc_dsl(self) -> str:
+        """The plan in OpenSCENARIO DSL, which `read_logical_plan` reads back."""
+        return write_osc_dsl(
+            Path(self.name).stem, self.data, spreads=self.spreads, legs=self.legs,
+            places=self.places, constraints=tuple(each.text for each in self.constraints),
+        )  # fmt: skip
+
     def find_broken(self, values: Mapping[Path_, Any]) -> str | None:
         """The first constraint that a point's values do not fulfil; None where all hold.
 
@@ -155,7 +163,8 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
             raise InputError(f"plan: {error}") from error
     else:
         name = str(source)
-        data, lines = _parse_yaml(_read_text(Path(source)), name)
+        parse = parse_osc_dsl if name.lower().endswith(".osc") else _parse_yaml
+        data, lines = parse(_read_text(Path(source)), name)
     if not isinstance(data, dict):
         what = "is empty" if data is None else "holds no fields such as 'agents: ...'"
         raise _fault(name, lines, (), f"{what}; `scenewright plan TEXT --yaml` writes one to begin")

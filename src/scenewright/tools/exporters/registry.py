@@ -48,6 +48,7 @@ FORMATS: dict[str, Format] = {
         "write_openscenario",
         forms=("replay", "reactive"),
     ),
+    "osc-dsl": Format("OpenSCENARIO DSL 2.1, what was asked for", "osc_dsl", "write_constraints"),
     "scenarionet": Format(
         "ScenarioNet pickles, for MetaDrive", "scenarionet", "write_scenarionet", "write_summaries"
     ),

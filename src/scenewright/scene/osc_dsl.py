@@ -1,0 +1,355 @@
+"""Plans in ASAM OpenSCENARIO DSL 2.1: fields as `keep` constraints, written and read back.
+
+A file begins with the types of a plan's fields, made from the models; agents are actors of the
+standard library, extended by them. What is left open is a range or a list of values.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal, get_args, get_origin
+
+from scenewright.errors import InputError
+from scenewright.scene.account import LEFT_TO_STAGES
+from scenewright.scene.base import Model
+from scenewright.scene.kinds import KindOf
+from scenewright.scene.measures import UNITS, Measure
+from scenewright.scene.social import (
+    AgentNode,
+    Background,
+    EntryTie,
+    Meeting,
+    ObjectNode,
+    RelationEdge,
+    SceneContext,
+)
+from scenewright.scene.spread import Spread
+
+Path_ = tuple[str | int, ...]
+ACTORS = {"vehicle": "vehicle", "pedestrian": "person", "cyclist": "bicycle", "scooter": "vehicle"}
+"""Actors of the standard library by agent class."""
+_STRUCTS: dict[str, type[Model]] = {
+    "relations": RelationEdge, "ties": EntryTie, "objects": ObjectNode, "measures": Measure,
+}  # fmt: skip
+_PHYSICAL = {
+    "s": ("time", "s"), "m": ("length", "m"), "m/s": ("speed", "mps"),
+    "m/s2": ("acceleration", "mpss"), "%": ("float", ""),
+}  # fmt: skip
+"""Physical type and unit of OpenSCENARIO DSL by our unit."""
+_UNITS = {name: unit for unit, (_, name) in _PHYSICAL.items() if name}
+_KEYWORDS = frozenset((
+    "action", "actor", "and", "as", "bool", "call", "cover", "def", "default", "do", "elapsed",
+    "emit", "enum", "event", "every", "expression", "extend", "external", "factor", "fall", "false",
+    "float", "global", "hard", "if", "import", "in", "inherits", "int", "is", "it", "keep", "list",
+    "modifier", "not", "of", "offset", "on", "one_of", "only", "or", "parallel", "range", "record",
+    "remove_default", "rise", "sample", "scenario", "serial", "string", "struct", "true", "type",
+    "uint", "undefined", "unit", "until", "use", "var", "wait", "with",
+))  # fmt: skip
+_DECLARED = re.compile(r"    (\w+): (\w+)")
+_KEPT = re.compile(r"    keep\((.+)\)")
+_TERM = re.compile(r"(\w+)((?:\.\w+)+) (==|in) (.+)")
+_NUMBER = re.compile(r"(-?[0-9.]+(?:e[-+]?[0-9]+)?)([a-z]*)")
+_NAME = re.compile(r"(vehicle|pedestrian|cyclist|scooter|object)_(\d+)")
+
+
+def write_osc_dsl(
+    name: str, data: Mapping[str, Any], *, spreads: Mapping[Path_, Spread],
+    legs: Mapping[Path_, str], places: Sequence[str] = (), constraints: Sequence[str] = (),
+) -> str:  # fmt: skip
+    """The file of a plan; arguments as of `LogicalPlan`, numbers in SI units.
+
+    A distribution is written as the range between its corners; the words a plan was read from
+    stand in a comment.
+    """
+    ids = [each["id"] for each in data.get("agents", ())]
+    agents = [(_write_name(own), own.partition("-")[0]) for own in ids]
+    body = [f"{own}: {ACTORS[kind]}" for own, kind in agents]
+    body += _declare_entries(data)
+    body += (f"keep({each})" for each in _list_kept(data, spreads=spreads, legs=legs))
+    if places:
+        body += ["places: list of string", f"keep(places == {json.dumps(list(places))})"]
+    for text in constraints:
+        own = re.sub(r"\b(vehicle|pedestrian|cyclist|scooter|object)-(\d+)", r"\1_\2", text)
+        own = re.sub(r"(relation|measure|tie)s\[(\d+)\]", lambda m: f"{m[1]}_{int(m[2]) + 1}", own)
+        body.append(f"keep({own})")
+    acts = [f"{own}.{'walk' if kind == 'pedestrian' else 'drive'}()" for own, kind in agents]
+    notes = [f"# read from: {data['text']}"] if data.get("text") else []
+    notes += [
+        f"# not held by any field: {each['words']}"
+        for each in data.get("said", ())
+        if each["became"] in LEFT_TO_STAGES
+    ]
+    title = re.sub(r"\W", "_", f"plan_{name}")
+    lines = [
+        "# ASAM OpenSCENARIO DSL 2.1: a plan of scenewright.",
+        *(" ".join(note.split()) for note in notes), "import osc.standard.all", "",
+        *_write_types(), f"scenario {title}:", *(f"    {line}" for line in body),
+        "    do parallel:", *(f"        {act}" for act in acts or ["wait elapsed(30s)"]),
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _declare_entries(data: Mapping[str, Any]) -> Iterator[str]:
+    """A variable for each relation, tie, object, measure and further meeting."""
+    for section in _STRUCTS:
+        for n, entry in enumerate(data.get(section, ())):
+            type_ = section[:-1]
+            if section == "measures":
+                type_ += f"_of_{_PHYSICAL[UNITS[entry['kind']].unit][0]}"
+            yield f"{_name_entry(section, n, entry)}: {type_}"
+            for k, _ in enumerate(entry.get("others", ())):
+                yield f"{_name_entry(section, n, entry)}_other_{k + 1}: meeting"
+    if data.get("context"):
+        yield "context: scene_context"
+
+
+def _list_kept(
+    data: Mapping[str, Any], *, spreads: Mapping[Path_, Spread], legs: Mapping[Path_, str]
+) -> Iterator[str]:
+    """What is kept of each field: a value, or a range or list of them."""
+    for path, value in _list_leaves(data, ()):
+        if path[0] in ("text", "read_as") or path[-1] == "id" or path[::2] == ("agents", "type"):
+            continue
+        field, unit = _write_path(path, data), _find_unit(path, data)
+        if path in legs:
+            yield f"{field}_has == {json.dumps(legs[path])}"
+        elif path in spreads:
+            yield f"{field} in {_write_spread(spreads[path], unit)}"
+        elif isinstance(value, list):
+            yield f"{field} == [{'..'.join(_write(each, unit) for each in value)}]"
+        else:
+            yield f"{field} == {_write(value, unit)}"
+
+
+def _write_types() -> Iterator[str]:
+    """Enumerations and structs of the plan's fields."""
+    enums: dict[tuple[str, ...], str] = {}
+    types: list[str] = []
+    structs: dict[str, type[Model]] = {
+        "traffic_participant": AgentNode, "background": Background, "scene_context": SceneContext,
+        "relation": RelationEdge, "tie": EntryTie, "meeting": Meeting, "object": ObjectNode,
+    }  # fmt: skip
+    for name, model in structs.items():
+        extend = "extend" if name == "traffic_participant" else "struct"
+        types.append(f"{extend} {name}:")
+        for key, info in model.model_fields.items():
+            own, extra = info.alias or key, info.json_schema_extra
+            unit = str(extra["unit"]) if isinstance(extra, dict) else None
+            values = tuple(map(str, _list_values((info.annotation, *info.metadata))))
+            if key in ("others", "id") or (key == "type" and model is AgentNode):
+                continue
+            if values and "True" not in values:
+                type_ = enums.setdefault(values, f"{name}_{_escape(own)}")
+            else:
+                type_ = _name_type(info.annotation, unit)
+            types.append(f"    {_escape(own)}: {type_}")
+            if own in ("entry", "exit", "crosswalk", "leg"):
+                types.append(f"    {own}_has: string")
+        types.append("")
+    measured = _list_values((Measure.model_fields["kind"].annotation,))
+    enums[tuple(map(str, measured))] = "measured"
+    for type_ in dict.fromkeys(each[0] for each in _PHYSICAL.values()):
+        types += [f"struct measure_of_{type_}:", "    kind: measured",
+                  "    agent: traffic_participant", "    other: traffic_participant",
+                  *(f"    {bound}: {type_}" for bound in ("low", "high", "value")), ""]  # fmt: skip
+    for values, name in enums.items():
+        yield f"enum {name}: [{', '.join(map(_escape, values))}]"
+    yield ""
+    yield from types
+
+
+def _list_values(annotations: Any) -> Iterator[Any]:
+    for each in annotations:
+        if get_origin(each) is Literal:
+            yield from get_args(each)
+        elif isinstance(each, KindOf):
+            yield from each.list_names()
+        else:
+            yield from _list_values(get_args(each))
+
+
+def _name_type(annotation: Any, unit: str | None) -> str:
+    text = str(annotation)
+    if unit is not None:
+        return _PHYSICAL[unit][0]
+    for part, type_ in (("vehicle|pedestrian", "traffic_participant"), ("object-", "object"),
+                        ("Background", "background"), ("bool", "bool"), ("int", "int"),
+                        ("float", "float")):  # fmt: skip
+        if part in text:
+            return type_
+    return "string"
+
+
+def _escape(name: str) -> str:
+    return f"{name}_" if name in _KEYWORDS else name
+
+
+def _write_name(own: str) -> str:
+    return own.replace("-", "_")
+
+
+def _name_entry(section: str, n: int, entry: dict[str, Any]) -> str:
+    return _write_name(entry["id"]) if "id" in entry else f"{section[:-1]}_{n + 1}"
+
+
+def _list_leaves(data: Any, path: Path_) -> Iterator[tuple[Path_, Any]]:
+    for key, value in data.items() if isinstance(data, Mapping) else enumerate(data):
+        nested = isinstance(value, dict) or (
+            isinstance(value, list) and any(isinstance(each, dict) for each in value)
+        )
+        if key == "said":
+            continue
+        if nested:
+            yield from _list_leaves(value, (*path, key))
+        elif value is not None and value != []:
+            yield (*path, key), value
+
+
+def _write_path(path: Path_, data: Mapping[str, Any]) -> str:
+    section, *rest = path
+    if isinstance(section, str) and section in (*_STRUCTS, "agents"):
+        n, *rest = rest
+        name = _name_entry(section, int(n), data[section][n])
+        if rest[0] == "others":
+            _, k, *rest = rest
+            name += f"_other_{int(k) + 1}"
+        return ".".join([name, *(_escape(str(step)) for step in rest)])
+    return ".".join(_escape(str(step)) for step in path)
+
+
+def _find_unit(path: Path_, data: Mapping[str, Any]) -> str | None:
+    """Our unit of a field; None where it has none."""
+    if path[0] == "measures" and path[-1] in ("low", "high", "value"):
+        return UNITS[data["measures"][path[1]]["kind"]].unit
+    model = _STRUCTS.get(str(path[0]))
+    info = model.model_fields.get(str(path[-1])) if model else None
+    extra = info.json_schema_extra if info else None
+    return str(extra["unit"]) if isinstance(extra, dict) else None
+
+
+def _write(value: Any, unit: str | None) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        number = f"{float(value)!r}" if unit is not None else f"{value!r}"
+        return number + (_PHYSICAL[unit][1] if unit is not None else "")
+    if re.fullmatch(r"(vehicle|pedestrian|cyclist|scooter|object)-\d+", value):
+        return _write_name(value)
+    return _escape(value) if re.fullmatch(r"[a-z]\w*", value, re.ASCII) else json.dumps(value)
+
+
+def _write_spread(spread: Spread, unit: str | None) -> str:
+    if spread.kind == "list":
+        return f"[{', '.join(_write(each, unit) for each in spread.values)}]"
+    ends = (spread.compute_value(share) for share in (0.0, 1.0))
+    return f"[{'..'.join(_write(each, unit) for each in ends)}]"
+
+
+def parse_osc_dsl(text: str, name: str) -> tuple[dict[str, Any], dict[Path_, int]]:
+    """The fields that a file of this form keeps, as a plan file has them, and their lines.
+
+    Raises:
+        InputError: no scenario, or a line that keeps no field; names the line.
+    """
+    data: dict[str, Any] = {}
+    lines: dict[Path_, int] = {}
+    found: dict[str, Path_] = {}
+    within = False
+    for number, line in enumerate(map(str.rstrip, text.split("\n")), start=1):
+        within = (within or line.startswith("scenario ")) and not line.startswith("    do ")
+        if not within or line.startswith("scenario ") or line.lstrip()[:1] in ("", "#"):
+            continue
+        if declared := _DECLARED.fullmatch(line):
+            _declare(declared[1], declared[2], data, found, lines, number)
+        elif kept := _KEPT.fullmatch(line):
+            try:
+                path, value = _read_kept(kept[1], found)
+            except ValueError:
+                path, value = ("constraints", len(data.setdefault("constraints", []))), kept[1]
+                data["constraints"].append(_read_constraint(kept[1]))
+                lines[path] = number
+                continue
+            target: Any = data
+            for step in path[:-1]:
+                target = target.setdefault(step, {}) if isinstance(target, dict) else target[step]
+            target[path[-1]] = value
+            lines[path] = number
+        elif line != "    places: list of string":
+            what = "declare an actor, or keep(...) a field of it"
+            raise InputError(f"{name}, line {number}: {what}, not {line.strip()[:60]!r}")
+    if not re.search(r"^scenario ", text, re.MULTILINE):
+        raise InputError(f"{name} holds no scenario; `scenewright plan FILE --osc-dsl` writes one")
+    return data, lines
+
+
+def _declare(
+    name: str, type_: str, data: dict[str, Any], found: dict[str, Path_],
+    lines: dict[Path_, int], number: int,
+) -> None:  # fmt: skip
+    if type_ in ("scene_context", "list"):
+        found[name] = (name,)
+        return
+    owner, _, rest = name.partition("_other_")
+    if rest and owner in found:
+        path: Path_ = (*found[owner], "others")
+        data["objects"][found[owner][1]].setdefault("others", []).append({})
+        found[name] = (*path, int(rest) - 1)
+    else:
+        section = f"{type_.partition('_of_')[0]}s" if type_ not in ACTORS.values() else "agents"
+        held = data.setdefault(section, [])
+        named = section in ("agents", "objects")
+        held.append({"id": name.replace("_", "-")} if named else {})
+        found[name] = (section, len(held) - 1)
+    lines[found[name]] = number
+
+
+def _read_kept(text: str, found: dict[str, Path_]) -> tuple[Path_, Any]:
+    """The field that a constraint sets, and its value; ValueError where it compares fields."""
+    if text.startswith("places == "):
+        return ("intersections",), json.loads(text.removeprefix("places == "))
+    term = _TERM.fullmatch(text)
+    if term is None or term[1] not in found:
+        raise ValueError(text)
+    steps = [each.removesuffix("_") for each in term[2][1:].split(".")]
+    value: Any
+    if steps[-1].endswith("_has"):
+        steps[-1] = steps[-1].removesuffix("_has")
+        return (*found[term[1]], *steps), json.loads(term[4])
+    if term[4].startswith("[") and term[4].endswith("]"):
+        inner = term[4][1:-1]
+        if ".." in inner:
+            ends = [_read(each) for each in inner.split("..")]
+            value = ends
+            if term[3] == "in":
+                value = " .. ".join(str(each).split(" ")[0] for each in ends)
+                value += "".join(f" {u}" for u in str(ends[1]).split(" ")[1:])
+        else:
+            value = [_read(each) for each in inner.split(", ")]
+    else:
+        value = _read(term[4])
+    return (*found[term[1]], *steps), value
+
+
+def _read(text: str) -> Any:
+    """A value as a plan file has it: a number with its unit, a name, a truth value."""
+    if number := _NUMBER.fullmatch(text):
+        plain = number[1]
+        if number[2] and number[2] not in _UNITS:
+            raise ValueError(text)
+        if number[2]:
+            return f"{plain} {_UNITS[number[2]]}"
+        return float(plain) if "." in plain or "e" in plain else int(plain)
+    if text.startswith('"'):
+        return json.loads(text)
+    if not re.fullmatch(r"\w+", text):
+        raise ValueError(text)
+    if named := _NAME.fullmatch(text):
+        return f"{named[1]}-{named[2]}"
+    return {"true": True, "false": False}.get(text, text.removesuffix("_"))
+
+
+def _read_constraint(text: str) -> str:
+    own = re.sub(r"\b(vehicle|pedestrian|cyclist|scooter|object)_(\d+)", r"\1-\2", text)
+    return re.sub(r"\b(relation|measure|tie)_(\d+)", lambda m: f"{m[1]}s[{int(m[2]) - 1}]", own)

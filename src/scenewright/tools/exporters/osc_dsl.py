@@ -1,0 +1,71 @@
+"""ASAM OpenSCENARIO DSL 2.1: what a scene was asked for, as constraints (`scene/osc_dsl.py`)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from scenewright.scene.events import EVENT_OF_RELATION
+from scenewright.scene.osc_dsl import write_osc_dsl
+from scenewright.scene.record import SceneRecord
+from scenewright.tools.exporters.exported_scene import ExportedScene
+
+_TYPES = {event: relation for relation, event in EVENT_OF_RELATION.items()}
+_OF_AGENT = ("subtype", "entry", "exit", "movement", "crosswalk", "reaction", "motion")
+_OF_RELATION = (
+    "kind", "cause", "manoeuvre", "target_pet", "target_ttc", "impact_speed", "point_from",
+    "point_to",
+)  # fmt: skip
+
+
+def write_constraints(scene: ExportedScene) -> dict[str, bytes]:
+    """The .osc of a scene: the plan that it was made from, else that of its record."""
+    record, plan = scene.record, scene.record.meta.plan
+    if plan is None:
+        data = _build_plan(record)
+    else:
+        data = plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    text = write_osc_dsl(
+        scene.name, {**data, "text": record.meta.user_prompt}, spreads={}, legs={},
+        places=(record.meta.intersection,),
+    )  # fmt: skip
+    return {f"{scene.name}.osc": text.encode()}
+
+
+def _build_plan(record: SceneRecord) -> dict[str, Any]:
+    """The fields of the plan that the record of a scene holds, without what stands on the road."""
+    names = {agent.id: agent.name for agent in record.agents}
+    return {
+        "agents": [
+            {"id": agent.name, **_list_set(agent, _OF_AGENT)}
+            | ({"runs_red": True} if agent.violates_signal else {})
+            for agent in record.agents
+            if agent.role == "foreground"
+        ],
+        "relations": [
+            {"type": _TYPES[each.type], "from": names[each.from_], "to": names[each.to]}
+            | _list_set(each, _OF_RELATION)
+            | {
+                key: names[number]
+                for key, number in (
+                    ("braker", each.cause_agent), ("first", each.first), ("strikes", each.strikes)
+                )
+                if number is not None
+            }
+            for each in record.relations
+        ],
+        "ties": [
+            {"agent": names[each.agent], "of": names[each.of], "side": each.side}
+            for each in record.ties
+        ],
+        "measures": [
+            {"kind": each.kind, "agent": names[each.agent], "low": each.low, "high": each.high}
+            | ({} if each.other is None else {"other": names[each.other]})
+            for each in record.measures
+        ],
+        "context": {"time_of_day": record.meta.time_of_day}
+        | ({"density": record.meta.density} if record.meta.density else {}),
+    }  # fmt: skip
+
+
+def _list_set(record: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: value for name in names if (value := getattr(record, name)) is not None}
