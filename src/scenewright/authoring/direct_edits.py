@@ -82,7 +82,8 @@ def _describe(edit: ChooseWay | Edit) -> str:
             later = "later" if edit.seconds > 0 else "sooner"
             return f"{edit.agent} comes {abs(edit.seconds):g} s {later}"
         case SetPace():
-            return f"{edit.agent} goes {edit.factor:g} times as fast"
+            # The factor stands in the edit: of the words, tracks can show which of the two it is.
+            return f"{edit.agent} drives {'slower' if edit.factor < 1 else 'faster'}"
     raise TypeError(f"{edit.edit} is not made by hand")
 
 

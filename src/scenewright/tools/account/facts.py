@@ -239,7 +239,7 @@ class SceneFacts:
 
 def fits_object(each: ObjectRecord, classes: frozenset[str]) -> bool:
     """Whether a noun of these classes may stand for a standing object."""
-    if each.kind not in ("parked", "double_parked", "stalled", "bus_at_stop"):
+    if each.kind not in ("parked", "double_parked", "stalled", "bus_stop"):
         return True
     return not classes or bool(classes & {"any", "vehicle", each.subtype or "car"})
 

@@ -404,11 +404,12 @@ def _play(
     found = [*_shuffle(usual, [each.weight for each in usual], rng), *rare]
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     # A red-light runner runs red, if possible, while the other one has green.
-    # Passing on yellow it meets agents that had green with it; that is no reason to run red.
+    # Passing on yellow it meets agents that had green with it, else those that get green next;
+    # that is no reason to run red.
     yellow = any(
         has_trait("motion", graph.agent(n).motion, "at_yellow") for n in (edge.from_, edge.to)
     )
-    for apart in (False,) if yellow else (True, False) if asked else (None,):
+    for apart in (False, True) if yellow else (True, False) if asked else (None,):
         for pattern in found:
             mirrored = _is_mirrored(pattern, intersection_map)
             for names in _list_role_orders(edge, pattern):
@@ -434,7 +435,8 @@ def _play(
                         and _is_struck_side_right(edge, routes)
                         and _is_clear_of_wrecks(graph, now)
                     ):
-                        violator = _find_violator(pattern, names, graph, together=green)
+                        together = green or yellow
+                        violator = _find_violator(pattern, names, graph, together=together)
                         yield (
                             routes,
                             AssignedPattern(

@@ -11,7 +11,7 @@ in conflict with a new agent are assigned anew.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +29,6 @@ from scenewright.tools.solver.background_assignment import (
     PlacedAgent,
     assign_in_turn,
 )
-from scenewright.tools.solver.foreground import list_signal_demands
 from scenewright.tools.solver.objects import is_in_way
 from scenewright.tools.solver.reservation import ReservationTable
 from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
@@ -140,7 +139,7 @@ class FrozenAgentsSearch(Search):
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         shifts = np.arange(-60.0, 60.0, 0.5)
         if program is not None and offset is not None:
-            demands = self._list_demands(schedule.actors, 4 * program.cycle)
+            demands = self._list_demands(schedule, 4 * program.cycle)
             around = np.arange(-2, 3) * program.cycle
             shifts = (find_feasible_offsets(program, demands) - offset)[:, None] + around
             shifts = np.sort(shifts.ravel())
@@ -149,16 +148,10 @@ class FrozenAgentsSearch(Search):
             return None
         return schedule.shift(round(float(shifts[np.argmin(np.abs(shifts - drawn_time))]), 1))
 
-    def _list_demands(
-        self, actors: Mapping[str, ScheduledAgent], until: float
-    ) -> tuple[SignalDemand, ...]:
+    def _list_demands(self, schedule: PartialSchedule, until: float) -> tuple[SignalDemand, ...]:
         """List what the agents that do not stay need of the lights."""
-        return tuple(
-            demand
-            for name, actor in actors.items()
-            if name not in self._pins.same
-            for demand in list_signal_demands(actor, violates=name in self._violators, until=until)
-        )
+        free = {n: actor for n, actor in schedule.actors.items() if n not in self._pins.same}
+        return self._list_signal_demands(replace(schedule, actors=free), until)
 
     def _compute_duration(self, schedule: PartialSchedule) -> float:
         if not self._pins.lights:
@@ -170,7 +163,7 @@ class FrozenAgentsSearch(Search):
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if not self._pins.lights or program is None or offset is None:
             return super()._find_signal_offset(schedule, duration)
-        lawful = find_feasible_offsets(program, self._list_demands(schedule.actors, duration))
+        lawful = find_feasible_offsets(program, self._list_demands(schedule, duration))
         return offset if bool(np.any(np.abs(lawful - offset) < 1e-6)) else None
 
     def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
