@@ -23,6 +23,7 @@ from scenewright.cli.agent import run_agent
 from scenewright.cli.author import author
 from scenewright.cli.backend_options import ModelOptions
 from scenewright.cli.batch import make_batch
+from scenewright.cli.catalogue import catalogue
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
 from scenewright.cli.check import check_installation
 from scenewright.cli.common_options import Json, Quiet, spread_options
@@ -85,6 +86,7 @@ intersections = typer.Typer(
 )
 app.command("batch")(make_batch)
 app.command()(sweep)
+app.add_typer(catalogue)
 app.command("coverage")(show_coverage)
 app.command("check")(check_installation)
 evals.command("satisfaction")(score_satisfaction)

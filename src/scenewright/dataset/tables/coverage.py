@@ -110,13 +110,14 @@ class Goals(Model):
     crosses: tuple[Cross, ...] = ()
 
 
-def read_goals(path: Path) -> Goals:
-    """The goals in a file.
+def read_goals(source: Path | dict[str, Any]) -> Goals:
+    """The goals in a file, or in a mapping.
 
     Raises:
         InputError: unreadable, or no goals; names the line and the field.
     """
-    name, (data, lines) = str(path), read_yaml(path)
+    name = str(source) if isinstance(source, Path) else "goals"
+    data, lines = read_yaml(source) if isinstance(source, Path) else (source, {})
     try:
         goals = Goals.model_validate(_convert_units(data, name, lines))
     except ValidationError as error:
