@@ -9,28 +9,21 @@ from typing import Any
 from scenewright.dataset.tables.coverage import Covered, Encounter
 from scenewright.errors import InputError
 from scenewright.scene.events import EVENT_OF_RELATION
-from scenewright.scene.measures import UNITS, MeasureKind
+from scenewright.scene.measures import UNITS
 from scenewright.scene.plan_file import read_plan
+from scenewright.scene.social import RelationEdge
 
 _RELATIONS = {str(event): relation for relation, event in EVENT_OF_RELATION.items()}
-_EVENTS = {
-    **dict.fromkeys(("pet", "ttc", "asked_pet", "asked_ttc"), "near_miss"),
-    **dict.fromkeys(
-        ("kind", "closing_speed", "asked_speed", "speed_from", "speed_to"), "collision"
-    ),
-    **dict.fromkeys(("headway", "gap"), "follow"),
+_ASKED: Mapping[str, tuple[str, Any]] = {
+    **dict.fromkeys(("pet", "asked_pet"), ("near_miss", "target_pet")),
+    **dict.fromkeys(("ttc", "asked_ttc"), ("near_miss", "target_ttc")),
+    **dict.fromkeys(("closing_speed", "asked_speed"), ("collision", "impact_speed")),
+    **dict.fromkeys(("speed_from", "speed_to"), ("collision", "contact_speed")),
+    "headway": ("follow", "headway"),
+    "gap": ("follow", "gap"),
 }
-"""The event at which a value of an item can be asked for."""
-_TARGETS = {
-    **dict.fromkeys(("pet", "asked_pet"), "target_pet"),
-    **dict.fromkeys(("ttc", "asked_ttc"), "target_ttc"),
-    **dict.fromkeys(("closing_speed", "asked_speed"), "impact_speed"),
-}
-"""Fields of the relation that ask for the middle of a bin."""
-_MEASURES: dict[str, MeasureKind] = {
-    "headway": "headway", "gap": "gap", "speed_from": "contact_speed", "speed_to": "contact_speed",
-}  # fmt: skip
-"""Figures that ask for a value within the bin."""
+"""Numbers that can be asked for: at which event, and the field of the relation, for the middle of
+the bin, or the figure, within the bin."""
 _NEVER = ("asked", "caused_by", "avoidable", "ttc_2d", "drac", "agents")
 """Items that come of a scene and cannot be asked for."""
 
@@ -75,7 +68,9 @@ def _build_row(wanted: Mapping[str, str], encounters: Sequence[Encounter]) -> di
     if wanted.get("density", "as usual") != "as usual":
         context["density"] = wanted["density"]
     plan: dict[str, Any] = {"agents": [], "context": context}
-    events = {wanted.get("event"), *(_EVENTS.get(item) for item in wanted)} - {None}
+    events = {_ASKED[item][0] for item in wanted if item in _ASKED}
+    events |= {"collision"} if "kind" in wanted else set()
+    events |= {wanted["event"]} if "event" in wanted else set()
     usual = Counter(str(each["event"]) for each in encounters if each["event"] != "normal")
     event = str(next(iter(events or usual), "near_miss"))
     if len(events) > 1 or (event == "normal" and wanted.keys() - {"event", "hour", "density"}):
@@ -118,17 +113,15 @@ def _add_encounter(
         key: wanted[key] for key in ("kind", "cause") if wanted.get(key) not in (None, "none seen")
     }
     measures = []
-    for item in (item for item in wanted if item in _EVENTS and item != "kind"):
-        low, high = _read_bin(wanted[item])
-        if item in _TARGETS:
-            relation[_TARGETS[item]] = (low + high) / 2
+    for item in (each for each in wanted if each in _ASKED):
+        (low, high), field = _read_bin(wanted[item]), _ASKED[item][1]
+        if field in RelationEdge.model_fields:
+            relation[field] = (low + high) / 2
             continue
-        kind, pair = _MEASURES[item], names[::-1] if item == "speed_to" else names
-        if not UNITS[kind].least <= (low + high) / 2 <= UNITS[kind].most:
+        one, other = names[::-1] if item == "speed_to" else names
+        measures.append({"kind": field, "agent": one, "other": other, "low": low, "high": high})
+        if not UNITS[field].least <= (low + high) / 2 <= UNITS[field].most:
             raise InputError(f"no {item} of a scene is so")
-        measures.append(
-            {"kind": kind, "agent": pair[0], "other": pair[1], "low": low, "high": high}
-        )
     for side, name in zip(("from", "to"), names, strict=True):
         own = {key: wanted.get(f"{key}_{side}") for key in ("subtype", "movement", "entry")}
         own["crosswalk"] = wanted.get("crosswalk") if side == "to" else None

@@ -173,20 +173,12 @@ def _format_coverage(covered: Sequence[Covered]) -> str:
     """What `scenewright coverage` tells of the scenes that are verified."""
     if not covered:
         return ""
-    cells = [
-        (
-            f"`{each.name}`",
-            f"{each.wanted - len(each.gaps)} of {each.wanted}",
-            *(
-                escape_markdown(", ".join(texts)) or "none"
-                for texts in (
-                    [f"{' and '.join(bin_)} ({n})" for bin_, n in each.counts.items() if n],
-                    map(" and ".join, each.gaps),
-                )
-            ),
-        )
-        for each in covered
-    ]
+    cells = []
+    for each in covered:
+        met = ", ".join(f"{' and '.join(bin_)} ({n})" for bin_, n in each.counts.items() if n)
+        empty = ", ".join(map(" and ".join, each.gaps)) or "none"
+        share = f"{each.wanted - len(each.gaps)} of {each.wanted}"
+        cells.append((f"`{each.name}`", share, *map(escape_markdown, (met, empty))))
     columns = ("item", "bins", "encounters", "empty bins")
     return _format_table("## Coverage", columns, cells)
 

@@ -47,31 +47,19 @@ _KEYS = {
     "asked_pet": "target_pet", "asked_ttc": "target_ttc", "asked_speed": "impact_speed",
 }  # fmt: skip
 """Items that stand in the event, its evidence or the relation that asked for it."""
-_WHO = ("from and to", "from", "to", "neither")
 
 
 def list_words(item: str) -> tuple[str, ...]:
     """All that an item in words may be; nothing where that is the place's business."""
-    match item.removesuffix("_from").removesuffix("_to"):
-        case "event":
-            return (*get_args(EventType), "normal")
-        case "asked":
-            return ("asked", "unasked")
-        case "kind":
-            return list_names("collision")
-        case "cause":
-            return (*list_names("cause"), "none seen")
-        case "avoidable" | "red_light_run":
-            return _WHO
-        case "type" | "caused_by":
-            return get_args(AgentClass)
-        case "subtype":
-            return list_names("subtype")
-        case "movement":
-            return get_args(Movement)
-        case "density":
-            return (*get_args(Density), "as usual")
-    return ()
+    classes, who = get_args(AgentClass), ("from and to", "from", "to", "neither")
+    words: dict[str, tuple[str, ...]] = {
+        "event": (*get_args(EventType), "normal"), "kind": list_names("collision"),
+        "cause": (*list_names("cause"), "none seen"), "asked": ("asked", "unasked"),
+        "avoidable": who, "red_light_run": who, "caused_by": classes, "type": classes,
+        "subtype": list_names("subtype"), "movement": get_args(Movement),
+        "density": (*get_args(Density), "as usual"),
+    }  # fmt: skip
+    return words.get(item.removesuffix("_from").removesuffix("_to"), ())
 
 
 class Cover(Model):
@@ -81,6 +69,20 @@ class Cover(Model):
     bins: tuple[float, ...] | None = Field(default=None, min_length=2)
     values: tuple[str, ...] = ()
     least: int = Field(default=1, ge=0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _convert_units(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or not isinstance(bins := data.get("bins"), list):
+            return data
+        unit, _ = NUMBERS.get(str(data.get("cover")), ("", ()))
+        found = []
+        for n, edge in enumerate(bins):
+            try:
+                found.append(read_number(edge, None if unit == "h" else unit or None))
+            except ValueError as error:
+                raise FieldError(str(error), "bins", n) from error
+        return data | {"bins": found}
 
     @model_validator(mode="after")
     def _check_bins(self) -> Self:
@@ -119,28 +121,12 @@ def read_goals(source: Path | dict[str, Any]) -> Goals:
     name = str(source) if isinstance(source, Path) else "goals"
     data, lines = read_yaml(source) if isinstance(source, Path) else (source, {})
     try:
-        goals = Goals.model_validate(_convert_units(data, name, lines))
+        goals = Goals.model_validate(data)
     except ValidationError as error:
         raise describe_fault(error, name, lines, Goals) from error
     if not goals.dimensions and not goals.crosses:
         raise build_fault(name, lines, (), "holds no goals; write dimensions or crosses")
     return goals
-
-
-def _convert_units(data: Any, name: str, lines: Mapping[tuple[str | int, ...], int]) -> Any:
-    """The goals with edges of bins in SI units, as far as they are what they should be."""
-    listed = data.get("dimensions") if isinstance(data, dict) else None
-    for n, each in enumerate(listed if isinstance(listed, list) else ()):
-        if isinstance(each, dict) and isinstance(each.get("bins"), list):
-            unit, _ = NUMBERS.get(str(each.get("cover")), ("", ()))
-            for k, edge in enumerate(each["bins"]):
-                try:
-                    each["bins"][k] = read_number(edge, None if unit == "h" else unit or None)
-                except ValueError as error:
-                    raise build_fault(
-                        name, lines, ("dimensions", n, "bins", k), str(error)
-                    ) from error
-    return data
 
 
 def list_encounters(scene: Mapping[str, Any], proof: Mapping[str, Any]) -> list[Encounter]:
