@@ -11,6 +11,7 @@ import pytest
 
 from inline_jobs import run_jobs_inline
 from scenewright.cli.main import main
+from scenewright.dataset.batch.audit import check_again
 from scenewright.dataset.batch.fill import build_fill
 from scenewright.dataset.batch.rows import read_source
 from scenewright.dataset.tables.coverage import (
@@ -190,3 +191,13 @@ def test_a_sweep_says_which_feasible_values_were_measured(
     assert [each["count"] for each in items["agents[0].subtype"]["bins"]] == [2, 2]
     assert items["measures[0].value"]["values"] == 4
     assert items["measures[0].value"]["gaps"] == []
+    folder = Path("swept/scenes/point-00000")
+    proof = json.loads((folder / "proof.json").read_text("utf-8"))
+    assert len(proof["figures"]["measures"]) == 1
+    assert check_again(str(folder)) is None
+    del proof["figures"]["measures"]  # as earlier versions wrote it
+    (folder / "proof.json").write_text(json.dumps(proof))
+    assert check_again(str(folder)) is None
+    proof["figures"]["agents"] = 99
+    (folder / "proof.json").write_text(json.dumps(proof))
+    assert check_again(str(folder)) is not None
