@@ -123,10 +123,12 @@ def _add_encounter(
         if not UNITS[field].least <= (low + high) / 2 <= UNITS[field].most:
             raise InputError(f"no {item} of a scene is so")
     for side, name in zip(("from", "to"), names, strict=True):
-        own = {key: wanted.get(f"{key}_{side}") for key in ("subtype", "movement", "entry")}
+        own: dict[str, Any] = {
+            key: wanted.get(f"{key}_{side}") for key in ("subtype", "movement", "entry")
+        }
         own["crosswalk"] = wanted.get("crosswalk") if side == "to" else None
-        red = side in wanted.get("red_light_run", "").split()
-        plan["agents"].append({"id": name, "runs_red": red, **own})
+        own["runs_red"] = side in wanted.get("red_light_run", "").split()
+        plan["agents"].append({"id": name, **{key: own[key] for key in own if own[key]}})
     plan |= {"relations": [relation], "measures": measures}
 
 
