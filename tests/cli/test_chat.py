@@ -169,5 +169,16 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
             assert (Path((await call("save_scene"))["folder"]) / "scene.json").is_file()
             wrong = await call("make_planned_scene", plan={"agents": [{"id": "tram-1"}]})
             assert wrong["detail"].startswith("plan, agents[0].id: a name such as vehicle-1")
+            goals = {"dimensions": [{"cover": "event", "values": ["normal"]}]}
+            (covered,) = (await call("measure_coverage", goals=goals))["items"]
+            assert (covered["name"], covered["gaps"]) == ("event", [])
+            assert (
+                "dimensions[0].cover"
+                in (await call("measure_coverage", goals={"dimensions": [{"cover": "events"}]}))[
+                    "detail"
+                ]
+            )
+            assert "ccftap" in (await call("read_catalogue"))["plans"]
+            assert "vehicle-2" in (await call("read_catalogue", plan="ccftap"))["plan"]
 
     anyio.run(session)

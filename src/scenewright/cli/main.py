@@ -1,8 +1,8 @@
 """The command line. Results go to stdout, progress and words for people to stderr.
 
-Exit codes: 0 done, 1 a scene is not verified (`verify` alone), 2 the input or the place to write
-cannot be used, 3 understood but cannot be satisfied, 4 the backend failed for good, 70 a fault in
-scenewright itself, 130 interrupted.
+Exit codes: 0 done, 1 a scene is not verified or a goal not met (of what checks alone), 2 the input
+or the place to write cannot be used, 3 understood but cannot be satisfied, 4 the backend failed for
+good, 70 a fault in scenewright itself, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from scenewright.cli.agent import run_agent
 from scenewright.cli.author import author
 from scenewright.cli.backend_options import ModelOptions
 from scenewright.cli.batch import make_batch
+from scenewright.cli.catalogue import catalogue
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
 from scenewright.cli.check import check_installation
 from scenewright.cli.common_options import Json, Quiet, spread_options
@@ -35,6 +36,7 @@ from scenewright.cli.console import (
     write_json,
     write_stdout,
 )
+from scenewright.cli.coverage import show_coverage
 from scenewright.cli.dataset import dataset
 from scenewright.cli.drive import drive
 from scenewright.cli.errors import (
@@ -84,6 +86,8 @@ intersections = typer.Typer(
 )
 app.command("batch")(make_batch)
 app.command()(sweep)
+app.add_typer(catalogue)
+app.command("coverage")(show_coverage)
 app.command("check")(check_installation)
 evals.command("satisfaction")(score_satisfaction)
 evals.command("tables")(print_tables)

@@ -80,6 +80,7 @@ def build_server(served: ServerOptions) -> MCPServer[Any]:
         desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
         desk.start_scene, desk.ground_plan, desk.draw_candidates, desk.check_program, desk.solve,
         desk.edit_segments, desk.refine, desk.check_scene, desk.record_scene,
+        desk.measure_coverage, desk.read_catalogue,
     ):  # fmt: skip
         server.add_tool(tool, structured_output=True)
     for uri, read, kind in (
@@ -145,6 +146,31 @@ class _ClientState:
         except InputError as error:
             return _build_refusal("unusable_input", str(error))
         return self._act("make_plan", given, seed=seed)
+
+    def measure_coverage(self, goals: dict[str, Any] | None = None) -> dict[str, Any]:
+        """What the scenes kept so far cover, and what of `goals`, such as {"dimensions": [{"cover":
+        "event", "values": ["near_miss"], "least": 3}], "crosses": [{"cross": ["event", "hour"]}]}.
+        """
+        from scenewright.cli.coverage import read_encounters, to_json
+        from scenewright.dataset.tables.coverage import measure_coverage, read_goals
+
+        try:
+            scenes, encounters = read_encounters([self._served.out or "nowhere"])
+            wanted = None if goals is None else read_goals(goals)
+        except InputError as error:
+            return _build_refusal("unusable_input", str(error))
+        covered = measure_coverage(encounters, wanted)
+        return {"ok": True, "scenes": scenes, "items": list(map(to_json, covered))}
+
+    def read_catalogue(self, plan: str = "") -> dict[str, Any]:
+        """The plans of consumer tests and regulations with their sources; or one, to be swept."""
+        from scenewright.cli.catalogue import format_entry, read_catalogue
+
+        sources = read_catalogue()[1]
+        return {
+            "ok": True,
+            **({"plan": format_entry(plan)} if plan in sources["plans"] else sources),
+        }
 
     def edit_scene(self, words: str) -> dict[str, Any]:
         """Changes the scene as the words say, such as "now have it be a collision"."""

@@ -97,7 +97,7 @@ class LogicalPlan:
         for path, predicate in self.legs.items():
             if not (legs := find_legs(predicate, place)):
                 what = f"no leg of {place.name} {predicate.strip()}"
-                raise _fault(self.name, self.lines, path, what)
+                raise build_fault(self.name, self.lines, path, what)
             found[path] = Spread("list", legs)
         # In the order of the file, so that a predicate in place of a list changes no point.
         spreads = {**found, **self.spreads}
@@ -127,7 +127,7 @@ class LogicalPlan:
                 if not each.holds(data):
                     return each.text
             except ValueError as error:
-                raise _fault(self.name, self.lines, ("constraints", n), str(error)) from error
+                raise build_fault(self.name, self.lines, ("constraints", n), str(error)) from error
         return None
 
     def settle(self, values: Mapping[Path_, Any]) -> PlanFile:
@@ -163,25 +163,28 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
             raise InputError(f"plan: {error}") from error
     else:
         name = str(source)
-        parse = parse_osc_dsl if name.lower().endswith(".osc") else _parse_yaml
-        data, lines = parse(_read_text(Path(source)), name)
+        if name.lower().endswith(".osc"):
+            data, lines = parse_osc_dsl(_read_text(Path(source)), name)
+        else:
+            data, lines = read_yaml(Path(source))
     if not isinstance(data, dict):
         what = "is empty" if data is None else "holds no fields such as 'agents: ...'"
-        raise _fault(name, lines, (), f"{what}; `scenewright plan TEXT --yaml` writes one to begin")
+        missing = f"{what}; `scenewright plan TEXT --yaml` writes one to begin"
+        raise build_fault(name, lines, (), missing)
     places, written = data.pop("intersections", None), data.pop("constraints", None) or []
     if isinstance(places, str):
         places = [places]
     if not (places is None or (isinstance(places, list) and all(map(_is_name, places)))):
         what = "any, the name of an intersection, or a list of names"
-        raise _fault(name, lines, ("intersections",), what)
+        raise build_fault(name, lines, ("intersections",), what)
     if not isinstance(written, list):
-        raise _fault(name, lines, ("constraints",), "is a list of comparisons")
+        raise build_fault(name, lines, ("constraints",), "is a list of comparisons")
     constraints = []
     for n, text in enumerate(written):
         try:
             constraints.append(parse_constraint(text))
         except ValueError as error:
-            raise _fault(name, lines, ("constraints", n), str(error)) from error
+            raise build_fault(name, lines, ("constraints", n), str(error)) from error
     spreads: dict[Path_, Spread] = {}
     legs: dict[Path_, str] = {}
     _read_values(data, (), name, lines, spreads, legs)
@@ -201,23 +204,23 @@ def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
     logical = read_logical_plan(source)
     for path in (*logical.spreads, *logical.legs):
         what = "several values; `scenewright sweep` makes scenes of them, `make` needs one"
-        raise _fault(logical.name, logical.lines, path, what)
+        raise build_fault(logical.name, logical.lines, path, what)
     if logical.places:
         what = "is read by `scenewright sweep`; others have --intersection"
-        raise _fault(logical.name, logical.lines, ("intersections",), what)
+        raise build_fault(logical.name, logical.lines, ("intersections",), what)
     if (broken := logical.find_broken({})) is not None:
-        raise _fault(logical.name, logical.lines, ("constraints",), f"{broken} does not hold")
+        raise build_fault(logical.name, logical.lines, ("constraints",), f"{broken} does not hold")
     return logical.settle({})
 
 
 def _read_text(path: Path) -> str:
     try:
         if path.exists() and not path.is_file():
-            raise InputError(f"cannot read {path}: a plan is a file")
+            raise InputError(f"cannot read {path}: it is no file")
         with path.open("rb") as stream:
             data = stream.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
-            raise InputError(f"{path} is longer than {MOST_BYTES:,} bytes; no plan is")
+            raise InputError(f"{path} is longer than {MOST_BYTES:,} bytes")
         return data.decode("utf-8-sig")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
@@ -247,8 +250,13 @@ for _tag, _pattern, _first in (
     )
 
 
-def _parse_yaml(text: str, name: str) -> tuple[Any, dict[Path_, int]]:
-    """The values of a file, and the line of each by its path."""
+def read_yaml(path: Path) -> tuple[Any, dict[Path_, int]]:
+    """The values of a file, and the line of each by its path.
+
+    Raises:
+        InputError: unreadable, or not YAML of plain values; names the line.
+    """
+    text, name = _read_text(path), str(path)
     lines: dict[Path_, int] = {}
     try:
         node = _Loader(text).get_single_node()
@@ -287,7 +295,7 @@ def _build_plain(node: yaml.Node, path: Path_, name: str, lines: dict[Path_, int
             line = key.start_mark.line + 1
             if at[-1] in found:
                 first = lines[at]
-                raise _fault(name, {at: line}, at, f"is there twice, first in line {first}")
+                raise build_fault(name, {at: line}, at, f"is there twice, first in line {first}")
             lines[at] = line
             found[str(at[-1])] = _build_plain(value, at, name, lines)
         return found
@@ -297,8 +305,8 @@ def _build_plain(node: yaml.Node, path: Path_, name: str, lines: dict[Path_, int
         try:
             return _CONVERT[kind](node.value)
         except ValueError as error:
-            raise _fault(name, lines, path, "too long a number") from error
-    raise _fault(name, lines, path, f"the tag {node.tag} is not read; write plain values")
+            raise build_fault(name, lines, path, "too long a number") from error
+    raise build_fault(name, lines, path, f"the tag {node.tag} is not read; write plain values")
 
 
 _CONVERT: dict[str, Any] = {
@@ -306,7 +314,7 @@ _CONVERT: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _fault(name: str, lines: Mapping[Path_, int], path: Path_, what: str) -> InputError:
+def build_fault(name: str, lines: Mapping[Path_, int], path: Path_, what: str) -> InputError:
     """The error of a field, with the line of it or of what holds it."""
     held = next((path[:n] for n in range(len(path), -1, -1) if path[:n] in lines), None)
     line = "" if held is None else f", line {lines[held]}"
@@ -336,7 +344,7 @@ def _read_values(
             try:
                 check_predicate(value)
             except ValueError as error:
-                raise _fault(name, lines, at, str(error)) from error
+                raise build_fault(name, lines, at, str(error)) from error
             legs[at] = value
             continue
         if field_name in ("text", "read_as") or (path and path[0] == "said"):
@@ -352,9 +360,9 @@ def _read_values(
                 else:
                     spreads[at] = spread
         except ValueError as error:
-            raise _fault(name, lines, at, str(error)) from error
+            raise build_fault(name, lines, at, str(error)) from error
         if at in spreads and (fault := find_fault(spreads[at])):
-            raise _fault(name, lines, at, fault)
+            raise build_fault(name, lines, at, fault)
 
 
 def _find_unit(name: str, holder: Any) -> str | None:
@@ -379,7 +387,7 @@ def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> 
     text, digest = data.pop("text", None), data.pop("read_as", None)
     for key, value in (("text", text), ("read_as", digest)):
         if not isinstance(value, str | None):
-            raise _fault(name, lines, (key,), "must be words")
+            raise build_fault(name, lines, (key,), "must be words")
     # Fill in what is plain from the rest: sections without content, classes, bounds of a value.
     for key in [key for key, value in data.items() if value is None]:
         del data[key]
@@ -392,20 +400,27 @@ def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> 
         if isinstance(each, dict) and "value" in each:
             at, value, kind = ("measures", n, "value"), each.pop("value"), each.get("kind")
             if not isinstance(value, int | float) or {"low", "high"} & each.keys():
-                raise _fault(name, lines, at, "is one number, and stands in place of low and high")
+                raise build_fault(
+                    name, lines, at, "is one number, and stands in place of low and high"
+                )
             slack = UNITS[kind].tolerance if isinstance(kind, str) and kind in UNITS else 0.0
             each.update(low=max(value - slack, 0.0), high=value + slack)
     try:
         plan = SocialGraph.model_validate(data)
     except ValidationError as error:
-        raise _describe_fault(error, name, lines) from error
+        raise describe_fault(error, name, lines) from error
     except RecursionError as error:
         raise InputError(f"{name}: nested too deeply") from error
     return PlanFile(plan, text or "", bool(text) and digest == compute_digest(plan, text))
 
 
-def _describe_fault(error: ValidationError, name: str, lines: Mapping[Path_, int]) -> InputError:
-    """The first fault of a plan, with its line, its field and what would do."""
+def describe_fault(
+    error: ValidationError,
+    name: str,
+    lines: Mapping[Path_, int],
+    model: type[Model] = SocialGraph,
+) -> InputError:
+    """The first fault of a file, with its line, its field and what would do."""
     # A field that nobody knows explains why another one is missing.
     faults = error.errors(include_url=False)
     first = next((each for each in faults if each["type"] == "extra_forbidden"), faults[0])
@@ -416,7 +431,7 @@ def _describe_fault(error: ValidationError, name: str, lines: Mapping[Path_, int
     what = first["msg"].removeprefix("Value error, ")
     given = first["input"]
     if first["type"] == "extra_forbidden":
-        known = _list_fields_at(path[:-1])
+        known = _list_fields_at(path[:-1], model)
         near = get_close_matches(str(path[-1]), known, 1)
         meant = f"; is {near[0]} meant?" if near else f"; there are {', '.join(known)}"
         what = f"there is no such field{meant}"
@@ -431,7 +446,7 @@ def _describe_fault(error: ValidationError, name: str, lines: Mapping[Path_, int
     elif not isinstance(cause, FieldError):
         unit = _UNIT_OF.get(str(path[-1]), "") if path else ""
         what = f"{what[0].lower()}{what[1:]}, not {_quote(given)} {unit}".rstrip()
-    return _fault(name, lines, path, what)
+    return build_fault(name, lines, path, what)
 
 
 _EXAMPLES = {"id": "vehicle-1, pedestrian-1 or object-1", "beyond": "object-1"}
@@ -442,15 +457,15 @@ def _quote(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:60]}..."
 
 
-def _list_fields_at(path: Path_) -> list[str]:
-    """The fields of what stands at a path."""
-    model: type[Model] = SocialGraph
+def _list_fields_at(path: Path_, model: type[Model]) -> list[str]:
+    """The fields of what stands at a path of a model."""
     for step in path:
         if isinstance(step, str):
             info = next(i for n, i in model.model_fields.items() if (i.alias or n) == step)
             model = find_model(info.annotation) or model
     names = [info.alias or name for name, info in model.model_fields.items()]
-    return names if path else ["text", *names, "intersections", "constraints"]
+    own = ["text", *names, "intersections", "constraints"]
+    return names if path or model is not SocialGraph else own
 
 
 def find_model(annotation: Any) -> type[Model] | None:

@@ -49,7 +49,7 @@ def test_a_figure_outside_of_its_range_is_found_and_not_evidence(
 ) -> None:
     found = figures_of(drive(np.arange(0.0, 60.0, 1.0)))
     record = MeasureRecord(kind="speed", agent=1, low=low, high=high)
-    assert (found.list_unmet([record]) == ()) is met
+    assert (found.find_shortfalls([record])[0] == ()) is met
 
 
 def test_headway_and_gap_of_two_in_one_lane() -> None:

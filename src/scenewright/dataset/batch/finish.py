@@ -21,6 +21,7 @@ from scenewright.dataset.batch.overview import draw_overview
 from scenewright.dataset.batch.statistics import Statistics, draw_statistics
 from scenewright.dataset.batch.worker import Job
 from scenewright.dataset.tables.card import ABSTRACT, Contents, format_card
+from scenewright.dataset.tables.coverage import Encounter, list_encounters, measure_coverage
 from scenewright.dataset.tables.croissant import describe_in_croissant
 from scenewright.dataset.tables.parquet import (
     TABLES,
@@ -54,6 +55,7 @@ class _Tally:
     unlawful: int = 0
     intersections: Counter[str] = field(default_factory=Counter)
     statistics: Statistics = field(default_factory=Statistics)
+    encounters: list[Encounter] = field(default_factory=list)
 
     def note(self, entry: JournalEntry, files: SceneFiles) -> None:
         """Counts one row."""
@@ -65,6 +67,8 @@ class _Tally:
         self.statistics.note(files)
         proof = Proof.model_validate(files.proof)
         self.verdicts[proof.verdict] += 1
+        if proof.verified and files.proof is not None:
+            self.encounters += list_encounters(files.scene, files.proof)
         self.unshown.update(list(dict.fromkeys(e.words for e in proof.list_words("not_shown"))))
         self.unlawful += proof.unasked_red_lights > 0
         self.patterns.update((files.provenance or {}).get("patterns", ()))
@@ -232,6 +236,7 @@ def _build_contents(
         patterns=tally.patterns,
         unmade=tally.codes,
         statistics=tally.statistics.list_rows(),
+        coverage=measure_coverage(tally.encounters),
         about=about,
         pictures=PICTURES,
     )

@@ -7,6 +7,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from scenewright.dataset.tables.coverage import Covered
+
 COLOURS = {
     "collision": "#D55E00",
     "near_miss": "#E69F00",
@@ -69,3 +71,25 @@ def _draw_places(
         axes.scatter(values[0::3], values[1::3], s=8, c=COLOURS[kind], label=label, zorder=9)
     if kinds:
         axes.legend(fontsize=7, loc="upper right").set_zorder(10)
+
+
+def draw_coverage(path: Path, covered: Sequence[Covered], *, columns: int = 3) -> None:
+    """Writes a PNG with the counts of all bins; those with too few are named in orange."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    lines = [covered[k : k + columns] for k in range(0, len(covered), columns)]
+    heights = [3 + max(len(each.counts) for each in line) for line in lines]
+    figure = Figure(figsize=(4.2 * columns, 0.19 * sum(heights)), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(len(lines), columns, squeeze=False, height_ratios=heights)
+    for axes in grid.flat[len(covered) :]:
+        axes.set_axis_off()
+    for axes, each in zip(grid.flat, covered, strict=False):
+        axes.barh(range(len(each.counts)), list(each.counts.values()), color=COLOURS["yielding"])
+        axes.set_yticks(range(len(each.counts)), list(map(" and ".join, each.counts)), fontsize=7)
+        for tick, bin_ in zip(axes.get_yticklabels(), each.counts, strict=True):
+            tick.set_color(COLOURS["collision"] if bin_ in each.gaps else "black")
+        axes.invert_yaxis()
+        axes.set_title(each.name, fontsize=9)
+    figure.savefig(path, metadata={"Software": None})

@@ -6,9 +6,11 @@ import csv
 import io
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +26,7 @@ from scenewright.dataset.batch.run import (
     check_request,
     run_batch,
 )
+from scenewright.dataset.tables.coverage import Covered, build_bins, count_bins
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.graph.run import make_folder
@@ -38,6 +41,11 @@ SCENES, POINTS, TABLE = "scenes", "points.jsonl", "points.csv"
 MOST_POINTS = 100_000
 MOST_TRIES = 64
 """Points drawn for each that is asked for, before few or none fulfil the constraints."""
+BINS = 10
+"""Into which the values of a number are divided, to see which of them were measured."""
+_FIELD = re.compile(r"(agents|relations|measures|context)(?:\[(\d+)\])?\.(\w+)")
+_EVIDENCE = {"target_pet": "pet", "target_ttc": "path_ttc", "impact_speed": "relative_speed"}
+"""Field of a relation -> what the checker measures of it."""
 
 
 @dataclass(frozen=True)
@@ -210,3 +218,71 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
             values = [each.values.get(path, "") for path in paths]
             table.writerow([each.name, *([each.place] if place else []), *values, *end])
     return text.getvalue()
+
+
+def measure_sweep(folder: Path) -> list[Covered]:
+    """Which bins of the open fields were measured; nothing where the folder is no sweep's.
+
+    The bins of a number hold as many points each; those of other fields are its values. A bin
+    whose points are all infeasible is not wanted.
+    """
+    if not (folder / TABLE).is_file():
+        return []
+    rows: list[dict[str, Any]] = list(
+        csv.DictReader(io.StringIO((folder / TABLE).read_text("utf-8")))
+    )
+    fields = {name: found for name in rows[0] if (found := _FIELD.fullmatch(name))}
+    measured = []
+    for place in (folder / row["folder"] for row in rows if row["status"] == "made"):
+        scene, proof = (
+            json.loads((place / f"{name}.json").read_bytes()) for name in ("scene", "proof")
+        )
+        measured.append({n: _measure_field(found, scene, proof) for n, found in fields.items()})
+    covered = []
+    for name in fields:
+        tried = [row for row in rows if row[name] != ""]  # a place without such a leg has none
+        points: list[Any] = [row[name] for row in tried]
+        try:
+            points = list(map(float, points))
+        except ValueError:
+            bins = build_bins(name, words=sorted(set(points)))
+        else:
+            bins = build_bins(name, _choose_edges(np.array(points)))
+        counted = count_bins(measured, [bins])
+        may = {
+            bins.find(p)
+            for p, row in zip(points, tried, strict=True)
+            if row["status"] != "infeasible"
+        }
+        counts = {bin_: n for bin_, n in counted.counts.items() if bin_[0] in may}
+        shut = tuple(label for label in bins.labels if label not in may)
+        covered.append(replace(counted, counts=counts, wanted=len(counts), shut=shut))
+    return covered
+
+
+def _choose_edges(points: FloatArray) -> list[float]:
+    """Edges of bins with as many points each, or around each of few values."""
+    values = np.unique(points)
+    if len(values) > BINS:
+        return list(np.quantile(points, np.linspace(0, 1, BINS + 1)))
+    half = np.diff(values) / 2 if len(values) > 1 else np.array([max(values[0] / 10, 0.1)])
+    return [values[0] - half[0], *(values[:-1] + half)[: len(values) - 1], values[-1] + half[-1]]
+
+
+def _measure_field(found: re.Match[str], scene: Mapping[str, Any], proof: Mapping[str, Any]) -> Any:
+    """What the checker measured of a field, or the scene has; None where neither is."""
+    section, n, key = found[1], int(found[2] or 0), found[3]
+    if section == "context":
+        return scene["meta"].get(key)
+    if section == "agents":
+        who = scene["meta"]["plan"]["agents"][n]["id"]
+        return next(agent[key] for agent in scene["agents"] if agent["name"] == who)
+    if section == "measures":
+        values = proof["figures"].get("measures", [{}] * (n + 1))[n].get("values")
+        return values[0] if values else None
+    asked = scene["relations"][n]
+    for event in proof["events"]:
+        same = {event["from"], event["to"]} == {asked["from"], asked["to"]}
+        if same and event["type"] == asked["type"]:
+            return (event | event["evidence"]).get(_EVIDENCE.get(key, key))
+    return None

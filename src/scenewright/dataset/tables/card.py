@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from scenewright.dataset.tables.coverage import Covered
 from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
 
 LICENCE = "apache-2.0"
@@ -27,6 +28,7 @@ class Contents:
         events: how many by type and whether they were asked for; causes: of those asked for.
         unmade: how many instructions have no scene, by reason; about: how the dataset was made.
         statistics: (figure, number of values, percentiles) of what the scenes show.
+        coverage: how often the usual bins of what was asked for and measured are met.
         pictures: paths of the two pictures, below the card.
     """
 
@@ -39,6 +41,7 @@ class Contents:
     patterns: Mapping[str, int]
     unmade: Mapping[str, int]
     statistics: Sequence[tuple[str, str, str]]
+    coverage: Sequence[Covered]
     about: Mapping[str, Any]
     pictures: tuple[str, str]
 
@@ -56,6 +59,7 @@ def format_card(contents: Contents) -> str:
         _format_causes(contents.causes),
         _format_statistics(contents.statistics),
         f"![How close events are, how fast agents move, how many are seen]({how})",
+        _format_coverage(contents.coverage),
         _format_counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
         _format_counts("Without a scene", contents.unmade, "reason", "instructions"),
         _LAYOUT,
@@ -163,6 +167,20 @@ def _format_statistics(rows: Sequence[tuple[str, str, str]]) -> str:
     columns = ("figure", "values", "5 % / median / 95 %")
     cells = [(escape_markdown(figure), *others) for figure, *others in rows]
     return _format_table("## What the scenes show", columns, cells)
+
+
+def _format_coverage(covered: Sequence[Covered]) -> str:
+    """What `scenewright coverage` tells of the scenes that are verified."""
+    if not covered:
+        return ""
+    cells = []
+    for each in covered:
+        met = ", ".join(f"{' and '.join(bin_)} ({n})" for bin_, n in each.counts.items() if n)
+        empty = ", ".join(map(" and ".join, each.gaps)) or "none"
+        share = f"{each.wanted - len(each.gaps)} of {each.wanted}"
+        cells.append((f"`{each.name}`", share, *map(escape_markdown, (met, empty))))
+    columns = ("item", "bins", "encounters", "empty bins")
+    return _format_table("## Coverage", columns, cells)
 
 
 def _format_schema(name: str, rows: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -45,32 +46,19 @@ class MeasuredFigures:
         self._events = sorted(events, key=lambda each: WEIGHT[each.type])
         self._tracks = {track.id: track for track in observed.tracks}
 
-    def list_unmet(self, measures: Sequence[MeasureRecord]) -> tuple[Finding, ...]:
-        """A finding for every measure that the tracks do not show."""
-        return tuple(
-            Finding(
-                rule="measure_not_met",
-                agents=(each.agent,) if each.other is None else (each.agent, each.other),
-                detail=detail,
-            )
-            for each in measures
-            if (detail := self._find_shortfall(each)) is not None
-        )
-
-    def _find_shortfall(self, measure: MeasureRecord) -> str | None:
-        """Why a measure is not met; None if it is."""
-        unit = UNITS[measure.kind].unit
-        slack = ROUNDING[unit]
-        values = self.measure(measure)
-        low, high = measure.low - slack, measure.high + slack
-        if values and all(low <= value <= high for value in values):
-            return None
-        name = {"pet": "PET", "ttc": "TTC"}.get(measure.kind, measure.kind.replace("_", " "))
-        of = f"{measure.agent}" if measure.other is None else f"{measure.agent} and {measure.other}"
-        seen = " to ".join(f"{value:.2f}" for value in sorted(set(values)))
-        seen = f"{seen} {unit}" if seen else "none"
-        asked = f"{measure.low:.4g} to {measure.high:.4g} {unit} asked for"
-        return f"{name} of {of}: {seen} observed, {asked}"
+    def find_shortfalls(
+        self, measures: Sequence[MeasureRecord]
+    ) -> tuple[tuple[Finding, ...], list[dict[str, Any]]]:
+        """A finding for every measure that the tracks do not show, and what each measured."""
+        findings, found = [], []
+        for each in measures:
+            values = self.measure(each)
+            own = {"kind": each.kind, "agent": each.agent, "other": each.other}
+            found.append(own | {"values": [round(value, 3) for value in values]})
+            if (detail := _find_shortfall(each, values)) is not None:
+                agents = (each.agent,) if each.other is None else (each.agent, each.other)
+                findings.append(Finding(rule="measure_not_met", agents=agents, detail=detail))
+        return tuple(findings), found
 
     def measure(self, measure: MeasureRecord) -> tuple[float, ...]:
         """The values that must lie in the range; none where nothing of the kind is seen."""
@@ -169,6 +157,21 @@ class MeasuredFigures:
             apart = [each.distance(geos.Point(front)) for each in met if not each.is_empty]
             found += [min(apart)] if apart else []
         return tuple(found)
+
+
+def _find_shortfall(measure: MeasureRecord, values: Sequence[float]) -> str | None:
+    """Why a measure is not met by its values; None if it is."""
+    unit = UNITS[measure.kind].unit
+    slack = ROUNDING[unit]
+    low, high = measure.low - slack, measure.high + slack
+    if values and all(low <= value <= high for value in values):
+        return None
+    name = {"pet": "PET", "ttc": "TTC"}.get(measure.kind, measure.kind.replace("_", " "))
+    of = f"{measure.agent}" if measure.other is None else f"{measure.agent} and {measure.other}"
+    seen = " to ".join(f"{value:.2f}" for value in sorted(set(values)))
+    seen = f"{seen} {unit}" if seen else "none"
+    asked = f"{measure.low:.4g} to {measure.high:.4g} {unit} asked for"
+    return f"{name} of {of}: {seen} observed, {asked}"
 
 
 def measure_kept_speed(track: Trajectory) -> tuple[float, ...]:

@@ -157,7 +157,8 @@ def _build_proof(
     reactions = find_reactions(scene, matching, views) if reacts else []
     avoidability = find_avoidability(matching, views, pushed=pushed) if rules else []
     lit = bool(intersection_map and scene.signals)
-    figures = MeasuredFigures(observed.events, observed, intersection_map)
+    asked = MeasuredFigures(observed.events, observed, intersection_map)
+    short, measures = asked.find_shortfalls(scene.measures)
     journeys: tuple[Finding, ...] = ()
     ties: tuple[Finding, ...] = ()
     if intersection_map is not None:
@@ -167,7 +168,7 @@ def _build_proof(
         *missing,
         *unhidden,
         *unmet,
-        *figures.list_unmet(scene.measures),
+        *short,
         *(find_false_labels(scene, events, lit=lit) if scene.events or labelled else ()),
         *find_false_metadata(scene, intersection_map),
         *find_false_behavior(scene, observed.tracks, events, intersection_map),
@@ -198,6 +199,7 @@ def _build_proof(
         figures=_collect_figures(scene, observed, intersection_map, roles.foreground)
         | ({"first_visible": sights} if sights else {})
         | ({"encounters": encounters} if encounters else {})
+        | ({"measures": measures} if measures else {})
         | ({"reactions": reactions} if reactions else {})
         | ({"avoidability": avoidability} if avoidability else {})
         | ({"late_beginnings": late} if late else {}),

@@ -1,0 +1,85 @@
+"""`scenewright catalogue`: shipped plans of the tests of consumer programmes and regulations."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from importlib.resources.abc import Traversable
+from typing import Annotated, Any, Literal
+
+import typer
+
+from scenewright.cli.batch import Place, Refiner, Workers
+from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.console import format_columns, write_json, write_stdout
+from scenewright.cli.output_folder import try_folder
+from scenewright.cli.sweep import sweep
+from scenewright.errors import InputError
+
+catalogue = typer.Typer(name="catalogue", help="Shipped plans of consumer tests and regulations.")
+Name = Annotated[str, typer.Argument(metavar="ID", help="As `catalogue list` has it.")]
+
+
+def read_catalogue() -> tuple[Traversable, dict[str, Any]]:
+    """The folder of the plans; and by id what each is taken from, and why others are absent."""
+    folder = resources.files("scenewright.scene") / "catalogue"
+    sources = tomllib.loads((folder / "sources.toml").read_text("utf-8"))
+    for each in sources["plans"].values():
+        each["document"] = sources["documents"][each["document"]]
+    return folder, sources
+
+
+def format_entry(name: str) -> str:
+    """A plan with what it is taken from as comments.
+
+    Raises:
+        InputError: there is no such plan.
+    """
+    folder, sources = read_catalogue()
+    if name not in sources["plans"]:
+        raise InputError(f"there is no {name}; `scenewright catalogue list` names what there is")
+    about = "".join(f"# {key}: {value}\n" for key, value in sources["plans"][name].items())
+    return about + (folder / f"{name}.yaml").read_text("utf-8")
+
+
+@catalogue.command("list")
+def list_entries(as_json: Json = False) -> None:
+    """List the plans, and which tests there is none of, and why."""
+    _, sources = read_catalogue()
+    if as_json:
+        write_json({"ok": True, "plans": sources["plans"], "absent": sources["absent"]})
+        return
+    rows = [(name, each["title"], each["section"]) for name, each in sources["plans"].items()]
+    absent = "".join(f" none of {names}: {why}\n" for names, why in sources["absent"].items())
+    write_stdout(format_columns(("id", "what happens", "section"), rows, right=set()) + absent)
+
+
+@catalogue.command("show")
+def show_entry(name: Name) -> None:
+    """Print a plan, with its source; edit it and give it to `sweep`."""
+    write_stdout(format_entry(name))
+
+
+@catalogue.command("make")
+def make_entries(
+    name: Annotated[str | None, typer.Argument(metavar="ID", help="Which plan.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="All plans, a folder each.")] = False,
+    out: Annotated[str, typer.Option(metavar="DIR", callback=try_folder)] = "catalogue",
+    n: Annotated[int, typer.Option("--n", help="Most points of a plan.")] = 50,
+    sampling: Annotated[Literal["grid", "lhs", "sobol", "boundary"], typer.Option()] = "grid",
+    seed: Annotated[int, typer.Option(help="Of the points, and of every scene.")] = 0,
+    intersection: Place = "amsterdam_120",
+    refiner: Refiner = None,
+    workers: Workers = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make the scenes of a plan as `sweep` does: DIR/ID has the table of points and the scenes."""
+    folder, sources = read_catalogue()
+    if every == (name is not None):
+        raise InputError("name one plan, or write --all")
+    for each in sources["plans"] if name is None else [name]:
+        format_entry(each)  # it is there
+        with resources.as_file(folder / f"{each}.yaml") as file:
+            sweep(str(file), f"{out}/{each}", n, sampling, seed, intersection, refiner,
+                  workers=workers, quiet=quiet, as_json=as_json)  # fmt: skip
