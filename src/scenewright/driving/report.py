@@ -98,7 +98,8 @@ class Report:
         """The report as plain values (docs/driving.md lists the keys)."""
         drive, world = self.drive, self.drive.world
         return {
-            "policy": drive.policy, "others": drive.others, "seed": drive.seed,
+            "policy": drive.policy, "others": drive.others, "temperament": drive.temperament,
+            "seed": drive.seed,
             "ego": drive.scenario.names[drive.scenario.ego],
             "end": world.end, "policy_fault": drive.fault,
             "time": round(world.step * drive.scenario.step, 3),

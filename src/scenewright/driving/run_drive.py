@@ -17,6 +17,7 @@ import numpy as np
 
 from scenewright.driving.policies import Policy
 from scenewright.driving.reachability import find_arrival_alone, find_obstacles
+from scenewright.driving.reactive import Temper
 from scenewright.driving.report import report_drive
 from scenewright.driving.resolve import EgoConflict, Plan, Resolve, list_meetings
 from scenewright.driving.scenario import Scenario
@@ -40,6 +41,7 @@ def run_drive(
     *,
     name: str = "policy",
     others: OthersMode = "replay",
+    temperament: Temper = "obedient",
     seed: int = 0,
     raster: bool = False,
     step_limit: float = DEFAULT_STEP_LIMIT,
@@ -47,7 +49,8 @@ def run_drive(
     """Drive a scenario with a policy; with re-timed others the drive is rehearsed.
 
     Args:
-        others: see `drive`; step_limit: longest that the policy may take for one answer [s].
+        others, temperament: see `drive`.
+        step_limit: longest that the policy may take for one answer [s].
 
     Returns:
         The drive. Where the policy fails it ends there, and `fault` says how in one line.
@@ -56,8 +59,8 @@ def run_drive(
         InputError: the policy gives no such actions, or others move in no such way.
     """
     once = partial(
-        drive_once, scenario, policy, name=name, others=others, seed=seed, raster=raster,
-        step_limit=step_limit,
+        drive_once, scenario, policy, name=name, others=others, temperament=temperament,
+        seed=seed, raster=raster, step_limit=step_limit,
     )  # fmt: skip
     first = once()
     if others != "resolve" or first.fault is not None or scenario.record is None:
