@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,21 +15,24 @@ from scenewright.cli.backend_options import TimeLimit
 from scenewright.cli.batch import Workers, count_cores
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
+    format_columns,
     format_one_line,
     log_line,
     show_progress,
     write_json,
     write_stdout,
 )
-from scenewright.cli.drive_benchmark import drive_scenes, print_rows, serve_scenes, write_results
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
 from scenewright.cli.output_folder import fill_folder, target_folder, try_file
 from scenewright.errors import InputError, Unsatisfiable
-from scenewright.extras import describe_missing
+from scenewright.extras import describe_missing, require_extra
+from scenewright.files import write_atomically
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
+    from scenewright.driving.benchmark import BenchmarkScene, Row
     from scenewright.driving.report import Report
+    from scenewright.driving.scenario import Scenario
     from scenewright.graph.run import ProgressCallback
 
 Others = Literal["replay", "reactive", "resolve"]
@@ -119,22 +123,22 @@ def drive(
     lost: dict[str, str] = {}
     if benchmark:
         scenes = choose_scenes(split=split, temperament=temperament, n=n)
-        rows, lost = drive_scenes(
+        rows, lost = _drive_scenes(
             scenes, None if serve else policy, workers=workers or count_cores(),
             step_limit=step_limit, out=target, quiet=quiet,
         )  # fmt: skip
         if serve is not None:
             scenes = [scene for scene in scenes if scene.id not in lost]
-            rows = serve_scenes(
+            rows = _serve_scenes(
                 serve, scenes, load_benchmark_scenario, most=len(scenes), again=False
             )
     elif serve is not None:
         scenario = load(seed=seed)
         one = BenchmarkScene(id="scene", seed=seed, others=others, temperament=temper)
-        rows = serve_scenes(serve, [one], lambda _: scenario, most=n, again=True)
+        rows = _serve_scenes(serve, [one], lambda _: scenario, most=n, again=True)
     if benchmark or serve is not None:
-        write_results(rows, junit=junit, html=html)
-        print_rows(rows, lost, out=out, as_json=as_json)
+        _write_results(rows, junit=junit, html=html)
+        _print_rows(rows, lost, out=out, as_json=as_json)
         raise typer.Exit(UNUSABLE if lost else _choose_exit_code(summarise_rows(rows), fail_on))
 
     def drive_with(seed: int) -> Report:
@@ -153,7 +157,7 @@ def drive(
         if target is not None:
             _save(reports, target)
     rows = [build_row(report, scene=f"seed {report.drive.seed}") for report in reports]
-    write_results(rows, junit=junit, html=html)
+    _write_results(rows, junit=junit, html=html)
     summary = summarise(reports)
     code = _choose_exit_code(summary, fail_on)
     if as_json:
@@ -219,6 +223,75 @@ def _save(reports: list[Report], target: Path) -> None:
         for report in reports:
             folder = part if len(reports) == 1 else part / f"drive-{report.drive.seed}"
             save_drive(report, folder, recording=missing is None)
+
+
+def _drive_scenes(
+    scenes: Sequence[BenchmarkScene], policy: str | None, *, workers: int, step_limit: float,
+    out: Path | None, quiet: bool,
+) -> tuple[list[Row], dict[str, str]]:  # fmt: skip
+    """As `drive_benchmark`, with one policy or `all` built-in ones; None: scenes are only made."""
+    from scenewright.driving.api import load_policy
+    from scenewright.driving.benchmark import drive_benchmark
+    from scenewright.driving.policies import BUILT_IN
+
+    names = [] if policy is None else [*BUILT_IN] if policy == "all" else [policy]
+    for name in names:
+        load_policy(name)  # what cannot be loaded is said before anything is driven
+    with show_progress(quiet=quiet) as log, fill_folder(out) if out else nullcontext() as part:
+        rows, lost = drive_benchmark(
+            scenes, names, workers=workers, step_limit=step_limit, out=part, log=log
+        )
+    for why in lost.values():
+        log_line(format_one_line(why))
+    if len(lost) == len(scenes):
+        raise InputError("none of the scenes can be used")
+    return rows, lost
+
+
+def _serve_scenes(
+    address: str, scenes: Sequence[BenchmarkScene], load: Callable[[BenchmarkScene], Scenario],
+    **options: Any,
+) -> list[Row]:  # fmt: skip
+    """Rows of what egos at a socket drove, when the server ends (see `EgoServer`).
+
+    Raises:
+        InputError: no such address, or none can listen there.
+    """
+    require_extra("drive", "serving an ego", "gymnasium")
+    from scenewright.driving.socket_server import EgoServer
+
+    host, _, port = address.rpartition(":")
+    try:
+        server = EgoServer((host or "127.0.0.1", int(port)), scenes, load, **options)
+    except (OSError, ValueError, OverflowError) as error:
+        raise InputError(f"cannot listen at {address[:60]!r}, a HOST:PORT: {error}") from error
+    with server:
+        log_line("serving at {}:{}; Ctrl-C ends it".format(*server.server_address[:2]))
+        server.serve_forever()
+    return server.rows
+
+
+def _write_results(rows: Sequence[Row], *, junit: str | None, html: str | None) -> None:
+    """Write the files that the options name."""
+    from scenewright.driving.benchmark_report import build_junit, build_page
+
+    for file, build in ((junit, build_junit), (html, build_page)):
+        if file is not None:
+            write_atomically(file, build(rows))
+
+
+def _print_rows(rows: list[Row], lost: dict[str, str], *, out: str | None, as_json: bool) -> None:
+    """A line for each policy, or everything as JSON."""
+    from scenewright.driving.benchmark import read_list
+    from scenewright.driving.benchmark_report import summarise_policies, tabulate
+
+    if as_json:
+        write_json({
+            "ok": not lost, "version": read_list()[0], "summary": summarise_policies(rows),
+            "not_comparable": lost, "out": out, "drives": rows,
+        })  # fmt: skip
+    else:
+        write_stdout(format_columns(*tabulate(rows), right=set()))
 
 
 def _describe(report: Report) -> str:
