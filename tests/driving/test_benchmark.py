@@ -265,7 +265,7 @@ def test_malformed_calls_get_one_line_and_the_connection_lives(server: Any) -> N
         assert said in answer["error"]
         assert "\n" not in answer["error"]
     assert "observation" in line.call(call="reset", actions="route")
-    for action in (None, [], [1, 2], ["a"], {"a": 1}, [[1.0]], [10**400], "1"):
+    for action in (None, [], [1, 2], ["a"], {"a": 1}, [[1.0]], [10**400], "1", ["1"], [True]):
         assert "error" in line.call(call="step", action=action)
     assert "finite" in line.send(b'{"call": "step", "action": [1e999]}\n')["error"]
     assert line.call(call="step", action=[0.0])["info"]["end"] is None

@@ -43,7 +43,6 @@ def run_drive(
     others: OthersMode = "replay",
     temperament: Temper = "obedient",
     seed: int = 0,
-    raster: bool = False,
     step_limit: float = DEFAULT_STEP_LIMIT,
 ) -> Drive:
     """Drive a scenario with a policy; with re-timed others the drive is rehearsed.
@@ -60,7 +59,7 @@ def run_drive(
     """
     once = partial(
         drive_once, scenario, policy, name=name, others=others, temperament=temperament,
-        seed=seed, raster=raster, step_limit=step_limit,
+        seed=seed, step_limit=step_limit,
     )  # fmt: skip
     first = once()
     if others != "resolve" or first.fault is not None:

@@ -72,7 +72,6 @@ def drive_once(
     others: OthersMode = "replay",
     temperament: Temper = "obedient",
     seed: int = 0,
-    raster: bool = False,
     step_limit: float = DEFAULT_STEP_LIMIT,
     traffic: TrafficModel | None = None,
 ) -> Drive:
@@ -94,7 +93,7 @@ def drive_once(
         raise InputError(f"the policy's mode must be one of {', '.join(ACTION_MODES)}")
     model = make_traffic(others, temperament) if traffic is None else traffic
     world = start_world(scenario, model, mode, rng=np.random.default_rng(seed))
-    observer = Observer(scenario, raster=raster)
+    observer = Observer(scenario)
     fault: str | None = None
     try:
         _ask(lambda: policy.reset(scenario, seed), step_limit, "reset")

@@ -31,7 +31,7 @@ class Request(Model):
     scene: str | None = None
     seed: int | None = Field(default=None, ge=0, lt=2**63)
     actions: ActionMode = "bicycle"
-    action: Any = None
+    action: list[float] | list[list[float]] | None = None
 
 
 class EgoServer(socketserver.ThreadingTCPServer):
@@ -103,7 +103,7 @@ class Session(socketserver.StreamRequestHandler):
                 while line and not line.endswith(b"\n"):
                     line = self.rfile.readline(LONGEST_LINE)
                 raise InputError(f"a line has {LONGEST_LINE} bytes at most")
-            return self._answer(Request.model_validate_json(line))
+            return self._answer(Request.model_validate_json(line, strict=True))
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             return {"error": f"{'.'.join(map(str, first['loc'])) or 'line'}: {first['msg']}"[:300]}
