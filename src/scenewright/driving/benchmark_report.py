@@ -67,15 +67,15 @@ def build_page(rows: Sequence[Row]) -> bytes:
     policies = group_rows(rows, "policy")
     titles, lines = tabulate(rows)
     draw = [_draw_rate(said["failed"]) for said in summarise_policies(rows).values()]
-    parts = [(key, value) for key in ("kind", "temperament") for value in group_rows(rows, key)]
     shares = [
-        [policy, *(_format(summarise_rows(group_rows(found, key)[value])["failed"])
-                   for key, value in parts)] for policy, found in policies.items()
+        [name or "drive", *(_format(summarise_rows(group_rows(found, key)[name])["failed"])
+                            for found in policies.values())]
+        for key in ("kind", "temperament") for name in group_rows(rows, key)
     ]  # fmt: skip
     page = files("scenewright.driving").joinpath("benchmark_page.html").read_text("utf-8")
     return Template(page).substitute(
         result=_write_table([*titles, "failed, 0 to 100 %"], lines, draw),
-        groups=_write_table(["ego", *(value or "drive" for _, value in parts)], shares),
+        groups=_write_table(["", *policies], shares),
         plots="".join(_plot(policy, found) for policy, found in policies.items()),
         scenes="".join(_list_drives(policy, found) for policy, found in policies.items()),
     ).encode()  # fmt: skip
