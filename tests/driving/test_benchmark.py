@@ -172,13 +172,17 @@ def test_the_command_writes_all_it_is_asked_for(
     assert main([*words, "--fail-on", "collision", "-q"]) == 1
 
 
-def test_one_scene_and_the_benchmark_exclude_each_other(
-    capsys: pytest.CaptureFixture[str],
+def test_what_does_not_go_together_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(["drive"]) == main(["drive", "A car", "--benchmark"]) == 2
-    assert capsys.readouterr().err.count("name what to drive") == 2
-    assert main(["drive", "--benchmark", "--n", "1", "--serve", "nowhere", "-q"]) == 2
-    assert "HOST:PORT" in capsys.readouterr().err
+    assert capsys.readouterr().err.count("name a text") == 2
+    words = ["drive", "--benchmark", "--n", "1", "--serve", "nowhere", "-q"]
+    assert main(words) == main([*words, "--out", "driven"]) == 2
+    err = capsys.readouterr().err
+    assert "HOST:PORT" in err
+    assert "without --out" in err
 
 
 # ---- at a socket --------------------------------------------------------------------------------

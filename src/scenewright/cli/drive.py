@@ -113,8 +113,8 @@ def drive(
     target = None if out is None else target_folder(out, force=None)
     try_file(junit)
     try_file(html)
-    if benchmark == bool(text_or_scene):
-        raise InputError("name what to drive: a text, a scene folder, or --benchmark")
+    if benchmark == bool(text_or_scene) or (serve is not None and out is not None):
+        raise InputError("name a text, a scene folder or --benchmark; --serve goes without --out")
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     load = partial(
         load_scenario, text_or_scene, ego=ego, intersection=intersection, time_limit=time_limit

@@ -124,7 +124,7 @@ class Session(socketserver.StreamRequestHandler):
             return {"observation": _write(seen), "info": info | {"scene": one.id}}
         if self._env is None:
             raise InputError("call reset before step: no drive is in progress")
-        seen, reward, terminated, truncated, info = self._env.step(request.action)
+        seen, reward, terminated, truncated, info = self._env.step(request.action)  # type: ignore[arg-type]  # which step reads
         if terminated or truncated:
             info |= self._finish(self._env.world)
         return {
