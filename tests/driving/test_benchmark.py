@@ -98,7 +98,7 @@ def test_a_scene_that_is_another_one_here_is_named(
     assert main(words) == 2
     out, err = capsys.readouterr()
     said = json.loads(out)
-    assert said["version"] == "9"
+    assert (said["ok"], said["version"]) == (False, "9")
     assert list(said["not_comparable"]) == [first.id]
     assert [row["scene"] for row in said["drives"]] == [second.id]
     assert f"scene {first.id} is another one here" in err
@@ -169,7 +169,8 @@ def test_the_command_writes_all_it_is_asked_for(
     assert b"<testcase" in Path("a.xml").read_bytes()
     assert b"</html>" in Path("a.html").read_bytes()
     capsys.readouterr()
-    assert main([*words, "--fail-on", "collision", "-q"]) == 1
+    assert main([*words, "--fail-on", "collision", "-q", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["ok"] is False
 
 
 def test_what_does_not_go_together_is_refused(

@@ -138,8 +138,9 @@ def drive(
         rows = _serve_scenes(serve, [one], lambda _: scenario, most=n, again=True)
     if benchmark or serve is not None:
         _write_results(rows, junit=junit, html=html)
-        _print_rows(rows, lost, out=out, as_json=as_json)
-        raise typer.Exit(UNUSABLE if lost else _choose_exit_code(summarise_rows(rows), fail_on))
+        code = UNUSABLE if lost else _choose_exit_code(summarise_rows(rows), fail_on)
+        _print_rows(rows, {"ok": code == 0, "not_comparable": lost, "out": out}, as_json=as_json)
+        raise typer.Exit(code)
 
     def drive_with(seed: int) -> Report:
         return report_drive(run_drive(
@@ -170,8 +171,7 @@ def drive(
             log_line(format_one_line(_describe(report)))
         for key, value in summary.items():
             write_stdout(f"{key.replace('_', ' ')}: {_format(value)}\n")
-    if code:
-        raise typer.Exit(code)
+    raise typer.Exit(code)
 
 
 def _choose_exit_code(summary: dict[str, Any], fail_on: FailOn | None) -> int:
@@ -280,16 +280,14 @@ def _write_results(rows: Sequence[Row], *, junit: str | None, html: str | None) 
             write_atomically(file, build(rows))
 
 
-def _print_rows(rows: list[Row], lost: dict[str, str], *, out: str | None, as_json: bool) -> None:
-    """A line for each policy, or everything as JSON."""
+def _print_rows(rows: list[Row], said: dict[str, Any], *, as_json: bool) -> None:
+    """A line for each policy; or everything as JSON, with what else is said."""
     from scenewright.driving.benchmark import read_list
     from scenewright.driving.benchmark_report import summarise_policies, tabulate
 
     if as_json:
-        write_json({
-            "ok": not lost, "version": read_list()[0], "summary": summarise_policies(rows),
-            "not_comparable": lost, "out": out, "drives": rows,
-        })  # fmt: skip
+        told = {"version": read_list()[0], "summary": summarise_policies(rows), "drives": rows}
+        write_json(said | told)
     else:
         write_stdout(format_columns(*tabulate(rows), right=set()))
 
