@@ -24,7 +24,7 @@ from scenewright.driving.benchmark import (
     choose_scenes,
     drive_benchmark,
     find_failure,
-    load_benchmark_scenario,
+    load_listed,
     read_list,
 )
 from scenewright.driving.benchmark_report import build_junit, build_page
@@ -78,13 +78,13 @@ def test_scenes_are_made_as_listed_and_kept(monkeypatch: pytest.MonkeyPatch, kep
         raise InputError("made again")
 
     monkeypatch.setattr(benchmark, "make_scene", refuse)
-    assert load_benchmark_scenario(scenes[0]).record is not None
+    assert load_listed(scenes[0]).record is not None
     file = kept / "ego-benchmark" / f"{scenes[0].digest[7:]}.json"
     whole = file.read_bytes()
     file.write_bytes(whole.replace(b'"spawn_time":0', b'"spawn_time":1', 1))
     assert file.read_bytes() != whole
     with pytest.raises(InputError, match="made again"):
-        load_benchmark_scenario(scenes[0])
+        load_listed(scenes[0])
     file.write_bytes(whole)
 
 

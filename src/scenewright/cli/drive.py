@@ -53,7 +53,7 @@ def drive(
     policy: Annotated[
         str,
         typer.Option(
-            help="replay, constant, lane-follower, idm, cautious, aggressive, learned, or "
+            help="replay, constant, lane-follower, idm, cautious, aggressive, learned or "
             "module:Class; with --benchmark also all."
         ),
     ] = "idm",
@@ -67,10 +67,7 @@ def drive(
     ego: Annotated[
         str | None, typer.Option(metavar="NAME", help="Agent to drive, such as vehicle-1.")
     ] = None,
-    n: Annotated[
-        int | None,
-        typer.Option("--n", min=1, help="Drives, each with a seed of its own; or scenes."),
-    ] = None,
+    n: Annotated[int | None, typer.Option("--n", min=1, help="Drives, each of a seed.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 0,
     intersection: Annotated[str, typer.Option(help="Where a text happens.")] = "amsterdam_120",
     step_limit: Annotated[
@@ -82,30 +79,20 @@ def drive(
         typer.Option(help="End in 1 after a collision of the ego, or after one that is its fault."),
     ] = None,
     serve: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="Leave the ego to a program that connects there."),
+        str | None, typer.Option(metavar="HOST:PORT", help="Where the ego's program connects.")
     ] = None,
     workers: Workers = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
     ] = None,
-    junit: Annotated[
-        str | None, typer.Option(metavar="F.xml", help="A test case for each drive.")
-    ] = None,
-    html: Annotated[
-        str | None, typer.Option(metavar="F.html", help="All figures and drives as one page.")
-    ] = None,
+    junit: Annotated[str | None, typer.Option(metavar="F.xml", help="JUnit for CI.")] = None,
+    html: Annotated[str | None, typer.Option(metavar="F.html", help="Report as a page.")] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
     from scenewright.driving.api import load_policy, load_scenario
-    from scenewright.driving.benchmark import (
-        BenchmarkScene,
-        build_row,
-        choose_scenes,
-        load_benchmark_scenario,
-    )
+    from scenewright.driving.benchmark import BenchmarkScene, build_row, choose_scenes, load_listed
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
     from scenewright.driving.summary import summarise, summarise_rows
@@ -129,9 +116,7 @@ def drive(
         )  # fmt: skip
         if serve is not None:
             scenes = [scene for scene in scenes if scene.id not in lost]
-            rows = _serve_scenes(
-                serve, scenes, load_benchmark_scenario, most=len(scenes), again=False
-            )
+            rows = _serve_scenes(serve, scenes, load_listed, most=len(scenes), again=False)
     elif serve is not None:
         scenario = load(seed=seed)
         one = BenchmarkScene(id="scene", seed=seed, others=others, temperament=temper)

@@ -83,7 +83,7 @@ def choose_scenes(
     return [each for each in chosen if temperament in (None, each.temperament)][:n]
 
 
-def load_benchmark_scenario(scene: BenchmarkScene) -> Scenario:
+def load_listed(scene: BenchmarkScene) -> Scenario:
     """The scene, kept in the user's folder once it is made, ready to be driven.
 
     Raises:
@@ -170,7 +170,7 @@ def _drive_scene(
     scene: BenchmarkScene, *, policies: Sequence[str], step_limit: float, out: Path | None
 ) -> list[Row] | str:
     try:
-        scenario = load_benchmark_scenario(scene)
+        scenario = load_listed(scene)
     except InputError as error:
         return str(error)
     rows = []

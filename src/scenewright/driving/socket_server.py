@@ -121,16 +121,14 @@ class Session(socketserver.StreamRequestHandler):
                 mode=request.actions, seed=self._seed,
             )  # fmt: skip
             seen, info = self._env.reset()
-            return {"observation": _write(seen), "info": info | {"scene": one.id}}
+            return _write(seen) | {"info": info | {"scene": one.id}}
         if self._env is None:
             raise InputError("call reset before step: no drive is in progress")
         seen, reward, terminated, truncated, info = self._env.step(request.action)  # type: ignore[arg-type]  # which step reads
         if terminated or truncated:
             info |= self._finish(self._env.world)
-        return {
-            "observation": _write(seen), "reward": reward, "terminated": terminated,
-            "truncated": truncated, "info": info,
-        }  # fmt: skip
+        ends = {"terminated": terminated, "truncated": truncated}
+        return _write(seen) | {"reward": reward, **ends, "info": info}
 
     def _finish(self, world: Any) -> dict[str, Any]:
         one = self._scene
@@ -140,4 +138,4 @@ class Session(socketserver.StreamRequestHandler):
 
 
 def _write(observation: Any) -> dict[str, Any]:
-    return {name: values.tolist() for name, values in observation.items()}
+    return {"observation": {name: values.tolist() for name, values in observation.items()}}
