@@ -48,6 +48,7 @@ def test_a_collision_terminates_and_costs() -> None:
         ("route", 1.0, r"shape \(1,\), not \(\)"),
         ("waypoints", np.zeros((2, 6)), r"shape \(6, 2\), not \(2, 6\)"),
         ("route", "faster", "no str"),
+        ("route", [10**400], "no list"),
     ],
 )
 def test_what_is_no_action_is_refused(actions: ActionMode, action: Any, said: str) -> None:

@@ -11,13 +11,20 @@ import pytest
 
 from exported_scenes import make_agent, make_line, make_record
 from scenewright.driving.passing_order import find_passing_order
-from scenewright.driving.policies import ConstantSpeedPolicy, ReplayPolicy, RuleBasedPolicy
+from scenewright.driving.policies import (
+    LANE_FOLLOWER,
+    ConstantSpeedPolicy,
+    ReplayPolicy,
+    RuleBasedPolicy,
+)
 from scenewright.driving.reachability import find_obstacles
 from scenewright.driving.reactive import AHEAD, _find_speed
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
 from scenewright.driving.scenario import COLOURS, Scenario, build_scenario
 from scenewright.driving.single_drive import drive_once
+from scenewright.driving.traffic import make_traffic
+from scenewright.errors import InputError
 from scenewright.intersections import load_map
 
 NORTH, WEST = math.pi / 2, math.pi
@@ -135,11 +142,6 @@ def test_a_rehearsal_brings_about_what_the_first_drive_missed() -> None:
     assert again.digest == drive.digest
 
 
-def test_tracks_without_a_scene_have_nobody_to_retime() -> None:
-    scenario = replace(make_crossing((13.0, -6.5), 1.2, 8.0), record=None)
-    assert run_drive(scenario, ConstantSpeedPolicy(), others="resolve").tries is None
-
-
 def test_who_waits_to_the_end_holds_nobody_up() -> None:
     waiting = make_agent(2, "pedestrian-1", 0.0, make_line((11.0, -6.5), (0.0, 0.0), 9.9), WEST)
     waiting["waypoints"] = [[11.0 - 1.5 * k, -6.5] for k in range(10)]
@@ -193,3 +195,37 @@ def test_the_allowed_speed_keeps_within_the_room() -> None:
         speed = _find_speed(np.full((1, len(AHEAD)), room), braking, step)[0]
         assert speed * step + speed**2 / (2 * 3.0) <= room + 1e-6
     assert np.isinf(_find_speed(np.full((1, len(AHEAD)), np.inf), braking, step)[0])
+
+
+def test_fewer_wait_for_the_ego_the_worse_their_temperament() -> None:
+    walker = make_agent(2, "pedestrian-1", 0.0, make_line((11.0, -6.5), (-1.2, 0.0), 9.0), WEST)
+    scenario = make_scenario(drive_north(1, -48.0, 8.0), walker)
+    waited = [
+        sum(
+            drive_once(
+                scenario, ConstantSpeedPolicy(), others="reactive", temperament=temper, seed=seed
+            ).world.hit is None
+            for seed in range(12)
+        )
+        for temper in ("obedient", "hasty", "careless")
+    ]  # fmt: skip
+    assert waited[0] == 12 > waited[1] > waited[2] > 0
+
+
+@pytest.mark.parametrize(
+    ("others", "temperament", "said"),
+    [("reactive", "gruff", "gruff"), ("replay", "hasty", "replay"), ("herd", "hasty", "herd")],
+)
+def test_a_temperament_that_nobody_can_have_is_refused(
+    others: Any, temperament: Any, said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        make_traffic(others, temperament)
+
+
+def test_a_lane_follower_brakes_for_its_lane_and_yields_to_nobody() -> None:
+    ahead = make_scenario(drive_north(1, -48.0, 8.0), drive_north(2, -20.0, 0.3))
+    assert run_drive(ahead, RuleBasedPolicy(LANE_FOLLOWER)).world.hit is None
+    crossing = make_crossing((15.0, -6.5), 2.0, 8.0)
+    assert run_drive(crossing, RuleBasedPolicy()).world.hit is None
+    assert run_drive(crossing, RuleBasedPolicy(LANE_FOLLOWER)).world.hit == 1

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from scenewright.cli.backend_options import TimeLimit
+from scenewright.cli.batch import Workers, count_cores
 from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
+    format_columns,
     format_one_line,
     log_line,
     show_progress,
@@ -18,33 +23,51 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
-from scenewright.cli.output_folder import fill_folder, target_folder
+from scenewright.cli.output_folder import fill_folder, target_folder, try_file
 from scenewright.errors import InputError, Unsatisfiable
-from scenewright.extras import describe_missing
+from scenewright.extras import describe_missing, require_extra
+from scenewright.files import write_atomically
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
+    from scenewright.driving.benchmark import BenchmarkScene, Row
     from scenewright.driving.report import Report
+    from scenewright.driving.scenario import Scenario
+    from scenewright.graph.run import ProgressCallback
 
 Others = Literal["replay", "reactive", "resolve"]
+Temperament = Literal["obedient", "hasty", "careless"]
 FailOn = Literal["collision", "at-fault"]
 
 
 def drive(
     text_or_scene: Annotated[
         str, typer.Argument(metavar="TEXT_OR_SCENE", help="What shall happen, or a scene folder.")
-    ],
+    ] = "",
+    benchmark: Annotated[
+        bool, typer.Option("--benchmark", help="Drive the 200 scenes of the benchmark instead.")
+    ] = False,
+    split: Annotated[
+        Literal["dev", "test", "all"], typer.Option(help="Scenes of the benchmark.")
+    ] = "all",
     policy: Annotated[
         str,
-        typer.Option(help="replay, constant, idm, cautious, aggressive, learned, or module:Class."),
+        typer.Option(
+            help="replay, constant, lane-follower, idm, cautious, aggressive, learned or "
+            "module:Class; with --benchmark also all."
+        ),
     ] = "idm",
     others: Annotated[
         Others, typer.Option(help="Replay; react to the ego; or are re-timed for it.")
     ] = "replay",
+    temperament: Annotated[
+        Temperament | None,
+        typer.Option(help="Of others that react; with --benchmark only scenes with it."),
+    ] = None,
     ego: Annotated[
         str | None, typer.Option(metavar="NAME", help="Agent to drive, such as vehicle-1.")
     ] = None,
-    n: Annotated[int, typer.Option("--n", min=1, help="Drives; each has a seed of its own.")] = 1,
+    n: Annotated[int | None, typer.Option("--n", min=1, help="Drives, each of a seed.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 0,
     intersection: Annotated[str, typer.Option(help="Where a text happens.")] = "amsterdam_120",
     step_limit: Annotated[
@@ -55,40 +78,72 @@ def drive(
         FailOn | None,
         typer.Option(help="End in 1 after a collision of the ego, or after one that is its fault."),
     ] = None,
+    serve: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Where the ego's program connects.")
+    ] = None,
+    workers: Workers = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
     ] = None,
+    junit: Annotated[str | None, typer.Option(metavar="F.xml", help="JUnit for CI.")] = None,
+    html: Annotated[str | None, typer.Option(metavar="F.html", help="Report as a page.")] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
-    from scenewright.driving.api import load_policy
-    from scenewright.driving.summary import summarise
+    from scenewright.driving.api import load_policy, load_scenario
+    from scenewright.driving.benchmark import BenchmarkScene, build_row, choose_scenes, load_listed
+    from scenewright.driving.report import report_drive
+    from scenewright.driving.run_drive import run_drive
+    from scenewright.driving.summary import summarise, summarise_rows
 
-    sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
-    driver = load_policy(policy)
     target = None if out is None else target_folder(out, force=None)
+    try_file(junit)
+    try_file(html)
+    if benchmark == bool(text_or_scene) or (serve is not None and out is not None):
+        raise InputError("name a text, a scene folder or --benchmark; --serve goes without --out")
+    sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
+    load = partial(
+        load_scenario, text_or_scene, ego=ego, intersection=intersection, time_limit=time_limit
+    )
+    temper: Temperament = temperament or "obedient"
+    lost: dict[str, str] = {}
+    if benchmark:
+        scenes = choose_scenes(split=split, temperament=temperament, n=n)
+        rows, lost = _drive_scenes(
+            scenes, None if serve else policy, workers=workers or count_cores(),
+            step_limit=step_limit, out=target, quiet=quiet,
+        )  # fmt: skip
+        if serve is not None:
+            scenes = [scene for scene in scenes if scene.id not in lost]
+            rows = _serve_scenes(serve, scenes, load_listed, most=len(scenes), again=False)
+    elif serve is not None:
+        scenario = load(seed=seed)
+        one = BenchmarkScene(id="scene", seed=seed, others=others, temperament=temper)
+        rows = _serve_scenes(serve, [one], lambda _: scenario, most=n, again=True)
+    if benchmark or serve is not None:
+        _write_results(rows, junit=junit, html=html)
+        code = UNUSABLE if lost else _choose_exit_code(summarise_rows(rows), fail_on)
+        _print_rows(rows, {"ok": code == 0, "not_comparable": lost, "out": out}, as_json=as_json)
+        raise typer.Exit(code)
+
+    def drive_with(seed: int) -> Report:
+        return report_drive(run_drive(
+            load(seed=seed), driver, name=policy, others=others,
+            temperament=temper, seed=seed, step_limit=step_limit,
+        ))  # fmt: skip
+
+    driver = load_policy(policy)
     with show_progress(quiet=quiet) as log:
-        reports, failed = [], []
-        for k in range(n):
-            log("driving", f"{k + 1} of {n}")
-            try:
-                reports.append(_drive_once(
-                    text_or_scene, driver, name=policy, others=others, ego=ego, seed=seed + k,
-                    intersection=intersection, step_limit=step_limit, time_limit=time_limit,
-                ))  # fmt: skip
-            except Unsatisfiable as error:
-                if n == 1:
-                    raise
-                failed.append({"seed": seed + k, "reason": format_one_line(str(error))})
-        if not reports:
-            raise InputError(f"none of {n} scenes could be made: {failed[0]['reason']}")
+        reports, failed = _drive_seeds(drive_with, range(seed, seed + (n or 1)), log)
         runs = len(reports)
         if runs > 1 and len({report.drive.digest for report in reports}) == 1:
             log_line(f"all {runs} drives are the same, whatever the seed: counted as one")
             reports = reports[:1]
         if target is not None:
             _save(reports, target)
+    rows = [build_row(report, scene=f"seed {report.drive.seed}") for report in reports]
+    _write_results(rows, junit=junit, html=html)
     summary = summarise(reports)
     code = _choose_exit_code(summary, fail_on)
     if as_json:
@@ -101,8 +156,7 @@ def drive(
             log_line(format_one_line(_describe(report)))
         for key, value in summary.items():
             write_stdout(f"{key.replace('_', ' ')}: {_format(value)}\n")
-    if code:
-        raise typer.Exit(code)
+    raise typer.Exit(code)
 
 
 def _choose_exit_code(summary: dict[str, Any], fail_on: FailOn | None) -> int:
@@ -125,20 +179,22 @@ def _format(value: Any) -> str:
     return line
 
 
-def _drive_once(
-    given: str, policy: Any, *, name: str, others: Others, ego: str | None, seed: int,
-    intersection: str, step_limit: float, time_limit: float,
-) -> Report:  # fmt: skip
-    from scenewright.driving.api import load_scenario
-    from scenewright.driving.report import report_drive
-    from scenewright.driving.run_drive import run_drive
-
-    scenario = load_scenario(
-        given, ego=ego, seed=seed, intersection=intersection, time_limit=time_limit
-    )
-    return report_drive(run_drive(
-        scenario, policy, name=name, others=others, seed=seed, step_limit=step_limit
-    ))  # fmt: skip
+def _drive_seeds(
+    drive_with: Callable[[int], Report], seeds: range, log: ProgressCallback
+) -> tuple[list[Report], list[dict[str, Any]]]:
+    """Reports of drives, and the seeds with which no scene could be made."""
+    reports, failed = [], []
+    for k, seed in enumerate(seeds):
+        log("driving", f"{k + 1} of {len(seeds)}")
+        try:
+            reports.append(drive_with(seed))
+        except Unsatisfiable as error:
+            if len(seeds) == 1:
+                raise
+            failed.append({"seed": seed, "reason": format_one_line(str(error))})
+    if not reports:
+        raise InputError(f"none of {len(seeds)} scenes could be made: {failed[0]['reason']}")
+    return reports, failed
 
 
 def _save(reports: list[Report], target: Path) -> None:
@@ -152,6 +208,73 @@ def _save(reports: list[Report], target: Path) -> None:
         for report in reports:
             folder = part if len(reports) == 1 else part / f"drive-{report.drive.seed}"
             save_drive(report, folder, recording=missing is None)
+
+
+def _drive_scenes(
+    scenes: Sequence[BenchmarkScene], policy: str | None, *, workers: int, step_limit: float,
+    out: Path | None, quiet: bool,
+) -> tuple[list[Row], dict[str, str]]:  # fmt: skip
+    """As `drive_benchmark`, with one policy or `all` built-in ones; None: scenes are only made."""
+    from scenewright.driving.api import load_policy
+    from scenewright.driving.benchmark import drive_benchmark
+    from scenewright.driving.policies import BUILT_IN
+
+    names = [] if policy is None else [*BUILT_IN] if policy == "all" else [policy]
+    for name in names:
+        load_policy(name)  # what cannot be loaded is said before anything is driven
+    with show_progress(quiet=quiet) as log, fill_folder(out) if out else nullcontext() as part:
+        rows, lost = drive_benchmark(
+            scenes, names, workers=workers, step_limit=step_limit, out=part, log=log
+        )
+    for why in lost.values():
+        log_line(format_one_line(why))
+    if len(lost) == len(scenes):
+        raise InputError("none of the scenes can be used")
+    return rows, lost
+
+
+def _serve_scenes(
+    address: str, scenes: Sequence[BenchmarkScene], load: Callable[[BenchmarkScene], Scenario],
+    **options: Any,
+) -> list[Row]:  # fmt: skip
+    """Rows of what egos at a socket drove, when the server ends (see `EgoServer`).
+
+    Raises:
+        InputError: no such address, or none can listen there.
+    """
+    require_extra("drive", "serving an ego", "gymnasium")
+    from scenewright.driving.socket_server import EgoServer
+
+    host, _, port = address.rpartition(":")
+    try:
+        server = EgoServer((host or "127.0.0.1", int(port)), scenes, load, **options)
+    except (OSError, ValueError, OverflowError) as error:
+        raise InputError(f"cannot listen at {address[:60]!r}, a HOST:PORT: {error}") from error
+    with server:
+        log_line("serving at {}:{}; Ctrl-C ends it".format(*server.server_address[:2]))
+        server.serve_forever()
+    return server.rows
+
+
+def _write_results(rows: Sequence[Row], *, junit: str | None, html: str | None) -> None:
+    """Write the files that the options name."""
+    from scenewright.driving.benchmark_report import build_junit, build_page
+
+    for file, build in ((junit, build_junit), (html, build_page)):
+        if file is not None:
+            write_atomically(file, build(rows))
+
+
+def _print_rows(rows: list[Row], said: dict[str, Any], *, as_json: bool) -> None:
+    """A line for each policy; or everything as JSON, with what else is said."""
+    from scenewright.driving.benchmark import read_list
+    from scenewright.driving.benchmark_report import summarise_policies, tabulate
+
+    if as_json:
+        told = {"version": read_list()[0], "summary": summarise_policies(rows), "drives": rows}
+        write_json(said | told)
+    else:
+        write_stdout(format_columns(*tabulate(rows), right=set()))
 
 
 def _describe(report: Report) -> str:

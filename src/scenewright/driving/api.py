@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from scenewright.driving.ego_motion import ACTION_MODES, ActionMode
 from scenewright.driving.policies import BUILT_IN, Policy
+from scenewright.driving.reactive import Temper
 from scenewright.driving.scenario import Scenario, build_scenario
-from scenewright.driving.traffic import OTHERS_MODES, OthersMode
+from scenewright.driving.traffic import OthersMode, make_traffic
 from scenewright.errors import InputError
 from scenewright.graph.run import DEFAULT_INTERSECTION, Scene, load_scene, synthesize
 from scenewright.intersections import load_map
@@ -31,6 +32,7 @@ def drive(
     *,
     ego: str | None = None,
     others: OthersMode = "replay",
+    temperament: Temper = "obedient",
     actions: ActionMode = "bicycle",
     raster: bool = False,
     seed: int = 0,
@@ -44,6 +46,7 @@ def drive(
         others: `replay`, what the scene says; `reactive`, they brake and give way to the ego;
             `resolve`, the agents bound to the ego are re-timed so that the asked conflict comes
             about for this ego.
+        temperament: of reactive others: `obedient`, `hasty` or `careless`.
         actions: `bicycle` [2] acceleration [m/s^2] and steering [rad]; `route` [1] acceleration;
             `waypoints` [6, 2] places after 0.5, 1.0, ... 3.0 s in the ego's frame [m].
         raster: add a bird's-eye picture to the observation.
@@ -56,12 +59,13 @@ def drive(
     """
     from scenewright.driving.env import DriveEnv
 
-    if others not in OTHERS_MODES:
-        raise InputError(f"others move by {', '.join(OTHERS_MODES)}, not by {others[:40]!r}")
+    make_traffic(others, temperament)  # refuses what there is none of before a scene is made
     if actions not in ACTION_MODES:
         raise InputError(f"actions are {', '.join(ACTION_MODES)}, not {actions[:40]!r}")
     scenario = load_scenario(text_or_scene, ego=ego, seed=seed, intersection=intersection)
-    return DriveEnv(scenario, others=others, mode=actions, raster=raster, seed=seed)
+    return DriveEnv(
+        scenario, others=others, temperament=temperament, mode=actions, raster=raster, seed=seed
+    )
 
 
 def drive_many(scenes: Sequence[Drivable], **options: Any) -> gymnasium.vector.SyncVectorEnv:

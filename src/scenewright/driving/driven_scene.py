@@ -10,7 +10,6 @@ import numpy as np
 
 from scenewright.driving.single_drive import Drive
 from scenewright.driving.world import list_ego_points
-from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.digest import digest_scene
 from scenewright.scene.events import Event, Proof
@@ -42,13 +41,8 @@ def build_driven_scene(drive: Drive) -> DrivenScene:
     """The scene that a drive made.
 
     The account of words, waypoints and segments are those of the recorded scene and are left out.
-
-    Raises:
-        InputError: the drive was one on tracks without a scene.
     """
     one = drive.scenario
-    if one.record is None:
-        raise InputError("a drive on recorded tracks has no scene to write")
     agents = [each for k in range(len(one.record.agents)) if (each := _drive_agent(drive, k))]
     there = {agent.id for agent in agents}
     kept = [each for each in one.record.relations if {each.from_, each.to} <= there]
@@ -74,7 +68,7 @@ def build_driven_scene(drive: Drive) -> DrivenScene:
 
 
 def _describe(drive: Drive) -> Any:
-    meta, one = drive.scenario.record.meta, drive.scenario  # type: ignore[union-attr]
+    meta, one = drive.scenario.record.meta, drive.scenario
     return meta.model_copy(update={
         "scene_id": f"{meta.scene_id}-{drive.policy}"[:80].replace(":", "-"),
         "driven_by": drive.policy,
@@ -90,7 +84,7 @@ def _drive_agent(drive: Drive, k: int) -> AgentRecord | None:
     if not len(steps):
         return None
     part = slice(steps[0], steps[-1] + 1)
-    return one.record.agents[k].model_copy(update={  # type: ignore[union-attr]
+    return one.record.agents[k].model_copy(update={
         "spawn_time": round(float(steps[0]) * one.step, 3),
         "trajectory": _convert_to_points(xy[part]),
         "heading": tuple(np.unwrap(heading[part]).round(4).tolist()),
@@ -126,7 +120,7 @@ def _convert_to_points(xy: FloatArray) -> tuple[Point, ...]:
 def _cut_signals(drive: Drive) -> Any:
     """The rows of the lights up to the end of the drive."""
     end = round(drive.world.step * drive.scenario.step, 3)
-    rows = drive.scenario.record.signals  # type: ignore[union-attr]
+    rows = drive.scenario.record.signals
     return tuple(
         row.model_copy(update={"end": min(row.end, end)}) for row in rows if row.start < end
     )

@@ -66,7 +66,7 @@ def read_action(action: Any, mode: ActionMode) -> FloatArray:
     shape = find_action_bounds(mode)[0].shape
     try:
         values = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(
             f"an action is an array of shape {shape}, no {type(action).__name__}"
         ) from None

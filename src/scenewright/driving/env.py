@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, SupportsFloat
 
 import numpy as np
@@ -18,6 +19,7 @@ except ImportError:
 from scenewright.driving.ego_motion import ActionMode, find_action_bounds, read_action
 from scenewright.driving.observation import FARTHEST, SHAPES, Observation, Observer
 from scenewright.driving.raster import RASTER_SHAPE
+from scenewright.driving.reactive import Temper
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
 from scenewright.driving.world import World, start_world
@@ -44,13 +46,15 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
         scenario: Scenario,
         *,
         others: OthersMode = "replay",
+        temperament: Temper = "obedient",
         mode: ActionMode = "bicycle",
         raster: bool = False,
         seed: int = 0,
         render_mode: str | None = None,
     ) -> None:
         self.scenario, self.render_mode = scenario, render_mode
-        self._others, self._mode, self._seed = others, mode, seed
+        self._mode, self._seed = mode, seed
+        self._make_traffic = partial(make_traffic, others, temperament)
         self._observer = Observer(scenario, raster=raster)
         low, high = (bound.astype(np.float32) for bound in find_action_bounds(mode))
         self.action_space: Any = gymnasium.spaces.Box(low, high, dtype=np.float32)
@@ -66,7 +70,7 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
         """Begin the drive anew; without a seed the one of the environment is used."""
         super().reset(seed=seed)
         rng = np.random.default_rng(self._seed if seed is None else seed)
-        self.world = start_world(self.scenario, make_traffic(self._others), self._mode, rng=rng)
+        self.world = start_world(self.scenario, self._make_traffic(), self._mode, rng=rng)
         return self._observer.observe(self.world), self._build_info(self.world)
 
     def step(

@@ -245,6 +245,8 @@ AGGRESSIVE = replace(
     NORMAL, speed=1.2, acceleration=2.5, braking=4.0, headway=0.8, gap=1.5, lateral=3.5,
     margin=0.2, horizon=3.0, respects_priority=False,
 )  # fmt: skip
+LANE_FOLLOWER = replace(NORMAL, horizon=0.0)
+"""Foresees nothing: brakes for lights and for who is on its way now, gives way to nobody."""
 
 
 def _load_learned() -> Policy:
@@ -260,5 +262,6 @@ BUILT_IN: dict[str, Callable[[], Policy]] = {
     "cautious": lambda: RuleBasedPolicy(CAUTIOUS),
     "aggressive": lambda: RuleBasedPolicy(AGGRESSIVE),
     "learned": _load_learned,
+    "lane-follower": lambda: RuleBasedPolicy(LANE_FOLLOWER),
 }
 """Egos by the name that `--policy` takes."""

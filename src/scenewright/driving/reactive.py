@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -25,13 +26,40 @@ STRENGTH_MEDIAN = np.array([5.0, 2.5, 3.0, 3.0, 5.0])
 STRENGTH_SPREAD = 0.25
 PERCEPTIBLE = 3.0
 """A conflict is perceptible this long before either is there [s]."""
-MARGIN = 0.8
-"""Between the ego and another at one place [s]."""
 EGO_BRAKING = 8.0
 OFF_ROUTE = 0.8
 """An ego that is further beside its route is met where it is, not where the route leads [m]."""
 WINDOW = 200
 """Points of the ways that are looked at in advance."""
+
+
+Temper = Literal["obedient", "hasty", "careless"]
+
+
+@dataclass(frozen=True)
+class Temperament:
+    """How the others take an ego that crosses their routes; nobody drives into one on its way.
+
+    Attributes:
+        reaction: median perception-reaction time [s]; strength: of braking, as a factor.
+        margin: time between the ego and another at one place that it wants [s].
+        waives: share of those with the right of way over the ego that let it pass all the same.
+        respects: share of those without it that give way.
+    """
+
+    reaction: float = REACTION_TIME.median
+    strength: float = 1.0
+    margin: float = 0.8
+    waives: float = 1.0
+    respects: float = 1.0
+
+
+TEMPERAMENTS: dict[Temper, Temperament] = {
+    "obedient": Temperament(),
+    "hasty": Temperament(reaction=1.2, strength=0.8, margin=0.4, waives=0.25, respects=0.9),
+    "careless": Temperament(reaction=1.8, strength=0.7, margin=0.2, waives=0.0, respects=0.5),
+}
+"""By the name that `--temperament` takes; stated, not measured."""
 
 
 @dataclass(eq=False)
@@ -63,10 +91,12 @@ class Reactive:
 
     Attributes:
         reaction: [N] perception-reaction time [s]; strength: [N] of braking for the ego [m/s^2].
+        temperament: how they take the ego.
     """
 
     reaction: FloatArray
     strength: FloatArray
+    temperament = TEMPERAMENTS["obedient"]
 
     def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:
         """The others at the first step of a drive, as recorded."""
@@ -82,9 +112,12 @@ class Reactive:
         self._spacing = np.array([max(path.spacing, 1e-6) for path in scenario.paths])
         self._points = np.array([len(path.xy) for path in scenario.paths])
         self._cruise = np.maximum(compute_recorded_speeds(scenario).max(axis=1), 0.8)
-        self.reaction = rng.lognormal(np.log(REACTION_TIME.median), REACTION_TIME.spread, n)
-        drawn = rng.lognormal(np.log(STRENGTH_MEDIAN[scenario.kinds]), STRENGTH_SPREAD)
-        self.strength = np.minimum(drawn, HARDEST[scenario.kinds])
+        temper, kinds = self.temperament, scenario.kinds
+        self.reaction = rng.lognormal(np.log(temper.reaction), REACTION_TIME.spread, n)
+        drawn = rng.lognormal(np.log(STRENGTH_MEDIAN[kinds] * temper.strength), STRENGTH_SPREAD)
+        self.strength = np.minimum(drawn, HARDEST[kinds])
+        share = np.where(scenario.priority, temper.waives, temper.respects)
+        self._looks = rng.random(n) < share
         self._swapped = np.zeros((n, n), dtype=bool)
         self._held = np.zeros(n, dtype=bool)
         self._retimed = np.zeros(n, dtype=bool)
@@ -213,7 +246,7 @@ class Reactive:
             if near[j]:
                 meets, follows[j] = self._meet(j, ego)
             self._state.waited[j] = self._state.waited[j] + self._one.step if meets else 0.0
-            yields[j] = meets and self._state.waited[j] >= self.reaction[j]
+            yields[j] = meets and self._looks[j] and self._state.waited[j] >= self.reaction[j]
             if self._ignores_ego(j):
                 yields[j] = follows[j] = False
         return yields, follows, blocked[:, None]
@@ -224,7 +257,7 @@ class Reactive:
 
     def _meet(self, j: int, ego: EgoState) -> tuple[bool, bool]:
         """Whether an agent is to give way to the ego, and whether the ego is on its way already."""
-        one, state = self._one, self._state
+        one, state, margin = self._one, self._state, self.temperament.margin
         ke, kj = int(ego.progress / self._spacing[one.ego]), int(state.s[j] / self._spacing[j])
         part = self._order.ego_overlap[j][ke : ke + WINDOW, kj : kj + WINDOW]
         columns = _find_stretch(part.T)
@@ -237,7 +270,7 @@ class Reactive:
         way_in, way_out = (each * self._spacing[j] for each in columns)
         arrives, leaves = (_time_to(ego, d) for d in (ego_in, ego_out))
         begin, end = (self._time_of(j, d) for d in (way_in, way_out))
-        if not (arrives < end + MARGIN and begin < leaves + MARGIN):
+        if not (arrives < end + margin and begin < leaves + margin):
             return False, False
         if min(begin, arrives) > PERCEPTIBLE or end + 0.3 < arrives:
             return False, False

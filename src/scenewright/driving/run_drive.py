@@ -17,6 +17,7 @@ import numpy as np
 
 from scenewright.driving.policies import Policy
 from scenewright.driving.reachability import find_arrival_alone, find_obstacles
+from scenewright.driving.reactive import Temper
 from scenewright.driving.report import report_drive
 from scenewright.driving.resolve import EgoConflict, Plan, Resolve, list_meetings
 from scenewright.driving.scenario import Scenario
@@ -40,14 +41,15 @@ def run_drive(
     *,
     name: str = "policy",
     others: OthersMode = "replay",
+    temperament: Temper = "obedient",
     seed: int = 0,
-    raster: bool = False,
     step_limit: float = DEFAULT_STEP_LIMIT,
 ) -> Drive:
     """Drive a scenario with a policy; with re-timed others the drive is rehearsed.
 
     Args:
-        others: see `drive`; step_limit: longest that the policy may take for one answer [s].
+        others, temperament: see `drive`.
+        step_limit: longest that the policy may take for one answer [s].
 
     Returns:
         The drive. Where the policy fails it ends there, and `fault` says how in one line.
@@ -56,11 +58,11 @@ def run_drive(
         InputError: the policy gives no such actions, or others move in no such way.
     """
     once = partial(
-        drive_once, scenario, policy, name=name, others=others, seed=seed, raster=raster,
-        step_limit=step_limit,
+        drive_once, scenario, policy, name=name, others=others, temperament=temperament,
+        seed=seed, step_limit=step_limit,
     )  # fmt: skip
     first = once()
-    if others != "resolve" or first.fault is not None or scenario.record is None:
+    if others != "resolve" or first.fault is not None:
         return first
     obstacles = find_obstacles(first, policy)
     rehearsal = _Rehearsal(first, policy, once)
@@ -109,8 +111,6 @@ def find_stand_ins(one: Scenario, meeting: EgoConflict, time: float) -> list[tup
 
     Those come first that were recorded there nearest to a time [s]; two at most.
     """
-    if one.record is None:
-        return []
     agents, met = one.record.agents, {each.asked for each in list_meetings(one)}
     asked = agents[meeting.asked]
     place = one.paths[meeting.asked].get_poses(np.array([meeting.agent_at]))[0][0]

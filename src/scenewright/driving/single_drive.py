@@ -12,6 +12,7 @@ import numpy as np
 from scenewright.driving.ego_motion import ACTION_MODES, read_action
 from scenewright.driving.observation import Observer
 from scenewright.driving.policies import Policy
+from scenewright.driving.reactive import Temper
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
 from scenewright.driving.world import TrafficModel, World, list_ego_points, start_world
@@ -34,6 +35,7 @@ class Drive:
         world: the run, up to where it ended.
         fault: what the policy did wrong, one line; None if nothing.
         policy: name of the policy; others: how the others moved; seed: of the drive.
+        temperament: of the others.
         obstacles: of a rehearsed drive, by name of each agent that the ego is to meet, why physics
             does not allow it; None: it does.
         tries: how many times the policy drove until this drive was kept; None: not rehearsed.
@@ -46,6 +48,7 @@ class Drive:
     fault: str | None = None
     obstacles: Mapping[str, str | None] = field(default_factory=dict)
     tries: int | None = None
+    temperament: Temper = "obedient"
 
     @property
     def scenario(self) -> Scenario:
@@ -67,8 +70,8 @@ def drive_once(
     *,
     name: str = "policy",
     others: OthersMode = "replay",
+    temperament: Temper = "obedient",
     seed: int = 0,
-    raster: bool = False,
     step_limit: float = DEFAULT_STEP_LIMIT,
     traffic: TrafficModel | None = None,
 ) -> Drive:
@@ -88,9 +91,9 @@ def drive_once(
     mode = getattr(policy, "mode", None)
     if mode not in ACTION_MODES:
         raise InputError(f"the policy's mode must be one of {', '.join(ACTION_MODES)}")
-    model = make_traffic(others) if traffic is None else traffic
+    model = make_traffic(others, temperament) if traffic is None else traffic
     world = start_world(scenario, model, mode, rng=np.random.default_rng(seed))
-    observer = Observer(scenario, raster=raster)
+    observer = Observer(scenario)
     fault: str | None = None
     try:
         _ask(lambda: policy.reset(scenario, seed), step_limit, "reset")
@@ -100,7 +103,7 @@ def drive_once(
             world.advance(read_action(action, mode))
     except (PolicyError, InputError) as error:
         world.end, fault = "policy_failed", f"at {world.step * scenario.step:.1f} s {error}"
-    return Drive(world, name, others, seed, fault)
+    return Drive(world, name, others, seed, fault, temperament=temperament)
 
 
 def _ask(call: Callable[[], Any], limit: float, method: str) -> Any:

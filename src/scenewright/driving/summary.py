@@ -53,3 +53,27 @@ def describe_rate(count: int, total: int) -> dict[str, Any]:
         low, high = PlanningShare(count, total).interval or (0.0, 1.0)
         found |= {"low": round(low, 4), "high": round(high, 4)}
     return found
+
+
+def summarise_rows(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Rates and mean scores of one policy's drives (`benchmark.build_row`), with 95 % intervals."""
+    tests = {
+        "failed": [row["failed"] for row in rows],
+        "collisions": [row["collision"] is not None for row in rows],
+        "collisions_at_fault": [(row["collision"] or {}).get("at_fault") == "ego" for row in rows],
+        "red_lights": [row["red_lights"] > 0 for row in rows],
+    }
+    return {
+        "drives": len(rows),
+        **{key: describe_rate(sum(found), len(found)) for key, found in tests.items()},
+        "policy_faults": sum(row["policy_fault"] is not None for row in rows),
+        **{key: _describe_mean([row[key] for row in rows]) for key in ("nuplan", "epdms")},
+    }
+
+
+def _describe_mean(values: Sequence[float]) -> dict[str, Any]:
+    """A mean score with its 95 % interval (normal)."""
+    mean, deviation = float(np.mean(values)), float(np.std(values, ddof=len(values) > 1))
+    half = 1.96 * deviation / len(values) ** 0.5
+    low, high = max(mean - half, 0.0), min(mean + half, 1.0)
+    return {"rate": round(mean, 4), "low": round(low, 4), "high": round(high, 4)}

@@ -14,7 +14,7 @@ from scenewright.evals.markdown import format_table
 from scenewright.evals.satisfaction.report import RATES, format_share
 from scenewright.files import write_atomically
 
-SectionKey = Literal["entries", "predictions"]
+SectionKey = Literal["entries", "predictions", "egos"]
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,19 @@ FORESEEN = {
     "exits": "agents whose exit is predicted",
 }
 """Figure of predictions -> what it is; all after 4 s of a clip."""
+DRIVEN = {
+    "failed": "scenes that an ego failed (docs/driving.md says what that is)",
+    "collisions": "drives that ended in a contact",
+    "collisions_at_fault": "contacts that were its fault, by right of way and side",
+    "red_lights": "drives in which it ran a red light",
+    "nuplan": "mean closed-loop score",
+    "epdms": "mean EPDMS without EC",
+}
+"""Figure of egos in the scenes of `drive --benchmark` -> what it is."""
 SECTIONS: Mapping[SectionKey, Section] = {
     "entries": Section("Instructions satisfied", RATES, "satisfied"),
     "predictions": Section("Events foreseen", FORESEEN, "macro"),
+    "egos": Section("Egos in 200 scenes", DRIVEN, "nuplan"),
 }
 
 

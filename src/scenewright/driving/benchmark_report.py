@@ -1,0 +1,135 @@
+"""Results of driven scenes for people and for continuous integration: HTML page, JUnit XML."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.driving.benchmark import Row
+from scenewright.driving.summary import summarise_rows
+
+PLOTTED = {
+    "nuplan": ("nuPlan score", 1.0), "epdms": ("EPDMS", 1.0),
+    "min_ttc": ("least TTC [s]", 6.0), "min_pet": ("least PET [s]", 6.0),
+}  # fmt: skip
+"""Figure of a drive -> what it is called, and the right end of its axis."""
+SHOWN = ("scene", "kind", "others", "temperament", "seed", "end", "time", *PLOTTED)
+
+
+def group_rows(rows: Sequence[Row], key: str) -> dict[str, list[Row]]:
+    """Rows by what they say under a key, in the order in which that comes up."""
+    return {v: [row for row in rows if row[key] == v] for v in dict.fromkeys(r[key] for r in rows)}
+
+
+def summarise_policies(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
+    """The summary of each policy."""
+    return {name: summarise_rows(found) for name, found in group_rows(rows, "policy").items()}
+
+
+def tabulate(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """Titles, and of each policy a line of figures with their intervals."""
+    told = summarise_policies(rows)
+    titles = ["ego", *(key.replace("_", " ") for key in next(iter(told.values()), {}))]
+    return titles, [[policy, *map(_format, said.values())] for policy, said in told.items()]
+
+
+def _format(figure: Any) -> str:
+    """A number; or a rate in percent, with its interval where it has one."""
+    if not isinstance(figure, dict):
+        return str(figure)
+    ends = f" [{100 * figure['low']:.0f}, {100 * figure['high']:.0f}]" if "low" in figure else ""
+    return f"{100 * figure['rate']:.1f} %{ends}"
+
+
+def build_junit(rows: Sequence[Row]) -> bytes:
+    """One test case for each drive; a failure's text says what happened."""
+    root = ElementTree.Element("testsuites")
+    for policy, found in group_rows(rows, "policy").items():
+        counts = {"tests": str(len(found)), "failures": str(sum(row["failed"] for row in found))}
+        suite = ElementTree.SubElement(root, "testsuite", {"name": f"ego {policy}"} | counts)
+        for row in found:
+            name = {"classname": f"{policy}.{row['kind'] or 'drive'}", "name": row["scene"]}
+            case = ElementTree.SubElement(suite, "testcase", name | {"time": str(row["time"])})
+            if row["failed"]:
+                why = "".join(c if c.isprintable() else " " for c in row["why"])
+                ElementTree.SubElement(case, "failure", message=why).text = why
+    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+
+
+def build_page(rows: Sequence[Row]) -> bytes:
+    """All figures, plots and drives as one HTML file without scripts; all words are escaped."""
+    policies = group_rows(rows, "policy")
+    titles, lines = tabulate(rows)
+    draw = [_draw_rate(said["failed"]) for said in summarise_policies(rows).values()]
+    shares = [
+        [name or "drive", *(_format(summarise_rows(group_rows(found, key)[name])["failed"])
+                            for found in policies.values())]
+        for key in ("kind", "temperament") for name in group_rows(rows, key)
+    ]  # fmt: skip
+    page = files("scenewright.driving").joinpath("benchmark_page.html").read_text("utf-8")
+    return Template(page).substitute(
+        result=_write_table([*titles, "failed, 0 to 100 %"], lines, draw),
+        groups=_write_table(["", *policies], shares),
+        plots="".join(_plot(policy, found) for policy, found in policies.items()),
+        scenes="".join(_list_drives(policy, found) for policy, found in policies.items()),
+    ).encode()  # fmt: skip
+
+
+def _write_table(
+    titles: Sequence[str], lines: Sequence[Sequence[Any]], last: Sequence[str] | None = None
+) -> str:
+    """A table; the cells of the last column may be HTML."""
+    cells = ["".join(f"<td>{escape('–' if c is None else str(c))}" for c in row) for row in lines]
+    ends = [f"<td>{each}" for each in last] if last is not None else [""] * len(cells)
+    rows = "".join(f"<tr>{row}{end}" for row, end in zip(cells, ends, strict=True))
+    return f"<table><tr>{''.join(f'<th>{escape(each)}' for each in titles)}{rows}</table>"
+
+
+def _draw_rate(rate: dict[str, Any]) -> str:
+    """A rate as a dot on a line from 0 to 1, with its interval."""
+    low, at, high = (180 * rate.get(key, rate["rate"]) + 5 for key in ("low", "rate", "high"))
+    return (
+        '<svg class="rate" viewBox="0 0 190 16"><path class="axis" d="M5 8h180"/>'
+        f'<path class="whisker" d="M{low:.1f} 8H{high:.1f}"/>'
+        f'<circle class="dot" cx="{at:.1f}" cy="8" r="4"/></svg>'
+    )
+
+
+def _plot(policy: str, rows: Sequence[Row]) -> str:
+    """Histograms of the figures of one policy; what lies beyond an axis is in its last bar."""
+    drawn = f'<h3>{escape(policy)}</h3><div class="plots">'
+    for key, (name, end) in PLOTTED.items():
+        values = [min(row[key], end) for row in rows if row[key] is not None]
+        counts = np.histogram(values, bins=20, range=(0.0, end))[0]
+        high = 60 * counts / max(int(counts.max()), 1)
+        bars = "".join(
+            f'<rect class="bar" x="{10 * k + 1}" y="{70 - h:.1f}" width="8" height="{h:.1f}"/>'
+            for k, h in enumerate(high)
+        )
+        drawn += (
+            f"<figure><figcaption>{name}, {len(values)} drives</figcaption>"
+            f'<svg viewBox="0 0 200 84">{bars}<path class="axis" d="M0 70.5h200"/>'
+            f'<text y="81">0</text><text x="200" y="81" text-anchor="end">{end:g}</text>'
+            f'<text x="200" y="9" text-anchor="end">{counts.max()}</text></svg></figure>'
+        )
+    return drawn + "</div>"
+
+
+def _list_drives(policy: str, rows: Sequence[Row]) -> str:
+    told = [
+        f'<span class="bad">{escape(row["why"])}</span>' if row["failed"] else "passed"
+        for row in rows
+    ]
+    titles = [*(each.replace("_", " ") for each in SHOWN), "result"]
+    table = _write_table(titles, [[row[key] for key in SHOWN] for row in rows], told)
+    failed = sum(row["failed"] for row in rows)
+    return (
+        f"<details{' open' if len(rows) < 30 else ''}><summary>{escape(policy)}: {failed} of "
+        f'{len(rows)} failed</summary><div class="wide">{table}</div></details>'
+    )
