@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
+from scenewright.scene.base import RIDERS, Compass, Movement
 from scenewright.scene.edits import (
     AddAgent,
     ChangeAgent,
@@ -84,7 +84,7 @@ OPPOSITE: dict[str, Compass] = {
     "north": "south", "south": "north", "east": "west", "west": "east",
 }  # fmt: skip
 _SLOW, _FAST = 0.8, 1.25
-_EARLIER, KMH = 3.0, 3.6
+_EARLIER = 3.0
 _VERY = 0.6
 _CLOSER = 0.6
 
@@ -272,7 +272,7 @@ def _become(found: re.Match[str], talk: Talk) -> Reading | None:
         return None
     kind, subtype = CLASSES[noun]
     if kind != node.type and kind in RIDERS and node.type != "pedestrian":
-        return _replace_by_rider(node, kind, talk)
+        return replace_agent(node, noun, talk)
     if kind != node.type:
         return decline(
             f"{node.id} stays a {node.type}: those of another class move in other ways. Say what "
@@ -369,18 +369,6 @@ def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
     return set_measure("time", min(max(time, low), high), edge[0].from_, edge[0].to)
 
 
-def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
-    """A speed of a rider; the planner's reader reads this for all other agents."""
-    node = talk.find(found["who"])
-    if node is None or node.type not in ("cyclist", "scooter"):
-        return None
-    value = float(found["value"]) / (KMH if found["unit"].startswith("k") else 1.0)
-    unit = UNITS["speed"]
-    if not unit.least <= value <= unit.most:
-        return None
-    return set_measure("speed", value, node.id)
-
-
 def set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
     """The edit that asks for a figure, with the tolerance of its kind."""
     tolerance = UNITS[kind].tolerance
@@ -406,25 +394,21 @@ def choose_id(kind: str, talk: Talk) -> str:
     return next(f"{kind}-{n}" for n in range(1, 99) if f"{kind}-{n}" not in taken)
 
 
-def _replace_by_rider(node: AgentNode, kind: AgentClass, talk: Talk) -> Reading:
-    """A rider in the agent's place, on its way as far as riders take it, in its relations."""
-    graph, name = talk.situation.graph, choose_id(kind, talk)
-    kept = talk.keep_way(node)
+def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
+    """An agent of another class in the place of one: in its relations, on its way if it can."""
+    kind, subtype = CLASSES[noun]
+    name, kept = choose_id(kind, talk), talk.keep_way(node)
     way = {key: getattr(kept, key) for key in ("entry", "exit", "movement", "crosswalk")}
-    rider = AgentNode.model_validate({"id": name, "type": kind, **way})
-    edges = [each for each in graph.relations if node.id in (each.from_, each.to)]
+    way = {} if "pedestrian" in (kind, node.type) else way
+    added = AgentNode.model_validate({"id": name, "type": kind, "subtype": subtype, **way})
     open_ = {"kind": None, "pattern": None, "point_from": None, "point_to": None}
-
-    def rename(edge: RelationEdge) -> RelationEdge:
-        ends = {
-            key: name
-            for key in ("from_", "to", "first", "strikes")
-            if getattr(edge, key) == node.id
-        }
-        return edge.model_copy(update={**open_, **ends})
-
-    related = (Relate(edge=rename(each)) for each in edges)
-    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=rider), *related)
+    related = []
+    for edge in talk.situation.graph.relations:
+        ends = [key for key in ("from_", "to", "first", "strikes") if getattr(edge, key) == node.id]
+        if ends:
+            update = open_ | dict.fromkeys(ends, name)
+            related.append(Relate(edge=edge.model_copy(update=update)))
+    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *related)
 
 
 def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -484,12 +468,6 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
         (rf"^(?:{_MAKE} (?:it|this|that|them|the \w+) (?:to )?happen )?(?:a (?:bit|little) |much )?"
          r"(?:(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|secs?|seconds?) )?(?P<when>earlier|later)$",
          _shift_event),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should)? {_GOES} (?:at )?(?P<value>\d{{1,2}}(?:\.\d)?) ?"
-         r"(?P<unit>km/?h|kmh|kph|m/s)$", _ride_at),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall)? ?(?:go(?:es)? |be |is |ride(?:s)? |turn(?:s)"
-         rf"? )?"
-         rf"(?P<turn>straight(?: on| ahead)?|left|right)?,? ?(?:com(?:e|es|ing) )?"
-         rf"(?:from the {_SIDE.format('entry')})?$", _come_from),
         (rf"^(?:{_MAKE} )?{_WHO}(?: should)? waits? (?:a (?:bit|little|while)|for a (?:bit|"
          rf"moment)|longer|"
          r"(?:for )?(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|sec|seconds?))(?: longer| more)?"

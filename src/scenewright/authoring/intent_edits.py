@@ -20,15 +20,14 @@ from scenewright.authoring.everyday_words import (
     OPPOSITE,
     WEATHER,
     Talk,
-    choose_id,
     decline,
     make_edits,
+    replace_agent,
     set_measure,
     simplify,
 )
 from scenewright.backends.offline import rank_intents
 from scenewright.scene.edits import (
-    AddAgent,
     AgentView,
     ChangeAgent,
     Edits,
@@ -386,23 +385,6 @@ def _become(wish: EditIntent) -> _Answer:
     if node is None:
         return None
     return f"make {node.id} a {noun}" if kind == node.type else replace_agent(node, noun, wish.talk)
-
-
-def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
-    """Another agent of another class in the place of one: same way, same relations."""
-    kind, subtype = CLASSES[noun]
-    graph, view = talk.situation.graph, next(e for e in talk.situation.present if e.id == node.id)
-    name = choose_id(kind, talk)
-    walks = "pedestrian" in (kind, node.type)
-    fields = {"id": name, "type": kind, "subtype": subtype}
-    way = {} if walks else {"entry": view.entry, "movement": view.movement}
-    swapped = []
-    for each in graph.relations:
-        if node.id in (each.from_, each.to):
-            mine = "from_" if each.from_ == node.id else "to"
-            swapped.append(Relate(edge=each.model_copy(update={mine: name, "kind": None})))
-    added = AddAgent(node=AgentNode.model_validate({**fields, **way}))
-    return make_edits(added, *swapped, RemoveAgent(agent=node.id))
 
 
 def _find_side(plain: str) -> str | None:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from scenewright.authoring.everyday_words import CLASSES, Talk, simplify
+from scenewright.authoring.everyday_words import CLASSES, Talk, replace_agent, simplify
 from scenewright.authoring.intent_edits import (
     LIKELY,
     STEPS,
@@ -23,7 +23,6 @@ from scenewright.authoring.intent_edits import (
     is_consistent,
     is_question,
     list_makes,
-    replace_agent,
     spell_out,
 )
 from scenewright.authoring.read_turn import offer_sentences

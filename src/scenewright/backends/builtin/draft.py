@@ -102,7 +102,6 @@ class AgentDraft:
     label: str | None = None
     head: str = ""
     relatives: list[tuple[str, AgentDraft | None]] = field(default_factory=list)
-    turned: bool = False
     generic: bool = False
     words: frozenset[str] = frozenset()
     reaction: AskedReaction | None = None

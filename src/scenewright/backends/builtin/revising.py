@@ -10,12 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from scenewright.backends.builtin.asked_figures import read_figure
-from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.dials import build_motion_edit, number
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.named import Named, find_named, find_ways
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.order_edits import read_order
+from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.redraft import free_name, read_change
 from scenewright.backends.builtin.references import People, Unclear
@@ -23,6 +23,7 @@ from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.backends.builtin.standing_edits import find_removed
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
 from scenewright.errors import Rejected
+from scenewright.scene.base import RIDERS
 from scenewright.scene.edits import (
     AddAgent,
     AgentView,
@@ -78,7 +79,10 @@ _ORDINARY = re.compile(
     re.IGNORECASE,
 )
 """An ordinary morning says nothing of the event, unlike a normal scene."""
+_SCOOTER = re.compile(r"(?<!e-)(?<!e )(?<!kick )(?<!motor )(?<!electric )\bscooter\b")
+"""In a conversation, that of the class of this name; a text of its own may mean a motorcycle."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
+_SEVERITY = re.compile(r"\b(?:pet|ttc|time[ -]to[ -]collision|post[ -]?encroachment|gap)\b")
 _EVENT_WORDS: dict[RelationType, str] = {
     "near_miss": r"near[- ]?(?:miss|collision|crash|accident|hit)\w*|close (?:call|shave)s?|"
     r"narrow\w* (?:miss|escape)\w*|miss(?:es)?|swerv\w*|dodg\w*|cuts? off|evad\w*|"
@@ -213,7 +217,7 @@ def _read_part(
 ) -> tuple[Edit, ...]:
     """The edits that one clause asks for."""
     people = People(situation, chosen)
-    text = _ORDINARY.sub("", _spell_out(text, people))
+    text = _ORDINARY.sub("", _SCOOTER.sub("e-scooter", _spell_out(text, people)))
     plain = clean(text)
     every = find_named(plain)
     event = _HAPPENS.search(plain) is not None
@@ -233,8 +237,8 @@ def _read_part(
 
 def _has_figures(plain: str) -> bool:
     """Whether the words say how severe it shall be: those are for the reader."""
-    clock = read_clock(plain)[1]
-    return any(each is not None for each in (clock.pet, clock.ttc, clock.speed))
+    measure = measure_in(plain)
+    return measure is not None and (measure.unit == "m/s" or bool(_SEVERITY.search(plain)))
 
 
 def _read_figure(
@@ -319,7 +323,7 @@ def _read_removal(
         return (SetBackground(vehicles=0, pedestrians=0),)
     if not groups:
         return None
-    rare = {_get_kind(each) for each in groups} & (VEHICLE_SIZES.keys() - {"car"})
+    rare = {_get_kind(each) for each in groups} & _BY_NAME
     if rare and len(groups) == 1 and groups[0].count is None:
         return _remove_kind(groups[0], situation)
     counts = _count_background(situation)
@@ -333,7 +337,7 @@ def _remove_kind(group: Named, situation: Situation) -> tuple[Edit, ...]:
     """ "remove the buses": all of that kind in the background, and no other agent."""
     kind = _get_kind(group)
     others = [each for each in situation.present if each.role == "background"]
-    gone = [each.id for each in others if each.subtype == kind]
+    gone = [each.id for each in others if kind in (each.subtype, each.type)]
     if not gone:
         raise Refused("impossible", f"There is no {kind} among the others in this scene.")
     return tuple(RemoveAgent(agent=each) for each in gone[:32])
@@ -349,9 +353,10 @@ def _read_count_change(
         return None
     if any(each.det == "definite" for each in groups if each.count is None):
         return None
-    named = [each for each in groups if _get_kind(each) in VEHICLE_SIZES.keys() - {"car"}]
-    if named and more:
+    if more and any(_get_kind(each) in _BY_NAME for each in groups):
         return _read_kinds(groups, situation)
+    if any(each.type in RIDERS for each in groups):
+        return None
     counts = _count_background(situation)
     for group in groups:
         many = group.count or (_parse_vague(plain) if group.plural else 1)
@@ -373,22 +378,26 @@ def _parse_vague(plain: str) -> int:
 
 
 def _read_kinds(groups: Sequence[Named], situation: Situation) -> tuple[Edit, ...]:
-    """Trucks, buses and motorcycles take part by name: a crowd has the kinds it was drawn with."""
+    """Trucks, buses and riders take part by name: a crowd has the kinds it was drawn with."""
     taken = {each.id for each in situation.present} | {a.id for a in situation.graph.agents}
     made: list[Edit] = []
     for group in groups:
         for _ in range(group.count or 1):
             name = free_name(str(group.type), taken)
             taken.add(name)
-            made.append(
-                AddAgent.model_validate(
-                    {"node": {"id": name, "type": group.type, "subtype": _get_kind(group)}}
-                )
-            )
+            subtype = None if group.type in RIDERS else _get_kind(group)
+            node = {"id": name, "type": group.type, "subtype": subtype}
+            made.append(AddAgent.model_validate({"node": node}))
     return tuple(made)
 
 
+_BY_NAME = {*VEHICLE_SIZES, *RIDERS} - {"car"}
+"""Kinds that a crowd is not asked for by."""
+
+
 def _get_kind(named: Named) -> str | None:
+    if named.type in RIDERS:
+        return named.type
     return narrow_subtype(named.subtype, named.head)
 
 

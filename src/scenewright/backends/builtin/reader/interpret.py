@@ -1089,11 +1089,11 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
         begins = span.start + len("one ")
         span = replace(span, start=begins, words=result.text[begins : span.end])
     low = clean(" , ".join(each.words for each in (*result.times, span)))
-    names, (_, clock) = time_words_in(low), read_clock(low)
-    if clock.time is None:
+    names, clock = time_words_in(low), read_clock(low)
+    if clock is None:
         figures = CLOCK.search(low)
-        _, clock = read_clock(f"at {figures[0] if figures else low}")
-    time = _find_agreed_time(_keep_specific(names), clock.time) if names or clock.time else None
+        clock = read_clock(f"at {figures[0] if figures else low}")
+    time = _find_agreed_time(_keep_specific(names), clock) if names or clock else None
     if time is None:  # a date, a weekday
         result.enter(span, "nothing", note="no time of day that is known")
         return

@@ -49,7 +49,6 @@ class LearnedPlan:
 
     plan: Plan
     reading: Reading
-    interpretation: Interpretation | None
     confidence: float
     objects: tuple[ReadObject, ...] = ()
     phrases: tuple[Phrase, ...] = ()
@@ -124,8 +123,8 @@ def plan_reading(
         plan: Plan = add_read_objects(graph, objects, users) if objects else graph
     except Refused as verdict:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
-        return LearnedPlan(refusal, reading, None, confidence, objects, phrases)
-    return LearnedPlan(plan, reading, interpretation, confidence, objects, phrases, users)
+        return LearnedPlan(refusal, reading, confidence, objects, phrases)
+    return LearnedPlan(plan, reading, confidence, objects, phrases, users)
 
 
 def _play_phrase(

@@ -130,7 +130,7 @@ def narrow_subtype(subtype: str | None, head: str) -> str | None:
 
 
 def time_words_in(low: str) -> list[str]:
-    """Names of times of day (`clock.WORD_RANGES`) in lower-case words, the most specific first."""
+    """Names of times of day (as in `clock`) in lower-case words, the most specific first."""
     found: list[str] = []
     for name, pattern in _TIMES:
         if re.search(pattern, low):
