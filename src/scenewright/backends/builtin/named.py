@@ -33,7 +33,7 @@ _NO_ADJECTIVE = (
     r"(?!(?:an?|the|and|or|but|is|are|was|to|into|onto|from|for|with|by|than|that|which|who|it|him|her|"
     r"them|me|on|in|of|at|off|over|more|less|fewer|no|not|any|some|one|two|three|first|second|third|"
     r"other|another|\d+|behind|before|after|ahead|while|when|let|make|have|hits?|follows?|yields?|"
-    r"crosses|stops?|waits?|slows?|parked)\b)"
+    r"crosses|stops?|waits?|slows?|each|every)\b)"
 )
 _SIDE = r"(?P<side>north|south|east|west|top|bottom)(?:ern|erly)?"
 _MAP = {"top": "north", "bottom": "south", "n": "north", "s": "south", "e": "east", "w": "west"}
@@ -43,6 +43,7 @@ _WAYS = tuple(
     for means, pattern in (
         ("crosswalk", rf"(?:(?:on|at|in|to|from|of) )?(?:the )?\b{_SIDE} (?:leg |side |side's )?"
          r"(?:crosswalk|zebra|crossing)s?\b"),
+        ("crosswalk", rf"\bcross\w* (?:on |at |in )(?:the )?{_SIDE}\b"),
         ("from", rf"\b(?:from|off|out of|entering(?: from)?) (?:the )?{_SIDE}\b"
          r"(?: (?:leg|arm|side|approach))?"),
         ("from", rf"(?:on |at )?(?:the )?\b{_SIDE} (?:approach|arm|entrance|branch)\b"),
@@ -115,9 +116,13 @@ def find_named(plain: str) -> list[Named]:
 
 
 def _list_named(plain: str, ways: Sequence[Way]) -> Iterator[Named]:
+    last: tuple[int, str | None] = (-1, None)
     for match in _load_pattern().finditer(plain):
-        noun = match["noun"]
+        noun = match["noun"] and match["noun"].replace("-", " ")
         kind, subtype, plural = _load_nouns()[noun] if noun else (None, None, False)
+        before, last = last, (match.end(), kind)
+        if noun and before == (match.start() - 1, kind):
+            continue  # "the kid jogger" is one agent
         det = next((name for name in _DETERMINERS if match[name]), "bare")
         if kind == "pedestrian" and re.match(r"(?:his|her|their)\b", match[0]):
             det = "another"  # "his mother"
@@ -125,7 +130,7 @@ def _list_named(plain: str, ways: Sequence[Way]) -> Iterator[Named]:
         count = (number_in(said) if said else None) or (2 if said or det == "both" else None)
         given = tuple(w for w in ways if match.start() <= w.start and w.end <= match.end())
         adjectives = " ".join(plain[w.start : w.end] for w in given).removeprefix("the ")
-        head, label = noun or "one", (match["label"] or "").strip() or None
+        head, label = match["noun"] or "one", (match["label"] or "").strip() or None
         yield Named(
             type=kind,
             subtype=subtype,
@@ -144,18 +149,22 @@ def _list_named(plain: str, ways: Sequence[Way]) -> Iterator[Named]:
 @cache
 def _load_pattern() -> re.Pattern[str]:
     """A noun phrase: its determiner by name, number, noun and label."""
-    nouns = "|".join(map(re.escape, sorted(_load_nouns(), key=len, reverse=True)))
+    nouns = "|".join(sorted(_load_nouns(), key=len, reverse=True)).replace(" ", "[ -]")
     determiner = "|".join(f"(?P<{name}>{words})" for name, words in _DETERMINERS.items())
+    begins = rf"(?=(?:{'|'.join(_DETERMINERS.values())}|{_NUMBER}) )"
     adjective = rf"(?:{_NO_ADJECTIVE}[a-z'-]+,? )"
     number = rf"(?:(?P<number>{_NUMBER})(?: more| fewer)? )"
     label = (  # "car 2", but not "slow the car 2 m/s"
         r"(?P<label> (?:[1-8]|[bcdx])\b"
         r"(?! ?(?:m|s|km|mph|sec\w*|met\w*|%|per\w*)\b|[.:]\d))"
     )
-    no_user = r"(?! (?:traffic|density|flow|volume|stops?|lanes?|doors?|signal|side|route|stand)\b)"
+    other = r"(?! (?:traffic|density|flow|volume|lanes?|doors?|signal|side|route)\b)"
+    stands = r"(?!(?<=parked )(?:car|truck|vehicle)s?\b)"
+    stop = r"(?!(?<=bus) stop(?:$|[.,]))"
     return re.compile(
-        rf"(?<![\w-])(?:(?:{determiner}) )?{number}?{adjective}{{0,3}}?"
-        rf"(?:(?P<noun>{nouns}){no_user}(?: (?:drivers?|riders?))?{label}?|ones?)(?![\w-])"
+        rf"(?<![\w-])(?:{begins}(?:(?:{determiner}) )?{number}?{adjective}{{0,3}}?)?"
+        rf"(?:{stands}(?P<noun>{nouns}){other}{stop}"
+        rf"(?: (?:drivers?|riders?))?{label}?|ones?)(?![\w-])"
     )
 
 
@@ -167,7 +176,7 @@ def _load_nouns() -> dict[str, tuple[Any, str | None, bool]]:
     for key, given in tomllib.loads(source).items():
         kind, _, subtype = key.partition(".")
         for each in given:
-            noun = each.removeprefix("=")
+            noun = each.removeprefix("=").replace("-", " ")
             nouns[noun] = kind, subtype or None, noun != each and bool(_PLURAL.search(noun))
             if noun == each:
                 ends = noun.endswith("y") and noun[-2] not in "aeiou"

@@ -53,9 +53,6 @@ def read_change(
     """
     check_text(text)
     check_language(text)
-    for named in every:
-        if named.type == "none":
-            raise Refused("impossible", f"There is no {named.head} in this scene, and none can be.")
     graph = situation.graph.model_copy(update={"objects": (), "measures": ()})
     phrased = replace_phrases(_name_people(text, every, situation, people))
     sentences = describe_graph(graph)

@@ -90,7 +90,8 @@ _EVENT_WORDS: dict[RelationType, str] = {
     r"(?:stop|brak)\w* (?:just )?in time",
     "collide_at": r"collisions?|collid\w*|crash\w*|accidents?|hit(?:s|ting)?|"
     r"str(?:ikes?|uck|iking)|rams?|ramming|smash\w*|slam\w* into|bump\w*|rear[- ]?end\w*|"
-    r"t-?bone\w*|sideswip\w*|head[- ]on|knocks?|clips?|kills?|injur\w*|"
+    r"t-?bone\w*|sideswip\w*|head[- ]on|knocks?|clips?|kills?|injur\w*|impacts?|contact|"
+    r"touch\w*|taps?|fender benders?|"
     r"(?:r[au]ns?|driv\w+|drove) (?:over|into|down)",
     "follow": r"follow(?:s|ed|ing)?|tails?|tailgat\w*|trail\w*|behind|chas\w+|lead(?:s|ing)?|"
     r"preced\w+|ahead of|convoy",
@@ -100,8 +101,9 @@ _EVENT_WORDS: dict[RelationType, str] = {
 """What happens between two, as said by nouns and verbs."""
 
 _WAITS = (
-    r"wait\w*|stop\w*|brak\w*|slow\w*|paus\w*|hold\w*|halt\w*|stand\w*|lets?|letting|"
-    r"giv(?:e|es|en|ing)"
+    r"wait\w*|stop\w*|brak\w*|slow(?:s|ed|ing)?|paus\w*|hold\w*|halt\w*|stand\w*|lets?|letting|"
+    r"allow\w*|decelerat\w*|eases? off|"
+    r"giv(?:e|es|en|ing)(?! me\b)"
 )
 """Verbs of one that yields, which also say other things."""
 
@@ -179,11 +181,11 @@ def _is_edit(text: str) -> bool:
     plain = clean(text)
     every = [each for each in find_named(plain) if each.type not in (None, "none")]
     introduced = [each for each in every if each.det in ("indefinite", "another")]
-    counted = [each for each in every if each.count not in (None, 1)]
+    counted = [each for each in every if each.count not in (None, 1) and each.det != "both"]
     changes = _CUE.search(plain) is not None
     if _HAPPENS.search(plain) and (len(introduced) >= 2 or (counted and not changes)):
         return False  # it brings its own parties and event
-    return changes or len(every) < 2
+    return changes or len(every) + ("traffic" in plain) < 2
 
 
 def _is_about_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bool:
@@ -220,9 +222,12 @@ def _read_part(
     text = _ORDINARY.sub("", _SCOOTER.sub("e-scooter", _spell_out(text, people)))
     plain = clean(text)
     every = find_named(plain)
+    for each in every:
+        if each.type == "none":
+            raise Refused("impossible", f"There is no {each.head} in this scene, and none can be.")
     event = _HAPPENS.search(plain) is not None
     related = None
-    if event and not every and not _has_figures(plain):
+    if event and not every and not _has_figures(plain) and people.find_by_id(text) is None:
         related = _choose_events(plain, situation, people)
     if related is not None:
         return related
