@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from scenewright.backends.offline import CLASSES
 from scenewright.scene.base import RIDERS, Compass, Movement
 from scenewright.scene.edits import (
     AddAgent,
@@ -48,25 +49,6 @@ LENGTH = (
     "How long a scene lasts follows from what happens in it, 30 s at the most. To have it happen "
     'at another time, say "let it happen 12 s into the scene".'
 )
-CLASSES: dict[str, tuple[str, str | None]] = {
-    "car": ("vehicle", "car"), "taxi": ("vehicle", "taxi"), "cab": ("vehicle", "taxi"),
-    "van": ("vehicle", "van"), "truck": ("vehicle", "truck"), "lorry": ("vehicle", "truck"),
-    "bus": ("vehicle", "bus"), "coach": ("vehicle", "bus"), "motorcycle": ("vehicle", "motorcycle"),
-    "motorbike": ("vehicle", "motorcycle"), "vehicle": ("vehicle", None),
-    "driver": ("vehicle", None), "cyclist": ("cyclist", None), "bike": ("cyclist", None),
-    "bicycle": ("cyclist", None), "biker": ("cyclist", None), "scooter": ("scooter", None),
-    "e-scooter": ("scooter", None), "pedestrian": ("pedestrian", None),
-    "walker": ("pedestrian", None), "man": ("pedestrian", None), "woman": ("pedestrian", None),
-    "child": ("pedestrian", None), "kid": ("pedestrian", None), "guy": ("pedestrian", None),
-    "boy": ("pedestrian", None), "girl": ("pedestrian", None), "person": ("pedestrian", None),
-    "lady": ("pedestrian", None), "ped": ("pedestrian", None), "minibus": ("vehicle", "bus"),
-    "sedan": ("vehicle", "car"), "suv": ("vehicle", "car"), "pickup": ("vehicle", "car"),
-    "semi": ("vehicle", "truck"), "rig": ("vehicle", "truck"),
-    "escooter": ("scooter", None), "bloke": ("pedestrian", None), "fella": ("pedestrian", None),
-    "gentleman": ("pedestrian", None), "adult": ("pedestrian", None),
-    "police car": ("vehicle", "police_car"), "ambulance": ("vehicle", "ambulance"),
-}  # fmt: skip
-"""Noun -> class and subtype."""
 _NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
 _WHO = (
     rf"(?P<who>it|him|her|them|he|she|they|me|ego|that(?: one)?|(?:the |that |this )?other one|"

@@ -15,7 +15,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from scenewright.authoring.everyday_words import (
-    CLASSES,
     LENGTH,
     OPPOSITE,
     WEATHER,
@@ -26,7 +25,7 @@ from scenewright.authoring.everyday_words import (
     set_measure,
     simplify,
 )
-from scenewright.backends.offline import rank_intents
+from scenewright.backends.offline import CLASSES, rank_intents
 from scenewright.scene.edits import (
     AgentView,
     ChangeAgent,

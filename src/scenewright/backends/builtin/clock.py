@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 
 from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.reader.words import VOCABULARY
 
 _Reader = Callable[[re.Match[str]], str | None]
 _DAY = 24 * 60
@@ -66,31 +67,6 @@ _BARE = re.compile(
     r"cars?|vehicles?|ped|pedestrians?|people|percent))\b(?=\s*(?:$|[.,;]|a\b|the\b|in\b|with\b))"
 )
 
-_TIMES_OF_DAY = {
-    "dawn": ("06:00", "04:30-07:30"),
-    "early morning": ("06:30", "04:00-08:30"),
-    "morning rush": ("08:00", "06:30-10:00"),
-    "mid-morning": ("10:00", "09:00-11:30"),
-    "morning": ("09:00", "04:00-12:00"),
-    "noon": ("12:00", "11:00-13:00"),
-    "lunch": ("12:30", "11:00-14:30"),
-    "early afternoon": ("13:30", "12:00-15:00"),
-    "afternoon": ("15:00", "12:00-18:00"),
-    "mid-afternoon": ("15:00", "14:00-16:30"),
-    "late afternoon": ("16:30", "15:00-18:30"),
-    "evening rush": ("17:30", "15:30-19:30"),
-    "rush hour": ("08:00", "06:30-10:00", "15:30-19:30"),
-    "early evening": ("18:00", "17:00-19:30"),
-    "evening": ("19:00", "17:00-22:00"),
-    "late evening": ("21:30", "20:00-23:30"),
-    "dusk": ("18:30", "16:30-21:30"),
-    "night": ("22:00", "19:00-05:30"),
-    "late night": ("23:00", "21:30-04:00"),
-    "midnight": ("00:00", "23:30-00:30"),
-    "small hours": ("02:00", "00:00-04:00"),
-}
-"""Name -> the typical time, and the times that it may mean."""
-
 
 def read_clock(text: str) -> str | None:
     """The time in the text as HH:MM or HH:MM-HH:MM; Refused where two clock times differ."""
@@ -136,7 +112,7 @@ def read_time_words(words: list[str], *, clock: str | None) -> str | None:
             "contradictory", f"{' and '.join(names)} exclude one another; name one time of day."
         )
     narrow = min(names, key=lambda name: len(_list_minutes(name)))
-    typical = _parse_minute(_TIMES_OF_DAY[narrow][0])
+    typical = _parse_minute(VOCABULARY["times_of_day"][narrow]["typical"])
     best = min(allowed, key=lambda m: (min((m - typical) % _DAY, (typical - m) % _DAY), m))
     return _format_minute(best)
 
@@ -269,7 +245,7 @@ def _shift_half_day(hour: int, half: str | None, part: str | None) -> int:
 
 def _list_minutes(name: str) -> set[int]:
     result: set[int] = set()
-    for span in _TIMES_OF_DAY[name][1:]:
+    for span in VOCABULARY["times_of_day"][name]["ranges"]:
         first, last = _parse_minute(span[:5]), _parse_minute(span[6:])
         result |= {m % _DAY for m in range(first, (last if last >= first else last + _DAY) + 1, 5)}
     return result

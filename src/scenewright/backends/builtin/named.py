@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any, Literal
 
 from scenewright.backends.builtin.reader.numbers import number_in
+from scenewright.backends.builtin.reader.words import VOCABULARY, narrow_subtype
 from scenewright.scene.base import AgentClass
 
 _DETERMINERS = {
@@ -171,17 +170,22 @@ def _load_pattern() -> re.Pattern[str]:
 @cache
 def _load_nouns() -> dict[str, tuple[Any, str | None, bool]]:
     """Noun -> class ("none": there are none of it), subtype, and whether it is a plural."""
-    source = files("scenewright.backends.builtin").joinpath("nouns.toml").read_text("utf-8")
     nouns: dict[str, tuple[Any, str | None, bool]] = {}
-    for key, given in tomllib.loads(source).items():
+    for key, given in VOCABULARY["nouns"].items():
         kind, _, subtype = key.partition(".")
         for each in given:
-            noun = each.removeprefix("=").replace("-", " ")
-            nouns[noun] = kind, subtype or None, noun != each and bool(_PLURAL.search(noun))
-            if noun == each:
+            noun, exact = each.removeprefix("=").replace("-", " "), each.startswith("=")
+            nouns[noun] = kind, subtype or None, exact and bool(_PLURAL.search(noun))
+            if not exact:
                 ends = noun.endswith("y") and noun[-2] not in "aeiou"
                 nouns[f"{noun[:-1]}ies" if ends else f"{noun}s"] = kind, subtype or None, True
     return nouns
 
 
 _PLURAL = re.compile(r"(?<!s)s$|men$|people$|children$|persons$|ladies$")
+CLASSES: dict[str, tuple[AgentClass, str | None]] = {
+    noun: (kind, narrow_subtype(subtype, noun))
+    for noun in VOCABULARY["everyday"]
+    for kind, subtype, _ in (_load_nouns()[noun.replace("-", " ")],)
+}
+"""Everyday noun -> class and subtype."""
