@@ -894,11 +894,13 @@ _JUMPS = re.compile(r"\b(?:jump|leap|leapt|spr[aiu]ng)", re.IGNORECASE)
 
 
 def _react_so(result: Interpretation, span: ReadSpan) -> None:
-    """How the agent reacts to the threat, or that it does not."""
-    known = find_marked("reaction", span.value or "")
-    for number in span.subjects:
-        agent = result.users.get(number)
-        if agent is not None:
+    """How the agent reacts to the threat, or that it does not; as far as its class can."""
+    for number in (each for each in span.subjects if each in result.users):
+        agent = result.users[number]
+        known = find_marked("reaction", span.value or "", of=agent.type)
+        if known is None:
+            _leave_out_act(result, replace(span, subjects=(number,)))
+        else:
             agent.reaction = known
             result.enter(span, "reaction", (number,), known)
 
