@@ -449,3 +449,16 @@ def test_riders_are_added_and_changed_as_vehicles_are() -> None:
     assert stated("the bike goes at 5 m/s", RIDES) == [
         {"": "SetPace", "agent": "cyclist-1", "factor": 1.25}
     ]
+
+
+@pytest.mark.parametrize("words", ["add a dog", "remove the tram", "let there be a horse"])
+def test_what_no_scene_has_is_refused(words: str) -> None:
+    declined = read(words, ONE)
+    assert isinstance(declined, DeclinedTurn)
+    assert declined.code == "impossible"
+    assert "none can be" in declined.reason
+
+
+def test_a_parked_vehicle_is_no_agent() -> None:
+    assert [each[""] for each in stated("put a parked truck there")] == ["AddObject"]
+    assert isinstance(read("an e-scooter follows a bike through the junction", ONE), NewScene)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from scenewright.backends.offline import CLASSES
-from scenewright.scene.base import RIDERS, Compass, Movement
+from scenewright.scene.base import OPPOSITE, RIDERS, Compass, Movement
 from scenewright.scene.edits import (
     AddAgent,
     ChangeAgent,
@@ -62,9 +62,6 @@ _SIDE = r"(?P<{}>north|east|south|west)"
 _GOES = (
     r"(?:go|goes|going|walk|walks|drive|drives|ride|rides|move|moves|be|is|come in|comes in|cross)"
 )
-OPPOSITE: dict[str, Compass] = {
-    "north": "south", "south": "north", "east": "west", "west": "east",
-}  # fmt: skip
 _SLOW, _FAST = 0.8, 1.25
 _EARLIER = 3.0
 _VERY = 0.6
@@ -89,6 +86,12 @@ class Talk:
         """The agents of the instruction, those spoken of last first."""
         place = {name: n for n, name in enumerate(self.touched)}
         return sorted(self.situation.graph.agents, key=lambda a: place.get(a.id, len(place)))
+
+    def count_others(self) -> dict[str, int]:
+        """How many there are besides the agents of the instruction."""
+        others = [each for each in self.situation.present if each.role == "background"]
+        walking = sum(each.type == "pedestrian" for each in others)
+        return {"vehicles": len(others) - walking, "pedestrians": walking}
 
     def keep_way(self, node: AgentNode) -> AgentNode:
         """The node with the way that its agent takes now, where the graph leaves that open."""
@@ -302,11 +305,7 @@ def _change_numbers(found: re.Match[str], talk: Talk) -> Reading | None:
     groups = found.groupdict()
     factor = 0.5 if groups["share"] == "half" else 2.0
     noun = groups.get("noun") or "cars"
-    counts = {
-        kind: sum(e.role == "background" and (e.type == "pedestrian") == (kind == "pedestrians")
-                  for e in talk.situation.present)
-        for kind in ("vehicles", "pedestrians")
-    }  # fmt: skip
+    counts = talk.count_others()
     kinds = ["pedestrians"] if noun in ("pedestrians", "people", "walkers") else ["vehicles"]
     if noun in ("traffic", "agents", "others", "everybody"):
         kinds = ["vehicles", "pedestrians"]

@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 from scenewright.authoring.everyday_words import (
     LENGTH,
-    OPPOSITE,
     WEATHER,
     Talk,
     decline,
@@ -26,6 +25,7 @@ from scenewright.authoring.everyday_words import (
     simplify,
 )
 from scenewright.backends.offline import CLASSES, rank_intents
+from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
     AgentView,
     ChangeAgent,
@@ -585,14 +585,6 @@ def _change_motion(wish: EditIntent) -> _Answer:
 _PEOPLE = r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b"
 
 
-def _count(wish: EditIntent) -> dict[str, int]:
-    others = [each for each in wish.talk.situation.present if each.role == "background"]
-    return {
-        "vehicles": sum(each.type != "pedestrian" for each in others),
-        "pedestrians": sum(each.type == "pedestrian" for each in others),
-    }
-
-
 def _find_kinds(plain: str) -> list[str]:
     people, cars = re.search(_PEOPLE, plain), re.search(r"\b(?:cars?|vehicles?)\b", plain)
     if people and not cars:
@@ -601,7 +593,7 @@ def _find_kinds(plain: str) -> list[str]:
 
 
 def _change_background(wish: EditIntent) -> _Answer:
-    now, kinds, number = _count(wish), _find_kinds(wish.plain), wish.number()
+    now, kinds, number = wish.talk.count_others(), _find_kinds(wish.plain), wish.number()
     more = wish.intent == "more_traffic"
     twice, half = re.search(r"\b(?:twice|double)\b", wish.plain), re.search(r"\bhalf\b", wish.plain)
     wanted = {}

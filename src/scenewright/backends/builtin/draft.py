@@ -18,11 +18,6 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
-OPPOSITE = {
-    "north": "south", "south": "north", "east": "west", "west": "east",
-    "northeast": "southwest", "southwest": "northeast",
-    "northwest": "southeast", "southeast": "northwest",
-}  # fmt: skip
 LEFT_OF_HEADING = {"north": "west", "east": "north", "south": "east", "west": "south"}
 _FOUR = frozenset({"north", "east", "south", "west"})
 

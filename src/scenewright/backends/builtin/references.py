@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from scenewright.backends.builtin.draft import OPPOSITE, Refused
+from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.named import Named, Way
 from scenewright.backends.builtin.reader.words import COARSE, narrow_subtype
+from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
 from scenewright.scene.track import VEHICLE_SIZES
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import IO, Any, Literal
-from xml.etree.ElementTree import Element, ParseError, XMLPullParser
+from xml.etree.ElementTree import ParseError, XMLPullParser
 
 import numpy as np
 
@@ -186,8 +186,9 @@ def _read_dense(dense: Any, strings: list[str], scale: float, offset: FloatArray
 
 
 def _iterate_xml(file: Path) -> Iterator[OsmElement]:
-    parser, total = XMLPullParser(("start", "end")), 0
-    root: Element | None = None
+    parser: Any = XMLPullParser(("start", "end"))
+    root: Any = None
+    total = 0
     degrees: dict[int, tuple[float, float]] = {}
     tagged: dict[int, dict[str, str]] = {}
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
-    OPPOSITE,
     AgentDraft,
     Draft,
     MeasureDraft,
@@ -39,7 +38,7 @@ from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
 from scenewright.backends.builtin.reader.words import find_class, find_subtype, time_words_in
 from scenewright.backends.builtin.scope import build_not_english, build_nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
-from scenewright.scene.base import AgentClass
+from scenewright.scene.base import OPPOSITE, AgentClass
 from scenewright.scene.kinds import find_marked, list_names
 from scenewright.scene.measures import format_measure
 from scenewright.scene.relations import load_patterns

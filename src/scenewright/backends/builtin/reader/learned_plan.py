@@ -243,6 +243,6 @@ def _settle(interpretation: Interpretation, text: str) -> Draft:
     said = draft.agents or draft.normal or draft.denied or context.density or context.time_of_day
     if not said and context.vehicles is None and context.pedestrians is None:
         raise build_nothing_planned()
-    _, impacts = read_impacts(re.sub(r"(?<!driver)(?<!passenger)['’]s ", "  ", text.lower()))
+    impacts = read_impacts(re.sub(r"(?<!driver)(?<!passenger)['’]s ", "  ", text.lower()))
     place_impacts(draft, impacts)
     return draft
