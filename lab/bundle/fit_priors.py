@@ -66,7 +66,6 @@ def fit_priors(intersection_map: IntersectionMap, corpus: Sequence[CorpusHour]) 
             for route in intersection_map.routes
         },
         counts=tuple(_fit_hour(known, h, WINDOW) for h in range(HOURS)),
-        instants=tuple(_fit_hour(known, h, 0.0) for h in range(HOURS)),
         driving_profiles=fit_driving_profiles(intersection_map, trips),
         frequency=_compute_frequency(intersection_map, corpus),
         subtypes={

@@ -431,3 +431,34 @@ def test_a_number_becomes_a_figure_of_the_graph(words: str, measure: str) -> Non
 @pytest.mark.parametrize("words", ["Two cars crash at the lights", "A bus hits a cyclist"])
 def test_words_with_parties_and_an_event_of_their_own_are_a_new_scene(words: str) -> None:
     assert isinstance(read(words, ONE), NewScene)
+
+
+RIDES = situation(
+    "A car from the west goes straight. A cyclist from the north yields to a pedestrian.",
+    there("vehicle-1", entry="west", exit="east"),
+    there("cyclist-1", movement="straight", speed=4.0, stops=True),
+    there("pedestrian-1", crosswalk="east"),
+)
+
+
+def test_riders_are_added_and_changed_as_vehicles_are() -> None:
+    two = stated("add two scooters", RIDES)
+    assert [each["node"]["type"] for each in two] == ["scooter", "scooter"]
+    (turned,) = stated("the cyclist turns left", RIDES)
+    assert (turned["node"]["type"], turned["node"]["movement"]) == ("cyclist", "left")
+    assert stated("the bike goes at 5 m/s", RIDES) == [
+        {"": "SetPace", "agent": "cyclist-1", "factor": 1.25}
+    ]
+
+
+@pytest.mark.parametrize("words", ["add a dog", "remove the tram", "let there be a horse"])
+def test_what_no_scene_has_is_refused(words: str) -> None:
+    declined = read(words, ONE)
+    assert isinstance(declined, DeclinedTurn)
+    assert declined.code == "impossible"
+    assert "none can be" in declined.reason
+
+
+def test_a_parked_vehicle_is_no_agent() -> None:
+    assert [each[""] for each in stated("put a parked truck there")] == ["AddObject"]
+    assert isinstance(read("an e-scooter follows a bike through the junction", ONE), NewScene)

@@ -19,7 +19,7 @@ from scenewright.scene.behavior import Segment
 from scenewright.scene.selection import PlannedEvent, Push, SelectedAgent, Selection, Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import summarise
-from scenewright.tools.segment_editor import edit, end_motion, push_motion
+from scenewright.tools.segment_editor import compute_edited_motion, end_motion, push_motion
 from solver_agents import (
     EAST,
     SOUTH,
@@ -47,6 +47,12 @@ def selected(of, *, enters=0.0, name="vehicle-1", **more) -> SelectedAgent:
 
 def segment(start, end, anchor, status) -> Segment:
     return Segment(start=max(start, 0.0), end=max(end, 0.0), anchor=anchor, status=status)
+
+
+def edit(agent, segments, anchors, *, duration):
+    """The track of an agent edited by its segments; None if nothing of it falls into the scene."""
+    motion = compute_edited_motion(agent, segments, anchors, duration=duration)
+    return sample_track(motion, enters=agent.enters, until=duration)
 
 
 def edited(agent, *segments, **anchors):

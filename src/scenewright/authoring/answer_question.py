@@ -13,6 +13,7 @@ from scenewright.authoring.scene_motion import (
     find_closest,
     measure_distance,
 )
+from scenewright.backends.offline import CLASSES
 from scenewright.geometry.map_areas import geos
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.kinds import has_trait
@@ -37,14 +38,9 @@ _FIGURES = {
     "relative_speed": "contact at {:.1f} m/s", "drac": "{:.1f} m/s² of braking needed",
     "least_gap": "least gap {:.1f} m", "least_headway": "least headway {:.1f} s",
 }  # fmt: skip
-_WORDS = {
-    "car": "car sedan", "vehicle": "vehicle driver", "truck": "truck lorry rig semi",
-    "van": "van", "bus": "bus",
-    "taxi": "taxi cab", "ambulance": "ambulance", "police_car": "police", "fire_engine": "fire",
-    "motorcycle": "motorcycle motorbike", "cyclist": "cyclist bike bicycle", "scooter": "scooter",
-    "pedestrian": "pedestrian walker man woman child person her him she he",
-}  # fmt: skip
-_NOUNS = {word: kind for kind, words in _WORDS.items() for word in words.split()}
+_NOUNS = {noun: subtype or kind for noun, (kind, subtype) in CLASSES.items()}
+_NOUNS |= {"police": "police_car", "fire": "fire_engine"}
+_NOUNS |= dict.fromkeys(("her", "him", "she", "he"), "pedestrian")
 """Noun or pronoun -> class or subtype."""
 
 

@@ -11,7 +11,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
+from scenewright.backends.offline import CLASSES
+from scenewright.scene.base import OPPOSITE, RIDERS, Compass, Movement
 from scenewright.scene.edits import (
     AddAgent,
     ChangeAgent,
@@ -48,25 +49,6 @@ LENGTH = (
     "How long a scene lasts follows from what happens in it, 30 s at the most. To have it happen "
     'at another time, say "let it happen 12 s into the scene".'
 )
-CLASSES: dict[str, tuple[str, str | None]] = {
-    "car": ("vehicle", "car"), "taxi": ("vehicle", "taxi"), "cab": ("vehicle", "taxi"),
-    "van": ("vehicle", "van"), "truck": ("vehicle", "truck"), "lorry": ("vehicle", "truck"),
-    "bus": ("vehicle", "bus"), "coach": ("vehicle", "bus"), "motorcycle": ("vehicle", "motorcycle"),
-    "motorbike": ("vehicle", "motorcycle"), "vehicle": ("vehicle", None),
-    "driver": ("vehicle", None), "cyclist": ("cyclist", None), "bike": ("cyclist", None),
-    "bicycle": ("cyclist", None), "biker": ("cyclist", None), "scooter": ("scooter", None),
-    "e-scooter": ("scooter", None), "pedestrian": ("pedestrian", None),
-    "walker": ("pedestrian", None), "man": ("pedestrian", None), "woman": ("pedestrian", None),
-    "child": ("pedestrian", None), "kid": ("pedestrian", None), "guy": ("pedestrian", None),
-    "boy": ("pedestrian", None), "girl": ("pedestrian", None), "person": ("pedestrian", None),
-    "lady": ("pedestrian", None), "ped": ("pedestrian", None), "minibus": ("vehicle", "bus"),
-    "sedan": ("vehicle", "car"), "suv": ("vehicle", "car"), "pickup": ("vehicle", "car"),
-    "semi": ("vehicle", "truck"), "rig": ("vehicle", "truck"),
-    "escooter": ("scooter", None), "bloke": ("pedestrian", None), "fella": ("pedestrian", None),
-    "gentleman": ("pedestrian", None), "adult": ("pedestrian", None),
-    "police car": ("vehicle", "police_car"), "ambulance": ("vehicle", "ambulance"),
-}  # fmt: skip
-"""Noun -> class and subtype."""
 _NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
 _WHO = (
     rf"(?P<who>it|him|her|them|he|she|they|me|ego|that(?: one)?|(?:the |that |this )?other one|"
@@ -80,11 +62,8 @@ _SIDE = r"(?P<{}>north|east|south|west)"
 _GOES = (
     r"(?:go|goes|going|walk|walks|drive|drives|ride|rides|move|moves|be|is|come in|comes in|cross)"
 )
-OPPOSITE: dict[str, Compass] = {
-    "north": "south", "south": "north", "east": "west", "west": "east",
-}  # fmt: skip
 _SLOW, _FAST = 0.8, 1.25
-_EARLIER, KMH = 3.0, 3.6
+_EARLIER = 3.0
 _VERY = 0.6
 _CLOSER = 0.6
 
@@ -107,6 +86,12 @@ class Talk:
         """The agents of the instruction, those spoken of last first."""
         place = {name: n for n, name in enumerate(self.touched)}
         return sorted(self.situation.graph.agents, key=lambda a: place.get(a.id, len(place)))
+
+    def count_others(self) -> dict[str, int]:
+        """How many there are besides the agents of the instruction."""
+        others = [each for each in self.situation.present if each.role == "background"]
+        walking = sum(each.type == "pedestrian" for each in others)
+        return {"vehicles": len(others) - walking, "pedestrians": walking}
 
     def keep_way(self, node: AgentNode) -> AgentNode:
         """The node with the way that its agent takes now, where the graph leaves that open."""
@@ -272,7 +257,7 @@ def _become(found: re.Match[str], talk: Talk) -> Reading | None:
         return None
     kind, subtype = CLASSES[noun]
     if kind != node.type and kind in RIDERS and node.type != "pedestrian":
-        return _replace_by_rider(node, kind, talk)
+        return replace_agent(node, noun, talk)
     if kind != node.type:
         return decline(
             f"{node.id} stays a {node.type}: those of another class move in other ways. Say what "
@@ -320,11 +305,7 @@ def _change_numbers(found: re.Match[str], talk: Talk) -> Reading | None:
     groups = found.groupdict()
     factor = 0.5 if groups["share"] == "half" else 2.0
     noun = groups.get("noun") or "cars"
-    counts = {
-        kind: sum(e.role == "background" and (e.type == "pedestrian") == (kind == "pedestrians")
-                  for e in talk.situation.present)
-        for kind in ("vehicles", "pedestrians")
-    }  # fmt: skip
+    counts = talk.count_others()
     kinds = ["pedestrians"] if noun in ("pedestrians", "people", "walkers") else ["vehicles"]
     if noun in ("traffic", "agents", "others", "everybody"):
         kinds = ["vehicles", "pedestrians"]
@@ -369,18 +350,6 @@ def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
     return set_measure("time", min(max(time, low), high), edge[0].from_, edge[0].to)
 
 
-def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
-    """A speed of a rider; the planner's reader reads this for all other agents."""
-    node = talk.find(found["who"])
-    if node is None or node.type not in ("cyclist", "scooter"):
-        return None
-    value = float(found["value"]) / (KMH if found["unit"].startswith("k") else 1.0)
-    unit = UNITS["speed"]
-    if not unit.least <= value <= unit.most:
-        return None
-    return set_measure("speed", value, node.id)
-
-
 def set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
     """The edit that asks for a figure, with the tolerance of its kind."""
     tolerance = UNITS[kind].tolerance
@@ -406,25 +375,21 @@ def choose_id(kind: str, talk: Talk) -> str:
     return next(f"{kind}-{n}" for n in range(1, 99) if f"{kind}-{n}" not in taken)
 
 
-def _replace_by_rider(node: AgentNode, kind: AgentClass, talk: Talk) -> Reading:
-    """A rider in the agent's place, on its way as far as riders take it, in its relations."""
-    graph, name = talk.situation.graph, choose_id(kind, talk)
-    kept = talk.keep_way(node)
+def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
+    """An agent of another class in the place of one: in its relations, on its way if it can."""
+    kind, subtype = CLASSES[noun]
+    name, kept = choose_id(kind, talk), talk.keep_way(node)
     way = {key: getattr(kept, key) for key in ("entry", "exit", "movement", "crosswalk")}
-    rider = AgentNode.model_validate({"id": name, "type": kind, **way})
-    edges = [each for each in graph.relations if node.id in (each.from_, each.to)]
+    way = {} if "pedestrian" in (kind, node.type) else way
+    added = AgentNode.model_validate({"id": name, "type": kind, "subtype": subtype, **way})
     open_ = {"kind": None, "pattern": None, "point_from": None, "point_to": None}
-
-    def rename(edge: RelationEdge) -> RelationEdge:
-        ends = {
-            key: name
-            for key in ("from_", "to", "first", "strikes")
-            if getattr(edge, key) == node.id
-        }
-        return edge.model_copy(update={**open_, **ends})
-
-    related = (Relate(edge=rename(each)) for each in edges)
-    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=rider), *related)
+    related = []
+    for edge in talk.situation.graph.relations:
+        ends = [key for key in ("from_", "to", "first", "strikes") if getattr(edge, key) == node.id]
+        if ends:
+            update = open_ | dict.fromkeys(ends, name)
+            related.append(Relate(edge=edge.model_copy(update=update)))
+    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *related)
 
 
 def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -484,12 +449,6 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
         (rf"^(?:{_MAKE} (?:it|this|that|them|the \w+) (?:to )?happen )?(?:a (?:bit|little) |much )?"
          r"(?:(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|secs?|seconds?) )?(?P<when>earlier|later)$",
          _shift_event),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should)? {_GOES} (?:at )?(?P<value>\d{{1,2}}(?:\.\d)?) ?"
-         r"(?P<unit>km/?h|kmh|kph|m/s)$", _ride_at),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall)? ?(?:go(?:es)? |be |is |ride(?:s)? |turn(?:s)"
-         rf"? )?"
-         rf"(?P<turn>straight(?: on| ahead)?|left|right)?,? ?(?:com(?:e|es|ing) )?"
-         rf"(?:from the {_SIDE.format('entry')})?$", _come_from),
         (rf"^(?:{_MAKE} )?{_WHO}(?: should)? waits? (?:a (?:bit|little|while)|for a (?:bit|"
          rf"moment)|longer|"
          r"(?:for )?(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|sec|seconds?))(?: longer| more)?"

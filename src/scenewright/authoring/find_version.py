@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from scenewright.authoring.everyday_words import CLASSES
 from scenewright.authoring.thread_state import ThreadState, Version
+from scenewright.backends.offline import CLASSES
 
 _NEWEST = re.compile(r"\b(?:latest|newest|most recent|last one i)\b")
 _FIRST = re.compile(r"\b(?:first|original|very start|beginning|oldest)\b")

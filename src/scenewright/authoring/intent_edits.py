@@ -15,20 +15,18 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from scenewright.authoring.everyday_words import (
-    CLASSES,
     LENGTH,
-    OPPOSITE,
     WEATHER,
     Talk,
-    choose_id,
     decline,
     make_edits,
+    replace_agent,
     set_measure,
     simplify,
 )
-from scenewright.backends.offline import rank_intents
+from scenewright.backends.offline import CLASSES, rank_intents
+from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
-    AddAgent,
     AgentView,
     ChangeAgent,
     Edits,
@@ -388,23 +386,6 @@ def _become(wish: EditIntent) -> _Answer:
     return f"make {node.id} a {noun}" if kind == node.type else replace_agent(node, noun, wish.talk)
 
 
-def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
-    """Another agent of another class in the place of one: same way, same relations."""
-    kind, subtype = CLASSES[noun]
-    graph, view = talk.situation.graph, next(e for e in talk.situation.present if e.id == node.id)
-    name = choose_id(kind, talk)
-    walks = "pedestrian" in (kind, node.type)
-    fields = {"id": name, "type": kind, "subtype": subtype}
-    way = {} if walks else {"entry": view.entry, "movement": view.movement}
-    swapped = []
-    for each in graph.relations:
-        if node.id in (each.from_, each.to):
-            mine = "from_" if each.from_ == node.id else "to"
-            swapped.append(Relate(edge=each.model_copy(update={mine: name, "kind": None})))
-    added = AddAgent(node=AgentNode.model_validate({**fields, **way}))
-    return make_edits(added, *swapped, RemoveAgent(agent=node.id))
-
-
 def _find_side(plain: str) -> str | None:
     bound = _BOUND.search(plain)
     if bound is not None:
@@ -604,14 +585,6 @@ def _change_motion(wish: EditIntent) -> _Answer:
 _PEOPLE = r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b"
 
 
-def _count(wish: EditIntent) -> dict[str, int]:
-    others = [each for each in wish.talk.situation.present if each.role == "background"]
-    return {
-        "vehicles": sum(each.type != "pedestrian" for each in others),
-        "pedestrians": sum(each.type == "pedestrian" for each in others),
-    }
-
-
 def _find_kinds(plain: str) -> list[str]:
     people, cars = re.search(_PEOPLE, plain), re.search(r"\b(?:cars?|vehicles?)\b", plain)
     if people and not cars:
@@ -620,7 +593,7 @@ def _find_kinds(plain: str) -> list[str]:
 
 
 def _change_background(wish: EditIntent) -> _Answer:
-    now, kinds, number = _count(wish), _find_kinds(wish.plain), wish.number()
+    now, kinds, number = wish.talk.count_others(), _find_kinds(wish.plain), wish.number()
     more = wish.intent == "more_traffic"
     twice, half = re.search(r"\b(?:twice|double)\b", wish.plain), re.search(r"\bhalf\b", wish.plain)
     wanted = {}

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from scenewright.authoring.everyday_words import CLASSES
 from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
+from scenewright.backends.offline import CLASSES
 from scenewright.errors import BackendFault
 from scenewright.scene.edits import (
     AgentView,

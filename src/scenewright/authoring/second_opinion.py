@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from scenewright.authoring.everyday_words import CLASSES, Talk, simplify
+from scenewright.authoring.everyday_words import Talk, replace_agent, simplify
 from scenewright.authoring.intent_edits import (
     LIKELY,
     STEPS,
@@ -23,12 +23,11 @@ from scenewright.authoring.intent_edits import (
     is_consistent,
     is_question,
     list_makes,
-    replace_agent,
     spell_out,
 )
 from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
-from scenewright.backends.offline import rank_intents
+from scenewright.backends.offline import CLASSES, rank_intents
 from scenewright.scene.edits import (
     Clarification,
     DeclinedTurn,

@@ -24,8 +24,6 @@ from scenewright.errors import InputError
 from scenewright.intersections import find_data_folder
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from scenewright.authoring.session import Session, SessionVersion
     from scenewright.cli.chat_options import ChatOptions
     from scenewright.cli.views import ViewKind
@@ -141,7 +139,6 @@ class _ChatLoop:
         self._session, self._progress_log, self._episodes = session, progress_log, episodes
         self._out, self._json = out, as_json
         self._quiet = quiet or as_json or not is_terminal(sys.stderr)
-        self._page = None if as_json else _make_console()
         self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
             "undo": lambda _: self._session.undo(),
             "redo": lambda _: self._session.redo(),
@@ -343,14 +340,14 @@ class _ChatLoop:
         shown = self._session.find_version() if reply["kind"] in ("made", "moved_to") else None
         if shown is not None:
             reply = {**reply, **build_facts(shown)}
-        if self._page is None:
+        if self._json:
             ok = reply["kind"] != "refused"
             write_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})
             return
         from scenewright.cli.turn_report import format_reply
 
         for style, line in format_reply(reply, shown):
-            _print(self._page, style, line)
+            _print(style, line)
 
 
 def build_facts(shown: SessionVersion) -> dict[str, Any]:
@@ -382,27 +379,18 @@ def build_facts(shown: SessionVersion) -> dict[str, Any]:
     }
 
 
-def _make_console() -> Console:
-    from rich.console import Console
-
-    tty = is_terminal(sys.stdout)
-    return Console(
-        file=sys.stdout, highlight=False, markup=False, emoji=False, soft_wrap=True,
-        force_terminal=tty or None,
-    )  # fmt: skip
-
-
-def _print(page: Console, style: str, line: str) -> None:
+def _print(style: str, line: str) -> None:
+    """A line for people, in colour where a terminal shows it."""
+    plain = format_one_line(line, limit=_LONGEST_HISTORY)
+    indent = line[: len(line) - len(line.lstrip(" "))]
+    if not is_terminal(sys.stdout):
+        write_stdout(f"{indent}{plain}\n")
+        return
     from io import StringIO
 
     from rich.console import Console
     from rich.text import Text
 
-    plain = format_one_line(line, limit=_LONGEST_HISTORY)
-    indent = line[: len(line) - len(line.lstrip(" "))]
-    if not page.is_terminal:
-        write_stdout(f"{indent}{plain}\n")
-        return
     buffer = StringIO()
     Console(file=buffer, force_terminal=True, soft_wrap=True).print(Text(indent + plain, style))
     write_stdout(buffer.getvalue())

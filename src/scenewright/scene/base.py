@@ -18,6 +18,11 @@ RIDERS: tuple[AgentClass, ...] = ("cyclist", "scooter")
 Compass = Literal[
     "north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"
 ]
+OPPOSITE: dict[str, Compass] = {
+    "north": "south", "south": "north", "east": "west", "west": "east",
+    "northeast": "southwest", "southwest": "northeast",
+    "northwest": "southeast", "southeast": "northwest",
+}  # fmt: skip
 Movement = Literal["straight", "left", "right", "uturn", "crossing", "jaywalking"]
 Colour = Literal["green", "yellow", "red"]
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import Motion, StopCommand, compute_motion, sample_track
+from scenewright.geometry.driving_profile import Motion, StopCommand, compute_motion
 from scenewright.scene.behavior import Segment
 from scenewright.scene.selection import Push, SelectedAgent, Slowing, Stop
-from scenewright.scene.track import STEP, Track
+from scenewright.scene.track import STEP
 
 _STAYS_ON = 5.0
 _SAME_PLACE = 1e-3
@@ -52,25 +52,6 @@ def _get_local_push(agent: SelectedAgent) -> Push | None:
     return None if agent.push is None else agent.push.shift(-agent.enters)
 
 
-def edit(
-    agent: SelectedAgent,
-    segments: tuple[Segment, ...],
-    anchors: dict[str, float],
-    *,
-    duration: float,
-) -> Track | None:
-    """The prior of `agent` edited by its segments, over [0, duration] [s].
-
-    Args:
-        anchors: arc length [m] of every anchor on the agent's path.
-
-    Returns:
-        The track; None if nothing of it falls into the scene.
-    """
-    motion = compute_edited_motion(agent, segments, anchors, duration=duration)
-    return sample_track(motion, enters=agent.enters, until=duration)
-
-
 def compute_edited_motion(
     agent: SelectedAgent,
     segments: tuple[Segment, ...],
@@ -78,7 +59,11 @@ def compute_edited_motion(
     *,
     duration: float,
 ) -> Motion:
-    """The same as motion along the path, from where the agent enters the map to where it ends."""
+    """The prior of an agent edited by its segments, from where it enters the map to where it ends.
+
+    Args:
+        anchors: arc length [m] of every anchor on the agent's path; duration: of the scene [s].
+    """
     editing = _build_edits(agent, segments, anchors, duration)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
     if editing.push is not None:

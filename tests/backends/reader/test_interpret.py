@@ -565,3 +565,11 @@ def test_bystanders_who_stand_are_not_made_to_walk_without_a_word() -> None:
         "[veh:1 A car] [hit:1>2 hits] [ped:2 a man]. [bgped Three people] stand there."
     )
     assert ("stand", "nothing") in [(each.words, each.became) for each in graph.said]
+
+
+def test_a_reaction_that_a_class_does_not_have_is_left_out() -> None:
+    graph = graph_of(
+        "[veh:1 The bus] has stopped for [ped:2 the boy]; [yield:1>2 it waits]. [veh:3 The car "
+        "behind the bus] [act:3 overtakes]. [near:3>2 The boy steps back just in time]."
+    )
+    assert [each.reaction for each in graph.agents if each.type == "vehicle"] == [None, None]

@@ -1,12 +1,12 @@
-"""Clock times, ranges and severities out of clean text; the words for times of day."""
+"""Clock times and ranges out of clean text; the words for times of day."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.reader.words import VOCABULARY
 
 _Reader = Callable[[re.Match[str]], str | None]
 _DAY = 24 * 60
@@ -66,86 +66,11 @@ _BARE = re.compile(
     r"seconds?|s\b|feet|ft|%|degree|"
     r"cars?|vehicles?|ped|pedestrians?|people|percent))\b(?=\s*(?:$|[.,;]|a\b|the\b|in\b|with\b))"
 )
-_MEASURE = (
-    r"(pet|ttc|time[ -]to[ -]collision|post[ -]?encroachment(?:[ -]time)?)(?: ?\((?:pet|ttc)\))?"
-)
-_SECONDS = r"(?:s|sec|secs|seconds?)"
-_FIGURE = r"(\d+(?:[.,]\d+)?|one|two|three|half an?|three quarters of an?|one and a half)"
-_PET = re.compile(
-    rf"\b{_MEASURE}(?: (?:of|is|was|equals|around|about|approximately|roughly|only|just|merely|"
-    rf"a|mere|min|minimum|value|at most|less than|drops?|dropped|falls?|fell|to|down|below|under|"
-    rf"at|near))*\s*[:=<>≤≥≈]*\s*"
-    rf"{_FIGURE}(?:\s*|-){_SECONDS}?\b"
-)
-_PET_AFTER = re.compile(rf"\b{_FIGURE}(?:\s*|-){_SECONDS}\s*\(?(?:of )?{_MEASURE}\b")
-_GAP = re.compile(
-    rf"\b(?:time )?gap (?:of |is |was |between them |between the two |only |just |about |a |mere )*"
-    rf"{_FIGURE}(?:\s*|-){_SECONDS}\b"
-)
-_HEADWAY = re.compile(r"\b(?:headway|follow\w*|tail\w*|trail\w*|behind)\b")
-_IN_SECONDS = {
-    "one": 1.0, "two": 2.0, "three": 3.0, "half a": 0.5, "half an": 0.5,
-    "three quarters of a": 0.75, "one and a half": 1.5,
-}  # fmt: skip
-_SPEED = re.compile(
-    r"(?:\bat\s+)?(?:(?:about|around|roughly|over|under|nearly)\s+)*\b(\d+(?:\.\d+)?)\s*"
-    r"(km/h|kmh|kph|km per hour|kilometers per hour|kilometres per hour|mph|"
-    r"miles per hour|m/s|meters per second)"
-)
-_MPS = {"k": 1 / 3.6, "mp": 0.44704, "mi": 0.44704, "m/": 1.0, "me": 1.0}
-
-WORD_RANGES: dict[str, tuple[tuple[str, str], ...]] = {
-    "dawn": (("04:30", "07:30"),),
-    "early morning": (("04:00", "08:30"),),
-    "morning rush": (("06:30", "10:00"),),
-    "mid-morning": (("09:00", "11:30"),),
-    "morning": (("04:00", "12:00"),),
-    "noon": (("11:00", "13:00"),),
-    "lunch": (("11:00", "14:30"),),
-    "early afternoon": (("12:00", "15:00"),),
-    "afternoon": (("12:00", "18:00"),),
-    "mid-afternoon": (("14:00", "16:30"),),
-    "late afternoon": (("15:00", "18:30"),),
-    "evening rush": (("15:30", "19:30"),),
-    "rush hour": (("06:30", "10:00"), ("15:30", "19:30")),
-    "early evening": (("17:00", "19:30"),),
-    "evening": (("17:00", "22:00"),),
-    "late evening": (("20:00", "23:30"),),
-    "dusk": (("16:30", "21:30"),),
-    "night": (("19:00", "05:30"),),
-    "late night": (("21:30", "04:00"),),
-    "midnight": (("23:30", "00:30"),),
-    "small hours": (("00:00", "04:00"),),
-}
-_TYPICAL = {
-    "dawn": "06:00", "early morning": "06:30", "morning rush": "08:00", "mid-morning": "10:00",
-    "morning": "09:00", "noon": "12:00", "lunch": "12:30", "early afternoon": "13:30",
-    "afternoon": "15:00", "mid-afternoon": "15:00", "late afternoon": "16:30",
-    "evening rush": "17:30", "rush hour": "08:00",
-    "early evening": "18:00", "evening": "19:00", "late evening": "21:30", "dusk": "18:30",
-    "night": "22:00", "late night": "23:00", "midnight": "00:00",
-    "small hours": "02:00",
-}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Clock:
-    """Explicit figures of the text; times as HH:MM or HH:MM-HH:MM, speed in m/s, PET "
-    "and TTC in s."""
-
-    time: str | None = None
-    pet: float | None = None
-    ttc: float | None = None
-    speed: float | None = None
-
-
-def read_clock(text: str) -> tuple[str, Clock]:
-    """The text without its figures, and the figures; Refused where two clock times differ."""
-    text, pet, ttc = _read_severity(re.sub(r"(?<=\d)ish\b", "", text))
-    speed: float | None = None
-    if match := _SPEED.search(text):
-        speed = float(match[1]) * next(f for key, f in _MPS.items() if match[2].startswith(key))
-        text = _cut(text, match)
+def read_clock(text: str) -> str | None:
+    """The time in the text as HH:MM or HH:MM-HH:MM; Refused where two clock times differ."""
+    text = re.sub(r"(?<=\d)ish\b", "", text)
     times: list[str] = []
     text = _HALF_PAST.sub(_write_in_digits, text)
     for pattern, reader in (
@@ -164,7 +89,7 @@ def read_clock(text: str) -> tuple[str, Clock]:
         raise Refused(
             "contradictory", f"The text names several times ({', '.join(times)}); keep one."
         )
-    return text, Clock(times[0] if times else None, pet, ttc, speed)
+    return times[0] if times else None
 
 
 def read_time_words(words: list[str], *, clock: str | None) -> str | None:
@@ -187,7 +112,7 @@ def read_time_words(words: list[str], *, clock: str | None) -> str | None:
             "contradictory", f"{' and '.join(names)} exclude one another; name one time of day."
         )
     narrow = min(names, key=lambda name: len(_list_minutes(name)))
-    typical = _parse_minute(_TYPICAL[narrow])
+    typical = _parse_minute(VOCABULARY["times_of_day"][narrow]["typical"])
     best = min(allowed, key=lambda m: (min((m - typical) % _DAY, (typical - m) % _DAY), m))
     return _format_minute(best)
 
@@ -318,27 +243,10 @@ def _shift_half_day(hour: int, half: str | None, part: str | None) -> int:
     return hour % 12 + (12 if late else 0)
 
 
-def _read_severity(text: str) -> tuple[str, float | None, float | None]:
-    found: dict[str, float] = {}
-    for pattern, name, number in ((_PET, 1, 2), (_PET_AFTER, 2, 1)):
-        while match := pattern.search(text):
-            key = "pet" if match[name].startswith("p") else "ttc"
-            found[key] = _parse_seconds(match[number])
-            text = _cut(text, match)
-    if not found and not _HEADWAY.search(text) and (match := _GAP.search(text)):
-        found["pet"] = _parse_seconds(match[1])
-        text = _cut(text, match)
-    return text, found.get("pet"), found.get("ttc")
-
-
-def _parse_seconds(figure: str) -> float:
-    return _IN_SECONDS.get(figure) or float(figure.replace(",", "."))
-
-
 def _list_minutes(name: str) -> set[int]:
     result: set[int] = set()
-    for start, end in WORD_RANGES[name]:
-        first, last = _parse_minute(start), _parse_minute(end)
+    for span in VOCABULARY["times_of_day"][name]["ranges"]:
+        first, last = _parse_minute(span[:5]), _parse_minute(span[6:])
         result |= {m % _DAY for m in range(first, (last if last >= first else last + _DAY) + 1, 5)}
     return result
 

@@ -18,11 +18,6 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
-OPPOSITE = {
-    "north": "south", "south": "north", "east": "west", "west": "east",
-    "northeast": "southwest", "southwest": "northeast",
-    "northwest": "southeast", "southeast": "northwest",
-}  # fmt: skip
 LEFT_OF_HEADING = {"north": "west", "east": "north", "south": "east", "west": "south"}
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -102,7 +97,6 @@ class AgentDraft:
     label: str | None = None
     head: str = ""
     relatives: list[tuple[str, AgentDraft | None]] = field(default_factory=list)
-    turned: bool = False
     generic: bool = False
     words: frozenset[str] = frozenset()
     reaction: AskedReaction | None = None

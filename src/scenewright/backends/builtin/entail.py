@@ -6,20 +6,22 @@ says where a turn leads: what is said is kept as it is, and grounding finds the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from scenewright.backends.builtin.draft import (
     LEFT_OF_HEADING,
-    OPPOSITE,
     AgentDraft,
     Draft,
     Refused,
     RelationDraft,
     Site,
 )
+from scenewright.scene.base import OPPOSITE
 from scenewright.scene.kinds import has_trait
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {exit_: entry for entry, exit_ in LEFT.items()}
-TURNS = {
+TURNS: Mapping[str, Mapping[str, str]] = {
     "left": LEFT,
     "right": RIGHT,
     "straight": OPPOSITE,

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 
 from scenewright.scene.social import ImpactPoint
 
-_ENDS = {"front": "front", "rear": "rear", "back": "rear"}
-_SIDES = {
+_ENDS: dict[str, ImpactPoint] = {"front": "front", "rear": "rear", "back": "rear"}
+_CORNERS: dict[tuple[str, str], ImpactPoint] = {
+    ("front", "left"): "front_left", ("front", "right"): "front_right",
+    ("rear", "left"): "rear_left", ("rear", "right"): "rear_right",
+}  # fmt: skip
+_SIDES: dict[str, ImpactPoint] = {
     "left": "left", "driver": "left", "drivers": "left",
     "right": "right", "passenger": "right", "passengers": "right",
 }  # fmt: skip
@@ -55,8 +59,8 @@ class Impacts:
     struck: ImpactPoint | None = None
 
 
-def read_impacts(text: str) -> tuple[str, Impacts]:
-    """The text without its points of impact, and these."""
+def read_impacts(text: str) -> Impacts:
+    """The points of impact that a text in lower case names."""
     found: dict[str, ImpactPoint] = {}
     for pattern, party in (
         (_STRUCK_BY, "striking"), (_STRUCK_AT, "struck"), (_WITH, "striking"), (_ON, "struck"),
@@ -69,19 +73,13 @@ def read_impacts(text: str) -> tuple[str, Impacts]:
         # "into the back of a bus" is a rear-end, which the words themselves must go on saying.
         if not (match["plain"] and found[party] == "rear"):
             text = f"{text[: match.start()]}{match['before']}{text[match.end() :]}"
-    return text, Impacts(found.get("striking"), found.get("struck"))
+    return Impacts(found.get("striking"), found.get("struck"))
 
 
 def _name_impact(match: re.Match[str]) -> ImpactPoint:
     end, hand = match["end"] or match["end2"], match["hand"] or match["hand2"]
-    corners: dict[tuple[str, str], ImpactPoint] = {
-        ("front", "left"): "front_left", ("front", "right"): "front_right",
-        ("rear", "left"): "rear_left", ("rear", "right"): "rear_right",
-    }  # fmt: skip
     if end and hand:
-        return corners[_ENDS[end], hand]
+        return _CORNERS[_ENDS[end], hand]
     if match["side"]:
-        return "left" if _SIDES[match["side"].replace("'", "")] == "left" else "right"
-    if match["plain"]:
-        return "front" if _ENDS[match["plain"]] == "front" else "rear"
-    return "side"
+        return _SIDES[match["side"].replace("'", "")]
+    return _ENDS[match["plain"]] if match["plain"] else "side"

@@ -6,8 +6,7 @@ import re
 from collections.abc import Sequence
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.mentions import Item, Mention
-from scenewright.backends.builtin.redraft import get_next_item
+from scenewright.backends.builtin.named import Named
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, Edit, Relate, Situation
 from scenewright.scene.social import RelationEdge
@@ -23,7 +22,7 @@ _ORDER = re.compile(
 
 
 def read_order(
-    plain: str, items: Sequence[Item], situation: Situation, people: People
+    plain: str, every: Sequence[Named], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """The relation of the two with that order; None where the words speak of none.
 
@@ -32,7 +31,7 @@ def read_order(
         Refused: nothing happens between the two, or it is so already.
     """
     said = _ORDER.search(plain)
-    named = _list_named(items, people) if said else []
+    named = _list_named(every, people) if said else []
     if said is None or not named:
         return None
     edge = _find_edge(named, situation, people)
@@ -56,12 +55,8 @@ def reorder(edge: RelationEdge, *, first: str, second: str) -> RelationEdge:
     return RelationEdge.model_validate(plain)
 
 
-def _list_named(items: Sequence[Item], people: People) -> list[AgentView]:
-    found = (
-        people.find_named(item, get_next_item(items, at))
-        for at, item in enumerate(items)
-        if isinstance(item, Mention)
-    )
+def _list_named(every: Sequence[Named], people: People) -> list[AgentView]:
+    found = map(people.find_agent, every)
     return list({each.id: each for each in found if each is not None}.values())
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 
 from scenewright.backends.builtin.draft import Refused, Site
-from scenewright.backends.builtin.normalise import clean, split_tokens
 from scenewright.backends.builtin.phrases import replace_phrases
 from scenewright.backends.builtin.plurals import count_plurals
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
@@ -100,7 +99,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
         mended = mend_spelling(text)
-        check_language(text, split_tokens(clean(mended.text)))
+        check_language(text, mended.text)
         phrased = replace_phrases(mended.text)
         learned = read_plan(phrased.text, previous=previous, site=site, phrases=phrased.phrases)
     except Refused as verdict:

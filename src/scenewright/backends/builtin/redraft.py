@@ -12,9 +12,7 @@ from collections.abc import Mapping, Sequence
 from pydantic import ValidationError
 
 from scenewright.backends.builtin.draft import Refused, Site
-from scenewright.backends.builtin.lexicon import Chunk
-from scenewright.backends.builtin.mentions import Item, Mention
-from scenewright.backends.builtin.normalise import clean, split_tokens
+from scenewright.backends.builtin.named import Named
 from scenewright.backends.builtin.phrases import replace_phrases
 from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.learned_plan import (
@@ -22,7 +20,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
     is_no_change,
     read_plan,
 )
-from scenewright.backends.builtin.references import ORDINALS, People, format_phrase
+from scenewright.backends.builtin.references import ORDINALS, People
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.scene.edits import Edit, SetMeasure, Situation, diff_graphs
 from scenewright.scene.phrasing import choose_names, describe_graph
@@ -41,30 +39,22 @@ _ENDS = ("from_", "to", "braker", "first", "strikes")
 """Fields of a relation that name an agent."""
 
 
-def get_next_item(items: Sequence[Item], at: int) -> Item | None:
-    """What follows an item; None at the end."""
-    return items[at + 1] if at + 1 < len(items) else None
-
-
 def read_change(
-    text: str, items: Sequence[Item], situation: Situation, people: People, *, site: Site
+    text: str, every: Sequence[Named], situation: Situation, people: People, *, site: Site
 ) -> tuple[Edit, ...]:
     """The edits that words ask for, by two readings of the scene, without and with them.
 
     Args:
-        items: the words as noun phrases and what stands between them.
+        every: the noun phrases among the words.
 
     Raises:
         Unclear: the words may mean several agents.
         Refused: they cannot be read, or do not fit what is there.
     """
     check_text(text)
-    check_language(text, split_tokens(clean(text)))
-    for item in items:
-        if isinstance(item, Chunk) and item.has("BAD_AGENT"):
-            raise Refused("impossible", f"There is no {item.text} in this scene, and none can be.")
+    check_language(text)
     graph = situation.graph.model_copy(update={"objects": (), "measures": ()})
-    phrased = replace_phrases(_name_people(text, items, situation, people))
+    phrased = replace_phrases(_name_people(text, every, situation, people))
     sentences = describe_graph(graph)
     before = read_plan(sentences, site=site)
     after = read_plan(
@@ -83,17 +73,15 @@ def read_change(
     return _Change(situation, before, after, site).list_edits()
 
 
-def _name_people(text: str, items: Sequence[Item], situation: Situation, people: People) -> str:
+def _name_people(text: str, every: Sequence[Named], situation: Situation, people: People) -> str:
     """The words with the names that the plain sentences have for the agents they mean."""
     names = choose_names(situation.graph)
     in_order = list(names.values())
     for ordinal, at in ORDINALS.items():
         if len(in_order) > at:
             text = re.sub(rf"\bthe {ordinal} one\b", in_order[at], text, flags=re.IGNORECASE)
-    for at, item in enumerate(items):
-        if not isinstance(item, Mention):
-            continue
-        agent = people.find_named(item, get_next_item(items, at))
+    for each in every:
+        agent = people.find_agent(each)
         if agent is None:
             continue
         if agent.id not in names:
@@ -102,7 +90,7 @@ def _name_people(text: str, items: Sequence[Item], situation: Situation, people:
                 f"{agent.id} is a background agent without a role; it can be "
                 "removed, slowed down or moved in time, or an agent of its own can be added.",
             )
-        words = rf"\b(?:(?:the|that|this) )?{re.escape(format_phrase(item))}\b"
+        words = rf"\b(?:(?:the|that|this) )?{re.escape(each.phrase)}\b"
         text = re.sub(words, names[agent.id], text, count=1, flags=re.IGNORECASE)
     return text
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from scenewright.backends.builtin.draft import OPPOSITE, Refused
-from scenewright.backends.builtin.grammar import Modifier
-from scenewright.backends.builtin.mentions import Item, Mention
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.named import Named, Way
 from scenewright.backends.builtin.reader.words import COARSE, narrow_subtype
+from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
 from scenewright.scene.track import VEHICLE_SIZES
 
@@ -44,26 +44,20 @@ class People:
         self._present = {each.id: each for each in situation.present}
         self._chosen = chosen
 
-    def find_named(self, mention: Mention, after: Item | None = None) -> AgentView | None:
-        """The agent that the mention means; None where it introduces one or means a group.
-
-        Args:
-            after: what follows it, such as "from the north".
+    def find_agent(self, named: Named) -> AgentView | None:
+        """The agent that a noun phrase means; None where it introduces one or means a group.
 
         Raises:
             Unclear: it may be any of several.
             Refused: no agent of the scene is like that.
         """
-        if mention.type is None or mention.det in _NEW:
+        if named.type in (None, "none") or named.det in _NEW:
             return None
-        if mention.plural and mention.label is None:
+        if (named.plural and named.label is None) or named.count not in (None, 1):
             return None
-        if mention.counted and mention.count != 1:
-            return None
-        key = format_phrase(mention)
-        if key in self._chosen:
-            return self._present.get(self._chosen[key])
-        return self._choose_one(self._list_fitting(mention, after), mention, key)
+        if named.phrase in self._chosen:
+            return self._present.get(self._chosen[named.phrase])
+        return self._choose_one(self._list_fitting(named), named)
 
     def find_by_id(self, text: str) -> AgentView | None:
         """The agent whose id stands in the text, such as vehicle-12.
@@ -93,46 +87,38 @@ class People:
             return among[0]
         raise Unclear(build_clarification(among, noun))
 
-    def _list_fitting(self, mention: Mention, after: Item | None) -> list[AgentView]:
-        if mention.label is not None:
-            numbered = f"{mention.type}-{mention.label}"
+    def _list_fitting(self, named: Named) -> list[AgentView]:
+        if named.label is not None:
+            numbered = f"{named.type}-{named.label}"
             return [self._present[numbered]] if numbered in self._present else []
-        alike = [each for each in self._present.values() if _is_alike(each, mention)]
+        alike = [each for each in self._present.values() if _is_alike(each, named)]
         front = [each for each in alike if each.role == "foreground"]
-        if not front and mention.type == "vehicle":
+        if not front and named.type == "vehicle":
             # A user that said "a vehicle" calls it a car, whatever was drawn for it.
             only = [each for each in self.list_foreground() if each.type == "vehicle"]
-            if mention.head in {"car", "vehicle"} and len(only) == 1:
+            if named.head in {"car", "vehicle"} and len(only) == 1:
                 front = only
         found = front or alike
-        if mention.det in ORDINALS:
-            return found[ORDINALS[mention.det] :][:1] if found else []
-        given = [each for each in mention.premods if isinstance(each, Modifier)]
-        narrowed = [
-            each for each in found if all(_is_as_described(each, premod) for premod in given)
-        ]
-        if len(narrowed) > 1 and isinstance(after, Modifier) and after.means in _RESTRICTS:
+        if named.det in ORDINALS:
+            return found[ORDINALS[named.det] :][:1] if found else []
+        narrowed = [e for e in found if all(_is_as_described(e, way) for way in named.given)]
+        after = named.after
+        if len(narrowed) > 1 and after is not None and after.means in _RESTRICTS:
             narrowed = [each for each in narrowed if _is_as_described(each, after)] or narrowed
         return narrowed
 
-    def _choose_one(self, found: list[AgentView], mention: Mention, key: str) -> AgentView | None:
+    def _choose_one(self, found: list[AgentView], named: Named) -> AgentView | None:
         if len(found) == 1:
             return found[0]
         if found:
-            raise Unclear(build_clarification(found, key))
-        if mention.det == "bare":
+            raise Unclear(build_clarification(found, named.phrase))
+        if named.det == "bare":
             return None
         here = (
             ", ".join(describe_agent(each) for each in self.list_foreground())
             or "no foreground agent"
         )
-        raise Refused("impossible", f"There is no {key} in this scene; there is {here}.")
-
-
-def format_phrase(mention: Mention) -> str:
-    """What the mention is called, without its determiner."""
-    premods = " ".join(premod.text for premod in mention.premods)
-    return " ".join(f"{premods} {mention.head} {mention.label or ''}".split())
+        raise Refused("impossible", f"There is no {named.phrase} in this scene; there is {here}.")
 
 
 def build_clarification(found: Sequence[AgentView], noun: str) -> Clarification:
@@ -180,26 +166,25 @@ def read_choice(words: str, ask: Clarification) -> Choice | None:
     return fits[0] if len(fits) == 1 else None
 
 
-def _is_alike(agent: AgentView, mention: Mention) -> bool:
-    if agent.type != mention.type:
+def _is_alike(agent: AgentView, named: Named) -> bool:
+    if agent.type != named.type:
         return False
-    named = narrow_subtype(mention.subtype, mention.head)
-    return named not in VEHICLE_SIZES or named in (agent.subtype, COARSE.get(agent.subtype or ""))
+    kind = narrow_subtype(named.subtype, named.head)
+    return kind not in VEHICLE_SIZES or kind in (agent.subtype, COARSE.get(agent.subtype or ""))
 
 
-def _is_as_described(agent: AgentView, given: Modifier) -> bool:
-    if not given.values:
-        return given.means != "straight" or agent.movement == "straight"
-    value = given.values[0]
-    match given.means:
+def _is_as_described(agent: AgentView, way: Way) -> bool:
+    match way.means:
         case "from":
-            return agent.entry == value
-        case "from_to" | "leg" if agent.type == "vehicle":
-            return agent.entry == value
+            return agent.entry == way.value
+        case "leg" if agent.type == "vehicle":
+            return agent.entry == way.value
         case "bound":
-            return agent.entry == OPPOSITE[value]
+            return agent.entry == OPPOSITE[way.value or ""]
         case "crosswalk" | "leg":
-            return agent.crosswalk == value
+            return agent.crosswalk == way.value
         case "turn":
-            return agent.movement == value
+            return agent.movement == way.value
+        case "straight":
+            return agent.movement == "straight"
     return True

@@ -10,21 +10,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from scenewright.backends.builtin.asked_figures import read_figure
-from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.dials import build_motion_edit, number
 from scenewright.backends.builtin.draft import Refused, Site
-from scenewright.backends.builtin.grammar import Modifier, build_modifiers
-from scenewright.backends.builtin.lexicon import Chunk, load_lexicon
-from scenewright.backends.builtin.mentions import Item, Mention, build_noun_phrases
-from scenewright.backends.builtin.normalise import clean, split_tokens
+from scenewright.backends.builtin.named import Named, find_named, find_ways
+from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.order_edits import read_order
+from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.words import narrow_subtype
-from scenewright.backends.builtin.redraft import free_name, get_next_item, read_change
+from scenewright.backends.builtin.redraft import free_name, read_change
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.backends.builtin.standing_edits import find_removed
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
 from scenewright.errors import Rejected
+from scenewright.scene.base import RIDERS
 from scenewright.scene.edits import (
     AddAgent,
     AgentView,
@@ -80,18 +79,35 @@ _ORDINARY = re.compile(
     re.IGNORECASE,
 )
 """An ordinary morning says nothing of the event, unlike a normal scene."""
+_SCOOTER = re.compile(r"(?<!e-)(?<!e )(?<!kick )(?<!motor )(?<!electric )\bscooter\b")
+"""In a conversation, that of the class of this name; a text of its own may mean a motorcycle."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
-_EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
-_EVENT_WORDS = {
-    "collide_at": r"collision|crash|accident|hit",
-    "near_miss": r"near[- ]miss|close call",
-    "yield_to": r"yield(?:ing)?|giving way|right of way",
-    "follow": r"follow(?:ing)?",
+_SEVERITY = re.compile(r"\b(?:pet|ttc|time[ -]to[ -]collision|post[ -]?encroachment|gap)\b")
+_EVENT_WORDS: dict[RelationType, str] = {
+    "near_miss": r"near[- ]?(?:miss|collision|crash|accident|hit)\w*|close (?:call|shave)s?|"
+    r"narrow\w* (?:miss|escape)\w*|miss(?:es)?|swerv\w*|dodg\w*|cuts? off|evad\w*|"
+    r"brak\w* (?:hard|sharply|suddenly)|emergency (?:brake|stop)|"
+    r"(?:stop|brak)\w* (?:just )?in time",
+    "collide_at": r"collisions?|collid\w*|crash\w*|accidents?|hit(?:s|ting)?|"
+    r"str(?:ikes?|uck|iking)|rams?|ramming|smash\w*|slam\w* into|bump\w*|rear[- ]?end\w*|"
+    r"t-?bone\w*|sideswip\w*|head[- ]on|knocks?|clips?|kills?|injur\w*|impacts?|contact|"
+    r"touch\w*|taps?|fender benders?|"
+    r"(?:r[au]ns?|driv\w+|drove) (?:over|into|down)",
+    "follow": r"follow(?:s|ed|ing)?|tails?|tailgat\w*|trail\w*|behind|chas\w+|lead(?:s|ing)?|"
+    r"preced\w+|ahead of|convoy",
+    "yield_to": r"yield\w*|giv(?:e|es|ing) (?:the )?(?:right of )?way|gave way|right of way|"
+    r"priority|mak\w+ way",
 }
-_TYPES: dict[str, RelationType] = {
-    "NEAR": "near_miss", "COLLIDE": "collide_at", "FOLLOW": "follow", "YIELD": "yield_to",
-    "WAIT": "yield_to", "LET": "yield_to",
-}  # fmt: skip
+"""What happens between two, as said by nouns and verbs."""
+
+_WAITS = (
+    r"wait\w*|stop\w*|brak\w*|slow(?:s|ed|ing)?|paus\w*|hold\w*|halt\w*|stand\w*|lets?|letting|"
+    r"allow\w*|decelerat\w*|eases? off|"
+    r"giv(?:e|es|en|ing)(?! me\b)"
+)
+"""Verbs of one that yields, which also say other things."""
+
+_HAPPENS = re.compile(rf"\b(?:{'|'.join(_EVENT_WORDS.values())}|{_WAITS})\b")
 
 
 def read(
@@ -163,34 +179,23 @@ def _build_edits(
 def _is_edit(text: str) -> bool:
     """True if the text changes an earlier turn rather than describing a scene of its own."""
     plain = clean(text)
-    chunks = load_lexicon().split_chunks(split_tokens(plain))
-    agents = [at for at, chunk in enumerate(chunks) if chunk.has("AGENT")]
-    introduced = [at for at in agents if _is_indefinite(chunks, at)]
-    counted = [at for at in agents if at and chunks[at - 1].tags.get("NUMBER", "1") != "1"]
-    happens = any(chunk.has(*_EVENTS) for chunk in chunks)
-    if happens and (len(introduced) >= 2 or (counted and not _CUE.search(plain))):
+    every = [each for each in find_named(plain) if each.type not in (None, "none")]
+    introduced = [each for each in every if each.det in ("indefinite", "another")]
+    counted = [each for each in every if each.count not in (None, 1) and each.det != "both"]
+    changes = _CUE.search(plain) is not None
+    if _HAPPENS.search(plain) and (len(introduced) >= 2 or (counted and not changes)):
         return False  # it brings its own parties and event
-    return bool(_CUE.search(plain)) or len(agents) < 2
-
-
-def _is_indefinite(chunks: Sequence[Chunk], at: int) -> bool:
-    for chunk in reversed(chunks[max(0, at - 4) : at]):
-        if chunk.has("AGENT") or chunk.mark:
-            return False
-        if chunk.has("DET"):
-            return chunk.tags["DET"] in {"indefinite", "another"}
-    return False
+    return changes or len(every) + ("traffic" in plain) < 2
 
 
 def _is_about_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bool:
     """Whether the words, though they describe an event, name agents of the scene."""
     people = People(situation, chosen)
     try:
-        items = _build_items(clean(words))
         return any(
-            people.find_named(item, get_next_item(items, at)) is not None
-            for at, item in enumerate(items)
-            if isinstance(item, Mention) and item.det == "definite"
+            people.find_agent(each) is not None
+            for each in find_named(clean(words))
+            if each.det == "definite"
         )
     except Unclear:
         return True
@@ -203,7 +208,7 @@ def _redraw(found: re.Match[str], situation: Situation, chosen: Mapping[str, str
     if not name:
         return Redraw()
     people = People(situation, chosen)
-    agent = _find_subject(_build_items(clean(name)), people) or people.find_by_id(name)
+    agent = _find_subject(find_named(clean(name)), people) or people.find_by_id(name)
     if agent is None:
         raise Refused("impossible", f"I do not see which agent {name!r} means.")
     return Redraw(agent=agent.id)
@@ -214,42 +219,43 @@ def _read_part(
 ) -> tuple[Edit, ...]:
     """The edits that one clause asks for."""
     people = People(situation, chosen)
-    text = _ORDINARY.sub("", _spell_out(text, people))
+    text = _ORDINARY.sub("", _SCOOTER.sub("e-scooter", _spell_out(text, people)))
     plain = clean(text)
-    items = _build_items(plain)
-    event = any(isinstance(each, Chunk) and each.has(*_EVENTS) for each in items)
-    related = (
-        _choose_events(items, situation, people) if event and not _has_figures(plain) else None
-    )
+    every = find_named(plain)
+    for each in every:
+        if each.type == "none":
+            raise Refused("impossible", f"There is no {each.head} in this scene, and none can be.")
+    event = _HAPPENS.search(plain) is not None
+    related = None
+    if event and not every and not _has_figures(plain) and people.find_by_id(text) is None:
+        related = _choose_events(plain, situation, people)
     if related is not None:
         return related
-    made = _read_removal(text, plain, items, situation, people)
-    made = made or (None if event else _read_count_change(plain, items, situation))
-    made = made or (None if event else read_order(plain, items, situation, people))
-    made = made or _read_figure(text, items, situation, people)
-    made = made or _read_motion(text, items, people)
-    made = made or (None if event else _read_kind(plain, items, situation, people))
-    return made or read_change(text, items, situation, people, site=site)
+    made = _read_removal(text, plain, every, situation, people)
+    made = made or (None if event else _read_count_change(plain, every, situation))
+    made = made or (None if event else read_order(plain, every, situation, people))
+    made = made or _read_figure(text, every, situation, people)
+    made = made or _read_motion(text, every, people)
+    made = made or (None if event else _read_kind(plain, every, situation, people))
+    return made or read_change(text, every, situation, people, site=site)
 
 
 def _has_figures(plain: str) -> bool:
     """Whether the words say how severe it shall be: those are for the reader."""
-    clock = read_clock(plain)[1]
-    return any(each is not None for each in (clock.pet, clock.ttc, clock.speed))
+    measure = measure_in(plain)
+    return measure is not None and (measure.unit == "m/s" or bool(_SEVERITY.search(plain)))
 
 
 def _read_figure(
-    text: str, items: Sequence[Item], situation: Situation, people: People
+    text: str, every: Sequence[Named], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """The figure that a clause asks for; a speed at which to drive is a dial."""
-    found = read_figure(text, situation, people, _find_subject(items, people))
+    found = read_figure(text, situation, people, _find_subject(every, people))
     return None if found is None else (found,)
 
 
-def _choose_events(
-    items: Sequence[Item], situation: Situation, people: People
-) -> tuple[Relate, ...] | None:
-    """The relations as they shall be, where there are several and no agent is named.
+def _choose_events(plain: str, situation: Situation, people: People) -> tuple[Relate, ...] | None:
+    """The relations as they shall be, where there are several.
 
     An agent of several equal relations changes all of them, but can hit only one other agent.
 
@@ -257,29 +263,18 @@ def _choose_events(
         Unclear: the answer is the agent that acts.
     """
     edges = situation.graph.relations
-    if len(edges) < 2 or any(isinstance(each, Mention) for each in items):
+    if len(edges) < 2:
         return None
-    types = [
-        type_
-        for tag, type_ in _TYPES.items()
-        for item in items
-        if isinstance(item, Chunk) and item.has(tag)
-    ]
+    said = (type_ for type_, verbs in _EVENT_WORDS.items() if re.search(rf"\b(?:{verbs})\b", plain))
+    type_: RelationType = next(said, "yield_to")
     acting = {each.from_ for each in edges}
     actor = people.pick([p for p in people.list_foreground() if p.id in acting], "event, that of")
     meant = [each for each in edges if each.from_ == actor.id]
     meant = [each for each in meant if each.type == meant[0].type]
     return tuple(
-        Relate(
-            edge=RelationEdge.model_validate({"type": types[0], "from": each.from_, "to": each.to})
-        )
-        for each in (meant[:1] if types[0] == "collide_at" else meant)
+        Relate(edge=RelationEdge.model_validate({"type": type_, "from": each.from_, "to": each.to}))
+        for each in (meant[:1] if type_ == "collide_at" else meant)
     )
-
-
-def _build_items(plain: str) -> list[Item]:
-    chunks = load_lexicon().split_chunks(split_tokens(plain))
-    return build_noun_phrases(build_modifiers(chunks), text=plain)
 
 
 def _spell_out(text: str, people: People) -> str:
@@ -300,80 +295,76 @@ def _spell_out(text: str, people: People) -> str:
     return f"{text[: found.start('it')]}the {kind}{text[found.end('it') :]}"
 
 
-def _find_subject(items: Sequence[Item], people: People) -> AgentView | None:
+def _find_subject(every: Sequence[Named], people: People) -> AgentView | None:
     """The first agent that is named."""
-    for at, item in enumerate(items):
-        if isinstance(item, Mention):
-            agent = people.find_named(item, get_next_item(items, at))
-            if agent is not None:
-                return agent
-    return None
+    found = map(people.find_agent, every)
+    return next((each for each in found if each is not None), None)
 
 
-def _read_motion(text: str, items: Sequence[Item], people: People) -> tuple[Edit, ...] | None:
+def _read_motion(text: str, every: Sequence[Named], people: People) -> tuple[Edit, ...] | None:
     lowered = " ".join(text.lower().split())
     if re.search(r"\b(?:pet|ttc|impact|collid|hits?)\b", lowered):
         return None
-    agent = people.find_by_id(text) or _find_subject(items, people)
+    agent = people.find_by_id(text) or _find_subject(every, people)
     edit = build_motion_edit(lowered, people, agent)
     return None if edit is None else (edit,)
 
 
 def _read_removal(
-    text: str, plain: str, items: Sequence[Item], situation: Situation, people: People
+    text: str, plain: str, every: Sequence[Named], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """ "remove the truck", "drop the collision", "remove all pedestrians"."""
     if not _REMOVES.search(plain):
         return None
-    agent = people.find_by_id(text) or _find_subject(items, people)
+    agent = people.find_by_id(text) or _find_subject(every, people)
     if agent is not None:
         return (RemoveAgent(agent=agent.id),)
     for type_, pattern in _EVENT_WORDS.items():
         edges = [each for each in situation.graph.relations if each.type == type_]
         if edges and re.search(rf"\b(?:{pattern})\b", plain):
             return tuple(Unrelate(first=each.from_, second=each.to) for each in edges)
-    groups = [each for each in items if isinstance(each, Mention) and each.type is not None]
+    groups = [each for each in every if each.type is not None]
     if not groups and re.search(r"\b(?:background|everybody|everyone|others?)\b", plain):
         return (SetBackground(vehicles=0, pedestrians=0),)
     if not groups:
         return None
-    rare = {_get_kind(each) for each in groups} & (VEHICLE_SIZES.keys() - {"car"})
-    if rare and len(groups) == 1 and not groups[0].counted:
+    rare = {_get_kind(each) for each in groups} & _BY_NAME
+    if rare and len(groups) == 1 and groups[0].count is None:
         return _remove_kind(groups[0], situation)
     counts = _count_background(situation)
     for group in groups:
         kind = str(group.type)
-        counts[kind] = max(counts[kind] - group.count, 0) if group.counted else 0
+        counts[kind] = max(counts[kind] - group.count, 0) if group.count else 0
     return (_build_background_edit(counts, [str(each.type) for each in groups]),)
 
 
-def _remove_kind(group: Mention, situation: Situation) -> tuple[Edit, ...]:
+def _remove_kind(group: Named, situation: Situation) -> tuple[Edit, ...]:
     """ "remove the buses": all of that kind in the background, and no other agent."""
     kind = _get_kind(group)
     others = [each for each in situation.present if each.role == "background"]
-    gone = [each.id for each in others if each.subtype == kind]
+    gone = [each.id for each in others if kind in (each.subtype, each.type)]
     if not gone:
         raise Refused("impossible", f"There is no {kind} among the others in this scene.")
     return tuple(RemoveAgent(agent=each) for each in gone[:32])
 
 
 def _read_count_change(
-    plain: str, items: Sequence[Item], situation: Situation
+    plain: str, every: Sequence[Named], situation: Situation
 ) -> tuple[Edit, ...] | None:
     """ "add three cars", "two more pedestrians", "fewer cars"; kinds of vehicles by name."""
     more, fewer = _ADDS.search(plain) is not None, _FEWER.search(plain) is not None
-    groups = [each for each in items if isinstance(each, Mention) and each.type is not None]
-    modifiers = [each for each in items if isinstance(each, Modifier)]
-    if not groups or not (more or fewer) or modifiers:
+    groups = [each for each in every if each.type is not None]
+    if not groups or not (more or fewer) or find_ways(plain):
         return None
-    if any(each.det == "definite" or each.premods for each in groups if not each.counted):
+    if any(each.det == "definite" for each in groups if each.count is None):
         return None
-    named = [each for each in groups if _get_kind(each) in VEHICLE_SIZES.keys() - {"car"}]
-    if named and more:
+    if more and any(_get_kind(each) in _BY_NAME for each in groups):
         return _read_kinds(groups, situation)
+    if any(each.type in RIDERS for each in groups):
+        return None
     counts = _count_background(situation)
     for group in groups:
-        many = group.count if group.counted else (_parse_vague(plain) if group.plural else 1)
+        many = group.count or (_parse_vague(plain) if group.plural else 1)
         counts[str(group.type)] += -many if fewer else many
     kinds = [str(each.type) for each in groups]
     for kind in kinds:
@@ -391,24 +382,28 @@ def _parse_vague(plain: str) -> int:
     return 3 if found is None else int(number(found[1]))
 
 
-def _read_kinds(groups: Sequence[Mention], situation: Situation) -> tuple[Edit, ...]:
-    """Trucks, buses and motorcycles take part by name: a crowd has the kinds it was drawn with."""
+def _read_kinds(groups: Sequence[Named], situation: Situation) -> tuple[Edit, ...]:
+    """Trucks, buses and riders take part by name: a crowd has the kinds it was drawn with."""
     taken = {each.id for each in situation.present} | {a.id for a in situation.graph.agents}
     made: list[Edit] = []
     for group in groups:
-        for _ in range(group.count):
+        for _ in range(group.count or 1):
             name = free_name(str(group.type), taken)
             taken.add(name)
-            made.append(
-                AddAgent.model_validate(
-                    {"node": {"id": name, "type": group.type, "subtype": _get_kind(group)}}
-                )
-            )
+            subtype = None if group.type in RIDERS else _get_kind(group)
+            node = {"id": name, "type": group.type, "subtype": subtype}
+            made.append(AddAgent.model_validate({"node": node}))
     return tuple(made)
 
 
-def _get_kind(mention: Mention) -> str | None:
-    return narrow_subtype(mention.subtype, mention.head)
+_BY_NAME = {*VEHICLE_SIZES, *RIDERS} - {"car"}
+"""Kinds that a crowd is not asked for by."""
+
+
+def _get_kind(named: Named) -> str | None:
+    if named.type in RIDERS:
+        return named.type
+    return narrow_subtype(named.subtype, named.head)
 
 
 def _count_background(situation: Situation) -> dict[str, int]:
@@ -424,16 +419,14 @@ def _build_background_edit(counts: Mapping[str, int], kinds: Sequence[str]) -> S
 
 
 def _read_kind(
-    plain: str, items: Sequence[Item], situation: Situation, people: People
+    plain: str, every: Sequence[Named], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """ "make the car a truck", "replace the bus with a motorcycle"."""
-    mentions = [(at, each) for at, each in enumerate(items) if isinstance(each, Mention)]
-    if not _BECOMES.search(plain) or not mentions:
+    if not _BECOMES.search(plain) or not every:
         return None
-    at, last = mentions[-1]
+    *earlier, last = every
     if last.det != "indefinite" or last.subtype not in VEHICLE_SIZES:
         return None
-    earlier = [each for _, each in mentions[:-1]]
     subject = _find_subject(earlier, people)
     if subject is None:
         vehicles = [each for each in people.list_foreground() if each.type == "vehicle"]
@@ -442,7 +435,7 @@ def _read_kind(
         subject = people.pick(vehicles, "vehicle")
     if subject.type == "pedestrian" or subject.role == "background":
         raise Refused("impossible", f"{subject.id} cannot become that; remove it and add another.")
-    if any(isinstance(each, Modifier) for each in items[at:]):
+    if any(way.start > last.start for way in find_ways(plain)):
         return None
     node = situation.graph.agent(subject.id)
     return (ChangeAgent(node=node.model_copy(update={"subtype": _get_kind(last)})),)

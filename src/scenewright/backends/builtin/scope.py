@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from functools import lru_cache
-from importlib.resources import files
+from functools import cache
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.lexicon import load_lexicon
-from scenewright.backends.builtin.normalise import Token
+from scenewright.backends.builtin.normalise import clean
+from scenewright.backends.builtin.spelling import load_words
+from scenewright.scene.stems import stem_word
 
 MOST_CHARACTERS = 2_000
 _CONTROL = re.compile(
@@ -34,28 +33,26 @@ def check_text(text: str) -> None:
         raise Refused("out_of_scope", "The instruction holds control characters; write plain text.")
 
 
-def check_language(text: str, tokens: Sequence[Token]) -> None:
+def check_language(text: str, mended: str | None = None) -> None:
     """Refused unless most words, with slips mended, are English and one is a word at all."""
     letters = [char for char in text if char.isalpha()]
     latin = sum(char.isascii() for char in letters)
     if not letters or latin < 0.8 * len(letters):
         raise build_not_english()
-    words = [token.text for token in tokens if token.text.isalpha()]
-    foreign_words = _load_foreign_words()
-    foreign = sum(word in foreign_words for word in words)
-    if (
-        not words
-        or load_lexicon().measure_familiar(tokens) < 0.6
-        or (foreign >= 2 and foreign >= 0.2 * len(words))
-    ):
+    words = re.findall(r"[a-z]+", clean(mended or text))
+    english = _load_english()
+    known = sum(not english.isdisjoint((word, stem_word(word))) for word in words)
+    foreign = sum(word in load_words("foreign.txt") for word in words)
+    if not words or known < 0.6 * len(words) or (foreign >= 2 and foreign >= 0.2 * len(words)):
         raise build_not_english()
 
 
-@lru_cache(maxsize=1)
-def _load_foreign_words() -> frozenset[str]:
-    """Function words that betray another language."""
-    source = files("scenewright.backends.builtin").joinpath("foreign.txt")
-    return frozenset(source.read_text("utf-8").split())
+@cache
+def _load_english() -> frozenset[str]:
+    """English words and their stems."""
+    lists = ("english.txt", "instruction_words.txt", "traffic_words.txt")
+    words = frozenset().union(*map(load_words, lists))
+    return words | {stem_word(word) for word in words}
 
 
 def build_nothing_planned() -> Refused:

@@ -24,9 +24,9 @@ def mend_spelling(text: str) -> RewrittenText:
 @lru_cache(maxsize=4096)
 def _mend_word(word: str) -> str | None:
     """The word of traffic that has the same letters in another order, or one more or less."""
-    targets = _load_words("traffic_words.txt")
+    targets = load_words("traffic_words.txt")
     own = _list_phrase_words(os.environ.get("SCENEWRIGHT_RELATIONS"))
-    known = (targets, own, _load_words("english.txt"), _load_words("instruction_words.txt"))
+    known = (targets, own, load_words("english.txt"), load_words("instruction_words.txt"))
     if any(word in words for words in known):
         return None
     near = (w for w in targets if w[0] == word[0] and abs(len(w) - len(word)) <= 1)
@@ -51,5 +51,6 @@ def _list_phrase_words(_own: str | None) -> frozenset[str]:
 
 
 @cache
-def _load_words(name: str) -> frozenset[str]:
+def load_words(name: str) -> frozenset[str]:
+    """The words of a file of this room."""
     return frozenset(files(__package__).joinpath(name).read_text("utf-8").split())

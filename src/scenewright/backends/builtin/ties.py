@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 from scenewright.backends.builtin.draft import (
     LEFT_OF_HEADING,
-    OPPOSITE,
     AgentDraft,
     Draft,
     RelationDraft,
 )
 from scenewright.backends.builtin.entail import find_partner
+from scenewright.scene.base import OPPOSITE
 from scenewright.scene.social import EntrySide
 
 _SIDES: dict[str, EntrySide] = {

@@ -11,16 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
+from scenewright.scene.base import OPPOSITE, RIDERS, AgentClass, Compass, Movement
 from scenewright.scene.map import IntersectionMap, VehicleMovement
 from scenewright.scene.relations import Pattern, Role, load_patterns
 from scenewright.scene.social import Density
-
-_OPPOSITE: dict[Compass, Compass] = {
-    "north": "south", "south": "north", "east": "west", "west": "east",
-    "northeast": "southwest", "southwest": "northeast",
-    "northwest": "southeast", "southeast": "northwest",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -184,9 +178,9 @@ def _is_geometry_right(pattern: Pattern, one: VehicleMovement, other: VehicleMov
         case "same":
             return one.entry == other.entry
         case "opposite":
-            return _OPPOSITE[one.entry] == other.entry
+            return OPPOSITE[one.entry] == other.entry
         case "lateral":
-            return other.entry not in (one.entry, _OPPOSITE[one.entry])
+            return other.entry not in (one.entry, OPPOSITE[one.entry])
         case _:
             return one.entry != other.entry
 

@@ -111,15 +111,10 @@ def weigh_exits(
     sides: Sequence[str],
     *,
     window: float,
-    model: ExitModel | None = None,
 ) -> FloatArray:
-    """[E] probability of every side of the map.
-
-    Args:
-        model: the shipped one if None.
-    """
+    """[E] probability of every side of the map."""
     candidates = describe_exits(agent, posterior, sides, window)
-    weights = (model or load_exit_model()).weigh(candidates.values)
+    weights = load_exit_model().weigh(candidates.values)
     found = dict(zip(candidates.sides, weights.tolist(), strict=True))
     return np.array([found.get(side, 0.0) for side in sides])
 

@@ -61,7 +61,6 @@ def derive_priors(
         pool: of deviations; None takes the shipped intersection's.
     """
     frequency = assume_frequency(intersection_map)
-    counts, instants = derive_counts(intersection_map, frequency)
     routes, none = intersection_map.routes, np.zeros((0, K, 2))
     waypoints = {
         r.id: _derive_jaywalking(intersection_map, r)
@@ -74,8 +73,7 @@ def derive_priors(
     return Priors(
         name=intersection_map.name,
         waypoints=waypoints,
-        counts=counts,
-        instants=instants,
+        counts=derive_counts(intersection_map, frequency),
         driving_profiles={r.id: _borrow_profile(intersection_map, r) for r in routes},
         frequency=frequency,
         subtypes={r.id: dict(SUBTYPE_SHARES) for r in routes if r.type == "vehicle"},
@@ -199,16 +197,13 @@ def assume_frequency(intersection_map: IntersectionMap) -> dict[str, FloatArray]
     return found
 
 
-_Hourly = tuple[CountPrior, ...]
-
-
 def derive_counts(
     intersection_map: IntersectionMap,
     frequency: Mapping[str, FloatArray],
     *,
     stay: float | None = None,
-) -> tuple[_Hourly, _Hourly]:
-    """p_tod of every hour over 30 s and at an instant, of chance arrivals that stay a while.
+) -> tuple[CountPrior, ...]:
+    """p_tod of every hour over 30 s, of chance arrivals that stay a while.
 
     Args:
         stay: how long a vehicle is on the map, waiting included [s]; None takes a usual one.
@@ -218,13 +213,10 @@ def derive_counts(
         kind: [frequency[r.id] for r in intersection_map.routes if r.type == kind] for kind in stays
     }
 
-    def derive_hour(hour: int, window: float) -> CountPrior:
+    def derive_hour(hour: int) -> CountPrior:
         totals = {kind: sum(float(rate[hour]) for rate in own) for kind, own in rates.items()}
-        mean = np.array([totals[kind] * (stays[kind] + window) / 3600.0 for kind in stays])
+        mean = np.array([totals[kind] * (stays[kind] + 30.0) / 3600.0 for kind in stays])
         # Days differ, so that counts spread a little more than chance arrivals alone.
         return CountPrior(np.ones(1), mean[None], np.diag(1.2 * mean + 0.15)[None])
 
-    windows, instants = (
-        tuple(derive_hour(hour, window) for hour in range(HOURS)) for window in (30.0, 0.0)
-    )
-    return windows, instants
+    return tuple(map(derive_hour, range(HOURS)))

@@ -165,13 +165,11 @@ def fit_tracks(
     derived = derive_priors(intersection_map, route_lines)
     frequency = _fit_frequency(intersection_map, files, recordings, begin, hourly, notes)
     stay = _estimate_stay(intersection_map, pairs)
-    counts, instants = derive_counts(intersection_map, frequency, stay=stay)
     priors = replace(
         derived,
         waypoints={**derived.waypoints, **fit.fit_priors(predictive=False)},
         frequency=frequency,
-        counts=counts,
-        instants=instants,
+        counts=derive_counts(intersection_map, frequency, stay=stay),
         driving_profiles=_fit_profiles(intersection_map, pairs, derived.driving_profiles),
     )
     return FittedTracks(

@@ -260,12 +260,10 @@ def fit_simulated_priors(
     hourly = np.array([sum(demand.vehicles[leg][h] for leg in demand.vehicles) for h in range(24)])
     simulated = hourly[list_demand_hours(len(present))]
     stay = float(np.sum(present) * 3600.0 / max(float(simulated.sum()), 1e-9))
-    counts, instants = derive_counts(intersection_map, base.frequency, stay=stay)
     return replace(
         base,
         driving_profiles={**base.driving_profiles, **laws},
-        counts=counts,
-        instants=instants,
+        counts=derive_counts(intersection_map, base.frequency, stay=stay),
     )
 
 

@@ -21,7 +21,7 @@ def check_priors(priors: Priors) -> None:
     """Raises ValueError for the first prior that cannot be one."""
     for route, waypoints in priors.waypoints.items():
         _check_waypoints(route, waypoints)
-    for counts in (*priors.counts, *priors.instants):
+    for counts in priors.counts:
         count = len(counts.weights)
         shapes = counts.means.shape == (count, 2) and counts.covariances.shape == (count, 2, 2)
         _demand(count > 0 and shapes, "counts of agents are of other shapes")
@@ -31,8 +31,8 @@ def check_priors(priors: Priors) -> None:
         spread = np.sqrt(np.diagonal(counts.covariances, axis1=1, axis2=2))
         most = float((np.abs(counts.means) + 6 * spread).max())
         _demand(most <= MOST_AGENTS, f"counts of {most:.3g} agents")
-    hours = len(priors.counts), len(priors.instants)
-    _demand(hours == (24, 24), f"counts of {hours} hours, not of 24")
+    hours = len(priors.counts)
+    _demand(hours == 24, f"counts of {hours} hours, not of 24")
     for route, profile in priors.driving_profiles.items():
         parts = (profile.median, profile.spread, profile.low, profile.high)
         same = all(part.shape == (4,) for part in parts)

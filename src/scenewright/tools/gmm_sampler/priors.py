@@ -157,7 +157,6 @@ class Priors:
         name: of the bundle.
         waypoints: p_wp by route id.
         counts: p_tod by hour, over agents present at any time of a 30 s window.
-        instants: the same over agents present at one instant.
         driving_profiles: by route id.
         frequency: by route id, [24] mean trips per hour.
         subtypes: by route id of vehicles, share of each subtype.
@@ -167,7 +166,6 @@ class Priors:
     name: str
     waypoints: Mapping[str, WaypointPrior]
     counts: tuple[CountPrior, ...]
-    instants: tuple[CountPrior, ...]
     driving_profiles: Mapping[str, DrivingProfilePrior]
     frequency: Mapping[str, FloatArray]
     subtypes: Mapping[str, Mapping[str, float]]
@@ -247,8 +245,8 @@ def save_priors(file: Path, priors: Priors) -> None:
         "components": np.array([len(prior.weights) for prior in waypoints]),
         "tracks": np.array([prior.tracks for prior in waypoints]),
         **_join(waypoints, _WAYPOINT_ARRAYS),
-        **_pack_counts("counts", priors.counts),
-        **_pack_counts("instants", priors.instants),
+        "counts_components": np.array([len(hour.weights) for hour in priors.counts]),
+        **_join(priors.counts, _COUNT_ARRAYS, "counts_"),
         "law_routes": np.array(list(priors.driving_profiles)),
         "law_tracks": np.array([prior.tracks for prior in profiles]),
         "laws": np.array([[p.median, p.spread, p.low, p.high] for p in profiles]),
@@ -271,11 +269,6 @@ def _join(priors: Sequence[object], names: Sequence[str], prefix: str = "") -> _
     }
 
 
-def _pack_counts(name: str, hours: Sequence[CountPrior]) -> _Arrays:
-    sizes = np.array([len(hour.weights) for hour in hours])
-    return {f"{name}_components": sizes, **_join(hours, _COUNT_ARRAYS, f"{name}_")}
-
-
 def _unpack(stored: _Arrays) -> Priors:
     if int(stored["format"].item()) != FORMAT:
         raise ValueError(f"format {stored['format']} is not {FORMAT}")
@@ -288,7 +281,6 @@ def _unpack(stored: _Arrays) -> Priors:
         name=str(stored["name"]),
         waypoints={r: WaypointPrior(route=r, tracks=int(n), **own) for r, n, own in waypoints},
         counts=tuple(CountPrior(**own) for own in _split(stored, _COUNT_ARRAYS, "counts_")),
-        instants=tuple(CountPrior(**own) for own in _split(stored, _COUNT_ARRAYS, "instants_")),
         driving_profiles={
             str(route): DrivingProfilePrior(law[0], law[1], law[2], law[3], int(n))
             for route, n, law in profiles

@@ -90,38 +90,29 @@ def build_path(
     return build_spline_path(waypoints, base=prior.base[component], aside=aside)
 
 
-def sample_count(
-    priors: Priors, rng: np.random.Generator, *, hour: int, instant: bool = False
-) -> tuple[int, int]:
-    """Draw how many vehicles and pedestrians a 30 s scene holds at this hour of the day (p_tod).
-
-    Args:
-        instant: draw how many are present at one moment of it instead.
-    """
-    mass = _get_count_prior(priors, hour, instant).mass
+def sample_count(priors: Priors, rng: np.random.Generator, *, hour: int) -> tuple[int, int]:
+    """Draw how many vehicles and pedestrians a 30 s scene holds at this hour of the day (p_tod)."""
+    mass = _get_count_prior(priors, hour).mass
     cell = int(rng.choice(mass.size, p=mass.ravel()))
     return cell // mass.shape[1], cell % mass.shape[1]
 
 
-def compute_count_nll(
-    priors: Priors, *, hour: int, vehicles: int, pedestrians: int, instant: bool = False
-) -> float:
+def compute_count_nll(priors: Priors, *, hour: int, vehicles: int, pedestrians: int) -> float:
     """-log p_tod of both counts [nats]; infinite beyond six standard deviations."""
-    mass = _get_count_prior(priors, hour, instant).mass
+    mass = _get_count_prior(priors, hour).mass
     if min(vehicles, pedestrians) < 0 or vehicles >= mass.shape[0] or pedestrians >= mass.shape[1]:
         return float("inf")
     return float(-np.log(mass[vehicles, pedestrians]))
 
 
-def compute_total_mass(priors: Priors, *, hour: int, instant: bool = False) -> FloatArray:
+def compute_total_mass(priors: Priors, *, hour: int) -> FloatArray:
     """[N] probability of each total number of agents (paper 3.2), vehicles and pedestrians."""
-    mass = _get_count_prior(priors, hour, instant).mass
+    mass = _get_count_prior(priors, hour).mass
     total = np.add.outer(np.arange(mass.shape[0]), np.arange(mass.shape[1]))
     return np.asarray(np.bincount(total.ravel(), weights=mass.ravel()), dtype=np.float64)
 
 
-def _get_count_prior(priors: Priors, hour: int, instant: bool) -> CountPrior:
-    hours = priors.instants if instant else priors.counts
-    if not 0 <= hour < len(hours):
-        raise InputError(f"an hour of the day is 0 to {len(hours) - 1}, got {hour}")
-    return hours[hour]
+def _get_count_prior(priors: Priors, hour: int) -> CountPrior:
+    if not 0 <= hour < len(priors.counts):
+        raise InputError(f"an hour of the day is 0 to {len(priors.counts) - 1}, got {hour}")
+    return priors.counts[hour]

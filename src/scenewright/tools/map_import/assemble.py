@@ -57,7 +57,7 @@ from scenewright.tools.map_import.map_parts import (
     geos,
     round_points,
 )
-from scenewright.tools.map_import.mapped_crosswalks import MappedCrosswalk, choose_crossings
+from scenewright.tools.map_import.mapped_crosswalks import choose_crossings
 from scenewright.tools.map_import.quality_report import (
     CrosswalkFact,
     describe_crosswalk,
@@ -169,7 +169,10 @@ class _Assembly:
             for k, mapped in self.crossings.by_leg.items()
         ]
         self.extent = _choose_extent(self.legs, extent, max(reaches, default=0.0))
-        self.connections = [each for each in survey.connections if self._leads_elsewhere(each)]
+        pairs = [(each, self._find_leg_pair(each)) for each in survey.connections]
+        self.connections = [each for each, (entry, exit_) in pairs if entry != exit_]
+        if len(self.connections) < len(pairs):
+            self._add_note("ways that turn back into their own leg were dropped")
         if not self.connections:
             raise InputError(f"{survey.title} has no way for vehicles from one leg to another")
         self.names = name_legs(
@@ -191,19 +194,14 @@ class _Assembly:
     def _find_leg_pair(self, connection: SurveyConnection) -> tuple[int, int]:
         return self.leg_of_lane[connection.approach], self.leg_of_lane[connection.exit]
 
-    def _leads_elsewhere(self, connection: SurveyConnection) -> bool:
-        entry, exit_ = self._find_leg_pair(connection)
-        if entry == exit_:
-            self._add_note("ways that turn back into their own leg were dropped")
-        return entry != exit_
-
     def _measure_turn(self, connection: SurveyConnection) -> float:
         """How far a connection turns, positive to the left [rad]."""
         before = self.survey.approaches[connection.approach].line
         after = self.survey.exits[connection.exit].line
-        course = measure_courses(
-            resample_by_spacing(_join(before, connection.line, after, 12.0), 1.0)
+        whole = np.concatenate(
+            [_take_end(before, 12.0), connection.line, _take_end(after[::-1], 12.0)[::-1]]
         )
+        course = measure_courses(resample_by_spacing(whole, 1.0))
         return float(course[-3:].mean() - course[:3].mean())
 
     @cached_property
@@ -218,7 +216,11 @@ class _Assembly:
     @cached_property
     def placements(self) -> dict[int, CrosswalkPlacement]:
         """By leg: where its crosswalk lies; none crosses another one."""
-        found = {k: self._place_crosswalk(k, mapped) for k, mapped in self._list_mapped()}
+        found = {}
+        for k, leg in enumerate(self.legs):
+            room = self.extent - 9.0 - float(np.abs(leg.throat).max())
+            mapped = self.crossings.by_leg.get(k)
+            found[k] = ground.place_crosswalk(leg, self.road, mapped, room=room)
         kept: dict[int, CrosswalkPlacement] = {}
         for k, placed in sorted(found.items(), key=lambda each: _rank_placement(*each)):
             if placed is None:
@@ -229,16 +231,6 @@ class _Assembly:
                 self.crossed[k] = f"would cross the crosswalk of the {self.names[crossed]} leg"
                 self._add_note(f"the {self.names[k]} leg has no crosswalk: it {self.crossed[k]}")
         return dict(sorted(kept.items()))
-
-    def _list_mapped(self) -> Iterator[tuple[int, MappedCrosswalk | None]]:
-        """Every leg, and the file's crosswalk on it."""
-        for k in range(len(self.legs)):
-            yield k, self.crossings.by_leg.get(k)
-
-    def _place_crosswalk(self, k: int, mapped: MappedCrosswalk | None) -> CrosswalkPlacement | None:
-        leg = self.legs[k]
-        room = self.extent - 9.0 - float(np.abs(leg.throat).max())
-        return ground.place_crosswalk(leg, self.road, mapped, room=room)
 
     @cached_property
     def crosswalk_facts(self) -> tuple[CrosswalkFact, ...]:
@@ -290,16 +282,12 @@ class _Assembly:
             before, after = self.extended[each.approach], self.extended[each.exit]
             # Without the corners that readers leave where pieces meet; a point every half metre.
             even = resample_by_spacing(np.concatenate([before, each.line, after]), 0.5)
-            line = self._round(smooth_gaussian(even, 3.0))
+            smooth = smooth_gaussian(even, 3.0)
+            line = round_curves(smooth)
+            self.rounded += line is not smooth  # it was sharper than cars can drive
             inside = np.flatnonzero(self._is_inside(line))
             found.append(line[inside[0] : inside[-1] + 1] if len(inside) > 1 else line[-2:])
         return found
-
-    def _round(self, line: FloatArray) -> FloatArray:
-        """A way without places sharper than cars can drive, counted where there were some."""
-        rounded = round_curves(line)
-        self.rounded += rounded is not line
-        return rounded
 
     @cached_property
     def by_movement(self) -> _Movements:
@@ -722,11 +710,6 @@ _BESIDE = 5.0
 def _take_end(line: FloatArray, distance: float) -> FloatArray:
     """The last stretch of a line, a point every half metre."""
     return resample_by_spacing(line, 0.5)[-max(round(distance / 0.5), 2) - 1 :]
-
-
-def _join(before: FloatArray, line: FloatArray, after: FloatArray, reach: float) -> FloatArray:
-    """A line with so much [m] of the lines before and after it."""
-    return np.concatenate([_take_end(before, reach), line, _take_end(after[::-1], reach)[::-1]])
 
 
 def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:

@@ -111,13 +111,15 @@ def build_road(
     parts += [geos.Polygon(outline).buffer(0) for outline in outlines if len(outline) > 2]
     road = geos.union_all([part for part in parts if not part.is_empty])
     road = road.buffer(_CLOSING, quad_segs=8).buffer(-_CLOSING, quad_segs=8).union(road)
-    paved = geos.union_all([_pave_islands(each, smallest_island) for each in list_polygons(road)])
+    paved = geos.union_all(
+        [
+            geos.Polygon(
+                each.exterior, [h for h in each.interiors if geos.Polygon(h).area > smallest_island]
+            )
+            for each in list_polygons(road)
+        ]
+    )
     return max(list_polygons(paved), key=lambda p: float(p.area)).simplify(0.02)
-
-
-def _pave_islands(polygon: Any, smallest: float) -> Any:
-    islands = [h for h in polygon.interiors if geos.Polygon(h).area > smallest]
-    return geos.Polygon(polygon.exterior, islands)
 
 
 def list_polygons(area: Any) -> list[Any]:

@@ -204,7 +204,7 @@ def _joins_carriageways(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiec
     across = piece.line[-1] - piece.line[0]
     ways = [
         [
-            _measure_course(each)
+            math.atan2(*(each.line[-1] - each.line[0])[::-1])
             for each in at[node]
             if each.is_one_way and each is not piece and not each.is_slip
         ]
@@ -217,11 +217,6 @@ def _joins_carriageways(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiec
         for a in ways[0]
         for b in ways[1]
     )
-
-
-def _measure_course(piece: StreetPiece) -> float:
-    step = piece.line[-1] - piece.line[0]
-    return math.atan2(step[1], step[0])
 
 
 def _turn(a: float, b: float) -> float:

@@ -44,13 +44,7 @@ def read_lanelet2_crossings(
         for each in foot
         if each.tags.get("subtype") == "crosswalk"
     ]  # fmt: skip
-    bounds = {
-        ref
-        for tags, members in elements.relations
-        if tags.get("subtype") == "crosswalk"
-        for _, ref in members
-    }
-    marks = dict(_list_marks(elements, bounds, origin))
+    marks = dict(_list_marks(elements, elements.list_crosswalk_bounds(), origin))
     drawn = [each for each in _pair_marks(marks) if not _repeats(each, lanelets)]
     return [*lanelets, *drawn]
 

@@ -104,7 +104,8 @@ def _part_streets(
     lanes: Sequence[tuple[SurveyLane, bool]],
 ) -> Iterator[list[tuple[SurveyLane, bool]]]:
     """Lanes of one direction, those apart that lie too far aside to be of the same street."""
-    ahead = np.array([_find_direction(_measure_bearing(orient_outwards(*lane))) for lane in lanes])
+    bearings = [_measure_bearing(orient_outwards(*lane)) for lane in lanes]
+    ahead = np.array([(math.cos(angle), math.sin(angle)) for angle in bearings])
     left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
     aside = [float(find_point(orient_outwards(*lane), _NEAR_OUT) @ left) for lane in lanes]
     order = sorted(range(len(lanes)), key=lambda i: aside[i])
@@ -116,10 +117,6 @@ def _part_streets(
             own = []
         own.append(lanes[after])
     yield own
-
-
-def _find_direction(angle: float) -> tuple[float, float]:
-    return math.cos(angle), math.sin(angle)
 
 
 def _measure_bearing(line: FloatArray) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import IO, Any, Literal
-from xml.parsers import expat
+from xml.etree.ElementTree import ParseError, XMLPullParser
 
 import numpy as np
 
@@ -185,78 +185,55 @@ def _read_dense(dense: Any, strings: list[str], scale: float, offset: FloatArray
     return OsmNodes(ids, np.cumsum(steps, axis=0) * scale + offset, tags)
 
 
-class _XmlElements:
-    """Elements as a parser meets them."""
-
-    def __init__(self) -> None:
-        self.ready: list[OsmElement] = []
-        self._ids: list[int] = []
-        self._degrees: list[tuple[float, float]] = []
-        self._tags: dict[int, dict[str, str]] = {}
-        self._open: str | None = None
-        self._id = 0
-        self._own: dict[str, str] = {}
-        self._refs: list[int] = []
-        self._members: list[tuple[str, int, str]] = []
-
-    def start(self, name: str, a: dict[str, str]) -> None:
-        if name == "node":
-            self._open, self._id, self._own = name, int(a["id"]), {}
-            self._ids.append(self._id)
-            self._degrees.append((float(a["lat"]), float(a["lon"])))
-        elif name == "nd":
-            self._refs.append(int(a["ref"]))
-        elif name == "tag":
-            self._own[a["k"]] = a["v"]
-        elif name in ("way", "relation"):
-            self.flush()
-            self._open, self._id, self._own = name, int(a["id"]), {}
-            self._refs, self._members = [], []
-        elif name == "member":
-            self._members.append((a["type"], int(a["ref"]), a.get("role", "")))
-
-    def end(self, name: str) -> None:
-        if name != self._open:
-            return
-        if name == "node" and self._own:
-            self._tags[self._id] = self._own
-        elif name == "way":
-            self.ready.append(OsmWay(self._id, tuple(self._refs), self._own))
-        elif name == "relation":
-            self.ready.append(OsmRelation(self._id, tuple(self._members), self._own))
-        self._open = None
-
-    def flush(self) -> None:
-        if self._ids:
-            degrees = np.array(self._degrees)
-            self.ready.append(OsmNodes(np.array(self._ids), degrees, self._tags))
-            self._ids, self._degrees, self._tags = [], [], {}
-
-
 def _iterate_xml(file: Path) -> Iterator[OsmElement]:
-    elements = _XmlElements()
-    parser: Any = expat.ParserCreate()
-    parser.StartElementHandler = elements.start
-    parser.EndElementHandler = elements.end
+    parser: Any = XMLPullParser(("start", "end"))
+    root: Any = None
     total = 0
+    degrees: dict[int, tuple[float, float]] = {}
+    tagged: dict[int, dict[str, str]] = {}
+
+    def take_nodes() -> Iterator[OsmNodes]:
+        if degrees:
+            yield OsmNodes(np.array([*degrees]), np.array([*degrees.values()]), dict(tagged))
+            degrees.clear()
+            tagged.clear()
+
     with open_packed(file) as stream:
         try:
             while block := stream.read(_BLOCK):
                 total += len(block)
                 if total > MOST_BYTES:
                     raise _refuse_large(file)
-                parser.Parse(block, False)
-                yield from elements.ready
-                elements.ready.clear()
-            parser.Parse(b"", True)
+                parser.feed(block)
+                for event, each in parser.read_events():
+                    root = each if root is None else root
+                    if event == "start" or each.tag not in _MEMBERS:
+                        continue
+                    number = int(each.attrib["id"])
+                    tags = {tag.attrib["k"]: tag.attrib["v"] for tag in each.iter("tag")}
+                    if each.tag == "node":
+                        degrees[number] = float(each.attrib["lat"]), float(each.attrib["lon"])
+                        tagged |= {number: tags} if tags else {}
+                    elif each.tag == "way":
+                        yield from take_nodes()
+                        refs = (int(node.attrib["ref"]) for node in each.iter("nd"))
+                        yield OsmWay(number, tuple(refs), tags)
+                    else:
+                        yield from take_nodes()
+                        members = (
+                            (own.attrib["type"], int(own.attrib["ref"]), own.get("role", ""))
+                            for own in each.iter("member")
+                        )
+                        yield OsmRelation(number, tuple(members), tags)
+                    root.clear()  # what was read is not kept
+            parser.close()
         except (KeyError, ValueError) as fault:
             raise InputError(
                 f"{file} is no OpenStreetMap file: {str(fault)[:60]} is missing or wrong"
             ) from None
-        except expat.ExpatError as fault:
-            raise InputError(f"{file} is not well-formed XML (line {fault.lineno})") from None
-    elements.flush()
-    yield from elements.ready
+        except ParseError as fault:
+            raise InputError(f"{file} is not well-formed XML (line {fault.position[0]})") from None
+    yield from take_nodes()
 
 
 def _refuse_large(file: Path) -> InputError:

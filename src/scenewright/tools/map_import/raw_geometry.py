@@ -90,12 +90,7 @@ def _read_osm(file: Path, origin: LatLon) -> _Layers:
 def _read_lanelet2(file: Path, origin: LatLon) -> _Layers:
     elements = read_elements(file)
     layers: dict[str, list[FloatArray]] = {}
-    on_foot = {
-        ref
-        for tags, members in elements.relations
-        if tags.get("subtype") == "crosswalk"
-        for _, ref in members
-    }
+    on_foot = elements.list_crosswalk_bounds()
     for name, nodes in elements.ways.items():
         points = [project_mercator(origin, elements.nodes[n]) for n in nodes if n in elements.nodes]
         kind = elements.way_tags.get(name, {}).get("type", "")

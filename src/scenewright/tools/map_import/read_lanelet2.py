@@ -402,6 +402,11 @@ class FileElements:
     relations: list[tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=list)
     rules: dict[str, tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=dict)
 
+    def list_crosswalk_bounds(self) -> set[str]:
+        """Ids of the ways along crosswalk lanelets."""
+        own = [members for tags, members in self.relations if tags.get("subtype") == "crosswalk"]
+        return {ref for members in own for _, ref in members}
+
 
 def read_elements(file: Path) -> FileElements:
     """Nodes, ways and lanelets of a file that is known to be well-formed."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
-    OPPOSITE,
     AgentDraft,
     Draft,
     MeasureDraft,
@@ -39,7 +38,7 @@ from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
 from scenewright.backends.builtin.reader.words import find_class, find_subtype, time_words_in
 from scenewright.backends.builtin.scope import build_not_english, build_nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
-from scenewright.scene.base import AgentClass
+from scenewright.scene.base import OPPOSITE, AgentClass
 from scenewright.scene.kinds import find_marked, list_names
 from scenewright.scene.measures import format_measure
 from scenewright.scene.relations import load_patterns
@@ -894,11 +893,13 @@ _JUMPS = re.compile(r"\b(?:jump|leap|leapt|spr[aiu]ng)", re.IGNORECASE)
 
 
 def _react_so(result: Interpretation, span: ReadSpan) -> None:
-    """How the agent reacts to the threat, or that it does not."""
-    known = find_marked("reaction", span.value or "")
-    for number in span.subjects:
-        agent = result.users.get(number)
-        if agent is not None:
+    """How the agent reacts to the threat, or that it does not; as far as its class can."""
+    for number in (each for each in span.subjects if each in result.users):
+        agent = result.users[number]
+        known = find_marked("reaction", span.value or "", of=agent.type)
+        if known is None:
+            _leave_out_act(result, replace(span, subjects=(number,)))
+        else:
             agent.reaction = known
             result.enter(span, "reaction", (number,), known)
 
@@ -1089,11 +1090,11 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
         begins = span.start + len("one ")
         span = replace(span, start=begins, words=result.text[begins : span.end])
     low = clean(" , ".join(each.words for each in (*result.times, span)))
-    names, (_, clock) = time_words_in(low), read_clock(low)
-    if clock.time is None:
+    names, clock = time_words_in(low), read_clock(low)
+    if clock is None:
         figures = CLOCK.search(low)
-        _, clock = read_clock(f"at {figures[0] if figures else low}")
-    time = _find_agreed_time(_keep_specific(names), clock.time) if names or clock.time else None
+        clock = read_clock(f"at {figures[0] if figures else low}")
+    time = _find_agreed_time(_keep_specific(names), clock) if names or clock else None
     if time is None:  # a date, a weekday
         result.enter(span, "nothing", note="no time of day that is known")
         return

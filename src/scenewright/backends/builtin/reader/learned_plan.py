@@ -49,7 +49,6 @@ class LearnedPlan:
 
     plan: Plan
     reading: Reading
-    interpretation: Interpretation | None
     confidence: float
     objects: tuple[ReadObject, ...] = ()
     phrases: tuple[Phrase, ...] = ()
@@ -124,8 +123,8 @@ def plan_reading(
         plan: Plan = add_read_objects(graph, objects, users) if objects else graph
     except Refused as verdict:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
-        return LearnedPlan(refusal, reading, None, confidence, objects, phrases)
-    return LearnedPlan(plan, reading, interpretation, confidence, objects, phrases, users)
+        return LearnedPlan(refusal, reading, confidence, objects, phrases)
+    return LearnedPlan(plan, reading, confidence, objects, phrases, users)
 
 
 def _play_phrase(
@@ -244,6 +243,6 @@ def _settle(interpretation: Interpretation, text: str) -> Draft:
     said = draft.agents or draft.normal or draft.denied or context.density or context.time_of_day
     if not said and context.vehicles is None and context.pedestrians is None:
         raise build_nothing_planned()
-    _, impacts = read_impacts(re.sub(r"(?<!driver)(?<!passenger)['’]s ", "  ", text.lower()))
+    impacts = read_impacts(re.sub(r"(?<!driver)(?<!passenger)['’]s ", "  ", text.lower()))
     place_impacts(draft, impacts)
     return draft
