@@ -4,9 +4,9 @@ The labels' facts are in find_windows.jsonl: a recording, two agents, a span, an
 between them, as told from pictures without having seen what the program says. The recordings
 themselves are not part of this package: TAF-BW (CC BY-NC-SA 4.0) and VTP-TL (Apache-2.0).
 
-    python -m benchmarks.find convert DATA OUT     tables of tracks from the recordings
-    python -m benchmarks.find draw OUT SHEETS      windows drawn by chance, as pictures to label
-    python -m benchmarks.find score OUT            what `find` finds there, against the labels
+    python benchmarks/find.py convert DATA OUT     tables of tracks from the recordings
+    python benchmarks/find.py draw OUT SHEETS      windows drawn by chance, as pictures to label
+    python benchmarks/find.py score OUT            what `find` finds there, against the labels
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from robustness import compute_wilson
 
-from benchmarks.robustness import compute_wilson
 from scenewright.errors import Unsatisfiable
 from scenewright.graph.find import find_hits, load_sources, read_query
 from scenewright.graph.run import load_tracks

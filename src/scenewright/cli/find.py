@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,7 +57,7 @@ def find(
     unusable: list[str] = []
     doubtful: list[Hit] = []
     hits: list[Hit] = []
-    for hit in search_paths(asked, paths, intersection, unusable=unusable, lenient=lenient):
+    for hit in _search(asked, paths, intersection, unusable, lenient=lenient):
         (doubtful if hit.untested and not lenient else hits).append(hit)
         if len(hits) == limit:
             break
@@ -71,7 +71,7 @@ def find(
         found = {"hits": rows, "clips": clips, "doubtful": len(doubtful), "unusable": unusable}
         write_json({"ok": not unusable, **found})
     else:
-        write_stdout(format_hits(hits))
+        write_stdout(_format_hits(hits))
     if doubtful:
         reasons = format_one_line("; ".join(doubtful[0].untested))
         log_line(f"{len(doubtful)} more in part not tested, which --lenient lists: {reasons}")
@@ -81,36 +81,29 @@ def find(
         raise typer.Exit(UNUSABLE)
 
 
-def search_paths(
-    query: Query,
-    paths: Sequence[str],
-    intersection: str | None,
-    *,
-    unusable: list[str],
-    lenient: bool = False,
+def _search(
+    query: Query, paths: list[str], place: str | None, unusable: list[str], *, lenient: bool
 ) -> Iterator[Hit]:
-    """The hits in all files; why one cannot be used goes to `unusable`.
-
-    Raises:
-        Unsatisfiable: something that is asked for cannot be tested there at all, unless `lenient`.
-    """
+    """The hits in all files; why one cannot be used goes to `unusable`."""
     from scenewright.cli.verify import list_scene_files
     from scenewright.graph.find import find_hits, list_untestable, load_sources
 
     for path in (own for each in paths for own in sorted(glob.glob(each)) or [each]):
         try:
-            for file in list_scene_files(path):
-                for source in load_sources(file, intersection):
-                    missing = "; ".join(list_untestable(query, source))
-                    if missing and not lenient:
-                        say = f"{source.path}: not to be tested there: {missing}"
-                        raise Unsatisfiable(f"{say}; --lenient looks for the rest")
-                    yield from find_hits(query, source)
+            for source in (
+                own for file in list_scene_files(path) for own in load_sources(file, place)
+            ):
+                for note in source.tracks.notes:
+                    log_line(f"note: {format_one_line(f'{source.path}: {note}')}")
+                if not lenient and (missing := "; ".join(list_untestable(query, source))):
+                    say = f"{source.path}: not to be tested there: {missing}"
+                    raise Unsatisfiable(f"{say}; --lenient looks for the rest")
+                yield from find_hits(query, source)
         except (InputError, OSError) as error:
             unusable.append(format_one_line(str(error)))
 
 
-def format_hits(hits: Sequence[Hit]) -> str:
+def _format_hits(hits: list[Hit]) -> str:
     """A row for every hit, and below what of it is not tested."""
     from scenewright.cli.verify_tracks import format_evidence
 

@@ -101,17 +101,14 @@ _LACKS = {
 }  # fmt: skip
 
 
-class PlanBounds(NamedTuple):
-    """A plan with the least and with the largest value of every number that it leaves open."""
-
-    low: SocialGraph
-    high: SocialGraph
+Bounds = tuple[SocialGraph, SocialGraph]
+"""A plan with the least and with the largest value of every number that it leaves open."""
 
 
 class Query(NamedTuple):
     """What is looked for: any of the plans; and words that no field of them holds."""
 
-    plans: tuple[PlanBounds, ...]
+    plans: tuple[Bounds, ...]
     unheld: tuple[str, ...]
 
 
@@ -165,7 +162,7 @@ class Hit:
     Attributes:
         agents: number of the recorded agent, by the plan's id.
         events: what the checker found for each relation, in the times of the recording.
-        time, end: of the first event, and of the clip [s].
+        time: of the first event [s].
         scene, proof: the clip as a scene, and of it.
         untested: what was asked for and could not be tested, one sentence each.
     """
@@ -207,14 +204,15 @@ def read_query(
         plans = tuple(_list_bounds(read_logical_plan(asked)))
     else:
         plan = plan_instruction(asked, intersection=place, backend=backend)
-        plans = (PlanBounds(plan, plan),)
+        plans = ((plan, plan),)
         unknown = [each.words for each in list_unknown_words(asked, load_map(place))]
-    unheld = [each.words for each in plans[0].low.said if each.became in _UNHELD]
-    bare = (PlanBounds(*(end.model_copy(update={"said": ()}) for end in ends)) for ends in plans)
-    return Query(tuple(bare), tuple(dict.fromkeys([*unheld, *unknown])))
+    unheld = [each.words for each in plans[0][0].said if each.became in _UNHELD]
+    bare = {"said": ()}
+    plans = tuple((a.model_copy(update=bare), b.model_copy(update=bare)) for a, b in plans)
+    return Query(plans, tuple(dict.fromkeys([*unheld, *unknown])))
 
 
-def _list_bounds(logical: LogicalPlan) -> Iterator[PlanBounds]:
+def _list_bounds(logical: LogicalPlan) -> Iterator[Bounds]:
     """The plans of every choice of listed values."""
     lists = {at: each.values for at, each in logical.spreads.items() if each.kind == "list"}
     if math.prod(map(len, lists.values())) > MOST_CHOICES:
@@ -225,7 +223,7 @@ def _list_bounds(logical: LogicalPlan) -> Iterator[PlanBounds]:
             {at: each.compute_value(share) for at, each in logical.spreads.items()} | chosen
             for share in (0.0, 1.0)
         )
-        yield PlanBounds(logical.settle(least).plan, logical.settle(most).plan)
+        yield logical.settle(least).plan, logical.settle(most).plan
 
 
 def load_sources(path: Path, intersection: str | None = None) -> Iterator[Source]:
@@ -257,7 +255,7 @@ def find_hits(query: Query, source: Source) -> Iterator[Hit]:
     for window in observe_recording(
         source.tracks, intersection_map=source.place, signals=source.signals
     ):
-        searches = [_PlanSearch(plan, lacks, source, window) for plan in query.plans]
+        searches = [_PlanSearch(*plan, lacks, source, window) for plan in query.plans]
         found = [hit for search in searches for hit in search.find_hits()]
         yield from sorted(found, key=lambda hit: hit.time)
 
@@ -286,7 +284,8 @@ def _find_lack(each: PlanField, source: Source) -> str | None:
 class _PlanSearch:
     """Looks for a plan in what the checker saw in a window."""
 
-    bounds: PlanBounds
+    plan: SocialGraph
+    most: SocialGraph
     lacks: tuple[str, ...]
     source: Source
     window: ObservedWindow
@@ -307,7 +306,7 @@ class _PlanSearch:
 
     def find_hits(self) -> Iterator[Hit]:
         """Hits in order of time, one of the same agents within `SPAN` s."""
-        plan, last, found = self.bounds.low, dict[tuple[int, ...], float](), []
+        plan, last, found = self.plan, dict[tuple[int, ...], float](), []
         bound = {name for edge in plan.relations for name in (edge.from_, edge.to)}
         names = sorted((node.id for node in plan.agents), key=lambda name: name not in bound)
         for agents in self._assign(names, {}):
@@ -336,7 +335,7 @@ class _PlanSearch:
             yield agents
             return
         name, *rest = names
-        edges = [e for e in self.bounds.low.relations if name in (e.from_, e.to)]
+        edges = [e for e in self.plan.relations if name in (e.from_, e.to)]
         own = [self._tracks[n] for n in agents.values()]
         for n, track in self._tracks.items():
             named = agents | {name: n}
@@ -355,7 +354,7 @@ class _PlanSearch:
         """What of a node cannot be tested of a recorded agent; None if something contradicts it."""
 
         def find(name: str, number: int) -> tuple[str, ...] | None:
-            node, track, found = self.bounds.low.agent(name), self._tracks[number], list[str]()
+            node, track, found = self.plan.agent(name), self._tracks[number], list[str]()
             seen, exact = self.source.tracks.subtypes[number], self.source.clock is not None
             if track.type != node.type:
                 if exact or (node.type, track.type) != ("scooter", "cyclist"):
@@ -378,18 +377,19 @@ class _PlanSearch:
         self, agents: dict[str, int], events: tuple[Event, ...], time: float, until: float
     ) -> Hit | None:
         """The hit, unless the checker finds something asked for missing or contradicted."""
-        plan, source = self.bounds.low, self.source
+        plan, source = self.plan, self.source
         begin = max(min(self._tracks[n].start for n in agents.values()), time - AROUND)
         span = (begin, min(until + AROUND, begin + LONGEST))
-        # Without a map nothing says how entries lie to one another.
-        plan = plan if source.place else plan.model_copy(update={"ties": ()})
+        shown = {name for name, n in agents.items() if source.find_route(self._tracks[n])[1]}
+        ties = tuple(tie for tie in plan.ties if {tie.agent, tie.of} <= shown)
+        lost = [tie for tie in plan.ties if tie not in ties and source.place]
+        plan = plan.model_copy(update={"ties": ties})
         clip = _build_clip(source, self._tracks, plan, agents, span).model_copy(
             update={
                 "relations": tuple(_build_relation(e, plan, agents) for e in plan.relations),
                 "measures": tuple(self._list_measures(agents)),
                 "ties": tuple(
-                    TieRecord(agent=agents[t.agent], of=agents[t.of], side=t.side)
-                    for t in plan.ties
+                    TieRecord(agent=agents[t.agent], of=agents[t.of], side=t.side) for t in ties
                 ),
             }
         )
@@ -403,12 +403,13 @@ class _PlanSearch:
             doubts += [f"{each.words}: {entry.evidence}"] * (entry.state == "not_shown")
         for name, n in agents.items():
             doubts += self._find_doubts(name, n) or ()
-        plan = self.bounds.low
-        return Hit(source, plan, agents, events, time, clip, proof, tuple(dict.fromkeys(doubts)))
+        doubts += [f"{t.agent} {t.side} of {t.of}: a track does not show its way" for t in lost]
+        untested = tuple(dict.fromkeys(doubts))
+        return Hit(source, self.plan, agents, events, time, clip, proof, untested)
 
     def _list_measures(self, agents: dict[str, int]) -> Iterator[MeasureRecord]:
         """Figures that are asked for, those of relations too, with the range of each."""
-        low, high = self.bounds
+        low, high = self.plan, self.most
         ends = build_measure_records(low, agents), build_measure_records(high, agents)
         for least, most in zip(*ends, strict=True):
             yield least.model_copy(update={"high": max(least.high, most.high)})
