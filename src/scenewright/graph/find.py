@@ -37,7 +37,7 @@ from scenewright.nodes.scene_verifier.assemble import (
     compute_scene_id,
     find_culprit,
 )
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import Point
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Proof
 from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.map import IntersectionMap, Route
@@ -60,11 +60,8 @@ from scenewright.tools.account import list_unknown_words, prove
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.fitting.route_matching import Match, Matcher
 from scenewright.tools.relation_checker import read_users
-from scenewright.tools.relation_checker.external_events import (
-    ExternalTracks,
-    ObservedWindow,
-    observe_recording,
-)
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.external_events import ExternalTracks, observe_recording
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
@@ -129,8 +126,14 @@ class Source:
         if place is None:
             return lambda _: (None, False)
         routes = {route.id: route for route in place.routes}
-        lines = ((name, list(_list_middles(route, place))) for name, route in routes.items())
-        matcher = Matcher(place, {name: own for name, own in lines if own})
+        lines = {
+            r.id: [np.array(m.centreline)] for r in place.routes if (m := place.find_movement(r))
+        }
+        for route, walk in product(place.routes, place.crosswalks):
+            if (route.movement, route.crosswalk) == ("crossing", walk.leg):
+                onward = 1 if walk.sides[0] == route.entry else -1
+                lines[route.id] = [np.array(walk.centreline[::onward])]
+        matcher = Matcher(place, lines)
 
         def find(track: Trajectory) -> tuple[Route | None, bool]:
             kind = "pedestrian" if track.type == "pedestrian" else "vehicle"
@@ -143,16 +146,6 @@ class Source:
             return next(iter(fit or own), None), False
 
         return cache(find)
-
-
-def _list_middles(route: Route, place: IntersectionMap) -> Iterator[FloatArray]:
-    """The middle of a route: of its movement, or of the crosswalk in its direction."""
-    movement = place.find_movement(route)
-    if movement is not None:
-        yield np.array(movement.centreline)
-    for walk in place.crosswalks:
-        if walk.leg == route.crosswalk and route.movement == "crossing":
-            yield np.array(walk.centreline[:: 1 if walk.sides[0] == route.entry else -1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,8 +248,9 @@ def find_hits(query: Query, source: Source) -> Iterator[Hit]:
     for window in observe_recording(
         source.tracks, intersection_map=source.place, signals=source.signals
     ):
-        searches = [_PlanSearch(*plan, lacks, source, window) for plan in query.plans]
-        found = [hit for search in searches for hit in search.find_hits()]
+        found: list[Hit] = []
+        for low, high in query.plans:
+            found += _PlanSearch(low, high, lacks, source, *window).find_hits()
         yield from sorted(found, key=lambda hit: hit.time)
 
 
@@ -288,17 +282,19 @@ class _PlanSearch:
     most: SocialGraph
     lacks: tuple[str, ...]
     source: Source
-    window: ObservedWindow
+    observed: SceneObservation
+    begin: float
+    end: float
 
     @cached_property
     def _tracks(self) -> dict[int, Trajectory]:
-        return {track.id: track for track in self.window.observed.tracks}
+        return {track.id: track for track in self.observed.tracks}
 
     @cached_property
     def _events(self) -> dict[tuple[str, int, int], list[Event]]:
         """Events by type, `from` and `to`; near misses and collisions either way round."""
         found: dict[tuple[str, int, int], list[Event]] = defaultdict(list)
-        for event in self.window.list_events(self.source.tracks.names):
+        for event in self.observed.events:
             found[event.type, event.from_, event.to].append(event)
             if event.type in ("near_miss", "collision"):
                 found[event.type, event.to, event.from_].append(event)
@@ -317,7 +313,7 @@ class _PlanSearch:
                     found.append((min(starts), max(ends), agents, events))
         for time, until, agents, events in sorted(found, key=lambda each: each[:2]):
             key = tuple(sorted(agents[name] for name in bound or names[:1]))
-            ours = self.window.begin <= time < self.window.end
+            ours = self.begin <= time < self.end
             if ours and time - last.get(key, -math.inf) > SPAN:
                 hit = self._prove(agents, events, time, until)
                 if hit is not None:
@@ -415,15 +411,11 @@ class _PlanSearch:
             yield least.model_copy(update={"high": max(least.high, most.high)})
         for edge, other in zip(low.relations, high.relations, strict=True):
             for name, kind in _FIGURES.items():
-                first, second, slack = (
-                    getattr(edge, name),
-                    getattr(other, name),
-                    UNITS[kind].tolerance,
-                )
-                if first is not None:
+                if getattr(edge, name) is not None:
+                    slack = UNITS[kind].tolerance
                     yield MeasureRecord(
                         kind=kind, agent=agents[edge.from_], other=agents[edge.to],
-                        low=first - slack, high=second + slack,
+                        low=getattr(edge, name) - slack, high=getattr(other, name) + slack,
                     )  # fmt: skip
 
 
@@ -470,15 +462,19 @@ def _build_clip(
     the scene is for the checker alone.
     """
     nodes = {numbers[node.id]: node for node in plan.agents}
-    counts = Counter(node.type for node in plan.agents)
+    counts = Counter[str]()
+    for name in sorted(numbers):  # others are numbered after those of the plan
+        counts[nodes[numbers[name]].type] += int(name.partition("-")[2])
     regions = source.place.goal_regions if source.place else ()
-    agents, goals = [], {(each.type, each.leg): each.polygon[0] for each in regions}
+    agents = list[AgentRecord]()
+    goals: dict[Any, Point] = {(each.type, each.leg): each.polygon[0] for each in regions}
     for n, track in tracks.items():
         inside = (track.times >= span[0] - 1e-6) & (track.times <= span[1] + 1e-6)
         if inside.sum() < 2:
             continue
         node = nodes.get(n)
         counts[track.type] += node is None
+        kind = "pedestrian" if track.type == "pedestrian" else "vehicle"
         route, _ = source.find_route(track)
         labels = {name: getattr(route, name, None) for name in _JOURNEY}
         if node is not None:
@@ -490,7 +486,7 @@ def _build_clip(
             role="foreground" if node else "background",
             subtype=subtype if subtype in VEHICLE_SIZES else None,
             spawn_time=round(float(track.times[inside][0] - span[0]), 3),
-            goal=goals[route.type, route.exit] if route else tuple(track.xy[-1].tolist()),
+            goal=goals.get((kind, labels["exit"]), tuple(track.xy[-1].round(3).tolist())),
             violates_signal=node is not None and node.runs_red,
             trajectory=tuple(map(tuple, track.xy[inside].round(3).tolist())),
             heading=tuple(np.unwrap(track.heading[inside]).round(4).tolist()),
@@ -499,7 +495,8 @@ def _build_clip(
     clock, words = source.clock or "12:00", join_fields(list_fields(plan))
     name, map_id = (source.place.name, source.place.map_id) if source.place else ("", 0)
     meta = SceneMeta(
-        scene_id=compute_scene_id(f"{source.path} {span[0]:.1f} {words}", name, 0), map_id=map_id,
+        scene_id=compute_scene_id(f"{source.path} {span[0]:.1f} {numbers} {words}", name, 0),
+        map_id=map_id,
         timestamp=60.0 * (60 * int(clock[:2]) + int(clock[3:5])), time_of_day=clock, seed=0,
         intersection=name, user_prompt=words, plan=plan, rules=3, step=STEP,
         duration=round(span[1] - span[0], 3),
@@ -541,9 +538,8 @@ def format_variation(hit: Hit) -> str:
             edge[key] = f"{max(value - slack, 0.1):.1f} .. {value + slack:.1f} {unit}"
     for name, n in hit.agents.items():
         speed = facts.compute_kept_speed(n) or 0.0
-        if 0.5 < speed < 17.0 and ("speed", name) not in {
-            (m["kind"], m["agent"]) for m in measures
-        }:
+        known = [m for m in measures if (m["kind"], m["agent"]) == ("speed", name)]
+        if 0.5 < speed < 17.0 and not known:
             value = f"{0.85 * speed:.1f} .. {1.15 * speed:.1f} m/s"
             measures.append({"kind": "speed", "agent": name, "value": value})
     lines = [

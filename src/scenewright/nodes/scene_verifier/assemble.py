@@ -222,9 +222,7 @@ def _build_relation_records(
     )
 
 
-def build_measure_records(
-    graph: SocialGraph, numbers: dict[str, int]
-) -> tuple[MeasureRecord, ...]:
+def build_measure_records(graph: SocialGraph, numbers: dict[str, int]) -> tuple[MeasureRecord, ...]:
     """The figures asked for, of the agents with these numbers."""
     return tuple(
         MeasureRecord(

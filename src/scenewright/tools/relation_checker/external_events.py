@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -92,27 +92,19 @@ def examine_recording(
         InputError: too many agents at once.
     """
     left_hand = intersection_map is not None and intersection_map.left_hand_traffic
-    found = [
-        _examine_window(each, tracks.names, left_hand=left_hand)
-        for each in observe_recording(tracks, intersection_map=intersection_map)
-    ]
-    return RecordedEvents(
-        tuple(event for each in found for event in each.events),
-        tuple(contact for each in found for contact in each.contacts),
-        tuple(row for each in found for row in each.avoidability),
-    )
-
-
-class ObservedWindow(NamedTuple):
-    """What is measured around a span of a recording; it answers for what begins in that [s]."""
-
-    observed: SceneObservation
-    begin: float
-    end: float
-
-    def list_events(self, names: Mapping[int, str]) -> tuple[Event, ...]:
-        """All events, those around the span too; none between two stretches of one track."""
-        return tuple(e for e in self.observed.events if names[e.from_] != names[e.to])
+    found, contacts, avoided = list[Event](), list[Finding](), list[dict[str, Any]]()
+    for observed, begin, end in observe_recording(tracks, intersection_map=intersection_map):
+        events = [e for e in observed.events if begin <= e.time < end]
+        found += events
+        contacts += [
+            each
+            for each in find_contacts(observed)
+            if begin <= (each.time or 0.0) < end and len({tracks.names[n] for n in each.agents}) > 1
+        ]
+        harmful = [e for e in events if e.type in ("collision", "near_miss")]
+        if len(harmful) <= MOST_AVOIDED:
+            avoided += find_avoidability(harmful, Sights((), observed.tracks, left_hand))
+    return RecordedEvents(tuple(found), tuple(contacts), tuple(avoided))
 
 
 def observe_recording(
@@ -120,27 +112,27 @@ def observe_recording(
     *,
     intersection_map: IntersectionMap | None = None,
     signals: Sequence[SignalRecord] = (),
-) -> Iterator[ObservedWindow]:
+) -> Iterator[tuple[SceneObservation, float, float]]:
     """What the checker measures in a recording: whole if it is small, else window by window.
+
+    Returns:
+        What is measured around each span, and begin and end of that [s]: it answers for what begins
+        there. There are no events between two stretches of one track.
 
     Raises:
         InputError: too many agents at once.
     """
-    if not tracks.users:
-        return
-    begin = min(u.track.start for u in tracks.users)
-    end = max(u.track.end for u in tracks.users)
     whole = count_pair_samples(tracks.users) <= MOST_PAIR_SAMPLES
-    spans = [(tracks.users, -math.inf, math.inf)]
+    begin = min((u.track.start for u in tracks.users), default=0.0)
+    end = max((u.track.end for u in tracks.users), default=0.0)
+    look = partial(observe, intersection_map=intersection_map, signals=signals, near_only=True)
+    look_once = lru_cache(maxsize=1)(partial(look, until=None if whole else end))
+    spans = [(tracks.users, -math.inf, math.inf)] if whole and tracks.users else []
     # Of a short recording, every window holds the same users.
-    look = lru_cache(maxsize=1)(
-        partial(
-            observe, intersection_map=intersection_map, signals=signals, near_only=True,
-            until=None if whole else end,
-        )
-    )  # fmt: skip
-    for users, since, until in spans if whole else _cut_windows(tracks.users, begin, end + 1.0):
-        yield ObservedWindow(look(users), since, until)
+    for users, since, until in spans or _cut_windows(tracks.users, begin, end + 1.0):
+        seen, names = look_once(users), tracks.names
+        events = tuple(e for e in seen.events if names[e.from_] != names[e.to])
+        yield replace(seen, events=events), since, until
 
 
 def find_off_map(tracks: ExternalTracks, intersection_map: IntersectionMap) -> tuple[Finding, ...]:
@@ -186,24 +178,6 @@ def _cut_windows(
     middle = STEP * round((begin + end) / 2 / STEP)
     yield from _cut_windows(users, begin, middle)
     yield from _cut_windows(users, middle, end)
-
-
-def _examine_window(
-    window: ObservedWindow, names: Mapping[int, str], *, left_hand: bool
-) -> RecordedEvents:
-    """What happens in the span of a window."""
-    observed, begin, end = window
-    events = tuple(e for e in window.list_events(names) if begin <= e.time < end)
-    contacts = tuple(
-        each
-        for each in find_contacts(observed)
-        if begin <= (each.time or 0.0) < end and len({names[n] for n in each.agents}) > 1
-    )
-    harmful = [e for e in events if e.type in ("collision", "near_miss")]
-    if len(harmful) > MOST_AVOIDED:
-        harmful = []
-    avoided = find_avoidability(harmful, Sights((), observed.tracks, left_hand))
-    return RecordedEvents(events, contacts, tuple(avoided))
 
 
 def _clip_tracks(users: Sequence[RoadUser], begin: float, end: float) -> tuple[RoadUser, ...]:
