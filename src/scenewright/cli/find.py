@@ -55,14 +55,19 @@ def find(
 
     asked = read_query(query, intersection=intersection)
     unusable: list[str] = []
-    doubtful: list[Hit] = []
+    clips: list[str] = []
     hits: list[Hit] = []
+    doubtful: list[Hit] = []
     for hit in _search(asked, paths, intersection, unusable, lenient=lenient):
-        (doubtful if hit.untested and not lenient else hits).append(hit)
+        if hit.untested and not lenient:
+            doubtful.append(hit)
+            continue
+        hits.append(hit)
+        if out is not None:
+            clips.append(str(save_clip(hit, Path(out) / f"{len(hits):03}")))
         if len(hits) == limit:
+            log_line(f"note: these are the first {limit}; --limit N finds more")
             break
-    numbered = list(enumerate(hits, start=1))
-    clips = [str(save_clip(hit, Path(out) / f"{n:03}")) for n, hit in numbered if out is not None]
     if vary is not None and hits:
         best = min(hits, key=lambda hit: len(hit.untested))
         write_atomically(Path(vary), format_variation(best).encode())
