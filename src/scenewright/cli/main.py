@@ -48,6 +48,7 @@ from scenewright.cli.errors import (
 )
 from scenewright.cli.evals import evals
 from scenewright.cli.export import export
+from scenewright.cli.find import find
 from scenewright.cli.import_commands import (
     export_map,
     fit,
@@ -107,6 +108,7 @@ app.command()(serve)
 app.command()(author)
 app.add_typer(dataset)
 app.command()(export)
+app.command()(find)
 app.command()(drive)
 app.add_typer(planner)
 

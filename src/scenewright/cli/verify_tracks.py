@@ -147,7 +147,7 @@ def _build_row(event: Event, tracks: ExternalTracks) -> tuple[str, ...]:
         _name_agent(event.to, tracks),
         f"{event.time:.1f} s",
         f"({x:.1f}, {y:.1f})",
-        _format_evidence(event),
+        format_evidence(event),
     )
 
 
@@ -155,7 +155,8 @@ def _name_agent(number: int, tracks: ExternalTracks) -> str:
     return f"{number} ({tracks.subtypes[number]})"
 
 
-def _format_evidence(event: Event) -> str:
+def format_evidence(event: Event) -> str:
+    """The figures of an event that say most."""
     measured = (
         (words, event.evidence.get(key), unit) for words, key, unit in _MEASURES[event.type]
     )

@@ -84,7 +84,7 @@ def assemble(
             TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
-        measures=_build_measure_records(graph, numbers),
+        measures=build_measure_records(graph, numbers),
         signals=_build_signal_records(selection, intersection_map),
         said=number_agents(graph.said, numbers),
         objects=selection.objects,
@@ -211,7 +211,7 @@ def _build_relation_records(
         RelationRecord.model_validate(
             {
                 **_describe_sides(edge, played[index], numbers),
-                "cause_agent": _find_culprit(edge, graph, numbers),
+                "cause_agent": find_culprit(edge, graph, numbers),
                 "target_pet": edge.target_pet,
                 "target_ttc": edge.target_ttc,
                 "impact_speed": edge.impact_speed,
@@ -222,9 +222,8 @@ def _build_relation_records(
     )
 
 
-def _build_measure_records(
-    graph: SocialGraph, numbers: dict[str, int]
-) -> tuple[MeasureRecord, ...]:
+def build_measure_records(graph: SocialGraph, numbers: dict[str, int]) -> tuple[MeasureRecord, ...]:
+    """The figures asked for, of the agents with these numbers."""
     return tuple(
         MeasureRecord(
             kind=each.kind,
@@ -277,7 +276,7 @@ def _list_demands(
     }
 
 
-def _find_culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:
+def find_culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:
     """The agent that causes the event: the one that runs red, the vehicle that brakes late."""
     pair = (graph.agent(edge.from_), graph.agent(edge.to))
     found: list[int] = []

@@ -9,9 +9,9 @@ the events whose time lies in the span.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.relation_checker.avoidability import find_avoidability
 from scenewright.tools.relation_checker.certificate import find_contacts
@@ -90,15 +91,48 @@ def examine_recording(
     Raises:
         InputError: too many agents at once.
     """
-    if not tracks.users:
-        return RecordedEvents()
-    if count_pair_samples(tracks.users) <= MOST_PAIR_SAMPLES:
-        search = _RecordingSearch(tracks.names, intersection_map)
-        return search.look(tracks.users, -math.inf, math.inf)
-    begin = min(u.track.start for u in tracks.users)
-    end = max(u.track.end for u in tracks.users)
-    search = _RecordingSearch(tracks.names, intersection_map, end)
-    return search.search_windows(tracks.users, begin, end + 1.0)
+    left_hand = intersection_map is not None and intersection_map.left_hand_traffic
+    found, contacts, avoided = list[Event](), list[Finding](), list[dict[str, Any]]()
+    for observed, begin, end in observe_recording(tracks, intersection_map=intersection_map):
+        events = [e for e in observed.events if begin <= e.time < end]
+        found += events
+        contacts += [
+            each
+            for each in find_contacts(observed)
+            if begin <= (each.time or 0.0) < end and len({tracks.names[n] for n in each.agents}) > 1
+        ]
+        harmful = [e for e in events if e.type in ("collision", "near_miss")]
+        if len(harmful) <= MOST_AVOIDED:
+            avoided += find_avoidability(harmful, Sights((), observed.tracks, left_hand))
+    return RecordedEvents(tuple(found), tuple(contacts), tuple(avoided))
+
+
+def observe_recording(
+    tracks: ExternalTracks,
+    *,
+    intersection_map: IntersectionMap | None = None,
+    signals: Sequence[SignalRecord] = (),
+) -> Iterator[tuple[SceneObservation, float, float]]:
+    """What the checker measures in a recording: whole if it is small, else window by window.
+
+    Returns:
+        What is measured around each span, and begin and end of that [s]: it answers for what begins
+        there. There are no events between two stretches of one track.
+
+    Raises:
+        InputError: too many agents at once.
+    """
+    whole = count_pair_samples(tracks.users) <= MOST_PAIR_SAMPLES
+    begin = min((u.track.start for u in tracks.users), default=0.0)
+    end = max((u.track.end for u in tracks.users), default=0.0)
+    look = partial(observe, intersection_map=intersection_map, signals=signals, near_only=True)
+    look_once = lru_cache(maxsize=1)(partial(look, until=None if whole else end))
+    spans = [(tracks.users, -math.inf, math.inf)] if whole and tracks.users else []
+    # Of a short recording, every window holds the same users.
+    for users, since, until in spans or _cut_windows(tracks.users, begin, end + 1.0):
+        seen, names = look_once(users), tracks.names
+        events = tuple(e for e in seen.events if names[e.from_] != names[e.to])
+        yield replace(seen, events=events), since, until
 
 
 def find_off_map(tracks: ExternalTracks, intersection_map: IntersectionMap) -> tuple[Finding, ...]:
@@ -125,60 +159,25 @@ def _count_near_pair_samples(users: tuple[RoadUser, ...]) -> float:
     return float((np.maximum(together / STEP, 0.0) + 1.0).sum())
 
 
-@dataclass(frozen=True, eq=False)
-class _RecordingSearch:
-    """Looks for what happens in a recording that ends at a time, `until` [s], or with its users."""
-
-    names: Mapping[int, str]
-    intersection_map: IntersectionMap | None
-    until: float | None = None
-
-    @cached_property
-    def _observe(self) -> Callable[[tuple[RoadUser, ...]], SceneObservation]:
-        """What is measured among users; of a short recording, every window holds the same ones."""
-        look = partial(observe, intersection_map=self.intersection_map, until=self.until)
-        return lru_cache(maxsize=1)(partial(look, near_only=True))
-
-    def search_windows(self, users: Sequence[RoadUser], begin: float, end: float) -> RecordedEvents:
-        """What happens from begin to end [s], by halves until they fit."""
-        present = _clip_tracks(users, begin - CONTEXT, end + CONTEXT)
-        if len(present) < 2:
-            return RecordedEvents()
-        size = _count_near_pair_samples(present)
-        if size <= MOST_PAIR_SAMPLES or (end - begin <= 2 * SHORTEST and size <= MOST_FORCED):
-            return self.look(present, begin, end)
-        if end - begin <= 2 * SHORTEST:
-            raise InputError(
-                f"{len(present)} agents around {begin:.0f} s are too many at once; "
-                "check the tracks of a smaller area"
-            )
-        middle = STEP * round((begin + end) / 2 / STEP)
-        one, two = (self.search_windows(users, *span) for span in ((begin, middle), (middle, end)))
-        return RecordedEvents(
-            one.events + two.events,
-            one.contacts + two.contacts,
-            one.avoidability + two.avoidability,
+def _cut_windows(
+    users: Sequence[RoadUser], begin: float, end: float
+) -> Iterator[tuple[tuple[RoadUser, ...], float, float]]:
+    """The users of each window from begin to end [s], by halves until they fit."""
+    present = _clip_tracks(users, begin - CONTEXT, end + CONTEXT)
+    if len(present) < 2:
+        return
+    size = _count_near_pair_samples(present)
+    if size <= MOST_PAIR_SAMPLES or (end - begin <= 2 * SHORTEST and size <= MOST_FORCED):
+        yield present, begin, end
+        return
+    if end - begin <= 2 * SHORTEST:
+        raise InputError(
+            f"{len(present)} agents around {begin:.0f} s are too many at once; "
+            "check the tracks of a smaller area"
         )
-
-    def look(self, users: Sequence[RoadUser], begin: float, end: float) -> RecordedEvents:
-        """What happens from begin to end [s] among these users, all at once."""
-        observed = self._observe(tuple(users))
-        events = tuple(
-            e
-            for e in observed.events
-            if begin <= e.time < end and self.names[e.from_] != self.names[e.to]
-        )
-        contacts = tuple(
-            each
-            for each in find_contacts(observed)
-            if begin <= (each.time or 0.0) < end and len({self.names[n] for n in each.agents}) > 1
-        )
-        left_hand = self.intersection_map is not None and self.intersection_map.left_hand_traffic
-        harmful = [e for e in events if e.type in ("collision", "near_miss")]
-        if len(harmful) > MOST_AVOIDED:
-            harmful = []
-        avoided = find_avoidability(harmful, Sights((), observed.tracks, left_hand))
-        return RecordedEvents(events, contacts, tuple(avoided))
+    middle = STEP * round((begin + end) / 2 / STEP)
+    yield from _cut_windows(users, begin, middle)
+    yield from _cut_windows(users, middle, end)
 
 
 def _clip_tracks(users: Sequence[RoadUser], begin: float, end: float) -> tuple[RoadUser, ...]:

@@ -208,6 +208,9 @@ class _HardBraking:
     ) -> PartialSchedule | None:
         """Schedule the maneuver with the other moving like this; None if no near miss."""
         _, b_out = compute_passage(b.motion, self.zone.s_b[self.zone.j])
+        if how.stops and not np.isfinite(b_out):
+            self.note_miss(FailureStage.COMPANY, f"{self.clause.second} stays in the way")
+            return None
         a = self.release(free, b, how, b.enters + b_out + float(self.context.rng.uniform(0.3, 1.0)))
         near = self.compute_path_ttc(a, b)
         if not (self.is_near_miss(a, b, near) and self.accepts_ttc(near.least)):
