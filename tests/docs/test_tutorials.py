@@ -13,7 +13,7 @@ import pytest
 from scenewright.cli.main import main
 
 PAGES = sorted((Path(__file__).parents[2] / "docs" / "tutorials").glob("*.md"))
-BLOCK = re.compile(r"^```(bash|python)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^```(bash|python|yaml)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 FOREIGN = "own environment"
 
 
@@ -38,6 +38,10 @@ def test_a_tutorial_does_what_it_says(
     for language, block in blocks:
         if language == "bash":
             run_commands(block)
+            continue
+        if language == "yaml":
+            if named := re.match(r"# (\S+\.yaml)\n", block):
+                Path(named[1]).write_text(block)
             continue
         code = compile(block, page.name, "exec")
         if FOREIGN not in block.splitlines()[0]:

@@ -298,8 +298,13 @@ def format_plan_schema() -> str:
     return json.dumps(build_plan_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
+_POINTS = 16
+"""Points tried of what a plan leaves open, before it counts as impossible."""
+
+
 def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
-    """What a plan file says, with the middle of what it leaves open.
+    """What a plan file says, with the middle of what it leaves open, or another point of it that
+    is possible.
 
     Raises:
         InputError: it is no plan, or the place has no way for an agent; names line and field.
@@ -314,16 +319,26 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         place = next(iter(logical.places), place)
     placed = logical.place_at(load_map(place))
     middle = {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
-    if placed.find_broken(middle) is not None:
+    points: list[Mapping[Any, Any]] = [middle]
+    if middle:
         from scenewright.dataset.batch.sweep import build_points
 
         here = replace(logical, places=(place,))
-        middle = dict(build_points(here, 1, sampling="sobol", seed=0, place=place)[0].values)
-    given = placed.settle(middle)
-    try:
-        check_plan(given.plan, intersection=place)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
+        points += [each.values for each in drawn]
+    faults: list[InputError] = []
+    for values in points:
+        try:
+            if (broken := placed.find_broken(values)) is not None:
+                raise InputError(f"{path}: {broken} does not hold")
+            given = placed.settle(values)
+            check_plan(given.plan, intersection=place)
+            break
+        except InputError as error:
+            faults.append(error)
+    else:
+        line = str(faults[0])
+        raise InputError(line if line.startswith(path) else f"{path}: {line}") from faults[0]
     open_ = [format_path(at) for at in placed.spreads]
     left = f" Left open: {', '.join(open_)}." if open_ else ""
     return {
