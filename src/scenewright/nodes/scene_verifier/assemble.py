@@ -84,7 +84,16 @@ def assemble(
             TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
-        measures=_build_measure_records(graph, numbers),
+        measures=tuple(
+            MeasureRecord(
+                kind=each.kind,
+                agent=numbers[each.agent],
+                other=None if each.other is None else numbers[each.other],
+                low=each.low,
+                high=each.high,
+            )
+            for each in graph.measures
+        ),
         signals=_build_signal_records(selection, intersection_map),
         said=number_agents(graph.said, numbers),
         objects=selection.objects,
@@ -123,7 +132,12 @@ def _build_meta(
     intersection_map: IntersectionMap,
     seed: int,
 ) -> SceneMeta:
-    minutes = round(pool.hour * 60) % 1440
+    minutes, fields, plan = round(pool.hour * 60) % 1440, list_fields(graph), None
+    if instruction == join_fields(
+        fields
+    ):  # it is but the text of a plan; stages may close accounts
+        said = tuple(each.value for each in fields if each.section == "said")
+        plan = graph.model_copy(update={"said": said})
     return SceneMeta(
         scene_id=compute_scene_id(instruction, intersection_map.name, seed),
         map_id=intersection_map.map_id,
@@ -136,17 +150,8 @@ def _build_meta(
         density=graph.context.density,
         seed=seed,
         rules=3,
-        plan=_find_plan(instruction, graph),
+        plan=plan,
     )
-
-
-def _find_plan(instruction: str, graph: SocialGraph) -> SocialGraph | None:
-    """The plan, where the instruction is but the text of its fields; stages may close accounts."""
-    fields = list_fields(graph)
-    if instruction != join_fields(fields):
-        return None
-    said = [each.value for each in fields if each.section == "said"]
-    return graph.model_copy(update={"said": tuple(said)})
 
 
 def compute_scene_id(instruction: str, intersection: str, seed: int) -> str:
@@ -219,21 +224,6 @@ def _build_relation_records(
             }
         )
         for index, edge in enumerate(graph.relations)
-    )
-
-
-def _build_measure_records(
-    graph: SocialGraph, numbers: dict[str, int]
-) -> tuple[MeasureRecord, ...]:
-    return tuple(
-        MeasureRecord(
-            kind=each.kind,
-            agent=numbers[each.agent],
-            other=None if each.other is None else numbers[each.other],
-            low=each.low,
-            high=each.high,
-        )
-        for each in graph.measures
     )
 
 
