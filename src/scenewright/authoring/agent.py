@@ -200,7 +200,17 @@ def build_agent(
     def act(state: AgentState) -> dict[str, Any]:
         said = state["messages"][-1]
         asked = said.tool_calls if isinstance(said, AIMessage) else []
-        results = [_run_call(each, tools, calls) for each in asked[: most_calls - state["calls"]]]
+        results = []
+        for each in asked[: most_calls - state["calls"]]:
+            name, tool = each["name"][:80], tools.get(each["name"][:80])
+            if tool is None:  # is a result as well
+                detail = f"there is no tool {name!r}; there is {', '.join(tools)}"
+                text = json.dumps({"ok": False, "code": "malformed_reply", "detail": detail})
+            else:
+                text = str(tool.invoke(each["args"]))
+            calls.append((name, json.loads(text).get("ok") is True))
+            identity = str(each["id"])
+            results.append(ToolMessage(text[:_LONGEST_RESULT], tool_call_id=identity, name=name))
         # Every call must be answered, also those beyond the cap.
         spent = [
             ToolMessage("not called: the budget of calls is spent", tool_call_id=str(each["id"]))
@@ -223,19 +233,6 @@ def build_agent(
     graph.add_conditional_edges("think", choose_after_think, {"act": "act", "__end__": END})
     graph.add_conditional_edges("act", choose_after_act, {"think": "think", "__end__": END})
     return graph
-
-
-def _run_call(call: Any, tools: dict[str, BaseTool], calls: list[tuple[str, bool]]) -> ToolMessage:
-    """The result of one call; a tool that there is not is a result as well."""
-    name, identity = str(call["name"])[:80], str(call["id"])
-    tool = tools.get(name)
-    if tool is None:
-        detail = f"there is no tool {name!r}; there is {', '.join(tools)}"
-        text = json.dumps({"ok": False, "code": "malformed_reply", "detail": detail})
-    else:
-        text = str(tool.invoke(call["args"]))
-    calls.append((name, json.loads(text).get("ok") is True))
-    return ToolMessage(text[:_LONGEST_RESULT], tool_call_id=identity, name=name)
 
 
 def _run_router(

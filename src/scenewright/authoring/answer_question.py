@@ -202,23 +202,21 @@ def _find_pair(scene: _SceneFacts, about: list[AgentRecord]) -> list[AgentRecord
 
 
 def _describe_speeds(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
-    lines = [_describe_speed(scene, agent) for agent in about]
+    lines = []
+    for agent in about:
+        motion, time = scene.move(agent), _find_time(scene, agent)
+        speed, brakes = motion.speed, motion.find_braking_start()
+        line = f"{_name(agent)} goes at {_format_speed(speed.max(), scene.plain)} at the most"
+        for what, when in (("when it begins to brake", brakes), ("when it happens", time)):
+            at = None if when is None else motion.index(when)
+            if at is not None:
+                line += f", at {_format_speed(speed[at], scene.plain)} {what} ({when:.1f} s)"
+        lines.append(f"{line}, and at {_format_speed(speed.min(), scene.plain)} at the least.")
     if len(about) > 1 and re.search(r"\bwho(?:se)?\b|\bwhich\b|\bfaster|\bcompare", scene.plain):
         most = {_name(each): scene.move(each).speed.max() for each in about}
         first = max(most, key=lambda name: most[name])
         lines.insert(0, f"{first} is the fastest, with {_format_speed(most[first], scene.plain)}.")
     return lines
-
-
-def _describe_speed(scene: _SceneFacts, agent: AgentRecord) -> str:
-    motion, time = scene.move(agent), _find_time(scene, agent)
-    speed, brakes = motion.speed, motion.find_braking_start()
-    line = f"{_name(agent)} goes at {_format_speed(speed.max(), scene.plain)} at the most"
-    for what, when in (("when it begins to brake", brakes), ("when it happens", time)):
-        at = None if when is None else motion.index(when)
-        if at is not None:
-            line += f", at {_format_speed(speed[at], scene.plain)} {what} ({when:.1f} s)"
-    return f"{line}, and at {_format_speed(speed.min(), scene.plain)} at the least."
 
 
 def _format_speed(value: float, plain: str = "") -> str:

@@ -222,20 +222,16 @@ def _count_background(
             counts["vehicle"] = counts["vehicle"] if edit.vehicles is None else edit.vehicles
             asked = edit.pedestrians
             counts["pedestrian"] = counts["pedestrian"] if asked is None else asked
-        if isinstance(edit, ChangeContext) and edit.density != before.context.density:
-            counts = _fit_density(counts, graph)
+        density = graph.context.density
+        changes = isinstance(edit, ChangeContext) and edit.density != before.context.density
+        if changes and density is not None:  # into the range of the word, vehicles first
+            (low, high), total = DENSITIES[density], sum(counts.values())
+            missing = (
+                max(low + (high - low) // 3 - total, 0) if total < low else min(high - total, 0)
+            )
+            vehicles = max(counts["vehicle"] + round(0.7 * missing), 0)
+            counts = {"vehicle": vehicles, "pedestrian": max(total + missing - vehicles, 0)}
     return {kind: max(count, 0) for kind, count in counts.items()}
-
-
-def _fit_density(counts: dict[AgentClass, int], graph: SocialGraph) -> dict[AgentClass, int]:
-    """The numbers moved into the range of the density word, vehicles first."""
-    if graph.context.density is None:
-        return counts
-    low, high = DENSITIES[graph.context.density]
-    total = sum(counts.values())
-    missing = max(low + (high - low) // 3 - total, 0) if total < low else min(high - total, 0)
-    vehicles = max(counts["vehicle"] + round(0.7 * missing), 0)
-    return {"vehicle": vehicles, "pedestrian": max(total + missing - vehicles, 0)}
 
 
 def _choose_hour(earlier: PreviousVersion, edits: tuple[Edit, ...]) -> float:

@@ -43,8 +43,11 @@ def _generate_attempts(revision: Revision) -> Iterator[FrozenAgents]:
         around = touched | _find_partners(touched, revision.graph)
         all_agents = frozenset(each.id for each in revision.graph.agents)
         yield _build_pins(revision, touched, keep_paths=True)
-        if other:
-            yield _build_pins(revision, (touched - _find_actors(revision)) | other, keep_paths=True)
+        if other:  # without those that are touched only because a relation of theirs changed
+            was = revision.before.relations
+            changed = {e.from_ for e in revision.graph.relations if e not in was}
+            actors = changed - _find_changed_agents(revision)
+            yield _build_pins(revision, (touched - actors) | other, keep_paths=True)
         yield _build_pins(revision, touched, keep_paths=False)
         yield _build_pins(revision, around | other, keep_paths=True)
         yield _build_pins(revision, around | other, keep_paths=False)
@@ -69,7 +72,12 @@ def _build_pins(
     """Freezes all agents but `free` and those that must act otherwise because of them."""
     graph, present = revision.graph, revision.present
     foreground = {each.id for each in graph.agents}
-    free = _add_busy(free, revision)
+    # Who reacts to one of them and to another agent too is solved at once with both.
+    asked = free
+    for name in _find_reacting(asked, revision):
+        edges = [each for each in graph.relations if name in (each.from_, each.to)]
+        if any(_is_acting(name, e) and not {e.from_, e.to} & asked for e in edges):
+            free |= {name}
     placed = _find_reacting(free, revision) if lights else {}
     fixed, offered = {}, {}
     for name, agent in present.items():
@@ -78,7 +86,12 @@ def _build_pins(
         if name in free:
             kept = keep_paths and name in foreground and name not in revision.redrawn
             if kept and agent.candidate.route in revision.grounding.routes[name]:
-                offered[name] = _fit_agent(name, agent, revision)
+                # Unedited, at the pace and of the kind that it is to have.
+                candidate, subtype = agent.candidate, graph.agent(name).subtype
+                if subtype is not None and subtype != candidate.subtype:
+                    shape = get_vehicle_shape(subtype)
+                    candidate = replace(candidate, subtype=subtype, shape=shape)
+                offered[name] = replace(without_edits(agent), candidate=candidate)
         elif lights:
             fixed[name] = agent
     same = frozenset(name for name in fixed if name not in revision.amended)
@@ -94,17 +107,6 @@ def _build_pins(
         lights=lights,
         pace=revision.pace,
     )
-
-
-def _add_busy(free: frozenset[str], revision: Revision) -> frozenset[str]:
-    """Adds agents that react to one of them and to another agent too: both are solved at once."""
-    busy = set(free)
-    for name in _find_reacting(free, revision):
-        edges = [e for e in revision.graph.relations if name in (e.from_, e.to)]
-        acts = [e for e in edges if _is_acting(name, e) and not {e.from_, e.to} & free]
-        if acts:
-            busy.add(name)
-    return frozenset(busy)
 
 
 def _find_reacting(free: frozenset[str], revision: Revision) -> dict[str, SelectedAgent]:
@@ -132,15 +134,6 @@ def _is_acting(name: str, edge: RelationEdge) -> bool:
         return True
     brakes = edge.type == "near_miss" and (edge.target_ttc is not None or edge.cause is not None)
     return brakes or (name == edge.from_ and edge.type in ("yield_to", "follow"))
-
-
-def _fit_agent(name: str, agent: SelectedAgent, revision: Revision) -> SelectedAgent:
-    """The agent unedited, at the pace and of the kind that it is to have."""
-    candidate = agent.candidate
-    node = revision.graph.agent(name)
-    if node.subtype is not None and node.subtype != candidate.subtype:
-        candidate = replace(candidate, subtype=node.subtype, shape=get_vehicle_shape(node.subtype))
-    return replace(without_edits(agent), candidate=candidate)
 
 
 def _list_patterns(
@@ -172,9 +165,3 @@ def _find_partners(names: frozenset[str], graph: SocialGraph) -> frozenset[str]:
         if {edge.from_, edge.to} & names:
             found |= {edge.from_, edge.to}
     return frozenset(found)
-
-
-def _find_actors(revision: Revision) -> frozenset[str]:
-    """Agents that are touched only because a relation of theirs changed."""
-    changed = {e.from_ for e in revision.graph.relations if e not in revision.before.relations}
-    return frozenset(changed - _find_changed_agents(revision))

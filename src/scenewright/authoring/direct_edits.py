@@ -54,17 +54,17 @@ def read_direct_edits(asked: Any, graph: SocialGraph) -> tuple[tuple[Edit, ...],
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
         raise InputError(f"this is no change: {where}: {first['msg']}") from None
-    return tuple(_type(each, graph) for each in edits), "; ".join(_describe(e) for e in edits)
-
-
-def _type(asked: ChooseWay | Edit, graph: SocialGraph) -> Edit:
-    if not isinstance(asked, ChooseWay):
-        return asked
-    node = next((each for each in graph.agents if each.id == asked.agent), None)
-    if node is None:
-        raise InputError(f"{asked.agent} does nothing in particular here, so its way is drawn")
-    way = asked.model_dump(include={"entry", "exit", "movement", "crosswalk"})
-    return ChangeAgent(node=node.model_copy(update=way))
+    typed: list[Edit] = []
+    for each in edits:
+        if not isinstance(each, ChooseWay):
+            typed.append(each)
+            continue
+        node = next((agent for agent in graph.agents if agent.id == each.agent), None)
+        if node is None:
+            raise InputError(f"{each.agent} does nothing in particular here, so its way is drawn")
+        way = each.model_dump(include={"entry", "exit", "movement", "crosswalk"})
+        typed.append(ChangeAgent(node=node.model_copy(update=way)))
+    return tuple(typed), "; ".join(_describe(each) for each in edits)
 
 
 def _describe(edit: ChooseWay | Edit) -> str:

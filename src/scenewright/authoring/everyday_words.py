@@ -500,13 +500,18 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
         return reading
     pairs = {frozenset((each.from_, each.to)) for each in graph.relations}
     if re.match(r"(?:add|put|place)\b", plain) and any(
-        _takes_away(e, pairs) for e in reading.edits
+        frozenset((each.edge.from_, each.edge.to)) in pairs
+        if isinstance(each, Relate)
+        else each.edit in ("remove_agent", "unrelate")
+        for each in reading.edits
     ):
         return _doubt(
             "That would take away what happens now. Say whom to add and what it does, such as "
             '"add a car that follows the bus".'
         )
-    if passed := _find_passed_over(plain, reading.edits):
+    riders = re.findall(r"\b(?:cyclist|bike|bicycle|e-scooter|scooter)\b", plain)
+    named = " ".join(edit.model_dump_json(by_alias=True) for edit in reading.edits)
+    if passed := next((e for e in riders if f'"{CLASSES[e][0]}-' not in named), None):
         return _doubt(
             f"I cannot tell what shall become of the {passed}. Say it by its id, such as "
             f'"{CLASSES[passed][0]}-1 goes slower", or "add a {passed} from the south".'
@@ -528,16 +533,3 @@ _SPEAKS_OF_THIS = re.compile(
     r"(?:make|let|have|change|turn|set|move|put) (?:the|it|him|her|them|that|vehicle-|pedestrian-|"
     r"cyclist-|scooter-)"
 )
-
-
-def _takes_away(edit: Edit, pairs: set[frozenset[str]]) -> bool:
-    if isinstance(edit, Relate):
-        return frozenset((edit.edge.from_, edit.edge.to)) in pairs
-    return edit.edit in ("remove_agent", "unrelate")
-
-
-def _find_passed_over(plain: str, edits: Sequence[Edit]) -> str | None:
-    """A rider's noun for which no edit speaks of a rider."""
-    nouns = re.findall(r"\b(?:cyclist|bike|bicycle|e-scooter|scooter)\b", plain)
-    named = " ".join(edit.model_dump_json(by_alias=True) for edit in edits)
-    return next((each for each in nouns if f'"{CLASSES[each][0]}-' not in named), None)

@@ -43,7 +43,12 @@ def extend_stop(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     """
     rolling = _find_slowest(agent)
     if rolling is not None and seconds > 0.0:
-        return _stop_fully(agent, rolling, seconds)
+        others = tuple(each for each in agent.stops if each is not rolling)
+        holds = tuple(StopCommand(e.s, e.until - agent.enters, e.braking) for e in others)
+        stands = compute_arrival(agent.candidate, StopCommand(rolling.s, 0.0), holds) + agent.enters
+        until = stands + max(seconds, _LEAST_STAND)
+        full = replace(rolling, start=stands, until=until, speed=0.0)
+        return replace(agent, stops=_sort_stops(*others, full))
     stop = _find_stop(agent)
     until = stop.until + seconds
     if until < stop.start + _LEAST_STAND:
@@ -61,7 +66,12 @@ def move_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     """
     seconds = round(seconds, 1)
     if agent.role == "foreground" and any(stop.at_red for stop in agent.stops):
-        return move_time(_remove_light_stop(agent), seconds)
+        # Without its wait at red, as late as before where it gives way, or at its line.
+        free = tuple(stop for stop in agent.stops if not stop.at_red)
+        last = free[0] if free else agent.stops[-1]
+        reaches = compute_arrival(agent.candidate, StopCommand(last.s, 0.0, last.braking))
+        at = last.start if free else last.until
+        return move_time(replace(agent, enters=round(at - reaches, 1), stops=free), seconds)
     stops = tuple(
         replace(each, start=each.start + seconds, until=each.until + seconds)
         for each in agent.stops
@@ -70,25 +80,6 @@ def move_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     push = None if agent.push is None else agent.push.shift(seconds)
     enters = round(agent.enters + seconds, 1)
     return replace(agent, enters=enters, stops=stops, contact=contact, push=push)
-
-
-def _remove_light_stop(agent: SelectedAgent) -> SelectedAgent:
-    """The agent without its wait at red, as late as before where it gives way, or at its line."""
-    stops = tuple(stop for stop in agent.stops if not stop.at_red)
-    last = stops[0] if stops else agent.stops[-1]
-    reaches = compute_arrival(agent.candidate, StopCommand(last.s, 0.0, last.braking))
-    at = last.start if stops else last.until
-    return replace(agent, enters=round(at - reaches, 1), stops=stops)
-
-
-def _stop_fully(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgent:
-    """The agent that slowed down, now standing that long at the same place."""
-    others = tuple(each for each in agent.stops if each is not rolling)
-    holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
-    stands = compute_arrival(agent.candidate, StopCommand(rolling.s, 0.0), holds) + agent.enters
-    until = stands + max(seconds, _LEAST_STAND)
-    stop = replace(rolling, start=stands, until=until, speed=0.0)
-    return replace(agent, stops=_sort_stops(*others, stop))
 
 
 def _find_stop(agent: SelectedAgent) -> Stop:

@@ -117,11 +117,6 @@ def find_narrator(words: str) -> str | None:
     return None if found is None else found["noun"]
 
 
-def _tells_event(words: str) -> bool:
-    """Whether the words speak of something that happens between road users."""
-    return _TELLS_EVENT.search(words.lower()) is not None
-
-
 def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarification | None:
     """A question with the sentences that the offline planner takes doubtful words to mean.
 
@@ -150,7 +145,8 @@ def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarific
 
 def _measure_cover(sentence: str, words: str) -> int:
     """How much of what the words name a sentence has: road users, and that something happens."""
-    happens = _tells_event(words) and _tells_event(sentence) and _NOTHING not in sentence
+    tells = all(_TELLS_EVENT.search(each.lower()) for each in (words, sentence))
+    happens = tells and _NOTHING not in sentence
     return len(_list_classes(words) & _list_classes(sentence)) + 2 * happens
 
 

@@ -92,7 +92,10 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
         return TurnKind(kind="question", words=words, topic=guess.intent)
     steps = ("version", "undo", "redo")
     if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
-        return TurnKind(kind="version", words=words, number=_read_version(words))
+        plain = words.lower().replace("second version", "version two")
+        found = _VERSION.search(plain.replace("third version", "version three"))
+        number = None if found is None else _NUMBERS.get(found[1]) or int(found[1])
+        return TurnKind(kind="version", words=words, number=number)
     if guess.intent in STEPS and not _is_change(words):
         return _step(STEPS[guess.intent], words)
     return turn
@@ -109,13 +112,6 @@ def _step(name: str, words: str) -> TurnKind:
 
 _NEWEST = re.compile(r"\b(?:latest|newest|most recent)\b", re.IGNORECASE)
 _VERSION = re.compile(r"\b(?:version|number|v) ?#?(\d{1,3}|one|two|three|four|five|six)\b")
-
-
-def _read_version(words: str) -> int | None:
-    """The number of the version that the words name; None where they describe it."""
-    plain = words.lower().replace("second version", "version two")
-    found = _VERSION.search(plain.replace("third version", "version three"))
-    return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
 
 
 def _asks_at_last(words: str) -> bool:
@@ -341,7 +337,11 @@ def _keep(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
     """The reading by rule, where it may stand; else a question what is meant."""
     if isinstance(by_rule, Edits | Clarification):
         return by_rule
-    if isinstance(by_rule, NewScene) and _describes_scene(words):
+    if isinstance(by_rule, NewScene) and (
+        # The words describe a scene of their own rather than something about this one.
+        dict(rank_intents(words))["new_scene"] >= LIKELY
+        or len(_NEW_ONE.findall(words.lower())) >= 2
+    ):
         return by_rule
     if isinstance(by_rule, DeclinedTurn) and by_rule.code not in ("no_change", "out_of_scope"):
         return by_rule
@@ -360,12 +360,6 @@ def _decline_change() -> DeclinedTurn:
 
 
 _NEW_ONE = re.compile(r"\b(?:a|an|two|three|some|another|somebody|someone)\s+\w+")
-
-
-def _describes_scene(words: str) -> bool:
-    """Whether the words describe a scene of their own rather than something about this one."""
-    ranked = dict(rank_intents(words))
-    return ranked["new_scene"] >= LIKELY or len(_NEW_ONE.findall(words.lower())) >= 2
 
 
 def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:

@@ -193,7 +193,10 @@ class Session:
         self.interrupted: str | None = None
         if snapshot.values and snapshot.next:
             self.interrupted = str(snapshot.values.get("words", ""))
-        self._heading: ThreadSetting = snapshot.values.get("heading") or _check_setting(setting)
+        self._heading: ThreadSetting = snapshot.values.get("heading") or setting
+        if self._heading is setting:  # of a new thread: refused where it could never make anything
+            load_map(setting["intersection"])
+            check_arguments(setting["seed"], setting["refiner"])
 
     @property
     def heading(self) -> ThreadSetting:
@@ -313,13 +316,6 @@ class Session:
             proof,
             self._threads.get_bytes(version["provenance"]),
         )
-
-
-def _check_setting(setting: ThreadSetting) -> ThreadSetting:
-    """What a new thread is to keep; InputError where nothing could ever be made with it."""
-    load_map(setting["intersection"])
-    check_arguments(setting["seed"], setting["refiner"])
-    return setting
 
 
 def _find_version(state: ThreadState, which: str | int | None) -> Version | None:
@@ -670,7 +666,8 @@ def _enter_version(
 
 
 def _build_refusal(
-    state: ThreadState, error: InputError | Unsatisfiable | Rejected | BackendFault
+    state: ThreadState,
+    error: InputError | Unsatisfiable | Rejected | BackendFault | DeclinedTurn,
 ) -> ThreadState:
     """The refusal, in reply and for `why`; the current version stays."""
     rejections = list(error.rejections) if isinstance(error, Unsatisfiable) else []
@@ -680,13 +677,16 @@ def _build_refusal(
     if isinstance(error, BackendFault):
         code = "backend_failed"
     reason = error.rejection.detail if isinstance(error, Rejected) else str(error)
+    if isinstance(error, DeclinedTurn):
+        code, reason = error.code, error.reason
     refused: RefusedTurn = {
         "words": state["words"],
         "code": code,
         "reason": reason,
         "rejections": [each.model_dump(mode="json") for each in rejections],
     }
-    paid = {**state.get("models", {}), **error.models}
+    spent = {} if isinstance(error, DeclinedTurn) else error.models
+    paid = {**state.get("models", {}), **spent}
     reply = {"kind": "refused", "code": code, "reason": reason, **_build_costs(paid)}
     return {"refused": refused, "reply": reply}
 
@@ -715,15 +715,7 @@ def answer(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadSta
             choices = [each.answer for each in reading.choices]
             return {"reply": {"kind": "asked", "question": reading.question, "choices": choices}}
         case DeclinedTurn():
-            refused: RefusedTurn = {
-                "words": state["words"],
-                "code": reading.code,
-                "reason": reading.reason,
-                "rejections": [],
-            }
-            reply = {"kind": "refused", "code": reading.code, "reason": reading.reason}
-            reply |= _build_costs(state.get("models", {}))
-            return {"refused": refused, "reply": reply}
+            return _build_refusal(state, reading)
     return {"reply": {"kind": "nothing", "reason": "there is nothing to change yet"}}
 
 
@@ -735,12 +727,21 @@ def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext)
         case "redo":
             return _redo(state, turn.count)
         case "version":
-            if turn.number:
-                return _move_to(state, turn.number)
-            lines = ["Which version? Say its number.", *_format_versions(state)]
-            return {"reply": {"kind": "answer", "lines": lines}}
+            if not turn.number:
+                lines = ["Which version? Say its number.", *_format_versions(state)]
+                return {"reply": {"kind": "answer", "lines": lines}}
+            try:
+                _find_version(state, turn.number)
+            except InputError as error:
+                return {"reply": {"kind": "nothing", "reason": str(error)}}
+            return _go_to(turn.number, [])
         case "restart":
-            return _restart(state)
+            # No version is current any more: the next words are a scene of their own.
+            current = state.get("current")
+            ahead = [] if current is None else [current]
+            reason = "Say what shall happen; the versions so far are kept (/history)."
+            reply = {"kind": "nothing", "reason": reason}
+            return {"current": None, "ahead": ahead, "pending": None, "reply": reply}
         case "question":
             return {"reply": _answer_question(state, turn, context)}
         case "talk":
@@ -805,47 +806,21 @@ def _load_scene(version: Version, context: SessionContext) -> tuple[SceneRecord,
     return SceneRecord.model_validate_json(scene), Proof.model_validate_json(proof)
 
 
-def _move_to(state: ThreadState, number: int | None) -> ThreadState:
-    try:
-        version = _find_version(state, number)
-    except InputError as error:
-        return {"reply": {"kind": "nothing", "reason": str(error)}}
-    if version is None:
-        return {"reply": {"kind": "nothing", "reason": "there is no version yet"}}
-    return _go_to(version["number"], [])
-
-
 def _go_to(number: int, ahead: list[int], **named: str) -> ThreadState:
     """The thread at another version, with those that `redo` goes to."""
     moved = {"kind": "moved_to", "version": number, **named}
     return {"current": number, "ahead": ahead, "pending": None, "reply": moved}
 
 
-def _restart(state: ThreadState) -> ThreadState:
-    """No version is current any more, so that the next words are a scene of their own."""
-    current = state.get("current")
-    ahead = [] if current is None else [current]
-    reason = "Say what shall happen; the versions so far are kept (/history)."
-    reply = {"kind": "nothing", "reason": reason}
-    return {"current": None, "ahead": ahead, "pending": None, "reply": reply}
-
-
 def _undo(state: ThreadState, count: int = 1) -> ThreadState:
     """As many steps back as asked for, or as there are."""
     out: ThreadState = {}
     for _ in range(count):
-        step = _undo_once(cast(ThreadState, {**state, **out}))
-        if "current" not in step and out:
-            return out
-        out = step
+        version = _find_version(cast(ThreadState, {**state, **out}), None)
+        if version is None or version["parent"] is None:
+            return out or {"reply": {"kind": "nothing", "reason": "there is nothing to undo"}}
+        out = _go_to(version["parent"], [*(out or state).get("ahead", []), version["number"]])
     return out
-
-
-def _undo_once(state: ThreadState) -> ThreadState:
-    version = _find_version(state, None)
-    if version is None or version["parent"] is None:
-        return {"reply": {"kind": "nothing", "reason": "there is nothing to undo"}}
-    return _go_to(version["parent"], [*state.get("ahead", []), version["number"]])
 
 
 def _redo(state: ThreadState, count: int = 1) -> ThreadState:

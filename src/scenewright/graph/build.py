@@ -40,7 +40,9 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph: StateGraph[SceneState, RunContext, Any, Any] = StateGraph(
         SceneState, context_schema=RunContext
     )
-    transport = RetryPolicy(max_attempts=3, retry_on=_is_transient)
+    transport = RetryPolicy(
+        max_attempts=3, retry_on=lambda error: isinstance(error, BackendFault) and not error.final
+    )
     for name, node in STAGES.items():
         graph.add_node(name, _catch_rejection(name, node), retry_policy=transport)
     graph.add_node("give_up", give_up)
@@ -56,11 +58,6 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph.add_conditional_edges("scene_verifier", routes.route_after_verifier, ends | {"end": END})
     graph.add_edge("give_up", END)
     return graph
-
-
-def _is_transient(error: Exception) -> bool:
-    """Return whether a retry may mend an error: a backend fault that is not final."""
-    return isinstance(error, BackendFault) and not error.final
 
 
 def give_up(state: SceneState) -> SceneState:

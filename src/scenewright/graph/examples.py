@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pydantic import ValidationError
 
-from scenewright.memory.episodes import Episode, Episodes
+from scenewright.memory.episodes import Episodes
 from scenewright.nodes.prompts import MOST_EXAMPLES, Example, ExampleRetriever
 from scenewright.scene.social import SocialGraph
 
@@ -15,19 +15,14 @@ def recall_from(episodes: Episodes) -> ExampleRetriever:
     """Recalls for the planner; the other stages' answers depend on more than the request."""
 
     def recall(task: str, instruction: str) -> Sequence[Example]:
-        return list_examples(episodes.recall(instruction, MOST_EXAMPLES)) if task == "plan" else ()
+        found = []
+        for each in episodes.recall(instruction, MOST_EXAMPLES) if task == "plan" else ():
+            try:
+                graph = SocialGraph.model_validate(dict(each.graph))
+            except ValidationError:
+                continue  # the file is untrusted data
+            plain = graph.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+            found.append(Example(each.request, plain))
+        return found
 
     return recall
-
-
-def list_examples(episodes: Sequence[Episode]) -> tuple[Example, ...]:
-    """List the episodes with a valid plan; the file is untrusted data."""
-    found = []
-    for each in episodes:
-        try:
-            graph = SocialGraph.model_validate(dict(each.graph))
-        except ValidationError:
-            continue
-        plain = graph.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-        found.append(Example(each.request, plain))
-    return tuple(found)

@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from scenewright.errors import InputError
@@ -55,26 +55,19 @@ def export(
     given = [scenes] if isinstance(scenes, str | Path | Scene | SceneRecord) else list(scenes)
     with _Staging(Path(out)) as staging:
         prepared: list[ExportedScene] = []
-        for scene in _prepare(given, ego=ego, intersection=intersection):
+        seen = Counter[str]()
+        for each in given:
+            whole = each.record if isinstance(each, Scene) else each
+            record = whole if isinstance(whole, SceneRecord) else load_scene(whole)
+            own = record.meta.scene_id
+            seen[own] += 1  # a second scene of the same id gets a number behind its name
+            name = f"{own}-{seen[own]}" if seen[own] > 1 else own
+            place = load_map(intersection or record.meta.intersection)
+            scene = prepare_scene(record, place, ego=ego, name=name)
             staging.add(write_scene(scene, to, form=form))
             prepared.append(scene)
         staging.add(write_index(prepared, to))
         return staging.publish()
-
-
-def _prepare(
-    scenes: Iterable[Exportable], *, ego: str | None, intersection: str | None
-) -> Iterable[ExportedScene]:
-    """The scenes as arrays; a second scene of the same id gets a number behind its name."""
-    seen = Counter[str]()
-    for scene in scenes:
-        given = scene.record if isinstance(scene, Scene) else scene
-        record = given if isinstance(given, SceneRecord) else load_scene(given)
-        place = load_map(intersection or record.meta.intersection)
-        seen[record.meta.scene_id] += 1
-        count = seen[record.meta.scene_id]
-        name = record.meta.scene_id + (f"-{count}" if count > 1 else "")
-        yield prepare_scene(record, place, ego=ego, name=name)
 
 
 class _Staging:

@@ -78,9 +78,12 @@ def make(state: MakeRequest) -> MakeReply:
         text: object = state.get("instruction")
         if not isinstance(text, str):
             raise InputError("a request needs an instruction, as a string")
+        seed: Any = state.get("seed")
+        if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool)):
+            raise InputError("a seed is a whole number")
         scene = synthesize(
             text,
-            seed=_get_seed(state),
+            seed=seed or 0,
             intersection=state.get("intersection") or DEFAULT_INTERSECTION,
             log=lambda stage, line: write({"stage": stage, "line": line}),
         )
@@ -97,12 +100,3 @@ def make(state: MakeRequest) -> MakeReply:
         }
     proof = scene.proof.model_dump(mode="json", by_alias=True)
     return {"scene": scene.record.to_json(), "proof": proof, "refusal": None}
-
-
-def _get_seed(request: MakeRequest) -> int:
-    seed: object = request.get("seed")
-    if seed is None:
-        return 0
-    if not isinstance(seed, int) or isinstance(seed, bool):
-        raise InputError("a seed is a whole number")
-    return seed

@@ -121,11 +121,8 @@ def _find_first_difference(one: Any, two: Any, place: str = "") -> str | None:
     elif isinstance(one, list) and isinstance(two, list) and len(one) == len(two):
         parts = [(str(k), *pair) for k, pair in enumerate(zip(one, two, strict=True))]
     else:
-        return None if _is_same(one, two) else place or "content"
+        numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (one, two))
+        same = abs(one - two) <= ROUNDING if numbers else one == two
+        return None if same else place or "content"
     found = (_find_first_difference(a, b, f"{place}.{key}".lstrip(".")) for key, a, b in parts)
     return next((each for each in found if each is not None), None)
-
-
-def _is_same(one: Any, two: Any) -> bool:
-    numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (one, two))
-    return abs(one - two) <= ROUNDING if numbers else bool(one == two)

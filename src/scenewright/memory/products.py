@@ -77,6 +77,9 @@ def deserialize_version(data: bytes) -> PreviousVersion:
 
 def _serialize_agent(each: PreviousAgent) -> dict[str, Any]:
     agent, candidate = each.agent, each.agent.candidate
+    law = asdict(candidate.time_law)
+    if not law["pace"]:  # then as before there was one
+        del law["pace"]
     return {
         "number": each.number,
         "name": agent.name,
@@ -100,7 +103,7 @@ def _serialize_agent(each: PreviousAgent) -> dict[str, Any]:
             "waypoints": _serialize_array(candidate.waypoints),
             "path": _write_path(candidate.path),
             "nll": candidate.nll,
-            "time_law": _write_profile(candidate.time_law),
+            "time_law": law,
             "time_nll": candidate.time_nll,
             "shape": asdict(candidate.shape),
             "subtype": candidate.subtype,
@@ -157,12 +160,6 @@ def _read_candidate(value: Mapping[str, Any]) -> Candidate:
         subtype=value["subtype"],
         unevaded=_read_path(value["unevaded"]) if "unevaded" in value else None,
     )
-
-
-def _write_profile(profile: DrivingProfile) -> dict[str, Any]:
-    """As plain values; without a pace as before there was one."""
-    values = asdict(profile)
-    return values if profile.pace else {k: v for k, v in values.items() if k != "pace"}
 
 
 def _read_event(value: Mapping[str, Any]) -> PlannedEvent:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -29,8 +30,12 @@ def ask(
         Rejected: `malformed_reply` with the first thing wrong, for the retry to repair.
         BackendFault: the backend cannot answer.
     """
+    rule = get_backend_of_task(backend, question.task).deterministic
     try:
-        return reply.model_validate(_get_answer(backend, question))
+        # How long a model takes does not count against the time limit.
+        with nullcontext() if rule else stop_clock():
+            answer = backend.answer(question)
+        return reply.model_validate(answer)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "reply"
@@ -39,14 +44,6 @@ def ask(
         raise Rejected(_prefix_detail(rejection, of)) from error
     except Rejected as error:
         raise Rejected(_prefix_detail(error.rejection, of)) from error
-
-
-def _get_answer(backend: Backend, question: Question) -> Any:
-    """The answer; how long a model takes for it does not count against the time limit."""
-    if get_backend_of_task(backend, question.task).deterministic:
-        return backend.answer(question)
-    with stop_clock():
-        return backend.answer(question)
 
 
 def _prefix_detail(rejection: Rejection, of: str) -> Rejection:

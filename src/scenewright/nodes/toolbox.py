@@ -14,7 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from langgraph.runtime import Runtime
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from scenewright.errors import Rejected
 from scenewright.memory.state import SceneState
@@ -26,7 +26,8 @@ from scenewright.nodes.scene_planner import plan_scene
 from scenewright.nodes.scene_verifier import verify_scene
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.nodes.waypoint_filter import filter_waypoints, solve_program
-from scenewright.scene.events import Finding, Proof
+from scenewright.scene.base import Model
+from scenewright.scene.events import Proof
 from scenewright.scene.map import Route
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
@@ -54,34 +55,26 @@ _STEPS = ("ground_plan", "draw_candidates", "solve", "edit_segments", "refine", 
 _MOST_ANCHORS = 8
 
 
-class NoArguments(BaseModel):
+class NoArguments(Model):
     """Nothing to say."""
 
-    model_config = ConfigDict(extra="forbid")
 
-
-class PlanArguments(BaseModel):
+class PlanArguments(Model):
     """The social graph to bind to the map."""
-
-    model_config = ConfigDict(extra="forbid")
 
     plan: SocialGraph = Field(description="the agents, and their relations")
 
 
-class ProgramArguments(BaseModel):
+class ProgramArguments(Model):
     """A constraint program."""
-
-    model_config = ConfigDict(extra="forbid")
 
     program: str = Field(
         max_length=8000, description="clauses of the constraint language, a line each"
     )
 
 
-class SolveArguments(BaseModel):
+class SolveArguments(Model):
     """What is to hold."""
-
-    model_config = ConfigDict(extra="forbid")
 
     program: str | None = Field(
         default=None,
@@ -90,19 +83,15 @@ class SolveArguments(BaseModel):
     )
 
 
-class AgentSegments(BaseModel):
+class AgentSegments(Model):
     """The behavior segments of one agent, in order of time."""
-
-    model_config = ConfigDict(extra="forbid")
 
     agent: str
     segments: list[SegmentReply]
 
 
-class SegmentArguments(BaseModel):
+class SegmentArguments(Model):
     """Behavior segments of agents that shall act otherwise than the solver suggests."""
-
-    model_config = ConfigDict(extra="forbid")
 
     agents: list[AgentSegments] = Field(default_factory=list, max_length=28)
 
@@ -212,7 +201,8 @@ class ToolState:
                 for e in proof.events
             ],
             "against": [
-                _format_finding(each, names) for each in (*proof.missing, *proof.interference)
+                f"{f.rule} ({', '.join(names.get(n, str(n)) for n in f.agents)}): {f.detail}"
+                for f in (*proof.missing, *proof.interference)
             ],
         }
 
@@ -225,10 +215,7 @@ class ToolState:
         return {"kept": self._record(self._state["scene"], self._state["proof"])}
 
     def _step(
-        self,
-        step: str,
-        node: Callable[..., Any],
-        given: Facts | None = None,
+        self, step: str, node: Callable[..., Any], given: Facts | None = None
     ) -> dict[str, Any]:
         """Runs a stage on what is there; its products replace the old, and later ones go."""
         at = _STEPS.index(step)
@@ -257,11 +244,6 @@ def _describe_route(route: Route) -> str:
 def _build_order_rejection(step: str, before: str) -> Rejected:
     detail = f"{step} needs what {before} makes; call {before} first"
     return Rejected(Rejection(stage="scene_planner", code="malformed_reply", detail=detail))
-
-
-def _format_finding(finding: Finding, names: dict[int, str]) -> str:
-    agents = ", ".join(names.get(each, str(each)) for each in finding.agents)
-    return f"{finding.rule} ({agents}): {finding.detail}"
 
 
 def build_tools(bench: ToolState) -> list[BaseTool]:
@@ -298,22 +280,17 @@ def _return_rejections(run: Callable[..., Facts]) -> Callable[..., str]:
         try:
             return json.dumps({"ok": True, **run(**arguments)})
         except Rejected as error:
-            return format_rejection(error.rejection)
+            fields = error.rejection.model_dump(mode="json", include={"code", "agents", "detail"})
+            return json.dumps({"ok": False, **fields})
 
     return act
 
 
-def format_rejection(rejection: Rejection) -> str:
-    """A rejection as the result of a tool."""
-    fields = rejection.model_dump(mode="json", include={"code", "agents", "detail"})
-    return json.dumps({"ok": False, **fields})
-
-
 def _format_validation_error(error: ValidationError | Any) -> str:
     """Arguments that do not fit: the first fault, and where it is."""
-    if not isinstance(error, ValidationError):
-        return json.dumps({"ok": False, "code": "malformed_reply", "detail": str(error)[:300]})
-    first = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"]) or "arguments"
-    detail = f"{where}: {first['msg']}"
+    detail = str(error)[:300]
+    if isinstance(error, ValidationError):
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "arguments"
+        detail = f"{where}: {first['msg']}"
     return json.dumps({"ok": False, "code": "malformed_reply", "detail": detail})

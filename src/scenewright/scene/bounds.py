@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from itertools import chain
 
-from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import MOST_RELATIONS
 
 STEPS = (0.001, 1.0)
@@ -45,19 +45,16 @@ def find_excess(record: SceneRecord) -> str | None:
     for event in record.events:
         if event.time is not None and not 0.0 <= event.time <= MOST_STEPS * meta.step:
             return f"an event happens at {event.time:.4g} s; times are seconds since its start"
-    return next(filter(None, map(_find_excess_of_agent, record.agents)), None)
-
-
-def _find_excess_of_agent(agent: AgentRecord) -> str | None:
-    if len(agent.trajectory) != len(agent.heading):
-        return (
-            f"agent {agent.id} has {len(agent.trajectory)} positions but {len(agent.heading)} "
-            "headings; give one each"
-        )
-    points = chain(agent.trajectory, agent.waypoints, (agent.goal,))
-    if not all(abs(value) <= FARTHEST for value in chain.from_iterable(points)):
-        return (
-            f"agent {agent.id} has a position further than {FARTHEST:g} m from the middle of the "
-            "map; positions are metres in the map's frame"
-        )
+    for agent in record.agents:
+        if len(agent.trajectory) != len(agent.heading):
+            return (
+                f"agent {agent.id} has {len(agent.trajectory)} positions but {len(agent.heading)} "
+                "headings; give one each"
+            )
+        points = chain(agent.trajectory, agent.waypoints, (agent.goal,))
+        if not all(abs(value) <= FARTHEST for value in chain.from_iterable(points)):
+            return (
+                f"agent {agent.id} has a position further than {FARTHEST:g} m from the middle of "
+                "the map; positions are metres in the map's frame"
+            )
     return None

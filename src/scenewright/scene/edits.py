@@ -255,7 +255,9 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
         case "runs_red":
             return all(agent.runs_red for agent in named)
         case "relation" | "tie":
-            return _is_related(entry, graph)
+            known = [(edge.type, {edge.from_, edge.to}) for edge in graph.relations]
+            ties = [(tie.side, {tie.agent, tie.of}) for tie in graph.ties]
+            return (entry.value, set(entry.agents)) in [*known, *ties]
         case "order" | "striker":
             edges = [e for e in graph.relations if {e.from_, e.to} == set(entry.agents)]
             leads = (e.get_first() if entry.became == "order" else e.strikes for e in edges)
@@ -275,22 +277,11 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
             return bool(asked) and all(getattr(background, k, None) == n for k, n in asked.items())
         case "normal" | "denied" | "cause" | "measure" | "impact_point":
             return False
-        case _:
-            return entry.became not in ("object", "sight") or _is_in_place(entry, graph)
-
-
-def _is_related(entry: SaidSpan, graph: SocialGraph) -> bool:
-    """Whether the graph has a relation, or an entry tied to another, of these two agents."""
-    known = [(edge.type, {edge.from_, edge.to}) for edge in graph.relations]
-    ties = [(tie.side, {tie.agent, tie.of}) for tie in graph.ties]
-    return (entry.value, set(entry.agents)) in [*known, *ties]
-
-
-def _is_in_place(entry: SaidSpan, graph: SocialGraph) -> bool:
-    """Whether an object is in the graph and, if that is said, hides an agent."""
-    name = (entry.value or "").split(" ", maxsplit=1)[0]
-    kept = (each for each in graph.objects if each.id == name)
-    return any(entry.became == "object" or each.hides is not None for each in kept)
+        case "object" | "sight":
+            name = (entry.value or "").split(" ", maxsplit=1)[0]
+            kept = (each for each in graph.objects if each.id == name)
+            return any(entry.became == "object" or each.hides is not None for each in kept)
+    return True
 
 
 def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
@@ -302,7 +293,14 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
         case AddAgent(node=node):
             return graph.model_copy(update={"agents": (*graph.agents, node)})
         case RemoveAgent(agent=name):
-            return _drop_agent(graph, name)
+            # One of the background is in no graph.
+            left = {
+                "agents": tuple(each for each in graph.agents if each.id != name),
+                "relations": tuple(e for e in graph.relations if name not in (e.from_, e.to)),
+                "ties": tuple(each for each in graph.ties if name not in (each.agent, each.of)),
+                "measures": tuple(m for m in graph.measures if name not in (m.agent, m.other)),
+            }
+            return graph.model_copy(update=left)
         case Relate(edge=edge):
             pair = {edge.from_, edge.to}
             kept = [each for each in graph.relations if {each.from_, each.to} != pair]
@@ -359,18 +357,6 @@ def _drop_idle_hiding(graph: SocialGraph) -> SocialGraph:
     return graph.model_copy(update={"objects": objects})
 
 
-def _drop_agent(graph: SocialGraph, name: str) -> SocialGraph:
-    """The graph without the agent; an agent of the background is in no graph."""
-    return graph.model_copy(
-        update={
-            "agents": tuple(each for each in graph.agents if each.id != name),
-            "relations": tuple(e for e in graph.relations if name not in (e.from_, e.to)),
-            "ties": tuple(each for each in graph.ties if name not in (each.agent, each.of)),
-            "measures": tuple(m for m in graph.measures if name not in (m.agent, m.other)),
-        }
-    )
-
-
 def _drop_measures(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
     """The figures asked for, but for those of what happens between two agents."""
     return tuple(each for each in graph.measures if {each.agent, each.other} != pair)
@@ -392,7 +378,18 @@ def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     found: list[Edit] = [RemoveAgent(agent=name) for name in old if name not in new]
     found += [ChangeAgent(node=n) for name, n in new.items() if name in old and n != old[name]]
     found += [AddAgent(node=node) for name, node in new.items() if name not in old]
-    found += _compare_relations(before, after, set(new))
+    pairs = {frozenset((each.from_, each.to)): each for each in before.relations}
+    now_bound = {frozenset((each.from_, each.to)) for each in after.relations}
+    found += [
+        Unrelate(first=edge.from_, second=edge.to)
+        for pair, edge in pairs.items()
+        if pair not in now_bound and pair <= new.keys()
+    ]
+    found += [
+        Relate(edge=edge)
+        for edge in after.relations
+        if pairs.get(frozenset((edge.from_, edge.to))) != edge
+    ]
     if tuple(each for each in before.ties if {each.agent, each.of} <= set(new)) != after.ties:
         found.append(Tie(ties=after.ties))
     found += [RemoveObject(object=o.id) for o in before.objects if o not in after.objects]
@@ -404,19 +401,3 @@ def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     if counts is not None and counts != was.background:
         found.append(SetBackground(vehicles=counts.vehicles, pedestrians=counts.pedestrians))
     return tuple(found)
-
-
-def _compare_relations(before: SocialGraph, after: SocialGraph, present: set[str]) -> list[Edit]:
-    pairs = {frozenset((each.from_, each.to)): each for each in before.relations}
-    now = {frozenset((each.from_, each.to)) for each in after.relations}
-    found: list[Edit] = [
-        Unrelate(first=edge.from_, second=edge.to)
-        for pair, edge in pairs.items()
-        if pair not in now and pair <= present
-    ]
-    found += [
-        Relate(edge=edge)
-        for edge in after.relations
-        if pairs.get(frozenset((edge.from_, edge.to))) != edge
-    ]
-    return found

@@ -8,12 +8,7 @@ from typing import TypeVar
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.kinds import get_kind
-from scenewright.scene.social import (
-    AgentNode,
-    RelationEdge,
-    SceneContext,
-    SocialGraph,
-)
+from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
 
 Key = TypeVar("Key")
 _TIES = {
@@ -52,7 +47,19 @@ def describe_graph(graph: SocialGraph) -> str:
         for m in graph.measures
         if m.kind == "speed"
     ]
-    sentences += _describe_context(graph.context)
+    context, counts = graph.context, graph.context.background
+    if context.time_of_day is not None:
+        first, _, last = context.time_of_day.partition("-")
+        sentences.append(f"it is between {first} and {last}" if last else f"it is {first}")
+    if context.density is not None:
+        sentences.append(f"the traffic is {_DENSITY[context.density]}")
+    if counts is not None:
+        parts = [
+            f"{number or 'no'} background {noun}s"
+            for number, noun in ((counts.vehicles, "vehicle"), (counts.pedestrians, "pedestrian"))
+            if number is not None
+        ]
+        sentences.append(f"there are {' and '.join(parts)}")
     return ". ".join(each[0].upper() + each[1:] for each in sentences) + "."
 
 
@@ -141,19 +148,3 @@ def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str
             yield f"{names[node.hides]} comes out from behind {thing}{lead}"
         elif node.met_by is None and node.beyond is None:
             yield f"there is {thing}"
-
-
-def _describe_context(context: SceneContext) -> Iterator[str]:
-    if context.time_of_day is not None:
-        first, _, last = context.time_of_day.partition("-")
-        yield f"it is between {first} and {last}" if last else f"it is {first}"
-    if context.density is not None:
-        yield f"the traffic is {_DENSITY[context.density]}"
-    counts = context.background
-    if counts is not None:
-        parts = [
-            f"{number or 'no'} background {noun}s"
-            for number, noun in ((counts.vehicles, "vehicle"), (counts.pedestrians, "pedestrian"))
-            if number is not None
-        ]
-        yield f"there are {' and '.join(parts)}"

@@ -25,12 +25,6 @@ class RouteDescription:
     movement: str
     crosswalk: str | None = None
 
-    def matches_route(self, kind: str, given: Mapping[str, Any]) -> bool:
-        """Return whether an agent of a class may take it, given fields of its route or None."""
-        return self.type == kind and all(
-            given.get(field) in (None, getattr(self, field)) for field in WAY_FIELDS
-        )
-
 
 def describe_routes(intersection_map: IntersectionMap) -> tuple[RouteDescription, ...]:
     """Every way of a map."""
@@ -78,6 +72,9 @@ def resolve_route(
         for gone in combinations(kept, many):
             found = {field: was.get(field) for field in WAY_FIELDS}
             found |= dict.fromkeys(gone) | dict(given)
-            if any(way.matches_route(kind, found) for way in ways):
+            if any(
+                way.type == kind and all(v in (None, getattr(way, f)) for f, v in found.items())
+                for way in ways
+            ):
                 return found
     return None

@@ -67,10 +67,23 @@ def count_samples(rejections: list[Rejection], refinement: Refinement | None) ->
 def _draw(state: GeneratorReads, context: RunContext, *, lawful: bool) -> GeneratorWrites:
     """One sample: lawful, or with a red light that is run unasked."""
     graph, pins = state["social_graph"], state.get("pinned")
-    if pins is not None:
-        return _draw_around_frozen(pins, state, context, lawful=lawful)
     rejections = state.get("rejections", [])
     rng = context.make_rng("agent_generator", rejections)
+    background_size = _CROWD_DRAWS if context.selection == "draw" else None
+    if pins is not None:  # around agents of an earlier version
+        pool = build_candidates_with_frozen(
+            graph,
+            state["grounding"],
+            pins,
+            context.priors,
+            intersection_map=context.intersection,
+            size=context.draws,
+            background_size=background_size,
+            rng=rng,
+            lawful=lawful,
+        )
+        context.log("agent_generator", f"{len(pins.same)} agents stay as they were")
+        return {"candidates": pool}
     hour = choose_hour(graph.context, context.priors, context.make_rng("agent_generator", []))
     # Fresh numbers after every failure would leave thin streets, where all find room.
     kept = rejections[: len(rejections) // _KEEPS * _KEEPS]
@@ -90,30 +103,11 @@ def _draw(state: GeneratorReads, context: RunContext, *, lawful: bool) -> Genera
         intersection_map=context.intersection,
         hour=hour,
         size=context.draws,
-        background_size=_CROWD_DRAWS if context.selection == "draw" else None,
+        background_size=background_size,
         numbers=context.make_rng("background_numbers", kept),
         max_agents=context.max_agents,
         rng=rng,
     )
     wanted = sum(pool.background.values())
     context.log("agent_generator", f"{len(graph.agents)} + {wanted} agents at {hour:.2f} h")
-    return {"candidates": pool}
-
-
-def _draw_around_frozen(
-    pins: FrozenAgents, state: GeneratorReads, context: RunContext, *, lawful: bool
-) -> GeneratorWrites:
-    """The same around agents of an earlier version."""
-    pool = build_candidates_with_frozen(
-        state["social_graph"],
-        state["grounding"],
-        pins,
-        context.priors,
-        intersection_map=context.intersection,
-        size=context.draws,
-        background_size=_CROWD_DRAWS if context.selection == "draw" else None,
-        rng=context.make_rng("agent_generator", state.get("rejections", [])),
-        lawful=lawful,
-    )
-    context.log("agent_generator", f"{len(pins.same)} agents stay as they were")
     return {"candidates": pool}

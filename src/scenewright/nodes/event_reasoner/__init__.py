@@ -33,7 +33,6 @@ from scenewright.nodes.remaining import (
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.remaining import AddedStops
@@ -98,7 +97,12 @@ def _write_channels(
     state: ReasonerReads,
     context: RunContext,
 ) -> ReasonerWrites:
-    owed = _list_required_statuses(state["candidates"].cast)
+    owed: dict[str, list[str]] = {}  # statuses that the files of its relations want of an agent
+    for played in state["candidates"].cast.patterns:
+        pattern = get_pattern(played.pattern)
+        for name, role in ((played.from_, pattern.from_), (played.to, pattern.to)):
+            known = owed.setdefault(name, [])
+            known += [status for status in role.segments if status not in known]
     for agent in summary.agents:
         check_segments(agent, program.segments.get(agent.agent), owed.get(agent.agent, []))
     stops = sum(s.status == "stop" for each in program.segments.values() for s in each)
@@ -165,7 +169,10 @@ def _ask_for_stops(left: list[Left], state: ReasonerReads, context: RunContext) 
     facts: dict[str, Any] = {
         "instruction": state["instruction"],
         "words": list_word_facts(left, state["social_graph"]),
-        "relations": _list_relations(state["candidates"].cast),
+        "relations": [
+            f"{each.from_} {get_pattern(each.pattern).relation} {each.to}"
+            for each in state["candidates"].cast.patterns
+        ],
         "segments": segments,
         **to_facts(seen),
     }
@@ -181,12 +188,6 @@ def _ask_for_stops(left: list[Left], state: ReasonerReads, context: RunContext) 
     return reply.read([entry for entry, _ in left], agents)
 
 
-def _list_relations(cast: RoleAssignment) -> list[str]:
-    return [
-        f"{each.from_} {get_pattern(each.pattern).relation} {each.to}" for each in cast.patterns
-    ]
-
-
 def _keep_frozen_segments(program: BehaviorProgram, state: ReasonerReads) -> BehaviorProgram:
     """The program in which unchanged agents act as before."""
     pins = state.get("pinned")
@@ -195,14 +196,3 @@ def _keep_frozen_segments(program: BehaviorProgram, state: ReasonerReads) -> Beh
     kept = {name: pins.earlier.agents[name].segments for name in pins.same}
     here = {name: each for name, each in kept.items() if name in program.segments}
     return program.model_copy(update={"segments": {**program.segments, **here}})
-
-
-def _list_required_statuses(cast: RoleAssignment) -> dict[str, list[str]]:
-    """By agent: the statuses that the files of its relations want among its segments."""
-    owed: dict[str, list[str]] = {}
-    for played in cast.patterns:
-        pattern = get_pattern(played.pattern)
-        for name, role in ((played.from_, pattern.from_), (played.to, pattern.to)):
-            known = owed.setdefault(name, [])
-            known += [status for status in role.segments if status not in known]
-    return owed

@@ -10,10 +10,9 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from scenewright.errors import Rejected
-from scenewright.geometry.driving_profile import Motion
 from scenewright.nodes.remaining import refuse_numbers
 from scenewright.nodes.schema import (
     Schema,
@@ -24,6 +23,7 @@ from scenewright.nodes.schema import (
     build_object,
     build_reference,
 )
+from scenewright.scene.base import Model
 from scenewright.scene.behavior import AgentSummary, EventSummary, Segment
 from scenewright.scene.record import SegmentStatus
 from scenewright.scene.rejection import Rejection, RejectionCode
@@ -40,10 +40,8 @@ _THERE = 0.1
 """So near its place an agent has come to stand [m]."""
 
 
-class SegmentReply(BaseModel):
+class SegmentReply(Model):
     """A segment as given; one that names no start begins where the one before it ends."""
-
-    model_config = ConfigDict(extra="forbid")
 
     anchor: str
     status: SegmentStatus
@@ -51,10 +49,8 @@ class SegmentReply(BaseModel):
     end: float = Field(ge=0.0, le=_LATEST)
 
 
-class StopReply(BaseModel):
+class StopReply(Model):
     """A standstill and the number of the words that ask for it."""
-
-    model_config = ConfigDict(extra="forbid")
 
     words: int
     agent: str
@@ -63,10 +59,8 @@ class StopReply(BaseModel):
     lasts: float = Field(ge=1.0, le=10.0)
 
 
-class StopsReply(BaseModel):
+class StopsReply(Model):
     """Standstills for the remaining words; `cannot` has the numbers of those that none shows."""
-
-    model_config = ConfigDict(extra="forbid")
 
     stops: tuple[StopReply, ...] = Field(default=(), max_length=_MOST_STOPS)
     cannot: tuple[int, ...] = Field(default=(), max_length=40)
@@ -172,26 +166,18 @@ def check_track(
             if abs(max(comes, 0.0) - each.start) > _SOON:
                 what = f"stands at {each.anchor} from {each.start:g} s, but comes at {comes:.1f} s"
                 raise build_rejection("segment_off_track", summary.agent, what)
-        if each.status == "terminate":
-            _check_end(each, summary, places, motion, agent)
-
-
-def _check_end(
-    segment: Segment,
-    summary: AgentSummary,
-    places: Mapping[str, float],
-    motion: Motion,
-    agent: SelectedAgent,
-) -> None:
-    if segment.anchor == "contact" and summary.contact is not None:
-        if abs(segment.start - summary.contact) > 2 * STEP:
-            what = f"ends at {segment.start:g} s, but its contact is at {summary.contact:g} s"
-            raise build_rejection("segment_off_track", summary.agent, what)
-    elif segment.anchor in places:
-        is_at = float(motion.compute_positions(np.array(segment.start - agent.enters)))
-        if abs(is_at - places[segment.anchor]) > _NEAR:
-            away = abs(is_at - places[segment.anchor])
-            what = f"ends at {segment.anchor} at {segment.start:g} s, but is {away:.1f} m away then"
+        if each.status != "terminate":
+            continue
+        what = ""
+        if each.anchor == "contact" and summary.contact is not None:
+            if abs(each.start - summary.contact) > 2 * STEP:
+                what = f"ends at {each.start:g} s, but its contact is at {summary.contact:g} s"
+        elif each.anchor in places:
+            is_at = float(motion.compute_positions(np.array(each.start - agent.enters)))
+            away = abs(is_at - places[each.anchor])
+            if away > _NEAR:
+                what = f"ends at {each.anchor} at {each.start:g} s, but is {away:.1f} m away then"
+        if what:
             raise build_rejection("segment_off_track", summary.agent, what)
 
 

@@ -31,7 +31,7 @@ from scenewright.nodes.schema import (
     build_reference,
     build_text,
 )
-from scenewright.scene.base import RIDERS, AgentClass, AgentId
+from scenewright.scene.base import RIDERS, AgentClass, AgentId, Model
 from scenewright.scene.edits import (
     AddAgent,
     ChangeAgent,
@@ -169,10 +169,8 @@ class AskLine(_EditLine):
     among: tuple[AgentId, ...] = Field(min_length=2, max_length=24)
 
 
-class EditsReply(BaseModel):
+class EditsReply(Model):
     """Edits; or in their place a question, a scene of its own or a refusal."""
-
-    model_config = ConfigDict(extra="forbid")
 
     edits: tuple[Annotated[Line, Field(discriminator="edit")], ...] = Field(
         default=(), max_length=_MOST_EDITS

@@ -17,7 +17,7 @@ from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
 from scenewright.nodes.scene_planner.striking import name_strikers
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
-from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.rejection import Rejection
 from scenewright.scene.remaining import Unserved
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
@@ -50,12 +50,6 @@ __all__ = [
     "describe_routes",
     "plan_scene",
 ]
-
-_CODES: dict[str, RejectionCode] = {
-    "out_of_scope": "out_of_scope",
-    "contradictory": "contradictory",
-    "impossible": "impossible",
-}
 
 
 def plan_scene(state: PlannerReads, *, runtime: Runtime) -> PlannerWrites:
@@ -103,7 +97,7 @@ def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
     )
     plan = ask_for_plan(context.backend, question, ways)
     if isinstance(plan, Refusal):
-        raise Rejected(Rejection(stage="scene_planner", code=_CODES[plan.code], detail=plan.reason))
+        raise Rejected(Rejection(stage="scene_planner", code=plan.code, detail=plan.reason))
     if not context.lenient:
         left_out = [
             Unserved(entry=n, note=each.note or "not modelled")

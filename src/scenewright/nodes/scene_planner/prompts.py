@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Sequence
 
 from scenewright.backends import Prompt
 from scenewright.nodes.prompts import (
@@ -73,29 +72,37 @@ def render_plan_prompt(
     """
     words = f"{instruction} {previous or ''}"
     patterns = find_similar_patterns(instruction, left_hand=left_hand)
+    legs = {side for way in ways for side in (way.entry, way.exit)}
+    turns = [way.entry for way in ways if way.movement == "uturn"]
+    earlier = (
+        f"Earlier request: {quote_text(previous)}. Unless the new one stands alone it changes "
+        "this; then answer with the whole scene.\n"
+        if previous is not None and previous.strip()
+        else ""
+    )
     values = {
         "crosswalks": describe_crosswalks(ways) + describe_streets(words, roads),
-        "ways": describe_vehicle_routes(ways) + _describe_uturns(ways),
+        "ways": describe_vehicle_routes(ways)
+        + (f"; uturn {_format_legs(turns, legs)}" if turns else ""),
         "traffic": describe_driving_side(left_hand),
         "patterns": _format_patterns(patterns)
         + describe_manoeuvres(words)
         + describe_order(words)
         + describe_objects(words),
         "times": describe_times(words),
-        "previous": _describe_previous(previous),
+        "previous": earlier,
         "instruction": quote_text(instruction),
         "faults": format_rejections(rejections) + (_OR_REFUSE if rejections else ""),
     }
     schema = build_plan_schema(ways, patterns, words)
-    shown = [Example(each.request, _drop_classes(each.answer)) for each in examples]
+    shown = []
+    for each in examples:  # without the classes of agents, which their ids contain
+        agents = [
+            {k: v for k, v in a.items() if k != "type"} for a in each.answer.get("agents", ())
+        ]
+        short = {"agents": agents} if agents else {}
+        shown.append(Example(each.request, {**each.answer, **short}))
     return render_prompt("scene_planner", "prompt.md", values, schema=schema, examples=shown)
-
-
-def _drop_classes(answer: Mapping[str, Any]) -> dict[str, Any]:
-    """An accepted answer without the classes of agents, which their ids contain."""
-    agents = answer.get("agents", ())
-    short = [{key: value for key, value in each.items() if key != "type"} for each in agents]
-    return {**answer, **({"agents": short} if short else {})}
 
 
 def describe_vehicle_routes(ways: Sequence[RouteDescription]) -> str:
@@ -126,13 +133,6 @@ _COMMON = frozenset(
     )
 )
 _STREET = re.compile(r"\b[A-Z]\w+ (?:Street|St|Avenue|Ave|Road|Rd|Lane|Boulevard|Drive|Way)\b")
-
-
-def _describe_uturns(ways: Sequence[RouteDescription]) -> str:
-    """Where vehicles may turn round, if anywhere."""
-    legs = {side for way in ways for side in (way.entry, way.exit)}
-    turns = [way.entry for way in ways if way.movement == "uturn"]
-    return f"; uturn {_format_legs(turns, legs)}" if turns else ""
 
 
 def describe_crosswalks(ways: Sequence[RouteDescription]) -> str:
@@ -218,13 +218,3 @@ def describe_times(request: str) -> str:
     words = request[:LONGEST_REQUEST].lower()
     times = [f"{name} {means}" for name, means, said in _TIMES if re.search(said, words)]
     return f"Times: {', '.join(times)}.\n" if times else ""
-
-
-def _describe_previous(previous: str | None) -> str:
-    """The earlier turn that a request may change; the answer is the whole scene as changed."""
-    if previous is None or not previous.strip():
-        return ""
-    return (
-        f"Earlier request: {quote_text(previous)}. Unless the new one stands alone it changes "
-        "this; then answer with the whole scene.\n"
-    )

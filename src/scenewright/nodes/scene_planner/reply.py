@@ -104,7 +104,13 @@ class PlanReply(
             agents = rest.get("agents")
             if not isinstance(agents, list | tuple):
                 return dict(rest)
-            return {**rest, "agents": [_add_class(each) for each in agents]}
+            for n, each in enumerate(agents := list(agents)):
+                kind = (
+                    str(each.get("id", "")).partition("-")[0] if isinstance(each, Mapping) else ""
+                )
+                if kind in get_args(AgentClass) and "type" not in each:
+                    agents[n] = {**each, "type": kind}
+            return {**rest, "agents": agents}
         if rest.get("agents") or rest.get("relations"):
             raise ValueError("either 'refused' or agents and relations, not both")
         if not isinstance(code, str):
@@ -112,13 +118,6 @@ class PlanReply(
         if not value.get("reason"):
             raise ValueError("a refusal needs its 'reason'")
         return {"code": code, "reason": value["reason"]}
-
-
-def _add_class(agent: Any) -> Any:
-    if not isinstance(agent, Mapping) or "type" in agent:
-        return agent
-    kind = str(agent.get("id", "")).partition("-")[0]
-    return {**agent, "type": kind} if kind in get_args(AgentClass) else agent
 
 
 def build_plan_schema(
@@ -290,10 +289,9 @@ def find_similar_patterns(instruction: str, *, left_hand: bool = False) -> tuple
     for pattern in load_patterns():
         if left_hand and pattern.names_a_turn:
             continue
-        alike = max(
-            (_compute_similarity(words, said) for words, _ in pattern.list_phrase_words()),
-            default=0.0,
-        )
+        phrases = [_list_stems(words) for words, _ in pattern.list_phrase_words()]
+        # The greatest share of a phrase's own words that are said.
+        alike = max((len(own & said) / len(own) for own in phrases if own), default=0.0)
         if alike > 0.5:
             found.append((-alike, pattern.id, pattern))
     return tuple(each for *_, each in sorted(found, key=lambda each: each[:2])[:MOST_PATTERNS])
@@ -301,12 +299,6 @@ def find_similar_patterns(instruction: str, *, left_hand: bool = False) -> tuple
 
 def _list_stems(words: str) -> set[str]:
     return {stem_word(word[:40]) for word in _WORD.findall(words.lower()) if word not in _COMMON}
-
-
-def _compute_similarity(phrase: str, said: set[str]) -> float:
-    """Share of the phrase's own words that are said."""
-    own = _list_stems(phrase)
-    return len(own & said) / len(own) if own else 0.0
 
 
 def complete_plan(graph: SocialGraph, ways: Iterable[RouteDescription]) -> SocialGraph:

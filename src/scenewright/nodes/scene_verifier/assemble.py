@@ -123,7 +123,12 @@ def _build_meta(
     intersection_map: IntersectionMap,
     seed: int,
 ) -> SceneMeta:
-    minutes = round(pool.hour * 60) % 1440
+    minutes, fields, plan = round(pool.hour * 60) % 1440, list_fields(graph), None
+    if instruction == join_fields(
+        fields
+    ):  # it is but the text of a plan; stages may close accounts
+        said = tuple(each.value for each in fields if each.section == "said")
+        plan = graph.model_copy(update={"said": said})
     return SceneMeta(
         scene_id=compute_scene_id(instruction, intersection_map.name, seed),
         map_id=intersection_map.map_id,
@@ -136,17 +141,8 @@ def _build_meta(
         density=graph.context.density,
         seed=seed,
         rules=3,
-        plan=_find_plan(instruction, graph),
+        plan=plan,
     )
-
-
-def _find_plan(instruction: str, graph: SocialGraph) -> SocialGraph | None:
-    """The plan, where the instruction is but the text of its fields; stages may close accounts."""
-    fields = list_fields(graph)
-    if instruction != join_fields(fields):
-        return None
-    said = [each.value for each in fields if each.section == "said"]
-    return graph.model_copy(update={"said": tuple(said)})
 
 
 def compute_scene_id(instruction: str, intersection: str, seed: int) -> str:

@@ -29,7 +29,6 @@ from scenewright.scene.track import Track
 from scenewright.tools.segment_editor import compute_edited_motion
 
 if TYPE_CHECKING:
-    from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
     from scenewright.tools.trajnet_refiner.guided import Guide
 
 NOT_ASKED = "the edited priors are final, no learned model ran"
@@ -83,10 +82,12 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime) -> RefinerWrit
         motions, edited, before, state, runtime.context, last=last
     )
     kept = sum(each.reason is not None for each in agents.values())
+    note = f"{len(agents) - kept} refined, {kept} kept as edited"
+    if refiner.place not in ("", runtime.context.intersection.name):
+        note += f", with the weights of {refiner.place}: there are none of its own"
     ran = Refinement(
         refiner="trajnet",
-        note=f"{len(agents) - kept} refined, {kept} kept as edited"
-        + _describe_foreign_weights(refiner, runtime.context),
+        note=note,
         weights=refiner.digest,
         attempt=1 if before is None else most + 1 if last else before.attempt + 1,
         retries=(0 if earlier is None else earlier.retries) + (before is not None),
@@ -149,8 +150,11 @@ def _refine_motions(
     """The treatment of each agent, the deviations proposed, and the tracks that result."""
     from scenewright.tools.trajnet_refiner.kinematic_layer import limit_deviation
 
-    refusals = _count_refusals(motions, before, state)
     named, recurs = _list_refused_agents(state), before is not None and _has_recurred(state, 2)
+    refusals = dict.fromkeys(motions, 0)  # while these tracks were tried
+    if before is not None:
+        earlier = {name: each.refusals for name, each in before.agents.items()}
+        refusals = {n: earlier.get(n, 0) + (n in named or not named) for n in motions}
     guides = build_guides(motions, state["selection"], state["behavior"])
     even = _list_unpredicted(guides, context)
     rolled = _roll_out_agents(guides, refusals, before, state, context) | even
@@ -170,7 +174,14 @@ def _refine_motions(
         track = _sample_scene_track(name, replace(motions[name], s=s), state)
         tracks[name] = edited[name] if track is None or most == 0.0 else track
         free = ~guide.kept & guide.is_within(state["selection"].duration)
-        agents[name] = _build_refinements(share[free], most, refusals[name], state.get("refused"))
+        taken, refused = share[free], state.get("refused")
+        reason = None
+        if len(taken) and most == 0.0 and refused is not None:
+            reason = f"refused {refusals[name]} times, last: {refused.detail}"
+        elif len(taken) and not taken.any():
+            reason = "no share of what the network proposed keeps the limits"
+        mean = round(float(taken.mean()), 3) if len(taken) else 0.0
+        agents[name] = AgentRefinement(share=mean, refusals=refusals[name], reason=reason)
 
     changed = list(guides)
     while changed:
@@ -204,30 +215,6 @@ def _draw_ripples(
     }
 
 
-def _build_refinements(
-    share: FloatArray, most: float, refusals: int, refused: Rejection | None
-) -> AgentRefinement:
-    """The result for one agent whose free samples got these shares."""
-    reason = None
-    if len(share) and most == 0.0 and refused is not None:
-        reason = f"refused {refusals} times, last: {refused.detail}"
-    elif len(share) and not share.any():
-        reason = "no share of what the network proposed keeps the limits"
-    taken = float(share.mean()) if len(share) else 0.0
-    return AgentRefinement(share=round(taken, 3), refusals=refusals, reason=reason)
-
-
-def _count_refusals(
-    motions: Mapping[str, Motion], before: Refinement | None, state: RefinerReads
-) -> dict[str, int]:
-    """How often the verifier named each agent while these tracks were tried."""
-    if before is None:
-        return dict.fromkeys(motions, 0)
-    named = _list_refused_agents(state)
-    earlier = {name: each.refusals for name, each in before.agents.items()}
-    return {name: earlier.get(name, 0) + (name in named or not named) for name in motions}
-
-
 def _list_refused_agents(state: RefinerReads) -> frozenset[str]:
     """Agents that the verifier named last; none if it named none in particular."""
     refused = state.get("refused")
@@ -242,7 +229,7 @@ def _roll_out_agents(
     context: RunContext,
 ) -> dict[str, FloatArray]:
     """The deviations proposed: as before, except for agents that have to be drawn anew."""
-    from scenewright.tools.trajnet_refiner.guided import compute_deviations
+    from scenewright.tools.trajnet_refiner.guided import compute_deviation, compute_deviations
 
     known = dict(state.get("rolled", {})) if before is not None else {}
     named = _list_refused_agents(state)
@@ -254,6 +241,10 @@ def _roll_out_agents(
         for name, each in known.items()
         if name not in anew
     }
+    pins, held = state.get("pinned"), fixed
+    if not fixed and pins is not None:  # unchanged agents stay as far ahead of their priors
+        was = pins.earlier.agents
+        held = {n: compute_deviation(g, was[n].track) for n, g in guides.items() if n in pins.same}
     learned = context.learned
     assert learned is not None  # noqa: S101
     drawn = compute_deviations(
@@ -261,8 +252,7 @@ def _roll_out_agents(
         guides,
         duration=state["selection"].duration,
         rng=context.make_rng("trajectory_refiner", state.get("rejections", [])),
-        fixed=(fixed or _list_earlier_deviations(guides, state))
-        | _list_unpredicted(guides, context),
+        fixed=held | _list_unpredicted(guides, context),
     )
     return {name: known[name] if name in fixed else each for name, each in drawn.items()}
 
@@ -272,24 +262,3 @@ def _list_unpredicted(guides: Mapping[str, Guide], context: RunContext) -> dict[
     if context.learned is None or context.learned.walks:
         return {}
     return {n: np.zeros(len(g.s)) for n, g in guides.items() if g.kind == "pedestrian"}
-
-
-def _list_earlier_deviations(
-    guides: Mapping[str, Guide], state: RefinerReads
-) -> dict[str, FloatArray]:
-    """How far the unchanged agents are ahead of their priors."""
-    from scenewright.tools.trajnet_refiner.guided import compute_deviation
-
-    pins = state.get("pinned")
-    same = () if pins is None else tuple(name for name in guides if name in pins.same)
-    return {
-        name: compute_deviation(guides[name], pins.earlier.agents[name].track)
-        for name in same
-        if pins is not None
-    }
-
-
-def _describe_foreign_weights(learned: BundledRefiner, context: RunContext) -> str:
-    """Source of the weights used, where the intersection has none of its own."""
-    own = learned.place in ("", context.intersection.name)
-    return "" if own else f", with the weights of {learned.place}: there are none of its own"

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from scenewright.errors import Rejected
 from scenewright.nodes.remaining import refuse_numbers
@@ -19,6 +18,7 @@ from scenewright.nodes.schema import (
     build_object,
     build_reference,
 )
+from scenewright.scene.base import Model
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import (
     Clause,
@@ -56,10 +56,8 @@ _RANGED = frozenset({"speed", "time_gap", "headway", "near"})
 """Clauses whose given bound replaces that of the pattern."""
 
 
-class ServingClause(BaseModel):
+class ServingClause(Model):
     """A clause and the number of the words that ask for it; both stand side by side in a reply."""
-
-    model_config = ConfigDict(extra="forbid")
 
     words: int
     clause: Clause
@@ -73,10 +71,8 @@ class ServingClause(BaseModel):
         return {"clause": rest, **({"words": value["words"]} if "words" in value else {})}
 
 
-class ClausesReply(BaseModel):
+class ClausesReply(Model):
     """Clauses for the remaining words; `cannot` has the numbers of those that none can hold."""
-
-    model_config = ConfigDict(extra="forbid")
 
     clauses: tuple[ServingClause, ...] = Field(default=(), max_length=MAX_CLAUSES)
     cannot: tuple[int, ...] = Field(default=(), max_length=MAX_CLAUSES)
@@ -99,8 +95,20 @@ class ClausesReply(BaseModel):
         """
         served = [each.words for each in self.clauses]
         refuse_numbers([*served, *self.cannot], len(entries), stage="waypoint_filter")
-        for each in self.clauses:
-            _refuse_unoffered(each.clause, {agent["id"] for agent in agents}, relations)
+        known = {agent["id"] for agent in agents}
+        for clause in (each.clause for each in self.clauses):
+            said, unary = format_clause(clause), isinstance(clause, UnaryClause)
+            named = (
+                (clause.agent,)
+                if isinstance(clause, UnaryClause)
+                else (clause.first, clause.second)
+            )
+            if not known.issuperset(named):
+                raise _build_rejection((), f"{said}: agents are {', '.join(sorted(known))}")
+            bound = [each for each in relations if {each["from"], each["to"]} == set(named)]
+            kinds = {kind for each in bound for kind in _OFFERED[each["type"]]}
+            if clause.clause not in (_ALONE if unary else kinds):
+                raise _build_rejection(tuple(map(str, named)), f"{said} is not offered")
         return AddedClauses(
             clauses=tuple(
                 AddedClause(entry=entries[each.words - 1], clause=each.clause)
@@ -112,24 +120,6 @@ class ClausesReply(BaseModel):
                 if build_number not in served
             ),
         )
-
-
-def _refuse_unoffered(
-    clause: Clause, agents: AbstractSet[str], relations: Sequence[Mapping[str, Any]]
-) -> None:
-    named = (clause.agent,) if isinstance(clause, UnaryClause) else (clause.first, clause.second)
-    for name in named:
-        if name not in agents:
-            names = ", ".join(sorted(agents))
-            raise _build_rejection((), f"{format_clause(clause)}: agents are {names}")
-    kinds = {
-        kind
-        for each in relations
-        if {each["from"], each["to"]} == set(named)
-        for kind in _OFFERED[each["type"]]
-    }
-    if clause.clause not in (_ALONE if isinstance(clause, UnaryClause) else kinds):
-        raise _build_rejection(tuple(map(str, named)), f"{format_clause(clause)} is not offered")
 
 
 _AGENT: dict[str, Schema] = {"agent": build_reference("agent")}
@@ -168,7 +158,10 @@ def build_clauses_schema(
     forms = [_build_clause_schema((kind,), words | _KEYS[kind]) for kind in _ALONE]
     for each in relations:
         ends = build_enum((each["from"], each["to"]))
-        for kinds in _group_alike_kinds(_OFFERED[each["type"]]):
+        alike: dict[tuple[str, ...], list[str]] = {}  # one form for those of the same keys
+        for kind in _OFFERED[each["type"]]:
+            alike.setdefault(tuple(_KEYS[kind]), []).append(kind)
+        for kinds in alike.values():
             pair = {"first": ends, "second": ends, **_KEYS[kinds[0]]}
             forms.append(_build_clause_schema(kinds, words | pair))
     defs = {
@@ -179,14 +172,6 @@ def build_clauses_schema(
     clauses = build_array({"anyOf": forms}, most=2 * count + 4)
     keys = {"clauses": clauses, "cannot": build_array(build_reference("words"), most=count)}
     return build_object(keys, required=("clauses", "cannot"), defs=defs)
-
-
-def _group_alike_kinds(kinds: Sequence[str]) -> list[tuple[str, ...]]:
-    """The clauses, those of the same keys together."""
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for kind in kinds:
-        alike.setdefault(tuple(_KEYS[kind]), []).append(kind)
-    return [tuple(each) for each in alike.values()]
 
 
 def _build_clause_schema(kinds: Sequence[str], keys: Mapping[str, Schema]) -> Schema:
