@@ -265,15 +265,10 @@ def list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
         shift = _evaluate_records(offsets, s)
         for side, sign in (("left", 1.0), ("right", -1.0)):
             t = shift.copy()
-            for lane in _list_lanes(section, side):
+            lanes = section.iterfind(f"{side}/lane")
+            for lane in sorted(lanes, key=lambda each: abs(int(each.get("id", "0")))):
                 t = t + sign * _evaluate_records([*lane.iter("width")], s - start)
                 yield np.array([road.locate(*each) for each in zip(s, t, strict=True)])
-
-
-def _list_lanes(section: Any, side: str) -> list[Any]:
-    part = section.find(side)
-    lanes = [] if part is None else [*part.iter("lane")]
-    return sorted(lanes, key=lambda each: abs(int(each.get("id", "0"))))
 
 
 def _evaluate_records(records: Sequence[Any], s: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from scenewright.geometry.polyline import drop_doubled_points, find_point
+from scenewright.geometry.polyline import drop_doubled_points, find_point, measure_turn
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos
 
@@ -129,7 +129,7 @@ def find_rings(
         following = {
             name: after[0]
             if len(after) == 1
-            else max((side * _measure_turn(lines[name], lines[x]), x) for x in after)[1]
+            else max((side * _turn(lines[name], lines[x]), x) for x in after)[1]
             for name, after in follows.items()
             if after
         }
@@ -149,8 +149,6 @@ def find_rings(
     return found
 
 
-def _measure_turn(line: FloatArray, after: FloatArray) -> float:
+def _turn(line: FloatArray, after: FloatArray) -> float:
     """How far a lane leads to the left of the one before it [rad]."""
-    ahead, far = line[-1] - line[-2], find_point(after, _PARTED) - after[0]
-    turn = math.atan2(far[1], far[0]) - math.atan2(ahead[1], ahead[0])
-    return math.remainder(turn, math.tau)
+    return measure_turn(line[-1] - line[-2], find_point(after, _PARTED) - after[0])
