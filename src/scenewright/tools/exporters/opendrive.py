@@ -7,6 +7,7 @@ its lane −1; in left-hand traffic it is the right edge and lane 1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from xml.etree import ElementTree
@@ -19,7 +20,7 @@ from scenewright.geometry.polyline import (
     resample_to_count,
 )
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, StopLine
+from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
 from scenewright.tools.exporters.lanes import Side, list_predecessors, number_lanes
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
@@ -254,16 +255,28 @@ def _add_objects(
         _add_crosswalk(objects, road, crosswalk, 100 * road.number + number)
     signals, ids = add(element, "signals"), number_signals(intersection_map)
     lines = [s for s in intersection_map.stop_lines if s.lanelets[0] == road.lanelet.id]
-    marks: list[StopLine | Crosswalk] = [*lines, *crosswalks]
-    for mark in marks if ids else ():
-        _add_signal(signals, road, mark, ids[mark.id])
+    # The light of a stop line beside it, of a crosswalk at its middle.
+    marks = [(each.id, VEHICLE_LIGHT, each.line) for each in lines]
+    marks += [(each.id, PEDESTRIAN_LIGHT, each.centreline) for each in crosswalks]
+    for name, kind, line in marks if ids else ():
+        s, t, _ = road.locate(_find_middle(line))
+        add(
+            signals, "signal", id=ids[name], name=name, s=s, t=t, zOffset=3.0,
+            dynamic="yes", orientation="+", country="OpenDRIVE", type=kind, subtype=-1, value=-1.0,
+            width=0.3, height=0.9, hOffset=0.0,
+        )  # fmt: skip
+
+
+def _find_middle(points: Sequence[Point]) -> Point:
+    x, y = np.array(points).T
+    return float(x.mean()), float(y.mean())
 
 
 def _add_crosswalk(
     objects: ElementTree.Element, road: Road, crosswalk: Crosswalk, number: int
 ) -> None:
     corners = np.array(crosswalk.polygon)
-    s, t, heading = road.locate((float(corners[:, 0].mean()), float(corners[:, 1].mean())))
+    s, t, heading = road.locate(_find_middle(crosswalk.polygon))
     at = add(objects, "object", id=number, name=crosswalk.id, type="crosswalk", s=s, t=t,
              zOffset=0.0, hdg=0.0, orientation="none", validLength=0.0)  # fmt: skip
     outline = add(add(at, "outlines"), "outline", id=0, closed=True)
@@ -274,18 +287,3 @@ def _add_crosswalk(
     turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     for k, (u, v) in enumerate(((corners - origin) @ turn.T).tolist()):
         add(outline, "cornerLocal", id=k, u=u, v=v, z=0.0, height=0.0)
-
-
-def _add_signal(
-    signals: ElementTree.Element, road: Road, mark: StopLine | Crosswalk, number: int
-) -> None:
-    """The light of a stop line beside it, or of a crosswalk at its middle."""
-    vehicle = isinstance(mark, StopLine)
-    points = np.array(mark.line if isinstance(mark, StopLine) else mark.centreline)
-    s, t, _ = road.locate((float(points[:, 0].mean()), float(points[:, 1].mean())))
-    add(
-        signals, "signal", id=number, name=mark.id, s=s, t=t, zOffset=3.0,
-        dynamic="yes", orientation="+", country="OpenDRIVE",
-        type=VEHICLE_LIGHT if vehicle else PEDESTRIAN_LIGHT, subtype=-1, value=-1.0,
-        width=0.3, height=0.9, hOffset=0.0,
-    )  # fmt: skip

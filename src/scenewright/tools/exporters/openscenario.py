@@ -17,7 +17,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from scenewright.geometry.polyline import drop_doubled_points, resample_by_spacing
+from scenewright.geometry.polyline import (
+    drop_doubled_points,
+    measure_distances,
+    resample_by_spacing,
+)
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene, wrap_angles
 from scenewright.tools.exporters.opendrive import Road, make_roads, number_signals, write_opendrive
@@ -338,8 +342,7 @@ def _measure_distance(points: FloatArray, chain: Sequence[Road]) -> float:
     middle = np.concatenate([
         resample_by_spacing(np.array(road.lanelet.centreline), LINE_SPACING) for road in chain
     ])  # fmt: skip
-    apart = np.hypot(*(points[:, None] - middle[None]).transpose(2, 0, 1)).min(axis=1)
-    return float(apart.max())
+    return float(measure_distances(points, middle).min(axis=1).max())
 
 
 def _resample(agent: ExportedAgent) -> FloatArray:
