@@ -84,12 +84,11 @@ class Road:
 def write_opendrive(intersection_map: IntersectionMap) -> bytes:
     """The .xodr of a map: roads, lanes, the junction, crosswalks and signals."""
     roads = make_roads(intersection_map)
-    left_hand = intersection_map.left_hand_traffic
     root = ElementTree.Element("OpenDRIVE")
     edge = intersection_map.extent
     add(root, "header", revMajor=1, revMinor=7, name=intersection_map.name, version=1,
         north=edge, south=-edge, east=edge, west=-edge, vendor="scenewright")  # fmt: skip
-    elements = {name: _add_road(root, road, roads, left_hand) for name, road in roads.items()}
+    elements = {name: _add_road(root, road, roads) for name, road in roads.items()}
     for name, road in roads.items():
         _add_objects(elements[name], road, intersection_map)
     if intersection_map.signals is not None:
@@ -102,13 +101,13 @@ def write_opendrive(intersection_map: IntersectionMap) -> bytes:
                 add(controller, "control", signalId=ids[name])
     # Every way from an approach into the junction.
     junction = add(root, "junction", id=JUNCTION, name="junction", type="default")
-    lane, number = 1 if left_hand else -1, 0
+    number = 0
     for road in roads.values():
         inside = [roads[name] for name in road.lanelet.successors if name in roads]
         for other in inside if road.lanelet.kind == "approach" else ():
             connection = add(junction, "connection", id=number, incomingRoad=road.number,
                              connectingRoad=other.number, contactPoint="start")  # fmt: skip
-            add(connection, "laneLink", from_=lane, to=lane)
+            add(connection, "laneLink", from_=road.lane, to=road.lane)
             number += 1
     return write_bytes(root)
 
@@ -176,13 +175,11 @@ def _make_road(
     return Road(number, lanelet, line, width, lane, tangents)
 
 
-def _add_road(
-    root: ElementTree.Element, road: Road, roads: dict[str, Road], left_hand: bool
-) -> ElementTree.Element:
+def _add_road(root: ElementTree.Element, road: Road, roads: dict[str, Road]) -> ElementTree.Element:
     inside = road.lanelet.kind == "connector"
     element = add(
         root, "road", name=road.lanelet.id, length=float(road.s[-1]), id=road.number,
-        junction=JUNCTION if inside else -1, rule="LHT" if left_hand else "RHT",
+        junction=JUNCTION if inside else -1, rule="LHT" if road.lane > 0 else "RHT",
     )  # fmt: skip
     link = add(element, "link")
     before = [each for each in roads.values() if road.lanelet.id in each.lanelet.successors]
@@ -197,7 +194,7 @@ def _add_road(
     kind = add(element, "type", s=0.0, type="town")
     add(kind, "speed", max=float(road.lanelet.speed_limit), unit="m/s")
     _add_plan(element, road)
-    _add_lane(element, road, left_hand, before if inside else [], after if inside else [])
+    _add_lane(element, road, before if inside else [], after if inside else [])
     return element
 
 
@@ -218,13 +215,9 @@ def _add_plan(element: ElementTree.Element, road: Road) -> None:
 
 
 def _add_lane(
-    element: ElementTree.Element,
-    road: Road,
-    left_hand: bool,
-    before: list[Road],
-    after: list[Road],
+    element: ElementTree.Element, road: Road, before: list[Road], after: list[Road]
 ) -> None:
-    number = 1 if left_hand else -1
+    number, left_hand = road.lane, road.lane > 0
     section = add(add(element, "lanes"), "laneSection", s=0.0)
     if left_hand:
         lane = add(add(section, "left"), "lane", id=number, type="driving", level=False)

@@ -71,9 +71,13 @@ def describe_crosswalk(
     elif placed is not None and crossings:
         away = (float(np.hypot(*(x.line.mean(axis=0) - placed.middle))) for x in crossings)
         nearest = round_metre(min(away))
+    origin = "none" if placed is None else "derived"
+    if used is not None:
+        learned = all(source.startswith(LEARNED) for source in used.sources)
+        origin = "learned" if learned else "file"
     return CrosswalkFact(
         leg=leg,
-        origin=_find_origin(placed),
+        origin=origin,
         offset=offset,
         centre_offset=centre_offset,
         sources=() if used is None else used.sources,
@@ -85,15 +89,6 @@ def describe_crosswalk(
         nearest=nearest,
         left_out=tuple(left_out),
     )
-
-
-def _find_origin(placed: CrosswalkPlacement | None) -> str:
-    if placed is None:
-        return "none"
-    if placed.mapped is None:
-        return "derived"
-    learned = all(source.startswith(LEARNED) for source in placed.mapped.sources)
-    return "learned" if learned else "file"
 
 
 def _measure_offset(placed: CrosswalkPlacement, mapped: MappedCrosswalk) -> float:

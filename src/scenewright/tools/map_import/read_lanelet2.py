@@ -733,21 +733,13 @@ def _find_shared_ground(held: LaneletFile) -> Any:
         if piece.area < _OVERLAP:
             continue
         pair = lanelets[name], lanelets[other]
-        starts = name not in followers and other not in followers
-        ends = not follows[name] and not follows[other]
-        if not _are_abreast(*pair) and not _split_at_edge(*pair, starts=starts, ends=ends):
+        # Where the map begins with both or ends with both, two that lie close split there.
+        apart = np.hypot(*(pair[0].middle[[0, -1]] - pair[1].middle[[0, -1]]).T)
+        begin = apart[0] < _SPLIT and name not in followers and other not in followers
+        end = apart[1] < _SPLIT and not follows[name] and not follows[other]
+        if not begin and not end and not _are_abreast(*pair):
             kept.append(piece)
     return geos.union_all(kept)
-
-
-def _split_at_edge(a: FileLanelet, b: FileLanelet, *, starts: bool, ends: bool) -> bool:
-    """Whether two lanelets begin together where the map begins, or end together where it ends.
-
-    Args:
-        starts: whether the map begins with both; ends: whether it ends with both.
-    """
-    apart = np.hypot(*(a.middle[[0, -1]] - b.middle[[0, -1]]).T)
-    return bool((starts and apart[0] < _SPLIT) or (ends and apart[1] < _SPLIT))
 
 
 def _are_abreast(a: FileLanelet, b: FileLanelet) -> bool:

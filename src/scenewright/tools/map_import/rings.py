@@ -47,12 +47,6 @@ class LaneRing:
     outline: FloatArray
     is_left: bool
 
-    @property
-    def is_round(self) -> bool:
-        """Whether it is about a circle."""
-        ring = geos.Polygon(self.outline)
-        return bool(4 * math.pi * ring.area / ring.length**2 >= _LEAST_ROUNDNESS)
-
 
 @dataclass(frozen=True, eq=False)
 class Ring:
@@ -114,7 +108,9 @@ def find_roundabouts(
         inner = min(areas[own], key=geos.area)
         is_block = ring.refusal and inner.area > _LARGEST_ISLAND
         holds_lanes = len(tree.query(inner.buffer(-2 * _HALF_LANE), predicate="intersects"))
-        if not is_block and not holds_lanes and all(each.is_round for each in ring.rings):
+        shapes = [geos.Polygon(each.outline) for each in ring.rings]
+        is_round = all(4 * math.pi * x.area / x.length**2 >= _LEAST_ROUNDNESS for x in shapes)
+        if not is_block and not holds_lanes and is_round:
             found.append(ring)
     return found
 
