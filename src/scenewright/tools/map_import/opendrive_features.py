@@ -164,16 +164,13 @@ def list_opendrive_crossings(file: OpenDriveFile, middle: FloatArray) -> list[Su
     found = []
     for road in file.roads:
         for element in road.element.iter("object"):
-            if _is_crosswalk(element) and (outline := _trace_outline(road, element)) is not None:
+            kind, name = ((element.get(key) or "").lower() for key in ("type", "name"))
+            if kind != "crosswalk" and "crosswalk" not in name and "zebra" not in name:
+                continue
+            if (outline := _trace_outline(road, element)) is not None:
                 source = f"object {element.get('id', '?')} of road {road.id}"
                 found.append(_build_crossing(outline - middle, source))
     return found
-
-
-def _is_crosswalk(element: Any) -> bool:
-    kind = (element.get("type") or "").lower()
-    name = (element.get("name") or "").lower()
-    return kind == "crosswalk" or any(word in name for word in ("crosswalk", "zebra"))
 
 
 def _trace_outline(road: OpenDriveRoad, element: Any) -> FloatArray | None:

@@ -101,8 +101,13 @@ def build_signal_program(
         for leg in entries
     ]
     groups += [SignalGroup(id=f"walk_{c.leg}", crosswalks=(c.id,)) for c in crosswalks]
-    phases = tuple(_build_phase(step, n, crosswalks, free) for n, step in enumerate(steps))
-    return SignalProgram(groups=tuple(groups), phases=phases), item
+    phases = []
+    for n, step in enumerate(steps):
+        colours: dict[str, Colour] = {str(leg): colour for leg, colour in step.colours.items()}
+        walk: Colour = "green" if step.may_begin else "yellow"
+        colours |= {f"walk_{c.leg}": walk if free[c.id][n] else "red" for c in crosswalks}
+        phases.append(SignalPhase(duration=step.duration, colours=colours))
+    return SignalProgram(groups=tuple(groups), phases=tuple(phases)), item
 
 
 def _choose_steps(
@@ -231,12 +236,3 @@ def _find_free_steps(
     ]
     begins = any(ok and step.may_begin for ok, step in zip(strict, steps, strict=True))
     return strict if begins else red
-
-
-def _build_phase(
-    step: _Step, number: int, crosswalks: Sequence[Crosswalk], free: Mapping[str, Sequence[bool]]
-) -> SignalPhase:
-    colours: dict[str, Colour] = {str(leg): colour for leg, colour in step.colours.items()}
-    walk: Colour = "green" if step.may_begin else "yellow"
-    colours |= {f"walk_{c.leg}": walk if free[c.id][number] else "red" for c in crosswalks}
-    return SignalPhase(duration=step.duration, colours=colours)
