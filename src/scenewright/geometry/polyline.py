@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from scenewright.scene.base import FloatArray
@@ -75,6 +77,12 @@ def compute_normals(line: FloatArray) -> FloatArray:
 def rotate_left(vectors: FloatArray) -> FloatArray:
     """[..., 2] vectors turned by a quarter to the left."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+
+
+def measure_turn(ahead: FloatArray, onwards: FloatArray) -> float:
+    """How far one vector [2] lies to the left of another [rad]."""
+    turn = math.atan2(onwards[1], onwards[0]) - math.atan2(ahead[1], ahead[0])
+    return math.remainder(turn, math.tau)
 
 
 def measure_courses(line: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import Crosswalk, Lanelet
+from scenewright.scene.map import Lanelet
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
 from scenewright.tools.exporters.lanes import (
     Side,
@@ -91,9 +91,22 @@ def _add_map(root: _Element, scene: ExportedScene) -> None:
                 add(element, tag, ref=lanelets[name], drivingDir="same" if same else "opposite")
         _add_rules(element, lanelet, lights, scene)
     for crosswalk in intersection.crosswalks:
-        _add_crossing(root, crosswalk, crossings[crosswalk.id], lights)
+        element = add(root, "lanelet", id=crossings[crosswalk.id])
+        for tag, edge in zip(
+            ("leftBound", "rightBound"), find_crosswalk_edges(crosswalk), strict=True
+        ):
+            _add_points(add(element, tag), edge)
+        _add_text(element, "laneletType", "crosswalk")
+        _add_text(element, "userBidirectional", "pedestrian")
+        if crosswalk.id in lights:
+            add(element, "trafficLightRef", ref=lights[crosswalk.id])
     for name, colours in scene.list_colours().items():
-        _add_light(root, lights[name], [colour or "inactive" for colour in colours])
+        # The colours of the scene as a cycle that lasts as long as the scene.
+        cycle = add(add(root, "trafficLight", id=lights[name]), "cycle")
+        for colour, steps in groupby(colours):
+            element = add(cycle, "cycleElement")
+            _add_text(element, "duration", len(list(steps)))
+            _add_text(element, "color", colour or "inactive")
     _add_junction(root, scene, lanelets, crossings)
 
 
@@ -112,28 +125,6 @@ def _add_rules(
     _add_text(element, "userOneWay", "vehicle")
     for number in shown:
         add(element, "trafficLightRef", ref=number)
-
-
-def _add_crossing(
-    root: _Element, crosswalk: Crosswalk, number: int, lights: dict[str, int]
-) -> None:
-    left, right = find_crosswalk_edges(crosswalk)
-    element = add(root, "lanelet", id=number)
-    _add_points(add(element, "leftBound"), left)
-    _add_points(add(element, "rightBound"), right)
-    _add_text(element, "laneletType", "crosswalk")
-    _add_text(element, "userBidirectional", "pedestrian")
-    if crosswalk.id in lights:
-        add(element, "trafficLightRef", ref=lights[crosswalk.id])
-
-
-def _add_light(root: _Element, number: int, colours: list[str]) -> None:
-    """The colours of the scene as a cycle that lasts as long as the scene."""
-    cycle = add(add(root, "trafficLight", id=number), "cycle")
-    for colour, steps in groupby(colours):
-        element = add(cycle, "cycleElement")
-        _add_text(element, "duration", len(list(steps)))
-        _add_text(element, "color", colour)
 
 
 def _add_junction(

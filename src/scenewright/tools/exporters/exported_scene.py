@@ -12,7 +12,12 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.geometry.kinematics import differentiate
-from scenewright.geometry.polyline import resample_by_spacing
+from scenewright.geometry.polyline import (
+    interpolate_points,
+    measure_arc_lengths,
+    measure_courses,
+    resample_by_spacing,
+)
 from scenewright.geometry.spline import build_spline_path
 from scenewright.scene.base import Colour, FloatArray, Point
 from scenewright.scene.candidates import K
@@ -145,14 +150,13 @@ class ExportedAgent:
     def continue_until(self, last: int) -> ExportedAgent:
         """The agent going on along its route at its last speed, up to a step or the map's edge."""
         speed = max(float(self.speed[-1]), SLOWEST_CONTINUATION[self.names.is_vehicle])
-        legs = np.diff(self.route_ahead, axis=0)
-        along = np.concatenate([[0.0], np.hypot(*legs.T).cumsum()])
+        along = measure_arc_lengths(self.route_ahead)
         count = min(int(along[-1] / (speed * self.step)), last - self.last)
         if count < 1:
             return self
-        at = speed * self.step * np.arange(1, count + 1)
-        more = np.stack([np.interp(at, along, self.route_ahead[:, k]) for k in (0, 1)], axis=1)
-        turn = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
+        at = np.asarray(speed * self.step * np.arange(1, count + 1), dtype=np.float64)
+        more = interpolate_points(at, along, self.route_ahead)
+        turn = measure_courses(self.route_ahead)
         heading = wrap_angles(np.interp(at, (along[1:] + along[:-1]) / 2, turn))
         xy = np.concatenate([self.xy, more])
         return replace(

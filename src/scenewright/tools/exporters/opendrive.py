@@ -7,6 +7,7 @@ its lane −1; in left-hand traffic it is the right edge and lane 1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from xml.etree import ElementTree
@@ -19,7 +20,7 @@ from scenewright.geometry.polyline import (
     resample_to_count,
 )
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, StopLine
+from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
 from scenewright.tools.exporters.lanes import Side, list_predecessors, number_lanes
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
@@ -83,12 +84,11 @@ class Road:
 def write_opendrive(intersection_map: IntersectionMap) -> bytes:
     """The .xodr of a map: roads, lanes, the junction, crosswalks and signals."""
     roads = make_roads(intersection_map)
-    left_hand = intersection_map.left_hand_traffic
     root = ElementTree.Element("OpenDRIVE")
     edge = intersection_map.extent
     add(root, "header", revMajor=1, revMinor=7, name=intersection_map.name, version=1,
         north=edge, south=-edge, east=edge, west=-edge, vendor="scenewright")  # fmt: skip
-    elements = {name: _add_road(root, road, roads, left_hand) for name, road in roads.items()}
+    elements = {name: _add_road(root, road, roads) for name, road in roads.items()}
     for name, road in roads.items():
         _add_objects(elements[name], road, intersection_map)
     if intersection_map.signals is not None:
@@ -101,13 +101,13 @@ def write_opendrive(intersection_map: IntersectionMap) -> bytes:
                 add(controller, "control", signalId=ids[name])
     # Every way from an approach into the junction.
     junction = add(root, "junction", id=JUNCTION, name="junction", type="default")
-    lane, number = 1 if left_hand else -1, 0
+    number = 0
     for road in roads.values():
         inside = [roads[name] for name in road.lanelet.successors if name in roads]
         for other in inside if road.lanelet.kind == "approach" else ():
             connection = add(junction, "connection", id=number, incomingRoad=road.number,
                              connectingRoad=other.number, contactPoint="start")  # fmt: skip
-            add(connection, "laneLink", from_=lane, to=lane)
+            add(connection, "laneLink", from_=road.lane, to=road.lane)
             number += 1
     return write_bytes(root)
 
@@ -175,13 +175,11 @@ def _make_road(
     return Road(number, lanelet, line, width, lane, tangents)
 
 
-def _add_road(
-    root: ElementTree.Element, road: Road, roads: dict[str, Road], left_hand: bool
-) -> ElementTree.Element:
+def _add_road(root: ElementTree.Element, road: Road, roads: dict[str, Road]) -> ElementTree.Element:
     inside = road.lanelet.kind == "connector"
     element = add(
         root, "road", name=road.lanelet.id, length=float(road.s[-1]), id=road.number,
-        junction=JUNCTION if inside else -1, rule="LHT" if left_hand else "RHT",
+        junction=JUNCTION if inside else -1, rule="LHT" if road.lane > 0 else "RHT",
     )  # fmt: skip
     link = add(element, "link")
     before = [each for each in roads.values() if road.lanelet.id in each.lanelet.successors]
@@ -196,7 +194,7 @@ def _add_road(
     kind = add(element, "type", s=0.0, type="town")
     add(kind, "speed", max=float(road.lanelet.speed_limit), unit="m/s")
     _add_plan(element, road)
-    _add_lane(element, road, left_hand, before if inside else [], after if inside else [])
+    _add_lane(element, road, before if inside else [], after if inside else [])
     return element
 
 
@@ -217,13 +215,9 @@ def _add_plan(element: ElementTree.Element, road: Road) -> None:
 
 
 def _add_lane(
-    element: ElementTree.Element,
-    road: Road,
-    left_hand: bool,
-    before: list[Road],
-    after: list[Road],
+    element: ElementTree.Element, road: Road, before: list[Road], after: list[Road]
 ) -> None:
-    number = 1 if left_hand else -1
+    number, left_hand = road.lane, road.lane > 0
     section = add(add(element, "lanes"), "laneSection", s=0.0)
     if left_hand:
         lane = add(add(section, "left"), "lane", id=number, type="driving", level=False)
@@ -254,16 +248,28 @@ def _add_objects(
         _add_crosswalk(objects, road, crosswalk, 100 * road.number + number)
     signals, ids = add(element, "signals"), number_signals(intersection_map)
     lines = [s for s in intersection_map.stop_lines if s.lanelets[0] == road.lanelet.id]
-    marks: list[StopLine | Crosswalk] = [*lines, *crosswalks]
-    for mark in marks if ids else ():
-        _add_signal(signals, road, mark, ids[mark.id])
+    # The light of a stop line beside it, of a crosswalk at its middle.
+    marks = [(each.id, VEHICLE_LIGHT, each.line) for each in lines]
+    marks += [(each.id, PEDESTRIAN_LIGHT, each.centreline) for each in crosswalks]
+    for name, kind, line in marks if ids else ():
+        s, t, _ = road.locate(_find_middle(line))
+        add(
+            signals, "signal", id=ids[name], name=name, s=s, t=t, zOffset=3.0,
+            dynamic="yes", orientation="+", country="OpenDRIVE", type=kind, subtype=-1, value=-1.0,
+            width=0.3, height=0.9, hOffset=0.0,
+        )  # fmt: skip
+
+
+def _find_middle(points: Sequence[Point]) -> Point:
+    x, y = np.array(points).T
+    return float(x.mean()), float(y.mean())
 
 
 def _add_crosswalk(
     objects: ElementTree.Element, road: Road, crosswalk: Crosswalk, number: int
 ) -> None:
     corners = np.array(crosswalk.polygon)
-    s, t, heading = road.locate((float(corners[:, 0].mean()), float(corners[:, 1].mean())))
+    s, t, heading = road.locate(_find_middle(crosswalk.polygon))
     at = add(objects, "object", id=number, name=crosswalk.id, type="crosswalk", s=s, t=t,
              zOffset=0.0, hdg=0.0, orientation="none", validLength=0.0)  # fmt: skip
     outline = add(add(at, "outlines"), "outline", id=0, closed=True)
@@ -274,18 +280,3 @@ def _add_crosswalk(
     turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     for k, (u, v) in enumerate(((corners - origin) @ turn.T).tolist()):
         add(outline, "cornerLocal", id=k, u=u, v=v, z=0.0, height=0.0)
-
-
-def _add_signal(
-    signals: ElementTree.Element, road: Road, mark: StopLine | Crosswalk, number: int
-) -> None:
-    """The light of a stop line beside it, or of a crosswalk at its middle."""
-    vehicle = isinstance(mark, StopLine)
-    points = np.array(mark.line if isinstance(mark, StopLine) else mark.centreline)
-    s, t, _ = road.locate((float(points[:, 0].mean()), float(points[:, 1].mean())))
-    add(
-        signals, "signal", id=number, name=mark.id, s=s, t=t, zOffset=3.0,
-        dynamic="yes", orientation="+", country="OpenDRIVE",
-        type=VEHICLE_LIGHT if vehicle else PEDESTRIAN_LIGHT, subtype=-1, value=-1.0,
-        width=0.3, height=0.9, hOffset=0.0,
-    )  # fmt: skip

@@ -17,7 +17,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from scenewright.geometry.polyline import drop_doubled_points, resample_by_spacing
+from scenewright.geometry.polyline import (
+    drop_doubled_points,
+    measure_distances,
+    resample_by_spacing,
+)
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene, wrap_angles
 from scenewright.tools.exporters.opendrive import Road, make_roads, number_signals, write_opendrive
@@ -215,7 +219,7 @@ def _add_maneuvers(
         _add_trajectory(add(event, "PrivateAction"), agent, held=held)
         if agent.id not in scene.collided and agent.last < scene.steps - 1:
             gone = round(float(agent.times[-1]) + agent.step, 3)
-            _add_time_trigger(_add_removal(maneuver, agent), gone)
+            _add_removal(maneuver, agent, gone)
     else:
         event = _add_event(maneuver, f"drive {name}", starter)
         _add_way(add(event, "PrivateAction"), agent, way)
@@ -231,7 +235,7 @@ def _add_maneuvers(
             wait = round(min(k, (k - 1) % stride + 1) * scene.step, 3)
             add(profile, "SpeedProfileEntry", speed=_scale_speed(agent, k, "reactive"), time=wait)
         end = _resample(agent)[-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
-        _add_place_trigger(_add_removal(maneuver, agent), agent.name, end)
+        _add_removal(maneuver, agent, (agent.name, end))
 
 
 def _add_maneuver(act: _Element, agent: ExportedAgent, starter: _Starter, way: _Way) -> _Element:
@@ -260,7 +264,7 @@ def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Starter:
 
 
 def _add_event(maneuver: _Element, name: str, starter: _Starter) -> _Element:
-    """An event with one action, triggered when an agent enters; its action."""
+    """An event with one action, and what triggers it; the action."""
     event = add(maneuver, "Event", name=name, priority="parallel", maximumExecutionCount=1)
     action = add(event, "Action", name=f"action {name}")
     trigger = add(event, "StartTrigger")
@@ -271,14 +275,11 @@ def _add_event(maneuver: _Element, name: str, starter: _Starter) -> _Element:
     return action
 
 
-def _add_removal(maneuver: _Element, agent: ExportedAgent) -> _Element:
-    """An event in which the agent has left the map and disappears; its trigger."""
-    event = add(maneuver, "Event", name=f"leave {agent.name}", priority="parallel",
-                maximumExecutionCount=1)  # fmt: skip
-    action = add(event, "Action", name=f"action leave {agent.name}")
+def _add_removal(maneuver: _Element, agent: ExportedAgent, starter: _Starter) -> None:
+    """An event in which the agent has left the map and disappears."""
+    action = _add_event(maneuver, f"leave {agent.name}", starter)
     entity = add(add(action, "GlobalAction"), "EntityAction", entityRef=agent.name)
     add(entity, "DeleteEntityAction")
-    return add(event, "StartTrigger")
 
 
 def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> None:
@@ -338,8 +339,7 @@ def _measure_distance(points: FloatArray, chain: Sequence[Road]) -> float:
     middle = np.concatenate([
         resample_by_spacing(np.array(road.lanelet.centreline), LINE_SPACING) for road in chain
     ])  # fmt: skip
-    apart = np.hypot(*(points[:, None] - middle[None]).transpose(2, 0, 1)).min(axis=1)
-    return float(apart.max())
+    return float(measure_distances(points, middle).min(axis=1).max())
 
 
 def _resample(agent: ExportedAgent) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.geometry.polyline import resample_by_spacing
+from scenewright.geometry.polyline import measure_distances, resample_by_spacing
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
 from scenewright.tools.track_io.womd_example import PARTS, STATES, load_example_class
@@ -105,13 +105,8 @@ def _fill(values: list[Any], rest: int) -> np.ndarray[Any, Any]:
 
 def _choose_objects(scene: ExportedScene) -> list[ExportedAgent]:
     """List all agents; where there are too many, those that come nearest to the ego, in order."""
-    users = [*scene.agents, *scene.objects]
-    way = scene.ego.xy
-
-    def come_near(agent: ExportedAgent) -> float:
-        return float(np.hypot(*(agent.xy[:, None] - way[None, ::5]).transpose(2, 0, 1)).min())
-
-    kept = sorted(users, key=come_near)[:OBJECTS]
+    users, way = [*scene.agents, *scene.objects], scene.ego.xy[::5]
+    kept = sorted(users, key=lambda each: measure_distances(each.xy, way).min())[:OBJECTS]
     return [agent for agent in users if any(agent is each for each in kept)]
 
 
@@ -152,7 +147,7 @@ def _describe_lights(scene: ExportedScene, lights: list[dict[str, Any]]) -> Feat
     """State and place of the lights of up to 16 lanes, nearest to the ego's way first."""
     first = lights[0]["lane_states"] if lights else []
     stops = np.array([(s["stop_point"]["x"], s["stop_point"]["y"]) for s in first]).reshape(-1, 2)
-    away = np.hypot(*(stops[:, None] - scene.ego.xy[None]).transpose(2, 0, 1)).min(axis=1)
+    away = measure_distances(stops, scene.ego.xy).min(axis=1)
     chosen = np.argsort(away, kind="stable")[:LIGHTS]
     steps, k = PARTS["future"].stop, len(chosen)
     whole: Features = {

@@ -135,8 +135,7 @@ def assemble_map(
     """
     assembly = _Assembly(survey, extent)
     intersection_map = assembly.build_map(name, title, signals)
-    for line in list_crosswalk_notes(assembly.crosswalk_facts):
-        assembly.notes.append(line)
+    assembly.notes += list_crosswalk_notes(assembly.crosswalk_facts)
     return ImportedMap(
         intersection_map,
         {**assembly.vehicle_lines, **{k: (line,) for k, line in assembly.crossing_lines.items()}},
@@ -225,11 +224,11 @@ class _Assembly:
         for k, placed in sorted(found.items(), key=lambda each: _rank_placement(*each)):
             if placed is None:
                 self._add_note(f"no crosswalk found room on the {self.names[k]} leg")
-            elif (crossed := _find_crossed(placed, kept)) is None:
-                kept[k] = placed
-            else:
-                self.crossed[k] = f"would cross the crosswalk of the {self.names[crossed]} leg"
+            elif crossed := [j for j, other in sorted(kept.items()) if placed.crosses(other)]:
+                self.crossed[k] = f"would cross the crosswalk of the {self.names[crossed[0]]} leg"
                 self._add_note(f"the {self.names[k]} leg has no crosswalk: it {self.crossed[k]}")
+            else:
+                kept[k] = placed
         return dict(sorted(kept.items()))
 
     @cached_property
@@ -238,26 +237,19 @@ class _Assembly:
         placements = self.placements
         choice = self.crossings.leave_out(self.crossed)
         return tuple(
-            describe_crosswalk(name, placed, choice, k, self.survey.crossings)
-            for k, (name, placed) in enumerate(
-                (name, placements.get(k)) for k, name in enumerate(self.names)
-            )
+            describe_crosswalk(name, placements.get(k), choice, k, self.survey.crossings)
+            for k, name in enumerate(self.names)
         )
 
     def _clip_approach(self, lane: SurveyLane, k: int) -> FloatArray:
         """An approach from the map's edge to its stop line."""
         line = resample_by_spacing(self.extended[lane.id], 0.5)
         placed = self.placements.get(k)
-        if placed is not None and placed.mapped is not None:
-            return self._clip_at_crosswalk(lane, line, placed)
-        ahead = (line - self.legs[k].throat) @ self.legs[k].outwards
-        stop = self.placements[k].stop_distance if k in self.placements else 0.0
-        return _take_last_run(line, self._is_inside(line) & (ahead >= stop))
-
-    def _clip_at_crosswalk(
-        self, lane: SurveyLane, line: FloatArray, placed: CrosswalkPlacement
-    ) -> FloatArray:
-        """An approach to a mapped crosswalk, on along its straightest way if that lies inside."""
+        if placed is None or placed.mapped is None:
+            ahead = (line - self.legs[k].throat) @ self.legs[k].outwards
+            stop = 0.0 if placed is None else placed.stop_distance
+            return _take_last_run(line, self._is_inside(line) & (ahead >= stop))
+        # On to a mapped crosswalk along its straightest way if that lies inside.
         ways = [each for each in self.connections if each.approach == lane.id]
         if ways:
             onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
@@ -294,9 +286,11 @@ class _Assembly:
         groups: dict[tuple[int, int], list[int]] = {}
         for i, connection in enumerate(self.connections):
             groups.setdefault(self._find_leg_pair(connection), []).append(i)
+        # The largest turn between two steps of each path [rad].
+        turns = (np.abs(np.diff(measure_courses(line))).max(initial=0.0) for line in self.whole)
+        sharpness = [round(float(turn), 6) for turn in turns]
         return {
-            pair: sorted(found, key=lambda i: _measure_sharpness(self.whole[i]))
-            for pair, found in sorted(groups.items())
+            pair: sorted(found, key=sharpness.__getitem__) for pair, found in sorted(groups.items())
         }
 
     @cached_property
@@ -320,6 +314,9 @@ class _Assembly:
         lines = {m.id: self.vehicle_lines[f"vehicle:{m.id}"] for m in movements}
         crossed = {route.split(":")[1] for route in self.crossing_lines}
         road = self.road.intersection(ground.build_square(self.extent))
+        self._add_note(f"sidewalks were derived: {self._describe_sidewalks()}")
+        refuges = [placed.refuge_area for placed in self.placements.values() if placed.refuges]
+        walkable = geos.union_all([self.sidewalks, *refuges])
         return IntersectionMap(
             name=name,
             map_id=zlib.crc32(name.encode()) % 1_000_000,
@@ -334,7 +331,7 @@ class _Assembly:
             stop_lines=stop_lines,
             crosswalks=crosswalks,
             road=tuple(map(build_area, ground.list_polygons(road))),
-            walkable=tuple(map(build_area, ground.list_polygons(self._derive_sidewalks()))),
+            walkable=tuple(map(build_area, ground.list_polygons(walkable))),
             goal_regions=(*self._build_vehicle_goals(), *self._build_pedestrian_goals()),
             movements=movements,
             conflict_zones=tuple(build_conflict_zones(lines, movements, crosswalks)),
@@ -344,11 +341,6 @@ class _Assembly:
                 *build_pedestrian_routes(leg for leg in self.names if leg in crossed),
             ),
         )
-
-    def _derive_sidewalks(self) -> Any:
-        self._add_note(f"sidewalks were derived: {self._describe_sidewalks()}")
-        refuges = [placed.refuge_area for placed in self.placements.values() if placed.refuges]
-        return geos.union_all([self.sidewalks, *refuges])
 
     def _describe_sidewalks(self) -> str:
         walked = sum(geos.Polygon(outline).area for outline in self.survey.walks)
@@ -469,7 +461,11 @@ class _Assembly:
         for k, leg in enumerate(self.legs):
             if not leg.approaches:
                 continue
-            left, name = self._find_stop_direction(k), self.names[k]
+            name, placed = self.names[k], self.placements.get(k)
+            left = rotate_left(leg.outwards)  # along the stop line, looking outwards
+            if placed is not None and placed.mapped is not None:
+                across = placed.ends[0] - placed.ends[1]
+                left = across / np.hypot(*across)
             ends = np.array([self._clip_approach(lane, k)[-1] for lane in leg.approaches])
             outwards = -rotate_left(left)
             distance = float(np.mean([(end - leg.throat) @ outwards for end in ends]))
@@ -482,14 +478,6 @@ class _Assembly:
             line = round_points([base + min(lateral) * left, base + max(lateral) * left])
             ids = tuple(self._name_lane(lane, k, "approach") for lane in leg.approaches)
             yield StopLine(id=f"{name}:stop", leg=name, lanelets=ids, line=(line[0], line[1]))
-
-    def _find_stop_direction(self, k: int) -> FloatArray:
-        """[2] unit vector along a leg's stop line, to the left looking outwards."""
-        placed = self.placements.get(k)
-        if placed is None or placed.mapped is None:
-            return rotate_left(self.legs[k].outwards)
-        across = placed.ends[0] - placed.ends[1]
-        return np.asarray(across / np.hypot(*across))
 
     def _build_movements(self, program: SignalProgram | None) -> tuple[VehicleMovement, ...]:
         groups = {m: g.id for g in program.groups for m in g.movements} if program else {}
@@ -584,12 +572,14 @@ class _Assembly:
                 continue
             key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
             lines = {
-                pair: _round_corners(
-                    ground.build_crossing_line(placed, left, right, before=pair[0], after=pair[1])
+                (before, after): _round_corners(
+                    ground.build_crossing_line(placed, left, right, before=before, after=after)
                 )
-                for pair in product(SIDEWALKS, SIDEWALKS)
+                for before, after in product(SIDEWALKS, SIDEWALKS)
             }
-            if not all(self._is_walkable(line, placed) for line in lines.values()):
+            walked = geos.union_all([self.sidewalks, placed.area]).buffer(0.3)
+            shares = (geos.contains_xy(walked, *line.T).mean() for line in lines.values())
+            if not all(share > _ON_GROUND for share in shares):
                 self._add_note(
                     f"the crosswalk on the {self.names[k]} leg ends on no sidewalk, as where it "
                     "spans one carriageway of several: it is left out"
@@ -599,11 +589,6 @@ class _Assembly:
                 found[f"{key}:{a}>{b}:{before}>{after}"] = line
                 found[f"{key}:{b}>{a}:{after}>{before}"] = line[::-1]
         return found
-
-    def _is_walkable(self, line: FloatArray, placed: CrosswalkPlacement) -> bool:
-        """Whether a path over a crosswalk leads over it and over sidewalks alone."""
-        walked = geos.union_all([self.sidewalks, placed.area]).buffer(0.3)
-        return bool(geos.contains_xy(walked, *line.T).mean() > _ON_GROUND)
 
     @cached_property
     def sidewalks(self) -> Any:
@@ -642,11 +627,6 @@ def _rank_placement(k: int, placed: CrosswalkPlacement | None) -> tuple[bool, fl
     if placed is None or placed.mapped is None:
         return True, 0.0, k
     return False, round(math.dist(placed.middle, placed.mapped.middle), 3), k
-
-
-def _find_crossed(placed: CrosswalkPlacement, kept: Mapping[int, CrosswalkPlacement]) -> int | None:
-    """The leg whose crosswalk another one would cross."""
-    return next((k for k, other in sorted(kept.items()) if placed.crosses(other)), None)
 
 
 def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None, crossings: float) -> float:
@@ -725,11 +705,6 @@ def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:
 def _round_corners(line: FloatArray) -> FloatArray:
     """A walked line without sharp corners, ends kept."""
     return resample_by_spacing(smooth_gaussian(resample_by_spacing(line, 0.25), 3.0), 0.5)
-
-
-def _measure_sharpness(line: FloatArray) -> float:
-    """The largest turn between two steps of a line [rad]."""
-    return round(float(np.abs(np.diff(measure_courses(line))).max(initial=0.0)), 6)
 
 
 def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from scenewright.geometry.geographic import LatLon
-from scenewright.geometry.polyline import rotate_left
+from scenewright.geometry.polyline import measure_courses, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.opendrive_features import OpenDriveFile
 from scenewright.tools.map_import.osm_features import OsmFile, Tags
@@ -46,11 +46,6 @@ def find_opendrive_side(drive: OpenDriveFile) -> DrivingSide:
     return DrivingSide(left > right, reason, is_known=left != right, against=against)
 
 
-def find_sumo_side(left_hand: bool) -> DrivingSide:
-    """The side that the network states."""
-    return DrivingSide(left_hand, "the network says so" if left_hand else "the network's default")
-
-
 def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
     """By the tags of the file, else its place, else how its one-way roads lie."""
     # How many roundabouts and pairs of carriageways are drawn for each side.
@@ -61,7 +56,8 @@ def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
         if len(line) < 2:
             continue
         if tags.get("junction") == "roundabout":
-            drawn["left" if _measure_turn(line) < 0 else "right"] += 1
+            courses = measure_courses(line)
+            drawn["left" if courses[-1] < courses[0] else "right"] += 1
         elif tags.get("oneway") in ("yes", "1", "true") and tags.get("name"):
             streets.setdefault(tags["name"], []).append(line)
     for lines in streets.values():
@@ -128,13 +124,6 @@ def find_side_of_place(origin: LatLon) -> DrivingSide | None:
     town = towns.get(origin)
     code, name = str(town["country_code"]), str(town["city"])
     return DrivingSide(code in _LEFT_HAND.split(), f"the place is near {name}, in country {code}")
-
-
-def _measure_turn(line: FloatArray) -> float:
-    """By how much a line turns to the left in all [rad]."""
-    step = np.diff(line, axis=0)
-    course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    return float(course[-1] - course[0])
 
 
 def _count_oncoming(lines: Sequence[FloatArray]) -> Iterator[str]:

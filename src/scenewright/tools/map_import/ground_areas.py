@@ -147,7 +147,10 @@ def place_crosswalk(
     Args:
         room: how far outwards from the throat it may lie at most [m].
     """
-    first = _SETBACK + _CROSSWALK_WIDTH / 2 + _measure_lane_reach(leg)
+    # How far out of its throat the last of the leg's lanes leaves the junction [m].
+    starts = [orient_outwards(*lane)[0] for lane in leg.directed_lanes]
+    reach = max(float((start - leg.throat) @ leg.outwards) for start in starts)
+    first = _SETBACK + _CROSSWALK_WIDTH / 2 + float(np.clip(reach, 0.0, 8.0))
     distances = np.arange(first, max(min(first + _SEARCH, room), first + 0.6), 0.5).tolist()
     cuts = [(t, _cut_road(leg, road, leg.throat + t * leg.outwards)) for t in distances]
     found = [
@@ -163,13 +166,6 @@ def place_crosswalk(
         return None
     distance, ends = next((t, ends) for length, t, ends in found if length <= shortest + _SLACK)
     return CrosswalkPlacement(distance, ends, _CROSSWALK_WIDTH)
-
-
-def _measure_lane_reach(leg: SurveyLeg) -> float:
-    """How far out of its throat the last of a leg's lanes leaves the junction [m]."""
-    starts = [orient_outwards(*lane)[0] for lane in leg.directed_lanes]
-    reach = [float((start - leg.throat) @ leg.outwards) for start in starts]
-    return float(np.clip(max(reach), 0.0, 8.0))
 
 
 def _place_mapped_crosswalk(

@@ -6,6 +6,8 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -93,7 +95,8 @@ def group_junctions(
         at[piece.start].append(piece)
         at[piece.end].append(piece)
     branching = {node for node, own in at.items() if _count_arms(own) >= 3}
-    joined = _Sets()
+    # Its functions have no types.
+    joined: Any = import_module("scipy.cluster.hierarchy").DisjointSet(at)
     ring = {node for piece in pieces if piece.is_ring for node in (piece.start, piece.end)}
     for piece in pieces:
         ends = {piece.start, piece.end}
@@ -101,17 +104,14 @@ def group_junctions(
         leaves_ring = piece.is_slip and len(ends & ring) == 1
         inside = ends <= branching and _lies_inside(piece, at, is_slip=not leaves_ring)
         if piece.is_ring or inside:
-            joined.join(piece.start, piece.end)
+            joined.merge(piece.start, piece.end)
     for a, b in (*_find_sides(pieces, branching, joined), *_find_slips(pieces, places, at)):
-        joined.join(a, b)
-    ringed = {joined.find(piece.start) for piece in pieces if piece.is_ring}
+        joined.merge(a, b)
     _add_dead_ends(at, places, joined)
-    nodes: dict[str, set[str]] = defaultdict(set)
-    for node in {*branching, *joined.parents}:
-        nodes[joined.find(node)].add(node)
+    nodes = [own for own in joined.subsets() if len(own) > 1 or own <= branching]
     found = [
-        _build_group(own, places, at, is_roundabout=root in ringed)
-        for root, own in sorted(nodes.items())
+        _build_group(own, places, at, is_roundabout=not own.isdisjoint(ring))
+        for own in sorted(nodes, key=min)
     ]
     return [group for group in found if len(group.legs) >= 3]
 
@@ -125,14 +125,14 @@ def _count_arms(pieces: Iterable[StreetPiece]) -> int:
 
 
 def _add_dead_ends(
-    at: Mapping[str, Sequence[StreetPiece]], places: Mapping[str, FloatArray], joined: _Sets
+    at: Mapping[str, Sequence[StreetPiece]], places: Mapping[str, FloatArray], joined: Any
 ) -> None:
     """Adds to a junction the places beside it off which its own streets alone lead: no legs."""
     for node, own in sorted(at.items()):
         around = {piece.start if piece.end == node else piece.end for piece in own} - {node}
         near = all(math.dist(places[node], places[each]) < _CARRIAGEWAYS for each in around)
-        if near and len(around) > 1 and len({joined.find(each) for each in around}) == 1:
-            joined.join(node, min(around))
+        if near and len(around) > 1 and len({joined[each] for each in around}) == 1:
+            joined.merge(node, min(around))
 
 
 def _find_slips(
@@ -182,10 +182,10 @@ def _lies_inside(
 
 
 def _find_sides(
-    pieces: Sequence[StreetPiece], branching: set[str], joined: _Sets
+    pieces: Sequence[StreetPiece], branching: set[str], joined: Any
 ) -> list[tuple[str, str]]:
     """Sides of small triangles of streets, which as a rule stand round an island."""
-    ends = {node: joined.find(node) for node in branching}
+    ends = {node: joined[node] for node in branching}
     sides = {
         frozenset((ends[each.start], ends[each.end]))
         for each in pieces
@@ -221,22 +221,6 @@ def _joins_carriageways(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiec
 
 def _turn(a: float, b: float) -> float:
     return math.remainder(a - b, math.tau)
-
-
-class _Sets:
-    """Disjoint sets of nodes."""
-
-    def __init__(self) -> None:
-        self.parents: dict[str, str] = {}
-
-    def find(self, node: str) -> str:
-        while (parent := self.parents.get(node, node)) != node:
-            node = parent
-        return node
-
-    def join(self, a: str, b: str) -> None:
-        first, second = sorted((self.find(a), self.find(b)))
-        self.parents[second] = self.parents[first] = first
 
 
 def _build_group(

@@ -45,7 +45,13 @@ def read_lanelet2_crossings(
         if each.tags.get("subtype") == "crosswalk"
     ]  # fmt: skip
     marks = dict(_list_marks(elements, elements.list_crosswalk_bounds(), origin))
-    drawn = [each for each in _pair_marks(marks) if not _repeats(each, lanelets)]
+    drawn = [
+        each
+        for each in _pair_marks(marks)
+        if not any(
+            math.dist(x.line.mean(axis=0), each.line.mean(axis=0)) < _SAME_PLACE for x in lanelets
+        )
+    ]
     return [*lanelets, *drawn]
 
 
@@ -98,10 +104,3 @@ def _measure_gap(a: FloatArray, b: FloatArray) -> float | None:
     aside = abs(float((b - a[0]).mean(axis=0) @ left))
     fits = _WIDTHS[0] <= aside <= _WIDTHS[1] and shared >= _SHARED * min(lengths)
     return aside if turn < _PARALLEL and fits else None
-
-
-def _repeats(crossing: SurveyCrossing, lanelets: Sequence[SurveyCrossing]) -> bool:
-    middle = crossing.line.mean(axis=0)
-    return any(
-        float(np.hypot(*(each.line.mean(axis=0) - middle))) < _SAME_PLACE for each in lanelets
-    )

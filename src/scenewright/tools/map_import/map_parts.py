@@ -137,22 +137,14 @@ def build_vehicle_route(movement: VehicleMovement) -> Route:
 def build_pedestrian_routes(legs: Iterable[Compass]) -> Iterator[Route]:
     """Every crosswalk both ways, for each pair of sidewalks; then jaywalking over every leg."""
     ways = [(leg, pair) for leg in legs for pair in (find_sides(leg), find_sides(leg)[::-1])]
-    for (leg, (entry, exit_)), *sides in product(ways, SIDEWALKS, SIDEWALKS):
-        yield _build_pedestrian_route(leg, entry, exit_, ">".join(sides))
-    for leg, (entry, exit_) in ways:
-        yield _build_pedestrian_route(leg, entry, exit_, None)
-
-
-def _build_pedestrian_route(
-    leg: Compass, entry: Compass, exit_: Compass, side: str | None
-) -> Route:
-    """Over a leg's crosswalk from sidewalk to sidewalk; without a side, over its roadway."""
-    return Route(
-        id=f"pedestrian:{leg}:{entry}>{exit_}:{side or 'jaywalk'}",
-        type="pedestrian",
-        entry=entry,
-        exit=exit_,
-        movement="crossing" if side else "jaywalking",
-        crosswalk=leg,
-        side=side,
-    )
+    sides = map(">".join, product(SIDEWALKS, SIDEWALKS))
+    for (leg, (entry, exit_)), side in (*product(ways, sides), *product(ways, (None,))):
+        yield Route(
+            id=f"pedestrian:{leg}:{entry}>{exit_}:{side or 'jaywalk'}",
+            type="pedestrian",
+            entry=entry,
+            exit=exit_,
+            movement="crossing" if side else "jaywalking",
+            crosswalk=leg,
+            side=side,
+        )

@@ -93,8 +93,7 @@ class MappedCrosswalk:
     @property
     def ends(self) -> FloatArray:
         """[2, 2] its outermost points on its line [m]."""
-        along = (self._points - self.middle) @ self.across
-        return np.asarray(self.middle + np.outer([along.min(), along.max()], self.across))
+        return self._find_reach(self._points)
 
     @property
     def limits(self) -> FloatArray | None:
@@ -103,7 +102,10 @@ class MappedCrosswalk:
         known = [each for each in drawn if each is not None]
         if len(known) < len(drawn):
             return None
-        along = (np.concatenate(known) - self.middle) @ self.across
+        return self._find_reach(np.concatenate(known))
+
+    def _find_reach(self, points: FloatArray) -> FloatArray:
+        along = (points - self.middle) @ self.across
         return np.asarray(self.middle + np.outer([along.min(), along.max()], self.across))
 
     @property
@@ -262,7 +264,7 @@ def _join_stages(placed: Sequence[LegCrossing]) -> Iterator[LegCrossing]:
         beside = any(x is not each and x.leg == each.leg and _goes_on(each, x) for x in placed)
         if near and not beside and min(near)[0] < _NEXT_STAGE:
             _, leg, away = min(near)
-            yield replace(each, leg=leg, distance=away, lanes=each.lanes)
+            yield replace(each, leg=leg, distance=away)
         else:
             yield each
 
@@ -300,15 +302,15 @@ def _collect_stages(seed: LegCrossing, own: Sequence[LegCrossing]) -> list[LegCr
     """A crossing with those of the leg's other lanes that go on in its line."""
     group = [seed]
     for other in sorted(own, key=lambda each: abs(each.distance - seed.distance)):
-        if all(_is_another_stage(each, other) for each in group) and _goes_on(seed, other):
+        # Another stage crosses other lanes, or the same ones at clearly other places.
+        others = (
+            each.lanes.isdisjoint(other.lanes)
+            or float(np.hypot(*(each.middle - other.middle))) > _SAME_PLACE
+            for each in group
+        )
+        if all(others) and _goes_on(seed, other):
             group.append(other)
     return group
-
-
-def _is_another_stage(a: LegCrossing, b: LegCrossing) -> bool:
-    """Whether two crossings cross other lanes, or the same ones at clearly other places."""
-    apart = float(np.hypot(*(a.middle - b.middle)))
-    return a.lanes.isdisjoint(b.lanes) or apart > _SAME_PLACE
 
 
 def _goes_on(a: LegCrossing, b: LegCrossing) -> bool:

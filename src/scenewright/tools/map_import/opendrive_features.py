@@ -164,16 +164,13 @@ def list_opendrive_crossings(file: OpenDriveFile, middle: FloatArray) -> list[Su
     found = []
     for road in file.roads:
         for element in road.element.iter("object"):
-            if _is_crosswalk(element) and (outline := _trace_outline(road, element)) is not None:
+            kind, name = ((element.get(key) or "").lower() for key in ("type", "name"))
+            if kind != "crosswalk" and "crosswalk" not in name and "zebra" not in name:
+                continue
+            if (outline := _trace_outline(road, element)) is not None:
                 source = f"object {element.get('id', '?')} of road {road.id}"
                 found.append(_build_crossing(outline - middle, source))
     return found
-
-
-def _is_crosswalk(element: Any) -> bool:
-    kind = (element.get("type") or "").lower()
-    name = (element.get("name") or "").lower()
-    return kind == "crosswalk" or any(word in name for word in ("crosswalk", "zebra"))
 
 
 def _trace_outline(road: OpenDriveRoad, element: Any) -> FloatArray | None:
@@ -265,15 +262,10 @@ def list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
         shift = _evaluate_records(offsets, s)
         for side, sign in (("left", 1.0), ("right", -1.0)):
             t = shift.copy()
-            for lane in _list_lanes(section, side):
+            lanes = section.iterfind(f"{side}/lane")
+            for lane in sorted(lanes, key=lambda each: abs(int(each.get("id", "0")))):
                 t = t + sign * _evaluate_records([*lane.iter("width")], s - start)
                 yield np.array([road.locate(*each) for each in zip(s, t, strict=True)])
-
-
-def _list_lanes(section: Any, side: str) -> list[Any]:
-    part = section.find(side)
-    lanes = [] if part is None else [*part.iter("lane")]
-    return sorted(lanes, key=lambda each: abs(int(each.get("id", "0"))))
 
 
 def _evaluate_records(records: Sequence[Any], s: FloatArray) -> FloatArray:

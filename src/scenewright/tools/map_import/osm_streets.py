@@ -24,7 +24,6 @@ from scenewright.tools.map_import.junction_groups import (
 )
 from scenewright.tools.map_import.osm_elements import (
     MOST_NODES,
-    OsmElement,
     OsmNodes,
     OsmRelation,
     OsmWay,
@@ -240,8 +239,7 @@ def count_barred_turns(file: Path, nodes: Set[str]) -> int:
 
 
 def _has_closed_ways(file: Path) -> bool:
-    ways = (each for each in iterate_elements(file) if isinstance(each, OsmWay))
-    return any(_is_closed_street(way) for way in ways)
+    return any(isinstance(x, OsmWay) and _is_closed_street(x) for x in iterate_elements(file))
 
 
 def _is_closed_street(way: OsmWay) -> bool:
@@ -279,30 +277,28 @@ def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:
         for element in iterate_elements(file):
             if not isinstance(element, OsmNodes):
                 break
-            stream.writelines(_write_nodes(element, wanted))
+            for number, (lat, lon) in zip(
+                element.ids.tolist(), element.degrees.tolist(), strict=True
+            ):
+                if number in wanted:
+                    tags = _write_tags(element.tags.get(number, {}))
+                    stream.write(
+                        f'<node id="{number}" lat="{lat:.8f}" lon="{lon:.8f}">{tags}</node>\n'
+                    )
         stream.writelines(map(_write_element, kept_ways))
         stream.writelines(map(_write_element, relations))
         stream.write("</osm>\n")
 
 
-def _write_nodes(nodes: OsmNodes, wanted: set[int]) -> Iterator[str]:
-    for number, (lat, lon) in zip(nodes.ids.tolist(), nodes.degrees.tolist(), strict=True):
-        if number in wanted:
-            tags = _write_tags(nodes.tags.get(number, {}))
-            yield f'<node id="{number}" lat="{lat:.8f}" lon="{lon:.8f}">{tags}</node>\n'
-
-
-def _write_element(element: OsmElement) -> str:
+def _write_element(element: OsmWay | OsmRelation) -> str:
     if isinstance(element, OsmWay):
         inner = "".join(f'<nd ref="{node}"/>' for node in element.nodes)
         return f'<way id="{element.id}">{inner}{_write_tags(element.tags)}</way>\n'
-    if isinstance(element, OsmRelation):
-        inner = "".join(
-            f'<member type="{kind}" ref="{number}" role={quoteattr(role)}/>'
-            for kind, number, role in element.members
-        )
-        return f'<relation id="{element.id}">{inner}{_write_tags(element.tags)}</relation>\n'
-    return ""
+    inner = "".join(
+        f'<member type="{kind}" ref="{number}" role={quoteattr(role)}/>'
+        for kind, number, role in element.members
+    )
+    return f'<relation id="{element.id}">{inner}{_write_tags(element.tags)}</relation>\n'
 
 
 def _write_tags(tags: Mapping[str, str]) -> str:

@@ -54,41 +54,41 @@ def describe_crosswalk(
     """The account of the crosswalk of leg number k."""
     mapped = choice.by_leg.get(k)
     left_out = [f"{x.source} {why}" for x, where, why in choice.left_out if where == k]
-    used = placed is not None and placed.mapped is not None
-    if mapped is not None and not used:
+    used = None if placed is None else placed.mapped
+    if mapped is not None and used is None:
         deep = max(-stage.distance for stage in mapped.stages)
         where = (
             f"{deep:.1f} m too deep inside the junction" if deep > 0 else "off our road or the map"
         )
         left_out += [f"{source} lies {where}" for source in mapped.sources]
-    drawn = mapped.stages if mapped is not None and used else ()
     middle = (
         None if placed is None else (round_metre(placed.middle[0]), round_metre(placed.middle[1]))
     )
-    offset = centre_offset = None
-    if placed is not None and mapped is not None and used:
-        centre_offset = round_metre(float(np.hypot(*(placed.middle - mapped.middle))))
-        offset = centre_offset if mapped.is_bounded else _measure_offset(placed, mapped)
+    offset = centre_offset = nearest = None
+    if placed is not None and used is not None:
+        centre_offset = round_metre(float(np.hypot(*(placed.middle - used.middle))))
+        offset = centre_offset if used.is_bounded else _measure_offset(placed, used)
+    elif placed is not None and crossings:
+        away = (float(np.hypot(*(x.line.mean(axis=0) - placed.middle))) for x in crossings)
+        nearest = round_metre(min(away))
+    origin = "none" if placed is None else "derived"
+    if used is not None:
+        learned = all(source.startswith(LEARNED) for source in used.sources)
+        origin = "learned" if learned else "file"
     return CrosswalkFact(
         leg=leg,
-        origin=_find_origin(placed),
+        origin=origin,
         offset=offset,
         centre_offset=centre_offset,
-        sources=mapped.sources if mapped is not None and used else (),
+        sources=() if used is None else used.sources,
         middle=middle,
-        drawn=tuple((round_metre(x.middle[0]), round_metre(x.middle[1])) for x in drawn),
-        nearest=None if placed is None or used else _find_nearest(placed, crossings),
+        drawn=tuple(
+            (round_metre(x.middle[0]), round_metre(x.middle[1]))
+            for x in (() if used is None else used.stages)
+        ),
+        nearest=nearest,
         left_out=tuple(left_out),
     )
-
-
-def _find_origin(placed: CrosswalkPlacement | None) -> str:
-    if placed is None:
-        return "none"
-    if placed.mapped is None:
-        return "derived"
-    learned = all(source.startswith(LEARNED) for source in placed.mapped.sources)
-    return "learned" if learned else "file"
 
 
 def _measure_offset(placed: CrosswalkPlacement, mapped: MappedCrosswalk) -> float:
@@ -105,11 +105,6 @@ def _measure_offset(placed: CrosswalkPlacement, mapped: MappedCrosswalk) -> floa
 def round_metre(value: float) -> float:
     """To the centimetre, without a negative zero."""
     return round(float(value), 2) + 0.0
-
-
-def _find_nearest(placed: CrosswalkPlacement, crossings: Sequence[SurveyCrossing]) -> float | None:
-    away = [float(np.hypot(*(x.line.mean(axis=0) - placed.middle))) for x in crossings]
-    return round_metre(min(away)) if away else None
 
 
 def list_crosswalk_notes(facts: Sequence[CrosswalkFact]) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -56,18 +56,18 @@ def read_raw_geometry(
         if map_format == "osm" and origin is not None:
             path = cut_out_if_needed(path, Path(scratch), project_to_degrees(origin, shift))
         layers = _READERS[map_format](path, origin or (0.0, 0.0))
-        near = {name: tuple(_keep_near(lines, shift)) for name, lines in layers.items()}
+        near = {
+            name: tuple(
+                line - shift
+                for line in lines
+                if len(line) and np.abs(np.atleast_2d(line - shift)).max(axis=1).min() < _REACH
+            )
+            for name, lines in layers.items()
+        }
     return RawGeometry(**near)
 
 
 _Layers = Mapping[str, Iterable[FloatArray]]
-
-
-def _keep_near(lines: Iterable[FloatArray], shift: FloatArray) -> Iterator[FloatArray]:
-    for line in lines:
-        moved = line - shift
-        if len(line) and np.abs(np.atleast_2d(moved)).max(axis=1).min() < _REACH:
-            yield moved
 
 
 def _read_osm(file: Path, origin: LatLon) -> _Layers:

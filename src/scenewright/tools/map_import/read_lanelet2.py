@@ -30,6 +30,7 @@ from scenewright.geometry.polyline import (
     drop_doubled_points,
     measure_distances,
     measure_length,
+    measure_turn,
     resample_by_spacing,
     resample_to_count,
     smooth_gaussian,
@@ -189,12 +190,6 @@ class _Path:
 
     def name_at(self, s: float) -> str:
         return self.names[min(int(np.searchsorted(self.ends, s)), len(self.names) - 1)]
-
-    def take_until(self, s: float) -> FloatArray:
-        return np.asarray(self.line[: max(round(s / 0.5), 1) + 1])
-
-    def take_from(self, s: float) -> FloatArray:
-        return np.asarray(self.line[min(round(s / 0.5), len(self.line) - 2) :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -468,9 +463,10 @@ def build_lanelets(
             continue
         lanelet = FileLanelet(tags["id"], *_orient_bounds(left, right), tags)
         subtype = tags.get("subtype", "road")
+        cars = tags.get("participant:vehicle:car", tags.get("participant:vehicle"))
         if subtype in _FOR_PEDESTRIANS:
             foot.append(lanelet)
-        elif subtype in _NOT_DRIVEN or _is_closed(tags):
+        elif subtype in _NOT_DRIVEN or cars == "no":
             others += 1
         else:
             lanelets[lanelet.id] = lanelet
@@ -486,12 +482,6 @@ def build_lanelets(
     if broken and not lanelets:
         raise InputError(f"{file} has lanelets, but the bounds of all are missing")
     return lanelets, foot
-
-
-def _is_closed(tags: Mapping[str, str]) -> bool:
-    """Whether the file says that cars may not drive on a lanelet."""
-    keys = ("participant:vehicle:car", "participant:vehicle")
-    return next((tags[key] for key in keys if key in tags), "yes") == "no"
 
 
 def _read_bound(
@@ -611,20 +601,19 @@ def _split_paths(
             cut_off += 1
             continue
         before, after = f"{path.name_at(begin)}>", f">{path.name_at(end)}"
-        _keep_shorter(approaches, before, path.take_until(begin))
-        _keep_shorter(exits, after, path.take_from(end))
+        # Of two stretches of one lane, that which stays farther from the junction is kept.
+        for lines, name, line in (
+            (approaches, before, path.line[: max(round(begin / 0.5), 1) + 1]),
+            (exits, after, path.line[min(round(end / 0.5), len(path.line) - 2) :]),
+        ):
+            if name not in lines or measure_length(line) < measure_length(lines[name]):
+                lines[name] = line
         # Of the ways round a ring the shortest one is driven.
         if (before, after) not in found or grounds.ring is None:
             found[before, after] = path.line
         else:
             found[before, after] = min(found[before, after], path.line, key=len)
     return approaches, exits, found, cut_off
-
-
-def _keep_shorter(lines: _Lines, name: str, line: FloatArray) -> None:
-    """Of two stretches of one lane, keep that which stays farther from the junction."""
-    if name not in lines or measure_length(line) < measure_length(lines[name]):
-        lines[name] = line
 
 
 def _list_paths(held: LaneletFile, inside: set[str], is_ring: bool) -> Iterator[list[str]]:
@@ -665,9 +654,8 @@ def _go_straight(
         turns = []
         for each in onwards[names[-1]]:
             line = held.lanelets[each].middle[::step]
-            ahead, far = here[-1] - here[-2], line[: _AHEAD + 1][-1] - line[0]
-            turn = math.atan2(far[1], far[0]) - math.atan2(ahead[1], ahead[0])
-            turns.append((abs(math.remainder(turn, math.tau)), each))
+            turn = measure_turn(here[-1] - here[-2], line[: _AHEAD + 1][-1] - line[0])
+            turns.append((abs(turn), each))
         if not turns or reach > _LONGEST_APPROACH or min(turns)[1] in names:
             return names[::step]
         names.append(min(turns)[1])
@@ -712,7 +700,6 @@ def _find_beneath(
     point: FloatArray, direction: FloatArray, names: Sequence[str], held: LaneletFile
 ) -> tuple[int, FloatArray] | None:
     """The nearest other lanelet along its way beneath a point: where along it, its middle."""
-    course = math.atan2(direction[1], direction[0])
     best: tuple[float, int, FloatArray] | None = None
     for name in held.list_near(geos.Point(point), _WIDEST / 2):
         lanelet = held.lanelets[name]
@@ -722,8 +709,7 @@ def _find_beneath(
         k = int(np.argmin(apart))
         if apart[k] > lanelet.width / 2 or not 4 <= k < len(lanelet.middle) - 4:
             continue
-        ahead = lanelet.middle[k + 2] - lanelet.middle[k - 2]
-        turn = abs(math.remainder(math.atan2(ahead[1], ahead[0]) - course, math.tau))
+        turn = abs(measure_turn(direction, lanelet.middle[k + 2] - lanelet.middle[k - 2]))
         if turn < _GRAFT_TURN and (best is None or apart[k] < best[0]):
             best = (float(apart[k]), k, lanelet.middle)
     return None if best is None else best[1:]
@@ -747,21 +733,13 @@ def _find_shared_ground(held: LaneletFile) -> Any:
         if piece.area < _OVERLAP:
             continue
         pair = lanelets[name], lanelets[other]
-        starts = name not in followers and other not in followers
-        ends = not follows[name] and not follows[other]
-        if not _are_abreast(*pair) and not _split_at_edge(*pair, starts=starts, ends=ends):
+        # Where the map begins with both or ends with both, two that lie close split there.
+        apart = np.hypot(*(pair[0].middle[[0, -1]] - pair[1].middle[[0, -1]]).T)
+        begin = apart[0] < _SPLIT and name not in followers and other not in followers
+        end = apart[1] < _SPLIT and not follows[name] and not follows[other]
+        if not begin and not end and not _are_abreast(*pair):
             kept.append(piece)
     return geos.union_all(kept)
-
-
-def _split_at_edge(a: FileLanelet, b: FileLanelet, *, starts: bool, ends: bool) -> bool:
-    """Whether two lanelets begin together where the map begins, or end together where it ends.
-
-    Args:
-        starts: whether the map begins with both; ends: whether it ends with both.
-    """
-    apart = np.hypot(*(a.middle[[0, -1]] - b.middle[[0, -1]]).T)
-    return bool((starts and apart[0] < _SPLIT) or (ends and apart[1] < _SPLIT))
 
 
 def _are_abreast(a: FileLanelet, b: FileLanelet) -> bool:

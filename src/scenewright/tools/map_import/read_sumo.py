@@ -22,13 +22,12 @@ from scenewright.geometry.geographic import (
     project_to_metres,
     unproject_ellipsoid,
 )
-from scenewright.geometry.polyline import measure_length
+from scenewright.geometry.polyline import measure_length, measure_turn
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat, require_sumo
 from scenewright.tools.map_import.driving_side import (
     find_opendrive_side,
     find_osm_side,
-    find_sumo_side,
     take_option,
 )
 from scenewright.tools.map_import.junction_choice import (
@@ -106,8 +105,8 @@ def read_sumo(
     if map_format == "osm":
         # Ids and places come from the file itself, so that no option of the conversion moves them.
         listed = survey_osm_junctions(file).junctions
-        converted_id = junction if junction and junction not in _list_ids(listed) else None
-        if converted_id is None:
+        known = {name for each in listed for name in (each.id, *each.nodes)}
+        if not junction or junction in known:
             chosen = choose_junction(
                 listed, file=file, center=center, junction=junction,
                 origin=listed[0].origin if listed else None, streets=streets,
@@ -127,7 +126,7 @@ def read_sumo(
     if map_format != "sumo":
         network = scratch / "converted.net.xml"
         _convert(source, network, origin=origin, left_hand=side is not None and side.left_hand)
-    side = side or find_sumo_side(_is_left_hand(network))
+    side = side or _find_side(network)
     net = _read_network(network, file)
     group = None if listed_one is None else _find_listed(net, listed_one)
     if group is None:
@@ -215,10 +214,6 @@ def _check_is_there(
             f"junction {listed.id} of {file} ({listed.name}) cannot be imported: converted, the "
             f"nearest junction is one {why}, as where a street ends at the edge of the file"
         )
-
-
-def _list_ids(junctions: Sequence[Junction]) -> set[str]:
-    return {name for each in junctions for name in (each.id, *each.nodes)}
 
 
 def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
@@ -375,8 +370,18 @@ def _survey_junction(
     outlines = [_get_shape(node) for node in nodes if node.getShape()]
     outlines = [outline for outline in outlines if len(outline) > 2]
     middle = _find_middle(group, nodes, outlines)
-    roads_in = [edge for node in nodes for edge in node.getIncoming() if _leads_in(edge, group)]
-    roads_out = [edge for node in nodes for edge in node.getOutgoing() if _leads_out(edge, group)]
+    roads_in = [
+        edge
+        for node in nodes
+        for edge in node.getIncoming()
+        if _is_street(edge) and edge.getFromNode().getID() not in group.nodes
+    ]
+    roads_out = [
+        edge
+        for node in nodes
+        for edge in node.getOutgoing()
+        if _is_street(edge) and edge.getToNode().getID() not in group.nodes
+    ]
     approaches, exits = (
         {
             lane.getID(): _build_lane(lane, middle, inwards=inwards)
@@ -389,6 +394,9 @@ def _survey_junction(
         each for name in approaches for each in _trace_connections(net, name, exits, group, middle)
     ]
     used = {way.approach for way in connections}, {way.exit for way in connections}
+    # Only nodes that a way leads through: streets that lead nowhere end at others.
+    ways = geos.union_all([geos.LineString(each.line) for each in connections])
+    moved = [outline - middle for outline in outlines]
     names = sorted({*map(_read_street, (*roads_in, *roads_out))} - {""})
     crossings = tuple(each for node in nodes for each in _read_crossings(net, node, middle))
     lights = {each.light for each in connections} | {each.light for each in crossings}
@@ -399,7 +407,7 @@ def _survey_junction(
         exits={name: lane for name, lane in exits.items() if name in used[1]},
         connections=tuple(connections),
         crossings=crossings,
-        areas=tuple(_list_passed(outlines, connections, middle)),
+        areas=tuple(each for each in moved if geos.Polygon(each).intersects(ways)),
         phases=phases,
         side=side,
         is_signalised=any(str(node.getType()).startswith("traffic_light") for node in nodes),
@@ -427,16 +435,6 @@ def _survey_junction(
             ),
         ],
     )
-
-
-def _list_passed(
-    outlines: Sequence[FloatArray], connections: Sequence[SurveyConnection], middle: FloatArray
-) -> Iterator[FloatArray]:
-    """The outlines of nodes that a way leads through: streets that lead nowhere end elsewhere."""
-    ways = geos.union_all([geos.LineString(each.line) for each in connections])
-    for outline in outlines:
-        if geos.Polygon(outline - middle).intersects(ways):
-            yield outline - middle
 
 
 def _choose_title(names: Sequence[str], group: JunctionGroup) -> str:
@@ -470,14 +468,8 @@ def _find_middle(
     return np.asarray(np.array(group.xy).round(3))
 
 
-def _leads_in(edge: Any, group: JunctionGroup) -> bool:
-    inside = edge.getFromNode().getID() in group.nodes
-    return not edge.getFunction() and bool(_list_driving_lanes(edge)) and not inside
-
-
-def _leads_out(edge: Any, group: JunctionGroup) -> bool:
-    inside = edge.getToNode().getID() in group.nodes
-    return not edge.getFunction() and bool(_list_driving_lanes(edge)) and not inside
+def _is_street(edge: Any) -> bool:
+    return not edge.getFunction() and bool(_list_driving_lanes(edge))
 
 
 def _trace_connections(
@@ -501,8 +493,9 @@ def _trace_connections(
             after = link.getToLane()
             if _is_internal(after) or not _is_for_cars(after):
                 continue
-            inner = after.getID() not in exits
-            if inner and not _lies_in(after.getEdge(), group):
+            inner, edge = after.getID() not in exits, after.getEdge()
+            ends = {edge.getFromNode().getID(), edge.getToNode().getID()}
+            if inner and not ends <= group.nodes:
                 continue
             parts = [line, _trace_connection(net, link), *([_get_shape(after)] if inner else [])]
             longer = np.concatenate(parts)
@@ -511,11 +504,6 @@ def _trace_connections(
                 todo,
                 (measure_length(longer), count, after, longer, light or _find_light(link)),
             )
-
-
-def _lies_in(edge: Any, group: JunctionGroup) -> bool:
-    ends = edge.getFromNode().getID(), edge.getToNode().getID()
-    return set(ends) <= group.nodes
 
 
 def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
@@ -560,9 +548,7 @@ def _is_internal(lane: Any) -> bool:
 def _measure_turn(first: Any, second: Any) -> float:
     """The angle between the end of one lane and the beginning of another [rad]."""
     a, b = _get_shape(first), _get_shape(second)
-    before, after = a[-1] - a[-2], b[1] - b[0]
-    turn = math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
-    return abs(math.remainder(turn, math.tau))
+    return abs(measure_turn(a[-1] - a[-2], b[1] - b[0]))
 
 
 def _trace_connection(net: Any, link: Any) -> FloatArray:
@@ -591,14 +577,9 @@ def _read_crossings(net: Any, node: Any, middle: FloatArray) -> Iterator[SurveyC
         if edge.getFunction() == "crossing" and str(edge.getID()).startswith(f":{node.getID()}_c"):
             lane = edge.getLanes()[0]
             line, name = _get_shape(lane) - middle, f"crossing {edge.getID()}"
-            light = next((x for x in map(_find_light, _list_links_to(edge)) if x), None)
+            leading = (link for links in edge.getIncoming().values() for link in links)
+            light = next((x for x in map(_find_light, leading) if x), None)
             yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()), light, source=name)
-
-
-def _list_links_to(edge: Any) -> Iterator[Any]:
-    """The connections that lead on to an edge."""
-    for links in edge.getIncoming().values():
-        yield from links
 
 
 _LONGEST_PHASE = 120.0
@@ -622,7 +603,7 @@ def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, 
     )
 
 
-def _is_left_hand(network: Path) -> bool:
-    for _, element in ElementTree.iterparse(network, events=("start",)):
-        return element.get("lefthand") in ("true", "1")
-    return False
+def _find_side(network: Path) -> DrivingSide:
+    _, root = next(ElementTree.iterparse(network, events=("start",)))
+    left = root.get("lefthand") in ("true", "1")
+    return DrivingSide(left, "the network says so" if left else "the network's default")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from scenewright.geometry.polyline import drop_doubled_points, find_point
+from scenewright.geometry.polyline import drop_doubled_points, find_point, measure_turn
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos
 
@@ -46,12 +46,6 @@ class LaneRing:
     lanes: tuple[str, ...]
     outline: FloatArray
     is_left: bool
-
-    @property
-    def is_round(self) -> bool:
-        """Whether it is about a circle."""
-        ring = geos.Polygon(self.outline)
-        return bool(4 * math.pi * ring.area / ring.length**2 >= _LEAST_ROUNDNESS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +108,9 @@ def find_roundabouts(
         inner = min(areas[own], key=geos.area)
         is_block = ring.refusal and inner.area > _LARGEST_ISLAND
         holds_lanes = len(tree.query(inner.buffer(-2 * _HALF_LANE), predicate="intersects"))
-        if not is_block and not holds_lanes and all(each.is_round for each in ring.rings):
+        shapes = [geos.Polygon(each.outline) for each in ring.rings]
+        is_round = all(4 * math.pi * x.area / x.length**2 >= _LEAST_ROUNDNESS for x in shapes)
+        if not is_block and not holds_lanes and is_round:
             found.append(ring)
     return found
 
@@ -129,7 +125,7 @@ def find_rings(
         following = {
             name: after[0]
             if len(after) == 1
-            else max((side * _measure_turn(lines[name], lines[x]), x) for x in after)[1]
+            else max((side * _turn(lines[name], lines[x]), x) for x in after)[1]
             for name, after in follows.items()
             if after
         }
@@ -149,8 +145,6 @@ def find_rings(
     return found
 
 
-def _measure_turn(line: FloatArray, after: FloatArray) -> float:
+def _turn(line: FloatArray, after: FloatArray) -> float:
     """How far a lane leads to the left of the one before it [rad]."""
-    ahead, far = line[-1] - line[-2], find_point(after, _PARTED) - after[0]
-    turn = math.atan2(far[1], far[0]) - math.atan2(ahead[1], ahead[0])
-    return math.remainder(turn, math.tau)
+    return measure_turn(line[-1] - line[-2], find_point(after, _PARTED) - after[0])

@@ -21,6 +21,7 @@ _GREEN, _YELLOW, _ALL_RED = 22.0, 3.0, 2.0
 _ASSUMED: tuple[tuple[float, Colour], ...] = (
     (_GREEN, "green"), (_YELLOW, "yellow"), (_ALL_RED, "red"),
 )  # fmt: skip
+_PLAN = f"{_GREEN:g} s green in turn, ways straight on that cross never together"
 _CLEARANCE = 8.0
 """How long before the end of its phase pedestrians may no longer begin to cross [s]."""
 
@@ -84,8 +85,11 @@ def build_signal_program(
     add_note(f"signals: {item.detail}")
     if not steps:
         return None, item
-    for clash in _list_clashes(steps, given.clashes):
-        add_note(f"signals: {clash} have green together although their ways straight on cross")
+    for a, b in sorted(given.clashes):
+        if any(step.colours.get(a) == step.colours.get(b) == "green" for step in steps):
+            add_note(
+                f"signals: {a} and {b} have green together although their ways straight on cross"
+            )
     free = {each.id: _find_free_steps(each, steps, given) for each in crosswalks}
     crosswalks = [
         each
@@ -97,8 +101,13 @@ def build_signal_program(
         for leg in entries
     ]
     groups += [SignalGroup(id=f"walk_{c.leg}", crosswalks=(c.id,)) for c in crosswalks]
-    phases = tuple(_build_phase(step, n, crosswalks, free) for n, step in enumerate(steps))
-    return SignalProgram(groups=tuple(groups), phases=phases), item
+    phases = []
+    for n, step in enumerate(steps):
+        colours: dict[str, Colour] = {str(leg): colour for leg, colour in step.colours.items()}
+        walk: Colour = "green" if step.may_begin else "yellow"
+        colours |= {f"walk_{c.leg}": walk if free[c.id][n] else "red" for c in crosswalks}
+        phases.append(SignalPhase(duration=step.duration, colours=colours))
+    return SignalProgram(groups=tuple(groups), phases=tuple(phases)), item
 
 
 def _choose_steps(
@@ -115,7 +124,7 @@ def _choose_steps(
         return _plan_lit(entries, lit, given)
     if mode == "assume":
         steps = list(_split_clearance(_assume_steps(entries, given)))
-        return steps, ReportItem("signals", "assumed", 0.0, f"assumed, as asked; {_say_plan()}")
+        return steps, ReportItem("signals", "assumed", 0.0, f"assumed, as asked; {_PLAN}")
     if lit:
         detail = f"none; the file has a light on {lit[0]} only"
         return [], ReportItem("signals", "none", 0.5, detail)
@@ -136,22 +145,9 @@ def _plan_lit(
     missing = [leg for leg in entries if leg not in lit] if lit else []
     also = f"; {', '.join(missing)} get some as well" if missing else ""
     by = " by its controllers" if _has_groups(entries, given) else ""
-    detail = f"{where}{also}, its programme is assumed{by}; {_say_plan()}"
+    detail = f"{where}{also}, its programme is assumed{by}; {_PLAN}"
     steps = list(_split_clearance(_assume_steps(entries, given)))
     return steps, ReportItem("signals", "partly read", 0.5, detail)
-
-
-def _say_plan() -> str:
-    return f"{_GREEN:g} s green in turn, ways straight on that cross never together"
-
-
-def _list_clashes(steps: Sequence[_Step], clashes: LegPairs) -> list[str]:
-    """Pairs of legs that have green at once although their ways straight on cross."""
-    return [
-        f"{a} and {b}"
-        for a, b in sorted(clashes)
-        if any(step.colours.get(a) == step.colours.get(b) == "green" for step in steps)
-    ]
 
 
 def _read_steps(
@@ -240,12 +236,3 @@ def _find_free_steps(
     ]
     begins = any(ok and step.may_begin for ok, step in zip(strict, steps, strict=True))
     return strict if begins else red
-
-
-def _build_phase(
-    step: _Step, number: int, crosswalks: Sequence[Crosswalk], free: Mapping[str, Sequence[bool]]
-) -> SignalPhase:
-    colours: dict[str, Colour] = {str(leg): colour for leg, colour in step.colours.items()}
-    walk: Colour = "green" if step.may_begin else "yellow"
-    colours |= {f"walk_{c.leg}": walk if free[c.id][number] else "red" for c in crosswalks}
-    return SignalPhase(duration=step.duration, colours=colours)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -219,7 +219,18 @@ def run_sumo(
         raise InputError(f"SUMO stopped: {finished.stderr.strip()[:300]}")
     crashed = read_collided(folder)
     known = {each.agent: each for each in departures if each.agent not in crashed}
-    return list(_read_tracks(folder, known))
+    return [
+        SumoTrack(
+            route=known[agent].route,
+            subtype=known[agent].subtype,
+            xy=columns[:, 1:3],
+            angle=np.unwrap(math.pi / 2 - np.radians(columns[:, 3])),
+            time=columns[:, 0] - WARM_UP,
+        )
+        for name in ("vehicles.parquet", "people.parquet")
+        for agent, columns in _read_by_agent(folder / name)
+        if agent in known
+    ]
 
 
 def read_collided(folder: Path) -> set[str]:
@@ -228,20 +239,6 @@ def read_collided(folder: Path) -> set[str]:
     for element in ElementTree.parse(folder / "collisions.xml").getroot().iter("collision"):
         found |= {element.attrib["collider"], element.attrib["victim"]}
     return found
-
-
-def _read_tracks(folder: Path, departures: Mapping[str, Departure]) -> Iterator[SumoTrack]:
-    """The recorded tracks of departures by agent."""
-    for name in ("vehicles.parquet", "people.parquet"):
-        for agent, columns in _read_by_agent(folder / name):
-            if departure := departures.get(agent):
-                yield SumoTrack(
-                    route=departure.route,
-                    subtype=departure.subtype,
-                    xy=columns[:, 1:3],
-                    angle=np.unwrap(math.pi / 2 - np.radians(columns[:, 3])),
-                    time=columns[:, 0] - WARM_UP,
-                )
 
 
 def _read_by_agent(path: Path) -> Iterator[tuple[str, FloatArray]]:

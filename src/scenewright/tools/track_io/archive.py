@@ -41,8 +41,18 @@ def save_recordings(file: Path, recordings: Sequence[Recording]) -> None:
         save(
             partial,
             format=np.array(FORMAT),
-            **_pack_header(recordings),
-            **_pack_labels(agents),
+            name=_pack_text([each.name for each in recordings]),
+            split=_pack_text([each.split for each in recordings]),
+            span=np.array([(each.begin, each.end) for each in recordings]).reshape(-1, 2),
+            unseen=np.array([each.unseen for each in recordings], dtype=np.int64),
+            signal_time=_pack_text(
+                [None if r.signal_time is None else repr(r.signal_time) for r in recordings]
+            ),
+            agents=np.array([len(each.agents) for each in recordings], dtype=np.int64),
+            type=_pack_text([a.shape.type for a in agents]),
+            size=np.array([(a.shape.length, a.shape.width) for a in agents]).reshape(-1, 2),
+            complete=np.array([a.complete for a in agents], dtype=np.bool_),
+            **{key: _pack_text([getattr(a, key) for a in agents]) for key in _OPTIONAL},
             first=np.array([round(t.start / STEP) for t in tracks], dtype=np.int64),
             length=np.array([len(t.xy) for t in tracks], dtype=np.int64),
             xy=np.concatenate([np.zeros((0, 2), dtype=np.int32), *steps]),
@@ -51,28 +61,6 @@ def save_recordings(file: Path, recordings: Sequence[Recording]) -> None:
         partial.replace(file)
     except OSError as fault:
         raise InputError(f"cannot write {file}: {fault.strerror or fault}") from None
-
-
-def _pack_header(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]]:
-    return {
-        "name": _pack_text([each.name for each in recordings]),
-        "split": _pack_text([each.split for each in recordings]),
-        "span": np.array([(each.begin, each.end) for each in recordings]).reshape(-1, 2),
-        "unseen": np.array([each.unseen for each in recordings], dtype=np.int64),
-        "signal_time": _pack_text(
-            [None if r.signal_time is None else repr(r.signal_time) for r in recordings]
-        ),
-        "agents": np.array([len(each.agents) for each in recordings], dtype=np.int64),
-    }
-
-
-def _pack_labels(agents: Sequence[RecordedAgent]) -> dict[str, NDArray[Any]]:
-    return {
-        "type": _pack_text([a.shape.type for a in agents]),
-        "size": np.array([(a.shape.length, a.shape.width) for a in agents]).reshape(-1, 2),
-        "complete": np.array([a.complete for a in agents], dtype=np.bool_),
-        **{key: _pack_text([getattr(a, key) for a in agents]) for key in _OPTIONAL},
-    }
 
 
 _OPTIONAL = ("subtype", "entry", "exit", "crosswalk", "route")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from scenewright.errors import InputError
 
-_TIMED = {"t": "timestamp_ms/1000", "id": "track_id", "class": "agent_type", "x": "x", "y": "y"}
+TIMED = {"t": "timestamp_ms/1000", "id": "track_id", "class": "agent_type", "x": "x", "y": "y"}
 _DUT = {"t": "frame/23.98", "id": "id", "x": "x_est", "y": "y_est"}
 _ARGOVERSE = {"t": "TIMESTAMP", "id": "TRACK_ID", "class": "OBJECT_TYPE", "x": "X", "y": "Y"}
 
@@ -40,12 +40,12 @@ FORMATS: Mapping[str, DatasetFormat] = {
     for each in (
         DatasetFormat(
             "sind",
-            (("Veh_smoothed_tracks*.csv", _TIMED), ("Ped_smoothed_tracks*.csv", _TIMED)),
+            (("Veh_smoothed_tracks*.csv", TIMED), ("Ped_smoothed_tracks*.csv", TIMED)),
             ("Veh_", "Ped_"),
         ),
         DatasetFormat(
             "interaction",
-            (("vehicle_tracks_*.csv", _TIMED), ("pedestrian_tracks_*.csv", _TIMED)),
+            (("vehicle_tracks_*.csv", TIMED), ("pedestrian_tracks_*.csv", TIMED)),
             ("vehicle_tracks_", "pedestrian_tracks_"),
         ),
         DatasetFormat(
@@ -92,7 +92,7 @@ def find_columns(file: Path, named: DatasetFormat | None) -> Mapping[str, str] |
             raise InputError(f"{file} is no file of {named.name}: they are called {wanted}")
         return found
     own = (FORMATS[name].find_columns(file) for name in ("sind", "dut"))
-    walked = _TIMED if file.match("pedestrian_tracks_*.csv") else None
+    walked = TIMED if file.match("pedestrian_tracks_*.csv") else None
     return next((each for each in own if each is not None), walked)
 
 

@@ -337,7 +337,10 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
     rows = iterate_trajnet_rows(text.split("\n"), predictions="refuse", refuse=table.refuse)
     for line, kind, values in rows:
         if kind == "scene":
-            fps[_read_fps(values, line, table)] = line
+            rate = _check_json_number(values.get("fps", TRAJNET_FPS), "fps", line, table)
+            if not 1 / LONGEST_STEP <= rate <= 1 / SHORTEST_STEP:
+                table.refuse(line, f"fps = {rate:g} must be frames per second of the samples")
+            fps[rate] = line
         else:
             _add_track(values, line, table)
     if len(fps) > 1:
@@ -348,13 +351,6 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
     found, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
     stride = float(found[np.argmax(counts)]) if len(found) else 1.0
     return _build_tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * stride))
-
-
-def _read_fps(scene: Mapping[str, Any], line: int, table: _Table) -> float:
-    fps = _check_json_number(scene.get("fps", TRAJNET_FPS), "fps", line, table)
-    if not 1 / LONGEST_STEP <= fps <= 1 / SHORTEST_STEP:
-        table.refuse(line, f"fps = {fps:g} must be frames per second of the samples")
-    return fps
 
 
 def _add_track(track: Mapping[str, Any], line: int, table: _Table) -> None:
@@ -534,28 +530,20 @@ def _assign_ids(names: list[str]) -> list[int]:
 
 def _build_user(rows: _AgentRows, part: slice, clock: _TimeUnit) -> RoadUser:
     """A road user without a number."""
-    shape = _find_shape(rows)
+    # Size by the rows (their median), else by class; a pedestrian is a disc of its longer side.
+    usual = _SHAPES[rows.subtype]
+    known = {name: rows.get_column(name) for name in ("length", "width")}
+    sizes = {name: float(np.nanmedian(v)) for name, v in known.items() if not np.isnan(v).all()}
+    shape = Shape(usual.type, sizes.get("length", usual.length), sizes.get("width", usual.width))
+    if usual.type == "pedestrian":
+        size = max(sizes.values(), default=usual.width)
+        shape = Shape("pedestrian", size, size)
     xy = np.stack((rows.get_column("x")[part], rows.get_column("y")[part]), axis=1)
     course = compute_headings(xy, step=clock.step, least=COURSE[shape.type])
     given = rows.get_column("heading")[part]
     heading = np.where(np.isnan(given), course, given)
     start = rows.t[part.start] * clock.unit - clock.origin
     return RoadUser(0, Track(xy, heading, start, clock.step), shape)
-
-
-def _find_shape(rows: _AgentRows) -> Shape:
-    """Size by the rows (their median), else by class; a pedestrian is a disc of its longer side."""
-    usual = _SHAPES[rows.subtype]
-    known = {name: rows.get_column(name) for name in ("length", "width")}
-    given = {
-        name: float(np.nanmedian(column))
-        for name, column in known.items()
-        if not np.isnan(column).all()
-    }
-    if usual.type == "pedestrian":
-        size = max(given.values(), default=usual.width)
-        return Shape("pedestrian", size, size)
-    return Shape(usual.type, given.get("length", usual.length), given.get("width", usual.width))
 
 
 def compute_headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
@@ -591,22 +579,22 @@ def _collect_notes(
         more = f" and {len(table.jumps) - 5} more" if len(table.jumps) > 5 else ""
         notes.append(f"tracks are cut where {', '.join(table.jumps[:5])}{more}")
     notes += describe_rides(table.rides)
-    blind = [names[user.id] for user in users if _is_blind(user, table.agents[names[user.id]])]
-    if blind:
-        notes.append(f"{_list_ids(blind)} without heading or motion: taken to face east")
     own = {
         who for who, rows in table.agents.items() if not np.isnan(rows.get_column("heading")).all()
     }
+    # Nothing says where these vehicles face.
+    blind = [
+        names[user.id]
+        for user in users
+        if user.shape.type != "pedestrian"
+        and not user.track.heading.any()
+        and float(np.ptp(user.track.xy, axis=0).max()) < COURSE["vehicle"]
+        and names[user.id] not in own
+    ]
+    if blind:
+        notes.append(f"{_list_ids(blind)} without heading or motion: taken to face east")
     headed = {number for number, who in names.items() if who in own}
     return (*notes, *find_unit_doubts(users, headed=headed))
-
-
-def _is_blind(user: RoadUser, rows: _AgentRows) -> bool:
-    """Whether nothing says where a vehicle faces."""
-    if user.shape.type == "pedestrian" or user.track.heading.any():
-        return False
-    extent = float(np.ptp(user.track.xy, axis=0).max())
-    return extent < COURSE["vehicle"] and bool(np.isnan(rows.get_column("heading")).all())
 
 
 def _list_ids(names: list[str], *, most: int = 5) -> str:

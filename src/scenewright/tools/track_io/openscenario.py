@@ -115,16 +115,12 @@ def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatA
     t = _convert_to_scenario_time(np.array(times), event, follow, name)
     if (np.diff(t) <= 0).any():
         raise InputError(f"{name}: the times of the vertices do not rise")
-    return _drop_hold(t, np.array(places))
-
-
-def _drop_hold(t: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Without a last vertex that only holds a moving agent where a collision stopped its track."""
-    if len(t) > 2 and (places[-1] == places[-2]).all():
-        before = np.hypot(*(places[-2] - places[-3])[:2]) / (t[-2] - t[-3])
-        if before > _HELD_FROM:
-            return t[:-1], places[:-1]
-    return t, places
+    rows = np.array(places)
+    if len(t) > 2 and (rows[-1] == rows[-2]).all():
+        before = np.hypot(*(rows[-2] - rows[-3])[:2]) / (t[-2] - t[-3])
+        if before > _HELD_FROM:  # the last one only holds an agent whose track a collision ended
+            return t[:-1], rows[:-1]
+    return t, rows
 
 
 def _convert_to_scenario_time(

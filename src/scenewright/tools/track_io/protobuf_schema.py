@@ -39,6 +39,7 @@ def build_messages(package: str, schema: str) -> dict[str, Any]:
 
 def describe_file(package: str, schema: str) -> Any:
     """The schema as the FileDescriptorProto that protobuf and MCAP know."""
+    kinds = _load("descriptor_pb2").FieldDescriptorProto
     file = _load("descriptor_pb2").FileDescriptorProto(
         name=f"{package}.proto", package=package, syntax="proto2"
     )
@@ -46,23 +47,18 @@ def describe_file(package: str, schema: str) -> Any:
         name, _, fields = line.partition(":")
         message = file.message_type.add(name=name.strip())
         for text in filter(None, map(str.strip, fields.split(","))):
-            _add_field(message, text, package)
+            label, number, kind = text.split()
+            is_repeated, is_packed, kind = kind[0] in "*+", kind[0] == "+", kind.lstrip("*+")
+            field = message.field.add(
+                name=label,
+                number=int(number),
+                label=kinds.LABEL_REPEATED if is_repeated else kinds.LABEL_OPTIONAL,
+            )
+            if is_packed:
+                field.options.packed = True
+            if kind in _SCALARS:
+                field.type = getattr(kinds, f"TYPE_{kind.upper()}")
+            else:
+                field.type = kinds.TYPE_MESSAGE
+                field.type_name = f".{package}.{kind}"
     return file
-
-
-def _add_field(message: Any, text: str, package: str) -> None:
-    kinds = _load("descriptor_pb2").FieldDescriptorProto
-    name, number, kind = text.split()
-    repeated, packed, kind = kind[0] in "*+", kind[0] == "+", kind.lstrip("*+")
-    field = message.field.add(
-        name=name,
-        number=int(number),
-        label=kinds.LABEL_REPEATED if repeated else kinds.LABEL_OPTIONAL,
-    )
-    if packed:
-        field.options.packed = True
-    if kind in _SCALARS:
-        field.type = getattr(kinds, f"TYPE_{kind.upper()}")
-    else:
-        field.type = kinds.TYPE_MESSAGE
-        field.type_name = f".{package}.{kind}"

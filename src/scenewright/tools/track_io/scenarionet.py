@@ -124,7 +124,4 @@ def _read_track(
     # The subtype by our own exporter's note, which says more than VEHICLE.
     kind = track.get("metadata", {}).get("kind")
     subtype = (find_road_user(kind) if isinstance(kind, str) else None) or subtype
-    return word, AgentSamples(
-        key, subtype, times[valid], xy, heading,
-        sizes.get("length"), sizes.get("width"),
-    )  # fmt: skip
+    return word, AgentSamples(key, subtype, times[valid], xy, heading, **sizes)

@@ -75,7 +75,10 @@ def read_recorded_lights(file: str | Path) -> RecordedLights:
             shown = _read_rows(path, rows, names)
     except (OSError, UnicodeDecodeError, csv.Error) as fault:
         raise InputError(f"cannot read {path}: {fault}") from None
-    changes = {light: _keep_changes(own) for light, own in shown.items()}
+    changes = {
+        light: tuple(each for k, each in enumerate(own) if k == 0 or each[1] != own[k - 1][1])
+        for light, own in shown.items()
+    }
     if not changes:
         raise InputError(f"{path} has no light that ever shows a colour")
     end = max(own[-1][0] for own in shown.values())
@@ -107,11 +110,6 @@ def _read_rows(
             raise InputError(f"{path}, line {number}: {time[:30]!r} is no time")
         found.setdefault(light, []).append((seconds, colour))
     return {light: sorted(own) for light, own in sorted(found.items())}
-
-
-def _keep_changes(own: list[tuple[float, Colour]]) -> tuple[tuple[float, Colour], ...]:
-    before = [None, *(colour for _, colour in own)]
-    return tuple(each for each, last in zip(own, before, strict=False) if each[1] != last)
 
 
 def _read_lanes(file: Path) -> dict[str, tuple[LightWay, ...]]:

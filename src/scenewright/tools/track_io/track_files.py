@@ -22,6 +22,7 @@ from scenewright.scene.track import STEP, Track
 from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
 from scenewright.tools.track_io.dataset_formats import (
     PATTERNS,
+    TIMED,
     DatasetFormat,
     find_columns,
     find_partner,
@@ -139,7 +140,7 @@ def _read(
         if mapping is not None:
             agents = _read_mapped_csv(file, mapping)
         elif file.name.startswith("vehicle_tracks_"):
-            agents = _read_mapped_csv(file, _TAF)
+            agents = _read_mapped_csv(file, TIMED)
             site, begin, origin = _read_taf_meta(file)
             settling = SETTLING.get(site, SETTLING["k733"])
         elif file.name.endswith("_tracks.csv"):
@@ -173,7 +174,7 @@ def _add_partner(
     partner = find_partner(file)
     if partner is None:
         return agents
-    beside = _read_mapped_csv(partner, find_columns(partner, dataset) or _TAF)
+    beside = _read_mapped_csv(partner, find_columns(partner, dataset) or TIMED)
     return agents | {f"{partner.name}:{name}": agent for name, agent in beside.items()}
 
 
@@ -220,9 +221,6 @@ def _read_vtp(file: Path) -> dict[str, _Agent]:
             agent.x.append(x)
             agent.y.append(y)
     return agents
-
-
-_TAF = {"t": "timestamp_ms/1000", "id": "track_id", "class": "agent_type", "x": "x", "y": "y"}
 
 
 def _clean(

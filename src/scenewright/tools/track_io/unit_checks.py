@@ -87,15 +87,14 @@ def _compute_top_speed(user: RoadUser) -> float:
 
 
 def _check_noise(users: Sequence[RoadUser]) -> list[str]:
-    shaken = [u for u in users if u.track.step <= 0.25 and _is_noisy(u)]
+    shaken = []
+    for user in users:
+        second = np.diff(user.track.xy, n=2, axis=0) / user.track.step**2
+        if user.track.step <= 0.25 and np.median(np.hypot(*second.T)) > JERKY:
+            shaken.append(user)
     if not shaken or 2 * len(shaken) < len(users):
         return []
     return [
         f"positions of {len(shaken)} of {len(users)} agents are too uneven for speeds and braking; "
         "smooth them first"
     ]
-
-
-def _is_noisy(user: RoadUser) -> bool:
-    second = np.diff(user.track.xy, n=2, axis=0) / user.track.step**2
-    return bool(np.median(np.hypot(second[:, 0], second[:, 1])) > JERKY)
