@@ -588,11 +588,11 @@ _LONGEST_PHASE = 120.0
 
 def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, Colour]], ...]:
     """Durations and colours of a programme's phases; a phase lasts two minutes at most."""
-    names = {light.rsplit("#", 1)[0] for light in lights}
+    names = {light.rsplit("#", 1)[0] for light in sorted(lights)}
     programs = net.getTLS(names.pop()).getPrograms() if len(names) == 1 else {}
     if not programs:
         return ()
-    index = {light: int(light.rsplit("#", 1)[1]) for light in lights}
+    index = {light: int(light.rsplit("#", 1)[1]) for light in sorted(lights)}
     return tuple(
         (
             min(float(phase.duration), _LONGEST_PHASE),
