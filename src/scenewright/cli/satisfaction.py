@@ -50,7 +50,7 @@ def score_satisfaction(
     if rows is not None:
         own = ({"id": row["id"], "text": row["text"]} for row in labelled)
         lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in own)
-        write_atomically(Path(rows), lines.encode("utf-8"))
+        write_atomically(rows, lines.encode("utf-8"))
         write_stdout(f"{rows}: {len(labelled)} rows\n")
         return
     with show_progress(quiet=quiet) as log:
