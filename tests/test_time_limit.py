@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 
 from scenewright import synthesize, time_limit
-from scenewright.dataset.batch.worker import Job, work
+from scenewright.dataset.batch.worker import Job, Options, work
 from scenewright.errors import InputError, OutOfTime
 from scenewright.graph import run
 from scenewright.time_limit import (
@@ -75,7 +75,7 @@ def test_a_request_that_reaches_its_limit_is_refused() -> None:
 
 
 def test_a_row_that_reaches_its_limit_may_be_tried_again() -> None:
-    job = Job(0, "a", "a", TEXT, 0, "amsterdam_120", ("builtin",), "none", "draw", time_limit=1e-6)
+    job = Job(0, "a", "a", TEXT, 0, Options("amsterdam_120", time_limit=1e-6))
     outcome = work(job)
     assert (outcome.status, outcome.code) == ("failed", "time_limit")
 

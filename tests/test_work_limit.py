@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenewright import synthesize, time_limit, work_limit
-from scenewright.dataset.batch.worker import Job, work
+from scenewright.dataset.batch.worker import Job, Options, work
 from scenewright.errors import Unsatisfiable
 from scenewright.graph import run
 from scenewright.work_limit import WorkLimitReachedError, count_work, limit_work
@@ -39,7 +39,7 @@ def test_a_request_whose_work_is_spent_is_refused_for_good(monkeypatch: pytest.M
         synthesize(TEXT, refiner="none")
     last = refused.value.rejections[-1]
     assert (last.stage, last.code) == ("waypoint_filter", "work_spent")
-    job = Job(0, "a", "a", TEXT, 0, "amsterdam_120", ("builtin",), "none", "draw")
+    job = Job(0, "a", "a", TEXT, 0, Options("amsterdam_120"))
     outcome = work(job)
     assert (outcome.status, outcome.code) == ("refused", "work_spent")
 
@@ -48,11 +48,11 @@ def test_a_request_whose_work_is_spent_is_refused_for_good(monkeypatch: pytest.M
 def test_a_slow_machine_gives_the_same_answer(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A clock that says an hour between two looks, as under any load; none decides."""
     monkeypatch.setattr(run, "MOST_WORK", 2000)
-    calm = work(Job(0, "a", "a", text, 0, "amsterdam_120", ("builtin",), "none", "draw"))
+    calm = work(Job(0, "a", "a", text, 0, Options("amsterdam_120")))
     spent: list[int] = []
     monkeypatch.setattr(work_limit, "check_time", lambda: spent.append(1))
     monkeypatch.setattr(time_limit.time, "monotonic", lambda: 3600.0 * len(spent))
-    busy = work(Job(0, "a", "a", text, 0, "amsterdam_120", ("builtin",), "none", "draw"))
+    busy = work(Job(0, "a", "a", text, 0, Options("amsterdam_120")))
     assert len(spent) > 10
     assert (busy.status, busy.code, busy.reason) == (calm.status, calm.code, calm.reason)
     assert (busy.files, busy.attempts) == (calm.files, calm.attempts)

@@ -461,7 +461,7 @@ def test_a_shard_is_one_of_so_many(text: str) -> None:
 
 
 def test_work_never_raises(monkeypatch: pytest.MonkeyPatch) -> None:
-    from scenewright.dataset.batch.worker import Job
+    from scenewright.dataset.batch.worker import Job, Options
     from scenewright.graph import run
 
     def broken(*_: Any, **__: Any) -> None:
@@ -469,7 +469,7 @@ def test_work_never_raises(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.delenv("SCENEWRIGHT_TRACEBACK", raising=False)
     monkeypatch.setattr(run, "synthesize", broken)
-    done = work(Job(0, "a", "a", "A car", 0, "amsterdam_120", ("builtin",), "none", "draw"))
+    done = work(Job(0, "a", "a", "A car", 0, Options("amsterdam_120")))
     assert (done.status, done.code) == ("failed", "internal_error")
     assert "deep down" in str(done.reason)
 

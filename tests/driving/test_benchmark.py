@@ -184,6 +184,8 @@ def test_what_does_not_go_together_is_refused(
     err = capsys.readouterr().err
     assert "HOST:PORT" in err
     assert "without --out" in err
+    assert main(["drive", "--benchmark", "--others", "resolve", "--time-limit", "9"]) == 2
+    assert "fixed, without --others and --time-limit" in capsys.readouterr().err
 
 
 # ---- at a socket --------------------------------------------------------------------------------

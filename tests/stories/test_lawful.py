@@ -164,7 +164,7 @@ def test_orders_and_datasets_are_lawful_unless_told_otherwise() -> None:
 
 
 def test_a_lawful_row_that_needs_a_red_light_is_refused() -> None:
-    job = Job(0, "a", "a", CROSSING, 1, "amsterdam_120", ("builtin",), "none", "draw", lawful=True)
+    job = Job(0, "a", "a", CROSSING, 1, Options("amsterdam_120", lawful=True))
     outcome = work(job)
     assert (outcome.status, outcome.code) == ("refused", "unlawful")
     assert "lawful" in inspect.getsource(build_job)

@@ -198,18 +198,13 @@ def _log_report(report: dict[str, Any], *, writer: str) -> None:
         )
     for quota in report["quotas"]:
         planner = f" by {quota['backend']}" if quota["backend"] else ""
+        counts, coverage = list(quota["patterns"].values()), "no pattern"
+        if counts:
+            coverage = f"{sum(n > 0 for n in counts)} of {len(counts)} patterns"
+            coverage += f", {min(counts)}-{max(counts)} each"
         log_line(
             f"{quota['name']}{planner}: {quota['filled']} of {quota['wanted']} in "
-            f"{quota['attempts']} attempts, {_format_coverage(quota['patterns'])}"
+            f"{quota['attempts']} attempts, {coverage}"
         )
         for reason, count in list(quota["refused"].items())[:_SHOWN]:
             log_line(format_one_line(f"  refused {count}x {reason}"))
-
-
-def _format_coverage(patterns: dict[str, int]) -> str:
-    if not patterns:
-        return "no pattern"
-    counts = list(patterns.values())
-    return (
-        f"{sum(n > 0 for n in counts)} of {len(counts)} patterns, {min(counts)}-{max(counts)} each"
-    )

@@ -21,8 +21,6 @@ from scenewright.time_limit import DEFAULT_LIMIT
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scenewright.authoring.agent import AgentResult
-
 _SECONDS, _MOST_TOKENS = 120.0, 4096
 
 
@@ -47,9 +45,12 @@ def author(
 ) -> None:
     """Have an agent make a scene by calling the stages as tools: a model, or a fixed router."""
     from scenewright.authoring.agent import author as authored
+    from scenewright.authoring.agent import format_provenance
     from scenewright.cli.make import SCENES, choose_folder_name, read_instruction
-    from scenewright.cli.output_folder import target_folder, try_folder
+    from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
     from scenewright.cli.scene_summary import format_verdict
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import encode_proof, encode_scene
 
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=None)
@@ -69,7 +70,11 @@ def author(
     if target is None:
         name = choose_folder_name(made.record.meta.scene_id)
         target = target_folder(str(Path(SCENES) / name), force=False)
-    files = _write(made, target, seed=seed, model=model)
+    with fill_folder(target) as part:
+        write_atomically(part / "provenance.json", format_provenance(made, seed=seed, model=model))
+        write_atomically(part / "proof.json", encode_proof(made.proof))
+        write_atomically(part / "scene.json", encode_scene(made.record))
+        files = sorted(entry.name for entry in part.iterdir())
     if not quiet:
         for name, fine in made.calls:
             log_line(f"  {format_one_line(name, limit=40)}{'' if fine else ': refused'}")
@@ -95,16 +100,3 @@ def _load_model(
         name, base_url=base_url, timeout=timeout or _SECONDS, max_tokens=_MOST_TOKENS
     )
     return endpoint.model, lambda text: quote(text, endpoint.key)
-
-
-def _write(made: AgentResult, target: Path, *, seed: int, model: str | None) -> list[str]:
-    from scenewright.authoring.agent import format_provenance
-    from scenewright.cli.output_folder import fill_folder
-    from scenewright.files import write_atomically
-    from scenewright.graph.run import encode_proof, encode_scene
-
-    with fill_folder(target) as part:
-        write_atomically(part / "provenance.json", format_provenance(made, seed=seed, model=model))
-        write_atomically(part / "proof.json", encode_proof(made.proof))
-        write_atomically(part / "scene.json", encode_scene(made.record))
-        return sorted(entry.name for entry in part.iterdir())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +32,7 @@ from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.dataset.batch.carry_out import Progress, ProgressCallback
-    from scenewright.dataset.batch.run import Request, Summary
+    from scenewright.dataset.batch.run import Summary
     from scenewright.dataset.batch.worker import Options
 
 EVERY = 5.0
@@ -66,16 +66,10 @@ Place = Annotated[str, typer.Option(help="Where it happens.")]
 
 
 @dataclass(frozen=True)
-class RunOptions:
-    """How the scenes of a dataset are made, and on how many processes."""
+class SceneOptions:
+    """How the scenes of a run are made, and on how many processes."""
 
     workers: Workers = None
-    engine: EngineName = "process"
-    backend: BackendNames = None
-    base_url: BaseUrl = None
-    record: Record = None
-    timeout: Timeout = None
-    at_once: AtOnce = None
     row_timeout: RowTimeout = None
     time_limit: TimeLimit = DEFAULT_LIMIT
     lawful: Lawful = False
@@ -85,24 +79,46 @@ class RunOptions:
 
     def build_options(self, **others: Any) -> Options:
         """What all rows share; `others` are further fields of `Options`, or other values."""
-        shared = {
-            name: getattr(self, name)
-            for name in ("backend", "base_url", "time_limit", "lawful", "refiner", "intersection",
-                         "seed")
-        }  # fmt: skip
-        return build_options(**{**shared, **others})
+        from scenewright.dataset.batch.answering import BUILTIN
+        from scenewright.dataset.batch.worker import Options
+        from scenewright.graph.run import choose_refiner, find_refiner_gap
+
+        own = {key: each for key, each in vars(self).items() if key in Options.__annotations__}
+        given = own | others
+        given["backend"] = tuple(given.get("backend") or BUILTIN)
+        given["refiner"] = choose_refiner(given["refiner"])
+        gap = find_refiner_gap(given["intersection"], given["refiner"])
+        if gap is not None:
+            log_line(f"warning: {gap}")
+        return Options(**given)
+
+    def choose_work(self) -> dict[str, Any]:
+        """The fields of a request or an order that say how it is worked on."""
+        from scenewright.dataset.batch.run import ROW_TIMEOUT
+
+        limit = ROW_TIMEOUT if self.row_timeout is None else self.row_timeout
+        workers = count_cores() if self.workers is None else self.workers
+        return {"workers": workers, "row_timeout": limit}
+
+
+@dataclass(frozen=True)
+class RunOptions(SceneOptions):
+    """How the scenes of a dataset are made, by whom, and where."""
+
+    engine: EngineName = "process"
+    backend: BackendNames = None
+    base_url: BaseUrl = None
+    record: Record = None
+    timeout: Timeout = None
+    at_once: AtOnce = None
 
     def choose_work(self) -> dict[str, Any]:
         """The fields of a request or an order that say how it is worked on."""
         from scenewright.dataset.batch.answering import Asking
 
         record = None if self.record is None else Path(self.record)
-        return {
-            "workers": count_cores() if self.workers is None else self.workers,
-            "engine": self.engine,
-            "row_timeout": check_row_timeout(self.row_timeout),
-            "asking": Asking(record, self.timeout, self.at_once),
-        }
+        asking = Asking(record, self.timeout, self.at_once)
+        return {**super().choose_work(), "engine": self.engine, "asking": asking}
 
 
 @spread_options
@@ -141,7 +157,7 @@ def make_batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
-    from scenewright.dataset.batch.run import Request, parse_shard, run_batch
+    from scenewright.dataset.batch.run import Request, parse_shard, predict_run, run_batch
     from scenewright.dataset.batch.scenes import EXPORTS, list_scenes
     from scenewright.graph.export import export
     from scenewright.tools.exporters import find_format
@@ -159,7 +175,13 @@ def make_batch(
     for name in exports or ():
         find_format(name)  # before hours are spent
     if dry_run:
-        _print_plan(request, as_json=as_json)
+        found = predict_run(request, shown=SHOWN)
+        if as_json:
+            write_json({"ok": True, "dry_run": True, **found})
+            return
+        lines = [f"{found['rows']} rows, {found['done']} done, {found['to_do']} to do"]
+        lines += [f"{each['id']!r} -> {each['folder']}" for each in found["first"]]
+        write_stdout("".join(format_one_line(line) + "\n" for line in lines))
         return
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
@@ -178,42 +200,6 @@ def count_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return max(len(os.sched_getaffinity(0)), 1)
     return os.cpu_count() or 1
-
-
-def build_options(
-    *, intersection: str, backend: Sequence[str] | None, refiner: str | None, **others: Any
-) -> Options:
-    """What all rows share, as the command line says it; `others` are fields of `Options`."""
-    from scenewright.dataset.batch.answering import BUILTIN
-    from scenewright.dataset.batch.worker import Options
-    from scenewright.graph.run import choose_refiner, find_refiner_gap
-
-    refiner = choose_refiner(refiner)
-    gap = find_refiner_gap(intersection, refiner)
-    if gap is not None:
-        log_line(f"warning: {gap}")
-    return Options(
-        intersection=intersection, backend=tuple(backend or BUILTIN), refiner=refiner, **others
-    )
-
-
-def check_row_timeout(row_timeout: float | None) -> float:
-    """Longest that one row may take [s]."""
-    from scenewright.dataset.batch.run import ROW_TIMEOUT
-
-    return ROW_TIMEOUT if row_timeout is None else row_timeout
-
-
-def _print_plan(request: Request, *, as_json: bool) -> None:
-    from scenewright.dataset.batch.run import predict_run
-
-    found = predict_run(request, shown=SHOWN)
-    if as_json:
-        write_json({"ok": True, "dry_run": True, **found})
-        return
-    lines = [f"{found['rows']} rows, {found['done']} done, {found['to_do']} to do"]
-    lines += [f"{each['id']!r} -> {each['folder']}" for each in found["first"]]
-    write_stdout("".join(format_one_line(line) + "\n" for line in lines))
 
 
 def build_summary_object(summary: Summary) -> dict[str, Any]:

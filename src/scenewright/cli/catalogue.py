@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.batch import Place, Refiner, Workers
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import format_columns, write_json, write_stdout
 from scenewright.cli.output_folder import try_folder
-from scenewright.cli.sweep import sweep
+from scenewright.cli.sweep import Sampling, SweepOptions, sweep
 from scenewright.errors import InputError
 
 catalogue = typer.Typer(name="catalogue", help="Shipped plans of consumer tests and regulations.")
@@ -60,17 +60,21 @@ def show_entry(name: Name) -> None:
     write_stdout(format_entry(name))
 
 
+@dataclass(frozen=True)
+class CatalogueOptions(SweepOptions):
+    """The same, but the points that the test names."""
+
+    sampling: Sampling = "grid"
+
+
 @catalogue.command("make")
+@spread_options
 def make_entries(
+    *,
     name: Annotated[str | None, typer.Argument(metavar="ID", help="Which plan.")] = None,
     every: Annotated[bool, typer.Option("--all", help="All plans, a folder each.")] = False,
     out: Annotated[str, typer.Option(metavar="DIR", callback=try_folder)] = "catalogue",
-    n: Annotated[int, typer.Option("--n", help="Most points of a plan.")] = 50,
-    sampling: Annotated[Literal["grid", "lhs", "sobol", "boundary"], typer.Option()] = "grid",
-    seed: Annotated[int, typer.Option(help="Of the points, and of every scene.")] = 0,
-    intersection: Place = "amsterdam_120",
-    refiner: Refiner = None,
-    workers: Workers = None,
+    options: CatalogueOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -81,5 +85,5 @@ def make_entries(
     for each in sources["plans"] if name is None else [name]:
         format_entry(each)  # it is there
         with resources.as_file(folder / f"{each}.yaml") as file:
-            sweep(str(file), f"{out}/{each}", n, sampling, seed, intersection, refiner,
-                  workers=workers, quiet=quiet, as_json=as_json)  # fmt: skip
+            sweep(plan=str(file), out=f"{out}/{each}", quiet=quiet, as_json=as_json,
+                  **vars(options))  # fmt: skip

@@ -47,6 +47,7 @@ Say what shall happen, then what shall be different: "make the pedestrian come f
 /why                why the last words were refused
 /help, /quit"""
 
+_AGENT = ("id", "name", "type", "subtype", "entry", "exit", "role")
 _LONGEST_WORDS = 20_000
 _LONGEST_HISTORY = 2000
 
@@ -142,7 +143,7 @@ class _ChatLoop:
         self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
             "undo": lambda _: self._session.undo(),
             "redo": lambda _: self._session.redo(),
-            "branch": self._branch,
+            "branch": lambda to: self._session.branch(to[0]) if to else self._list_branches(),
             "branches": lambda _: self._list_branches(),
             "history": lambda _: self._list_history(),
             "show": self._show,
@@ -218,18 +219,12 @@ class _ChatLoop:
         finally:
             self._progress_log.to = lambda _stage, _line: None
 
-    def _branch(self, arguments: list[str]) -> dict[str, Any]:
-        return self._session.branch(arguments[0]) if arguments else self._list_branches()
-
     def _list_branches(self) -> dict[str, Any]:
         from scenewright.authoring.session import MAIN, list_branches
 
         state = self._session.state
-        return {
-            "kind": "branches",
-            "branches": list_branches(state),
-            "branch": state.get("branch", MAIN),
-        }
+        here = state.get("branch", MAIN)
+        return {"kind": "branches", "branches": list_branches(state), "branch": here}
 
     def _list_history(self) -> dict[str, Any]:
         state = self._session.state
@@ -356,26 +351,10 @@ def build_facts(shown: SessionVersion) -> dict[str, Any]:
     return {
         **shown.proof.build_verdict(),
         "events": shown.record.to_json()["events"],
-        "agents": [
-            {
-                "id": each.id,
-                "name": each.name,
-                "type": each.type,
-                "subtype": each.subtype,
-                "entry": each.entry,
-                "exit": each.exit,
-                "role": each.role,
-            }
-            for each in shown.record.agents
-        ],
+        "agents": [{key: getattr(each, key) for key in _AGENT} for each in shown.record.agents],
         "duration": shown.record.meta.duration,
         "time_of_day": shown.record.meta.time_of_day,
-        "edits": version["edits"],
-        "moved": version["moved"],
-        "gone": version["gone"],
-        "come": version["come"],
-        "longer": version["longer"],
-        "let_go": version["let_go"],
+        **{key: version[key] for key in ("edits", "moved", "gone", "come", "longer", "let_go")},
     }
 
 

@@ -194,15 +194,8 @@ def simulate_own(
          "simulated_walks": on_foot, "seed": seed},
         extra,
     )  # fmt: skip
-    return {
-        "name": name,
-        "folder": folder,
-        "trips": len(made.trips),
-        "walks": on_foot,
-        "minutes": minutes,
-        "trained": train,
-        "figures": facts,
-    }
+    return {"name": name, "folder": folder, "trips": len(made.trips), "walks": on_foot,
+            "minutes": minutes, "trained": train, "figures": facts}  # fmt: skip
 
 
 def _train_refiner(
@@ -295,15 +288,11 @@ def fit_own(
         "open": fitted.open_route,
         "notes": [*lit, *pool_notes, *learned, *fitted.notes, *([] if note is None else [note])],
         "heldout": [
-            {
-                "share": row.share,
-                "tracks": row.tracks,
-                "pooled_nll": row.pooled,
-                "unpooled_nll": row.unpooled,
-            }
+            {"share": row.share, "tracks": row.tracks, "pooled_nll": row.pooled,
+             "unpooled_nll": row.unpooled}
             for row in fitted.heldout
         ],
-    }
+    }  # fmt: skip
 
 
 def _add_recorded_lights(

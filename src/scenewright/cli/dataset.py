@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -21,19 +21,10 @@ from scenewright.cli.errors import NOT_VERIFIED
 from scenewright.cli.export import Ego, Form, To, log_files
 from scenewright.cli.interrupts import stop_if_asked
 
-if TYPE_CHECKING:
-    from scenewright.graph.run import ProgressCallback
-
 dataset = typer.Typer(name="dataset", help="Datasets of scenes: check them, make the paper's.")
 
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 _SHOWN = 20
-
-
-def _log_now_and_then(log: ProgressCallback, done: int, of: int) -> None:
-    if done % 100 == 0 or done == of:
-        log("checking", f"{done} of {of} scenes")
-    stop_if_asked()
 
 
 @dataset.command("check")
@@ -58,12 +49,13 @@ def check(
 
     unsigned = None if public_key is None else find_signature_fault(Path(folder), public_key)
 
+    def tell(done: int, of: int) -> None:
+        if done % 100 == 0 or done == of:
+            log("checking", f"{done} of {of} scenes")
+        stop_if_asked()
+
     with show_progress(quiet=quiet) as log:
-        found = audit_dataset(
-            Path(folder),
-            workers=workers or count_cores(),
-            log=lambda done, of: _log_now_and_then(log, done, of),
-        )
+        found = audit_dataset(Path(folder), workers=workers or count_cores(), log=tell)
     if unsigned is not None:
         found = replace(found, faults=(AuditFault(SIGNATURE, unsigned), *found.faults))
     about: dict[str, Any] = {

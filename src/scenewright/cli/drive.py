@@ -85,8 +85,12 @@ def drive(
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
     ] = None,
-    junit: Annotated[str | None, typer.Option(metavar="F.xml", help="JUnit for CI.")] = None,
-    html: Annotated[str | None, typer.Option(metavar="F.html", help="Report as a page.")] = None,
+    junit: Annotated[
+        str | None, typer.Option(metavar="F.xml", help="JUnit for CI.", callback=try_file)
+    ] = None,
+    html: Annotated[
+        str | None, typer.Option(metavar="F.html", help="Report as a page.", callback=try_file)
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -98,10 +102,12 @@ def drive(
     from scenewright.driving.summary import summarise, summarise_rows
 
     target = None if out is None else target_folder(out, force=None)
-    try_file(junit)
-    try_file(html)
     if benchmark == bool(text_or_scene) or (serve is not None and out is not None):
         raise InputError("name a text, a scene folder or --benchmark; --serve goes without --out")
+    if benchmark:
+        _refuse_given({"--others": others != "replay", "--ego": ego is not None, "--seed": seed > 0,
+                       "--intersection": intersection != "amsterdam_120",
+                       "--time-limit": time_limit != DEFAULT_LIMIT})  # fmt: skip
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     load = partial(
         load_scenario, text_or_scene, ego=ego, intersection=intersection, time_limit=time_limit
@@ -157,6 +163,12 @@ def drive(
         for key, value in summary.items():
             write_stdout(f"{key.replace('_', ' ')}: {_format(value)}\n")
     raise typer.Exit(code)
+
+
+def _refuse_given(options: dict[str, bool]) -> None:
+    """InputError where an option is given that the benchmark's list of scenes sets."""
+    if wrong := [name for name, is_given in options.items() if is_given]:
+        raise InputError(f"the scenes of the benchmark are fixed, without {' and '.join(wrong)}")
 
 
 def _choose_exit_code(summary: dict[str, Any], fail_on: FailOn | None) -> int:

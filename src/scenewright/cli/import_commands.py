@@ -95,11 +95,9 @@ def simulate(
     """
     from scenewright.cli.custom_intersections import simulate_own
 
+    kept = None if corpus is None else Path(corpus)
     with show_progress(quiet=quiet) as log:
-        facts = simulate_own(
-            name, minutes=minutes, seed=seed, train=train, log=log,
-            corpus=None if corpus is None else Path(corpus),
-        )  # fmt: skip
+        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log, corpus=kept)
     _print_facts(facts, (), as_json=as_json)
 
 

@@ -37,14 +37,6 @@ def _summarize_intersection(intersection_map: IntersectionMap, name: str) -> dic
     }
 
 
-def _find_origin_of_priors(name: str) -> str:
-    """Where the bundle's priors come from, in the words of its header."""
-    if not (find_bundle_folder(name) / "priors.npz").is_file():
-        return "none"
-    stated = read_bundle_header(find_bundle_folder(name)).get("provenance", {}).get("priors")
-    return str(stated or "fitted")
-
-
 def describe_intersection(name: str) -> dict[str, Any]:
     """What an instruction may refer to at an intersection.
 
@@ -52,9 +44,11 @@ def describe_intersection(name: str) -> dict[str, Any]:
         InputError: there is no such bundle, or it is broken.
     """
     intersection_map = load_map(name)
+    facts = _summarize_intersection(intersection_map, name)
+    stated = read_bundle_header(find_bundle_folder(name)).get("provenance", {}).get("priors")
     return {
-        **_summarize_intersection(intersection_map, name),
-        "priors_from": _find_origin_of_priors(name),
+        **facts,
+        "priors_from": str(stated or "fitted") if facts["priors"] else "none",
         "legs": [{"name": leg.name, "road": leg.road} for leg in intersection_map.legs],
         "movements": [
             {"entry": each.entry, "exit": each.exit, "turn": each.turn}

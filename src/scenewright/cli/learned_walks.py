@@ -16,7 +16,7 @@ from scenewright.tools.fitting.learn_walks import (
     learn_sidewalks,
     say_what_was_learned,
 )
-from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
+from scenewright.tools.map_import.assemble import assemble_map
 from scenewright.tools.map_import.quality_report import build_report
 from scenewright.tools.map_import.survey import Survey
 from scenewright.tools.map_import.survey_file import read_survey
@@ -52,7 +52,11 @@ def learn_walks(
     if not (bundle.folder / _FILE).is_file():
         return bundle, [*notes, "import the map again to have that on it"], {}
     survey, options = read_survey((bundle.folder / _FILE).read_bytes())
-    made = _derive_anew(bundle, _add_walks(survey, moved, walks, bundle), options)
+    made = assemble_map(
+        _add_walks(survey, moved, walks, bundle),
+        options["map_format"],
+        name=place.name, extent=place.extent, title=place.title, signals=str(options["signals"]),
+    )  # fmt: skip
     if [leg.name for leg in made.intersection_map.legs] != [leg.name for leg in place.legs]:
         raise InputError("the map's legs have changed; import it again before it is fitted")
     facts = build_report(made.items, made.crosswalks, made.notes)
@@ -97,18 +101,6 @@ def _add_walks(
     }  # fmt: skip
     crossings = tuple(each.build_crossing(lengths[each.leg]) for each in moved)
     return replace(survey, crossings=(*survey.crossings, *crossings), walks=(*survey.walks, *walks))
-
-
-def _derive_anew(bundle: CustomBundle, survey: Survey, options: dict[str, object]) -> ImportedMap:
-    place = bundle.intersection_map
-    return assemble_map(
-        survey,
-        options["map_format"],  # type: ignore[arg-type]
-        name=place.name,
-        extent=place.extent,
-        title=place.title,
-        signals=str(options["signals"]),
-    )
 
 
 def _measure_area(outline: FloatArray) -> float:

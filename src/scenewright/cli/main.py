@@ -218,26 +218,27 @@ def plan(
     Or write the plan of one text as YAML, or check such a file.
     """
     from scenewright.backends import Call
-    from scenewright.cli.plan import plan_all, read_rows, sum_costs, write_rows
+    from scenewright.cli.plan import (
+        check_plan_file,
+        format_osc_dsl,
+        format_plan_of_text,
+        format_plan_schema,
+        plan_all,
+        read_rows,
+        sum_costs,
+        write_rows,
+        write_text,
+    )
     from scenewright.intersections import load_map
 
     if as_json and out == "-" and not is_plan_file(rows):
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     backend = model.load()
     if schema or as_yaml or as_osc:
-        from scenewright.cli.plan import (
-            format_osc_dsl,
-            format_plan_of_text,
-            format_plan_schema,
-            write_text,
-        )
-
         write = format_osc_dsl if as_osc else format_plan_of_text
         write_text(out, format_plan_schema() if schema else write(rows, backend, intersection))
         return
     if is_plan_file(rows):
-        from scenewright.cli.plan import check_plan_file
-
         checked = check_plan_file(rows, intersection)
         if as_json:
             write_json({"ok": True, **checked})

@@ -9,11 +9,12 @@ and the tools of `nodes/toolbox.py` make one step by step.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
@@ -93,6 +94,26 @@ def build_server(served: ServerOptions) -> MCPServer[Any]:
     return server
 
 
+Tool = TypeVar("Tool", bound=Callable[..., dict[str, Any]])
+
+
+def _build_refusal(code: str, detail: str) -> dict[str, Any]:
+    return {"ok": False, "code": code, "detail": detail}
+
+
+def _refuse_unusable(tool: Tool) -> Tool:
+    """The tool, which answers an InputError with a refusal."""
+
+    @wraps(tool)
+    def run(*values: Any, **named: Any) -> dict[str, Any]:
+        try:
+            return tool(*values, **named)
+        except InputError as error:
+            return _build_refusal("unusable_input", str(error))
+
+    return cast(Tool, run)
+
+
 class _ClientState:
     """The conversation and the tool state of one client."""
 
@@ -132,6 +153,7 @@ class _ClientState:
         """A new scene from an instruction, such as "A car yields to a pedestrian at 8 am"."""
         return self._act("make", instruction)
 
+    @_refuse_unusable
     def make_planned_scene(self, plan: dict[str, Any], seed: int | None = None) -> dict[str, Any]:
         """A new scene of the conversation from a plan, without words.
 
@@ -141,12 +163,9 @@ class _ClientState:
         """
         from scenewright.scene.plan_file import read_plan
 
-        try:
-            given = read_plan(plan)
-        except InputError as error:
-            return _build_refusal("unusable_input", str(error))
-        return self._act("make_plan", given, seed=seed)
+        return self._act("make_plan", read_plan(plan), seed=seed)
 
+    @_refuse_unusable
     def measure_coverage(self, goals: dict[str, Any] | None = None) -> dict[str, Any]:
         """What the scenes kept so far cover, and what of `goals`, such as {"dimensions": [{"cover":
         "event", "values": ["near_miss"], "least": 3}], "crosses": [{"cross": ["event", "hour"]}]}.
@@ -154,12 +173,8 @@ class _ClientState:
         from scenewright.cli.coverage import read_encounters, to_json
         from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 
-        try:
-            scenes, encounters = read_encounters([self._served.out or "nowhere"])
-            wanted = None if goals is None else read_goals(goals)
-        except InputError as error:
-            return _build_refusal("unusable_input", str(error))
-        covered = measure_coverage(encounters, wanted)
+        scenes, encounters = read_encounters([self._served.out or "nowhere"])
+        covered = measure_coverage(encounters, None if goals is None else read_goals(goals))
         return {"ok": True, "scenes": scenes, "items": list(map(to_json, covered))}
 
     def read_catalogue(self, plan: str = "") -> dict[str, Any]:
@@ -167,25 +182,22 @@ class _ClientState:
         from scenewright.cli.catalogue import format_entry, read_catalogue
 
         sources = read_catalogue()[1]
-        return {
-            "ok": True,
-            **({"plan": format_entry(plan)} if plan in sources["plans"] else sources),
-        }
+        return {"ok": True} | (
+            {"plan": format_entry(plan)} if plan in sources["plans"] else sources
+        )
 
     def edit_scene(self, words: str) -> dict[str, Any]:
         """Changes the scene as the words say, such as "now have it be a collision"."""
         return self._act("say", words)
 
+    @_refuse_unusable
     def edit_by_hand(self, edits: list[dict[str, Any]]) -> dict[str, Any]:
         """Typed changes, such as {"edit": "move_stop", "agent": "vehicle-1", "metres": -1.5}.
 
         The others are come_later and wait_longer (seconds), set_pace (factor) and choose_way
         (entry, exit, movement, crosswalk).
         """
-        try:
-            return self._act("edit", edits)
-        except InputError as error:
-            return _build_refusal("unusable_input", str(error))
+        return self._act("edit", edits)
 
     def branch(self, name: str) -> dict[str, Any]:
         """A branch from the current version; or over to the one of that name."""
@@ -205,20 +217,16 @@ class _ClientState:
         names = list(self._threads.list_names())
         return {"ok": True, "threads": names, "open": self._session.thread}
 
+    @_refuse_unusable
     def open_thread(self, thread: str) -> dict[str, Any]:
         """Goes over to a conversation; one that is not there begins empty."""
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
-            return _build_refusal(
-                "unusable_input", "a thread's name has up to 64 letters, digits, ., - and _"
-            )
+            raise InputError("a thread's name has up to 64 letters, digits, ., - and _")
         with self._take_turn() as session:
             before = self._threads
-            try:
-                if thread != session.thread:
-                    self._open(thread)
-                    before.close()
-            except InputError as error:
-                return _build_refusal("unusable_input", str(error))
+            if thread != session.thread:
+                self._open(thread)
+                before.close()
             return {"ok": True, "thread": thread, "current": self._session.state.get("current")}
 
     def read_picture(self, version: str) -> bytes:
@@ -273,6 +281,7 @@ class _ClientState:
         refused = self._session.state.get("refused")
         return {"ok": True, "lines": [] if refused is None else explain_refusal(refused)}
 
+    @_refuse_unusable
     def verify_scene(self, scene: dict[str, Any] | None = None) -> dict[str, Any]:
         """Checks the current version, or the content of a scene.json that is handed over."""
         from pydantic import ValidationError
@@ -281,40 +290,30 @@ class _ClientState:
         from scenewright.scene.record import SceneRecord
 
         try:
-            record = self._get_record() if scene is None else SceneRecord.model_validate(scene)
-            proof = verify(record)
+            shown = self._find("current").record if scene is None else scene
+            proof = verify(SceneRecord.model_validate(shown))
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             where = ".".join(str(part) for part in first["loc"])
-            return _build_refusal("unusable_input", f"this is no scene: {where}: {first['msg']}")
-        except InputError as error:
-            return _build_refusal("unusable_input", str(error))
+            raise InputError(f"this is no scene: {where}: {first['msg']}") from error
         return {"ok": True, "verdict": proof.verdict, "caveat": proof.caveat,
                 **proof.model_dump(mode="json", by_alias=True)}  # fmt: skip
 
+    @_refuse_unusable
     def scene_json(self) -> dict[str, Any]:
         """The current version as in scene.json: tracks every 0.1 s, annotations, signals."""
-        try:
-            return {"ok": True, "scene": self._get_record().to_json()}
-        except InputError as error:
-            return _build_refusal("unusable_input", str(error))
+        return {"ok": True, "scene": self._find("current").record.to_json()}
 
+    @_refuse_unusable
     def save_scene(self) -> dict[str, Any]:
         """Writes the current version to a folder under the one that the server was started with."""
         from scenewright.cli.save import save_version
 
-        shown = self._session.find_version()
-        if shown is None:
-            return _build_refusal("unusable_input", "there is no scene yet; call make_scene first")
+        shown = self._find("current")
         if self._served.out is None:
-            return _build_refusal(
-                "unusable_input", "the server was started without --out, so nothing is kept"
-            )
+            raise InputError("the server was started without --out, so nothing is kept")
         name = f"{self._session.thread}-{shown.version['number']}"
-        try:
-            folder, files, _ = save_version(shown, str(Path(self._served.out) / name))
-        except InputError as error:
-            return _build_refusal("unusable_input", str(error))
+        folder, files, _ = save_version(shown, str(Path(self._served.out) / name))
         return {"ok": True, "folder": str(folder), "files": files}
 
     def start_scene(self, instruction: str, seed: int = 0) -> dict[str, Any]:
@@ -402,12 +401,6 @@ class _ClientState:
         with self._take_turn() as session:
             return self._reply(getattr(session, act)(*argument, **named))
 
-    def _get_record(self) -> Any:
-        shown = self._session.find_version()
-        if shown is None:
-            raise InputError("there is no scene yet; call make_scene first")
-        return shown.record
-
     def _reply(self, reply: dict[str, Any]) -> dict[str, Any]:
         from scenewright.cli.chat import build_facts
 
@@ -419,7 +412,3 @@ class _ClientState:
                 "unusable_input", str(reply.get("reason", "there is no scene yet"))
             )
         return {"ok": True, **reply, "version": shown.version["number"], **build_facts(shown)}
-
-
-def _build_refusal(code: str, detail: str) -> dict[str, Any]:
-    return {"ok": False, "code": code, "detail": detail}

@@ -40,6 +40,7 @@ def score_satisfaction(
     from scenewright.evals import satisfaction as judging
     from scenewright.evals.leaderboard import enter_leaderboard
     from scenewright.evals.planning import load
+    from scenewright.files import write_atomically
 
     labelled = [row for row in load("voices") if "disputed" not in row]
     if (folder is None) == (rows is None):
@@ -47,7 +48,10 @@ def score_satisfaction(
     if (board is None) != (name is None):
         raise InputError("--board and --name go together: which page, and under what name")
     if rows is not None:
-        _write_rows(Path(rows), labelled)
+        own = ({"id": row["id"], "text": row["text"]} for row in labelled)
+        lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in own)
+        write_atomically(rows, lines.encode("utf-8"))
+        write_stdout(f"{rows}: {len(labelled)} rows\n")
         return
     with show_progress(quiet=quiet) as log:
         verdicts = []
@@ -69,13 +73,3 @@ def score_satisfaction(
         write_stdout(judging.to_markdown(shares, verdicts))
     if page is not None:
         log_line(f"written: {board}, {page}")
-
-
-def _write_rows(file: Path, labelled: list[dict[str, object]]) -> None:
-    from scenewright.files import write_atomically
-
-    lines = [
-        json.dumps({"id": row["id"], "text": row["text"]}, ensure_ascii=False) for row in labelled
-    ]
-    write_atomically(file, ("\n".join(lines) + "\n").encode("utf-8"))
-    write_stdout(f"{file}: {len(lines)} rows\n")

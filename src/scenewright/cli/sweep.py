@@ -2,46 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from scenewright.cli.backend_options import Lawful, MaxAgents, TimeLimit
+from scenewright.cli.backend_options import MaxAgents
 from scenewright.cli.batch import (
     Out,
-    Place,
-    Refiner,
-    RowTimeout,
-    Workers,
-    build_options,
+    SceneOptions,
     build_summary_object,
-    check_row_timeout,
-    count_cores,
     log_summary,
     show_batch_progress,
 )
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import write_json, write_stdout
-from scenewright.time_limit import DEFAULT_LIMIT
+
+Sampling = Annotated[
+    Literal["grid", "lhs", "sobol", "boundary"],
+    typer.Option(help="How points are spread; boundary takes the corners alone."),
+]
 
 
+@dataclass(frozen=True)
+class SweepOptions(SceneOptions):
+    """Which points of a plan are made, and how."""
+
+    n: Annotated[int, typer.Option("--n", help="Points; a grid or its corners may be fewer.")] = 50
+    sampling: Sampling = "sobol"
+    seed: Annotated[int, typer.Option(help="Of the points, and of every scene.")] = 0
+    max_agents: MaxAgents = None
+
+
+@spread_options
 def sweep(
+    *,
     plan: Annotated[str, typer.Argument(metavar="PLAN.yaml", help="A plan with open values.")],
     out: Out,
-    n: Annotated[int, typer.Option("--n", help="Points; a grid or its corners may be fewer.")] = 50,
-    sampling: Annotated[
-        Literal["grid", "lhs", "sobol", "boundary"],
-        typer.Option(help="How points are spread; boundary takes the corners alone."),
-    ] = "sobol",
-    seed: Annotated[int, typer.Option(help="Of the points, and of every scene.")] = 0,
-    intersection: Place = "amsterdam_120",
-    refiner: Refiner = None,
-    max_agents: MaxAgents = None,
-    lawful: Lawful = False,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    row_timeout: RowTimeout = None,
-    workers: Workers = None,
+    options: SweepOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -54,24 +53,10 @@ def sweep(
     from scenewright.dataset.batch.sweep import TABLE, run_sweep
     from scenewright.scene.plan_file import read_logical_plan
 
-    request = Request(
-        source=Path(plan),
-        out=Path(out),
-        options=build_options(
-            intersection=intersection,
-            backend=None,
-            refiner=refiner,
-            seed=seed,
-            max_agents=max_agents,
-            lawful=lawful,
-            time_limit=time_limit,
-        ),
-        workers=workers or count_cores(),
-        row_timeout=check_row_timeout(row_timeout),
-    )
+    request = Request(Path(plan), Path(out), options.build_options(), **options.choose_work())
     logical = read_logical_plan(plan)
     with show_batch_progress(quiet=quiet, out=out) as log:
-        summary = run_sweep(logical, request, n=n, sampling=sampling, log=log)
+        summary = run_sweep(logical, request, n=options.n, sampling=options.sampling, log=log)
     if not quiet:
         log_summary(summary)
     if as_json:

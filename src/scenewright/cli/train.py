@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from scenewright.cli.intersection_options import TrainOptions
     from scenewright.tools.track_io import Recording
     from scenewright.tools.track_io.recording import Split
-    from scenewright.tools.trajnet_refiner.train import Epoch
 
 
 def train_refiner(
@@ -53,11 +52,11 @@ def train_refiner(
     if options.walking is not None:
         config = config.model_copy(update={"walking": options.walking})
 
-    def log_epoch(epoch: Epoch) -> None:
-        log("training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}")
-
     about = train_bundle(
-        name, recordings, out=folder, recipe=recipe, after_epoch=log_epoch,
+        name, recordings, out=folder, recipe=recipe,
+        after_epoch=lambda epoch: log(
+            "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
+        ),
         log=lambda done, of: log("training", f"{100 * done // of} %") if done % 20 == 0 else None,
         start=None if serving is None else serving.net,
         walkers=_read_walkers(options.walkers or ()),

@@ -28,7 +28,7 @@ def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Li
             return [(ASK, reply["question"])]
         case "refused":
             return [(BAD, f"refused: {reply['reason']}")]
-        case "answer":
+        case "answer" | "why":
             return [(PLAIN, each) for each in reply["lines"]]
         case "nothing":
             return [(FAINT, reply["reason"])]
@@ -45,8 +45,6 @@ def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Li
             marks = {name: "*" if name == reply["branch"] else " " for name in reply["branches"]}
             rows = [f"{marks[n]} {n}: version {v}" for n, v in reply["branches"].items()]
             return [(PLAIN, row) for row in rows] or [(FAINT, "there is no version yet")]
-        case "why":
-            return [(PLAIN, each) for each in reply["lines"]]
         case "help":
             return [(PLAIN, each) for each in reply["text"].splitlines()]
     return [(PLAIN, str(reply))]

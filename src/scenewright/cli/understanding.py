@@ -72,7 +72,9 @@ def score_understanding(
     window's end and nothing else. Predictions of any program can be scored; docs/understanding.md
     describes the files.
     """
-    from scenewright.evals.understanding.evaluate import evaluate, load_cases
+    from scenewright.evals.understanding.evaluate import evaluate, load_cases, observe_cases
+    from scenewright.evals.understanding.predictions import format_jsonl
+    from scenewright.files import write_atomically
 
     if not method and write_observations is None:
         raise InputError("nothing to do: name a --method, or a file to --write-observations to")
@@ -85,7 +87,10 @@ def score_understanding(
         half: Split | None = None if split == "all" else split
         cases = load_cases(Path(folder), split=half, whole=whole, log=log)
         if write_observations is not None:
-            _write_observations(Path(write_observations), cases, lengths)
+            seen = format_jsonl(observe_cases(cases, lengths))
+            write_atomically(Path(write_observations), seen)
+            count = len(cases) * len(lengths)
+            log_line(f"{count} observations written to {write_observations}")
         found = [
             evaluate(cases, each, windows=lengths, backend=named, log=log) for each in method or ()
         ]
@@ -160,15 +165,6 @@ def read_windows(text: str | None) -> tuple[float, ...]:
     if not found or not all(0.1 <= each <= 20.0 for each in found):
         raise InputError(f"--windows takes seconds from 0.1 to 20, such as 2,4; got {text[:80]!r}")
     return found
-
-
-def _write_observations(file: Path, cases: list[SceneCase], windows: tuple[float, ...]) -> None:
-    from scenewright.evals.understanding.evaluate import observe_cases
-    from scenewright.evals.understanding.predictions import format_jsonl
-    from scenewright.files import write_atomically
-
-    write_atomically(file, format_jsonl(observe_cases(cases, windows)))
-    log_line(f"{len(cases) * len(windows)} observations written to {file}")
 
 
 def _write_report(

@@ -58,7 +58,13 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
         self._observer = Observer(scenario, raster=raster)
         low, high = (bound.astype(np.float32) for bound in find_action_bounds(mode))
         self.action_space: Any = gymnasium.spaces.Box(low, high, dtype=np.float32)
-        self.observation_space: Any = _make_observation_space(raster=raster)
+        spaces: dict[str, gymnasium.spaces.Space[Any]] = {
+            name: gymnasium.spaces.Box(-FARTHEST, FARTHEST, shape, dtype=np.float32)
+            for name, shape in SHAPES.items()
+        }
+        if raster:
+            spaces["raster"] = gymnasium.spaces.Box(0, 255, RASTER_SHAPE, dtype=np.uint8)
+        self.observation_space: Any = gymnasium.spaces.Dict(spaces)
         self.world: World | None = None
 
     def reset(
@@ -104,13 +110,3 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
     def _build_info(self, world: World) -> dict[str, Any]:
         hit = None if world.hit is None else self.scenario.names[world.hit]
         return {"time": round(world.step * self.scenario.step, 3), "end": world.end, "hit": hit}
-
-
-def _make_observation_space(*, raster: bool) -> gymnasium.spaces.Dict:
-    spaces: dict[str, gymnasium.spaces.Space[Any]] = {
-        name: gymnasium.spaces.Box(-FARTHEST, FARTHEST, shape, dtype=np.float32)
-        for name, shape in SHAPES.items()
-    }
-    if raster:
-        spaces["raster"] = gymnasium.spaces.Box(0, 255, RASTER_SHAPE, dtype=np.uint8)
-    return gymnasium.spaces.Dict(spaces)

@@ -171,25 +171,20 @@ class RuleBasedPolicy:
         for agent, at, on, begin, end in zip(agents, s, on_way, arrive, leave, strict=True):
             if not on.any():
                 continue
-            reach = ego[3] / 2 + _find_extent(agent, there, at[int(np.argmax(on))])
+            extent, along = _measure_along(agent, there, at[int(np.argmax(on))])
+            reach = ego[3] / 2 + extent
             if on[0] and at[0] > 0:
-                along = max(float(_compute_speed_along(agent, there, at[0])), 0.0)
-                found.append((max(at[0] - reach, 0.1), along))
+                found.append((max(at[0] - reach, 0.1), max(along, 0.0)))
                 continue
             meets = on & (times >= begin - one.margin) & (times <= end + one.margin) & (at > 0)
             if not meets.any():
                 continue
             k = int(np.argmax(meets))
             first = float(times[int(np.argmax(on))])
-            if self._must_give_way(agent, first, float(begin[k])):
+            must = one.yields_always or (one.respects_priority and agent[9] > 0)
+            if must or first < float(begin[k]) - (0.0 if one.respects_priority else 0.5):
                 found.append((max(at[meets].min() - reach - 0.5, 0.1), 0.0))
         return found
-
-    def _must_give_way(self, agent: FloatArray, arrives: float, ego_arrives: float) -> bool:
-        one = self.parameters
-        if one.yields_always or (one.respects_priority and agent[9] > 0):
-            return True
-        return arrives < ego_arrives - (0.0 if one.respects_priority else 0.5)
 
 
 def _find_on_route(
@@ -212,16 +207,12 @@ def _find_on_route(
     return ROUTE_SPACING * (k + picked), apart < half + ego[4] / 2 + wider
 
 
-def _find_extent(agent: FloatArray, route: FloatArray, s: float) -> float:
-    """Half of an agent's extent along the route [m]."""
-    k = min(int(s / ROUTE_SPACING), len(route) - 1)
-    along = abs(agent[2] * route[k, 2] + agent[3] * route[k, 3])
-    return float(agent[7] + along * (agent[6] - agent[7])) / 2
-
-
-def _compute_speed_along(agent: FloatArray, route: FloatArray, s: float) -> float:
-    k = min(int(s / ROUTE_SPACING), len(route) - 1)
-    return float(agent[4] * route[k, 2] + agent[5] * route[k, 3])
+def _measure_along(agent: FloatArray, route: FloatArray, s: float) -> tuple[float, float]:
+    """Half of an agent's extent along the route [m], and its speed along it [m/s]."""
+    ahead = route[min(int(s / ROUTE_SPACING), len(route) - 1), 2:4]
+    along = abs(agent[2] * ahead[0] + agent[3] * ahead[1])
+    extent = float(agent[7] + along * (agent[6] - agent[7])) / 2
+    return extent, float(agent[4] * ahead[0] + agent[5] * ahead[1])
 
 
 def _predict_arrivals(

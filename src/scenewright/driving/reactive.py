@@ -142,7 +142,10 @@ class Reactive:
         kinds = one.kinds
         calm = _find_speed(room - state.s[:, None], COMFORTABLE[kinds], dt)
         sharp = _find_speed(emergency - state.s[:, None], HARDEST[kinds], dt)
-        wanted = self._want(free, calm)
+        # As recorded, or speeding up towards it, where there is room.
+        up = state.speed + SPEEDING_UP[kinds] * dt
+        as_recorded = (state.rate >= 0.999) & ~self._retimed
+        wanted = np.minimum(np.where(as_recorded, free, np.minimum(free, up)), calm)
         most = np.where(yields, self.strength, np.maximum(COMFORTABLE[kinds], 4.0))
         wanted = np.maximum(wanted, state.speed - np.minimum(most, HARDEST[kinds]) * dt)
         speed = np.minimum(wanted, np.maximum(sharp, state.speed - HARDEST[kinds] * dt))
@@ -156,14 +159,6 @@ class Reactive:
         return np.asarray(
             (self._interpolate_at_clock(state.clock + 1.0) - state.s) / self._one.step
         )
-
-    def _want(self, free: FloatArray, calm: FloatArray) -> FloatArray:
-        """[N] as recorded, or speeding up towards it, where there is room [m/s]."""
-        state = self._state
-        up = state.speed + SPEEDING_UP[self._one.kinds] * self._one.step
-        as_recorded = (state.rate >= 0.999) & ~self._retimed
-        recorded = np.where(as_recorded, free, np.minimum(free, up))
-        return np.asarray(np.minimum(recorded, calm))
 
     # ---- room --------------------------------------------------------------------------------
 

@@ -254,17 +254,13 @@ def _count_red_lights(world: World) -> int:
 
 
 def _gather(
-    drive: Drive,
-    ego: Trajectory,
-    near: dict[int, Trajectory],
-    impact: EgoCollision | None,
+    drive: Drive, ego: Trajectory, near: dict[int, Trajectory], impact: EgoCollision | None,
     red: int,
-) -> ScoreInputs:
+) -> ScoreInputs:  # fmt: skip
     one, world = drive.scenario, drive.world
     points = list_ego_points(world.history)
     at_fault = impact is not None and impact.at_fault == "ego"
     is_object = world.hit is not None and KINDS[int(one.kinds[world.hit])] == "object"
-    duration = one.step * (len(points) - 1)
     lawful = _find_lawful_progress(one)
     return ScoreInputs(
         at_fault=int(at_fault and not is_object),
@@ -276,7 +272,7 @@ def _gather(
         progress=world.history[-1].progress - world.history[0].progress,
         reference=float(lawful[min(world.step, len(lawful) - 1)] - lawful[one.start]),
         overspeed=float(np.maximum(points[:, 3] - one.speed_limit, 0.0).sum() * one.step),
-        duration=duration,
+        duration=one.step * (len(points) - 1),
         off_lane=_find_longest_off_lane(world),
         comfortable=measure_comfort(points, one.step).is_comfortable,
     )

@@ -169,15 +169,12 @@ class Resolve(Reactive):
         wanted = float(self._cruise[j]) if meeting.target is None else meeting.target
         step = self._one.step
         wanted = min(max(wanted, speed - LOSS[kind] * step), speed + GAIN[kind] * step)
-        return float(min(wanted, self._limit_curve(j)))
-
-    def _limit_curve(self, j: int) -> float:
         path, s = self._one.paths[j], float(self._state.s[j])
         ahead = slice(int(s / path.spacing), int(s / path.spacing) + 40)
         bend = np.maximum(np.abs(path.curvature[ahead]), 1e-3)
         away = path.arc[ahead] - s
         reach = np.sqrt(LATERAL / bend + 2 * 2.0 * np.maximum(away, 0.0))
-        return float(reach.min(initial=50.0))
+        return float(min(wanted, float(reach.min(initial=50.0))))
 
     def _ignores_ego(self, j: int) -> bool:
         found = [each for each in self.meetings if each.agent == j]
@@ -192,7 +189,13 @@ class Resolve(Reactive):
             return
         meeting.way, meeting.left = way, left
         if way <= 0.0 or left <= 0.0:
-            self._close(meeting, way, left, step)
+            name = self._one.names[j]
+            self._close(
+                meeting, step,
+                f"the ego passed the place when {name} was {left:.0f} m short of it"
+                if left > 0
+                else f"{name} passed the place when the ego was {max(way, 0.0):.0f} m short of it",
+            )  # fmt: skip
             return
         if meeting.status == "committed":
             return
@@ -231,16 +234,9 @@ class Resolve(Reactive):
         coming = float(self._state.speed[j]) > 0.4 or left < HOLD[one.kinds[j]] + 1.5
         return near and slow and coming and not self._faces_red(ego, way, step)
 
-    def _close(self, meeting: EgoConflict, way: float, left: float, step: int) -> None:
-        """One of the two has passed the place: say how far off the other still is."""
-        name = self._one.names[meeting.agent]
-        meeting.target, meeting.status = None, "over"
+    def _close(self, meeting: EgoConflict, step: int, reason: str) -> None:
+        meeting.target, meeting.status, meeting.reason = None, "over", reason
         meeting.time = round(step * self._one.step, 2)
-        meeting.reason = (
-            f"the ego passed the place when {name} was {left:.0f} m short of it"
-            if left > 0
-            else f"{name} passed the place when the ego was {max(way, 0.0):.0f} m short of it"
-        )
 
     def _is_too_late(self, meeting: EgoConflict, ego: EgoState, way: float, step: int) -> bool:
         """Whether an ego that stands at a red light is kept there until it is too late; say so."""
@@ -252,13 +248,12 @@ class Resolve(Reactive):
         green = min(self._find_next_green(light, step) for light, _ in one.paths[one.ego].stops)
         if green + needed < left:
             return False
-        meeting.target, meeting.status = None, "over"
-        meeting.time = round(step * one.step, 2)
         when = f"for {green:.1f} s more" if np.isfinite(green) else "until the scene ends"
-        meeting.reason = (
+        self._close(
+            meeting, step,
             f"the ego stands at a light that is red {when}, {way:.0f} m before the place, "
-            f"and the scene ends in {left:.1f} s"
-        )
+            f"and the scene ends in {left:.1f} s",
+        )  # fmt: skip
         return True
 
     def _find_next_green(self, light: int, step: int) -> float:

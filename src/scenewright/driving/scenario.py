@@ -200,7 +200,7 @@ def build_scenario(
     lines, kinds = _list_map_lines(intersection_map)
     return Scenario(
         name=scene.name, step=scene.step, names=tuple(agent.name for agent in agents),
-        kinds=np.array([_find_kind(agent) for agent in agents]),
+        kinds=np.array([KINDS.index("object" if a.role == "object" else a.type) for a in agents]),
         sizes=np.array([(agent.length, agent.width) for agent in agents]),
         xy=np.stack([xy for xy, _, _ in samples]),
         heading=np.stack([heading for _, heading, _ in samples]),
@@ -212,10 +212,6 @@ def build_scenario(
         partner=_find_partners(record, ids, me),
         record=record, intersection_map=intersection_map,
     )  # fmt: skip
-
-
-def _find_kind(agent: ExportedAgent) -> int:
-    return KINDS.index("object" if agent.role == "object" else agent.type)
 
 
 def _spread(agent: ExportedAgent, steps: int) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -243,7 +239,11 @@ def _continue_collided(
             agents.append(agent)
             continue
         before = max(int(np.floor(time / scene.step + 1e-6)) - agent.first + 1, 2)
-        agents.append(_continue(_shorten(agent, before), scene, gates, colours))
+        cut = replace(
+            agent, xy=agent.xy[:before], heading=agent.heading[:before],
+            velocity=agent.velocity[:before],
+        )  # fmt: skip
+        agents.append(_continue(cut, scene, gates, colours))
     return [*agents, *scene.objects]
 
 
@@ -269,13 +269,6 @@ def _continue(
         heading=np.concatenate([agent.heading, heading]),
         velocity=np.concatenate([agent.velocity, np.zeros_like(xy)]),
     )  # fmt: skip
-
-
-def _shorten(agent: ExportedAgent, count: int) -> ExportedAgent:
-    """The agent with no more than so many samples; its route goes on from the last."""
-    return replace(
-        agent, xy=agent.xy[:count], heading=agent.heading[:count], velocity=agent.velocity[:count]
-    )
 
 
 def _build_path(
@@ -322,33 +315,22 @@ def _find_headings(
 
 
 def _find_stops(
-    record: AgentRecord | None,
-    lights: tuple[str, ...],
-    intersection_map: IntersectionMap,
+    record: AgentRecord | None, lights: tuple[str, ...], intersection_map: IntersectionMap
 ) -> dict[int, FloatArray]:
     """By number of a light that holds for the agent, the line or outline before which it waits."""
     if record is None or record.movement == "jaywalking":
         return {}
-    if record.crosswalk is not None:
-        gates = {
-            each.id: np.array(each.polygon) for each in intersection_map.crosswalks
-            if each.leg == record.crosswalk
-        }  # fmt: skip
-    else:
-        gates = {
-            each.id: np.array(each.line) for each in intersection_map.stop_lines
-            if each.leg == record.entry
-        }  # fmt: skip
+    walks = ((w.id, w.leg == record.crosswalk, w.polygon) for w in intersection_map.crosswalks)
+    lines = ((s.id, s.leg == record.entry, s.line) for s in intersection_map.stop_lines)
+    places = lines if record.crosswalk is None else walks
+    gates = {name: np.array(place) for name, holds, place in places if holds}
     return {k: gates[name] for k, name in enumerate(lights) if name in gates}
 
 
 def _find_crossing(path: AgentPath, gate: FloatArray, agent: ExportedAgent) -> float | None:
     """Where the centre waits before a line [2, 2] or outline [Q, 2]; None if it never meets it."""
     closed = gate if len(gate) == 2 else np.concatenate([gate, gate[:1]])
-    hits = [
-        s for a, b in pairwise(closed)
-        for s in _intersect(path, a, b)
-    ]  # fmt: skip
+    hits = [s for a, b in pairwise(closed) for s in _intersect(path, a, b)]
     if not hits:
         return None
     front = agent.length / 2 + (0.4 if len(gate) == 2 else 0.2)

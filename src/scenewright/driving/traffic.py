@@ -26,12 +26,8 @@ def make_traffic(others: OthersMode, temperament: Temper = "obedient") -> Traffi
         raise InputError(f"no temperament {str(temperament)[:40]!r} for the others; {known}")
     if temperament != "obedient" and others == "replay":
         raise InputError("a temperament is for others that react; these replay the scene")
-    models: dict[OthersMode, type[Replay] | type[Reactive]] = {
-        "replay": Replay,
-        "reactive": Reactive,
-        "resolve": Resolve,
-    }
-    model = models[others]()
-    if isinstance(model, Reactive):
-        model.temperament = TEMPERAMENTS[temperament]
+    if others == "replay":
+        return Replay()
+    model = Resolve() if others == "resolve" else Reactive()
+    model.temperament = TEMPERAMENTS[temperament]
     return model

@@ -108,10 +108,6 @@ class World:
         self.history.append(self.ego)
         self.record.append(self.others)
         self.hit = _find_hit(one, before, self.ego, others, self.others)
-        self._look_for_end()
-
-    def _look_for_end(self) -> None:
-        one = self.scenario
         if self.hit is not None:
             self.end = "collision"
         elif self.ego.progress >= one.paths[one.ego].length - ARRIVAL_TOLERANCE:
@@ -125,16 +121,12 @@ def start_world(
 ) -> World:
     """A drive at its first step."""
     others = traffic.start(scenario, rng)
-    ego = _start_ego(scenario)
-    return World(scenario, traffic, mode, scenario.start, ego, others, [ego], [others])
-
-
-def _start_ego(scenario: Scenario) -> EgoState:
     path, k = scenario.paths[scenario.ego], scenario.start
     x, y = scenario.xy[scenario.ego, k]
     heading = float(scenario.heading[scenario.ego, k])
     speed = float(path.progress[k + 1] - path.progress[k]) / scenario.step
-    return EgoState(float(x), float(y), heading, speed, 0.0, 0.0, float(path.progress[k]), 0.0)
+    ego = EgoState(float(x), float(y), heading, speed, 0.0, 0.0, float(path.progress[k]), 0.0)
+    return World(scenario, traffic, mode, scenario.start, ego, others, [ego], [others])
 
 
 def _find_hit(

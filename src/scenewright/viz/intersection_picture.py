@@ -41,16 +41,13 @@ def draw_intersection(
     Raises:
         InputError: the file cannot be written; nothing is left behind.
     """
-    page = _draw_page(intersection, tracks or (), samples or ())
-    write_atomically(path, page.render(dpi))
-
-
-def _draw_page(
-    intersection: IntersectionMap, tracks: Sequence[FloatArray], samples: Sequence[FloatArray]
-) -> Drawing:
+    tracks, samples = tracks or (), samples or ()
     side, half = 0.94 * SIZE, intersection.extent
     shades = choose_group_colours(intersection)
-    key = _list_key_entries(shades, tracks, samples)
+    key = [KeyEntry(make_printable(name, limit=40), shade, 2) for name, shade in shades.items()]
+    key.append(KeyEntry("crosswalk", SOFT_INK, 1.4, _DASHES))
+    key += [KeyEntry(f"{len(tracks)} recorded tracks", TRACK, 1)] if len(tracks) else []
+    key += [KeyEntry(f"{len(samples)} samples", SAMPLE, 1)] if len(samples) else []
     page = create_page(SIZE, 0.58 + side + (0.3 if len(key) <= KEY_COLUMNS else 0.5))
     axes = page.add_map((-half, half, -half, half), 0.03 * SIZE, 0.58, side, side)
     draw_basemap(axes, intersection)
@@ -68,7 +65,7 @@ def _draw_page(
     draw_north(axes)
     _draw_header(page, intersection)
     draw_key(page, key, 0.58 + side + 0.15, columns=KEY_COLUMNS)
-    return page
+    write_atomically(path, page.render(dpi))
 
 
 def choose_group_colours(intersection: IntersectionMap) -> dict[str, str]:
@@ -154,13 +151,3 @@ def _draw_header(page: Drawing, intersection: IntersectionMap) -> None:
     left = 0.03 * SIZE
     page.write(make_printable(name_place(intersection), limit=90), (left, 0.1), 12, above=0.0)
     page.write(make_printable(counts, limit=140), (left, 0.34), 8.5, above=0.0, fill=SOFT_INK)
-
-
-def _list_key_entries(
-    shades: dict[str, str], tracks: Sequence[FloatArray], samples: Sequence[FloatArray]
-) -> list[KeyEntry]:
-    key = [KeyEntry(make_printable(name, limit=40), shade, 2) for name, shade in shades.items()]
-    key.append(KeyEntry("crosswalk", SOFT_INK, 1.4, _DASHES))
-    key += [KeyEntry(f"{len(tracks)} recorded tracks", TRACK, 1)] if len(tracks) else []
-    key += [KeyEntry(f"{len(samples)} samples", SAMPLE, 1)] if len(samples) else []
-    return key

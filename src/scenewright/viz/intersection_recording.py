@@ -15,10 +15,10 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.viz.appearance import make_printable, parse_colour
 from scenewright.viz.recording import (
     APPLICATION,
-    PAPER,
     escape_markdown,
     join_entity_path,
     log_map,
+    look_down,
     raise_points,
 )
 
@@ -65,7 +65,9 @@ def record_intersection(
         _log_curves(
             stream, join_entity_path("priors", route.type, route.id), drawn, colour, "priors", 0.05
         )
-    page = _write_facts(intersection, facts)
+    lines = [f"### {escape_markdown(make_printable(intersection.title, limit=200))}", ""]
+    lines += [f"- {escape_markdown(make_printable(each, limit=400))}" for each in facts]
+    page = "\n".join(lines)
     stream.log("about", rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     stream.send_blueprint(_build_blueprint(intersection))
     write_atomically(path, memory.drain_as_bytes())
@@ -77,19 +79,10 @@ def _log_legs(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> 
 
     ways = [np.array([np.cos(leg.bearing), np.sin(leg.bearing)]) for leg in intersection_map.legs]
     places = np.array([0.92 * intersection_map.extent * way for way in ways])
-    stream.log(
-        "map/legs",
-        rr.Points3D(
-            raise_points(places, _HEIGHTS["names"]),
-            labels=[
-                make_printable(f"{leg.name}: {leg.road}", limit=80) for leg in intersection_map.legs
-            ],
-            colors=_INK,
-            radii=0.6,
-            show_labels=True,
-        ),
-        static=True,
-    )
+    labels = [make_printable(f"{leg.name}: {leg.road}", limit=80) for leg in intersection_map.legs]
+    points = rr.Points3D(raise_points(places, _HEIGHTS["names"]), labels=labels, colors=_INK,
+                         radii=0.6, show_labels=True)  # fmt: skip
+    stream.log("map/legs", points, static=True)
 
 
 def _log_movements(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> None:
@@ -127,29 +120,13 @@ def _log_curves(
         stream.log(path, rr.LineStrips3D(strips, colors=colour, radii=radius), static=True)
 
 
-def _write_facts(intersection_map: IntersectionMap, facts: Sequence[str]) -> str:
-    lines = [f"### {escape_markdown(make_printable(intersection_map.title, limit=200))}", ""]
-    return "\n".join(
-        [*lines, *(f"- {escape_markdown(make_printable(each, limit=400))}" for each in facts)]
-    )
-
-
 def _build_blueprint(intersection_map: IntersectionMap) -> rrb.Blueprint:
     """The plan from above, north up, and the facts beside it."""
     import rerun.blueprint as rrb
 
-    plan = rrb.Spatial3DView(
-        origin="/",
-        name="Intersection (north up)",
-        contents=["+ /**", "- /about/**"],
-        background=rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=PAPER),
-        line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=(0.0, 0.0, 2.4 * intersection_map.extent),
-            look_target=(0.0, 0.0, 0.0),
-            eye_up=(0.0, 1.0, 0.0),
-        ),
+    contents = ["+ /**", "- /about/**"]
+    plan = look_down(
+        (0.0, 0.0), 2.4 * intersection_map.extent, name="Intersection (north up)", contents=contents
     )
     aside = rrb.TextDocumentView(origin="/about", name="Facts")
     return rrb.Blueprint(

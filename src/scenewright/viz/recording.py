@@ -11,7 +11,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -188,20 +188,15 @@ def _log_area(
     areas: tuple[PolygonWithHoles, ...],
     colour: tuple[int, int, int],
 ) -> None:
-    height = _LAYERS[path.removeprefix("map/")]
-    corners = [triangle for area in areas for triangle in _triangulate(area)]
+    import shapely
+
+    geos: Any = shapely
+    shapes = [geos.Polygon(area.exterior, area.holes) for area in areas]
+    parts = geos.get_parts([geos.constrained_delaunay_triangles(shape) for shape in shapes])
+    corners = [geos.get_coordinates(part)[:3] for part in parts]
     if corners:
+        height = _LAYERS[path.removeprefix("map/")]
         _log_mesh(stream, path, np.vstack(corners), colour, height)
-
-
-def _triangulate(area: PolygonWithHoles) -> list[FloatArray]:
-    """[3, 2] corners of triangles that fill an area."""
-    from shapely import constrained_delaunay_triangles, get_coordinates, get_parts
-    from shapely.geometry import Polygon
-
-    polygon = Polygon(area.exterior, area.holes)  # type: ignore[no-untyped-call]
-    parts = get_parts(constrained_delaunay_triangles(polygon))  # type: ignore[no-untyped-call]
-    return [get_coordinates(part)[:3] for part in parts]
 
 
 def _log_mesh(
@@ -263,12 +258,8 @@ def _log_motion(stream: rr.RecordingStream, motion: DrawnMotion) -> None:
     stream.log(join_entity_path("speed", name), rr.SeriesLines(
         colors=parse_colour(motion.colour), names=name, widths=2.5 if motion.is_foreground else 1.0,
     ), static=True)  # fmt: skip
-    _send(
-        stream,
-        join_entity_path("speed", name),
-        motion.times,
-        rr.Scalars.columns(scalars=motion.speed),
-    )
+    speeds = rr.Scalars.columns(scalars=motion.speed)
+    _send(stream, join_entity_path("speed", name), motion.times, speeds)
     if not motion.stays:
         gone = motion.times[-1:] + 0.1
         for root in ("agents", "trails"):
@@ -340,12 +331,8 @@ def _log_trail(stream: rr.RecordingStream, motion: DrawnMotion) -> None:
     points = raise_points(motion.xy, 0.05)
     pieces = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
     colours = np.tile(np.array(parse_colour(motion.colour), dtype=np.uint8), (len(pieces), 1))
-    _send(
-        stream,
-        join_entity_path("trails", motion.agent.name),
-        motion.times[1:],
-        rr.LineStrips3D.columns(strips=pieces, colors=colours, radii=np.full(len(pieces), 0.12)),
-    )
+    lines = rr.LineStrips3D.columns(strips=pieces, colors=colours, radii=np.full(len(pieces), 0.12))
+    _send(stream, join_entity_path("trails", motion.agent.name), motion.times[1:], lines)
 
 
 def _log_states(stream: rr.RecordingStream, scene: SceneRecord) -> None:
@@ -377,7 +364,10 @@ def _log_signals(
     import rerun as rr
 
     places = find_light_positions(intersection)
-    for name, rows in _group_by_light(scene.signals).items():
+    lights: dict[str, list[SignalRecord]] = {}
+    for row in sorted(scene.signals, key=lambda row: row.start):
+        lights.setdefault(row.stop_line or row.crosswalk or "light", []).append(row)
+    for name, rows in lights.items():
         times = [row.start for row in rows]
         lane = join_entity_path("signal_states", name)
         _log_state_colours(stream, lane, dict(LIGHTS))
@@ -385,20 +375,13 @@ def _log_signals(
         spots = [(x, y, 0.3) for x, y in places.get(name, [])]
         if spots:
             size = 0.55 if len(spots) == 1 else 0.38
-            lights = rr.Points3D.columns(
+            dots = rr.Points3D.columns(
                 positions=np.tile(spots, (len(rows), 1)),
                 colors=[parse_colour(LIGHTS[row.colour]) for row in rows for _ in spots],
                 radii=np.full(len(rows) * len(spots), size),
             )
             _send(stream, join_entity_path("signals", name), times,
-                  lights.partition(lengths=[len(spots)] * len(rows)))  # fmt: skip
-
-
-def _group_by_light(rows: Iterable[SignalRecord]) -> dict[str, list[SignalRecord]]:
-    lights: dict[str, list[SignalRecord]] = {}
-    for row in sorted(rows, key=lambda row: row.start):
-        lights.setdefault(row.stop_line or row.crosswalk or "light", []).append(row)
-    return lights
+                  dots.partition(lengths=[len(spots)] * len(rows)))  # fmt: skip
 
 
 def _log_events(stream: rr.RecordingStream, scene: SceneRecord) -> None:
@@ -533,19 +516,28 @@ def _build_plan_view(
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
     west, east, south, north = choose_view(scene, moving, intersection)
-    middle = ((west + east) / 2, (south + north) / 2, 0.0)
+    middle = ((west + east) / 2, (south + north) / 2)
     hidden = [
         f"- /{join_entity_path('candidates', m.agent.name)}" for m in moving if not m.is_foreground
     ]
+    return look_down(
+        middle, 1.2 * (east - west), name="Scene (north up)",
+        contents=["+ /**", "- /report/**", "- /log/**", "- /speed/**", *hidden],
+        overrides={join_entity_path("trails", motion.agent.name): recent for motion in moving},
+    )  # fmt: skip
+
+
+def look_down(place: tuple[float, float], height: float, **fields: Any) -> rrb.Spatial3DView:
+    """A view of everything from so high above a place [m], north up."""
+    import rerun.blueprint as rrb
+
     return rrb.Spatial3DView(
         origin="/",
-        name="Scene (north up)",
-        contents=["+ /**", "- /report/**", "- /log/**", "- /speed/**", *hidden],
         background=rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=PAPER),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=(*middle[:2], 1.2 * (east - west)),
-            look_target=middle, eye_up=(0.0, 1.0, 0.0),
+            kind=rrb.Eye3DKind.Orbital, position=(*place, height), look_target=(*place, 0.0),
+            eye_up=(0.0, 1.0, 0.0),
         ),
-        overrides={join_entity_path("trails", motion.agent.name): recent for motion in moving},
+        **fields,
     )  # fmt: skip

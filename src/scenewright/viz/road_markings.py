@@ -7,7 +7,7 @@ from math import ceil
 import numpy as np
 
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
+from scenewright.scene.map import Crosswalk, IntersectionMap
 
 
 def find_painted_bounds(intersection: IntersectionMap) -> dict[str, list[FloatArray]]:
@@ -25,30 +25,16 @@ def find_painted_bounds(intersection: IntersectionMap) -> dict[str, list[FloatAr
     ]
     found: dict[str, list[FloatArray]] = {"median": [], "divider": [], "edge": []}
     for lane, line in bounds:
-        kind = _classify_bound(find_midpoint(line), lane, bounds, closed)
-        if kind is not None:
-            found[kind].append(line)
+        middle = find_midpoint(line)
+        others = [
+            other.kind for other, its in bounds
+            if other.leg == lane.leg and other is not lane and _measure_distance(middle, its) < 0.4
+        ]  # fmt: skip
+        if others:
+            found["divider" if lane.kind in others else "median"].append(line)
+        elif all(_measure_distance(middle, ring) >= 0.6 for ring in closed):
+            found["edge"].append(line)
     return {kind: _drop_repeats(lines) for kind, lines in found.items()}
-
-
-def _classify_bound(
-    middle: FloatArray,
-    lane: Lanelet,
-    bounds: list[tuple[Lanelet, FloatArray]],
-    kerbs: list[FloatArray],
-) -> str | None:
-    others = [
-        other.kind
-        for other, line in bounds
-        if other.leg == lane.leg and other is not lane and _measure_distance(middle, line) < 0.4
-    ]
-    if others:
-        return "divider" if lane.kind in others else "median"
-    return (
-        None
-        if min((_measure_distance(middle, ring) for ring in kerbs), default=9.0) < 0.6
-        else "edge"
-    )
 
 
 def find_midpoint(line: FloatArray) -> FloatArray:
@@ -92,15 +78,8 @@ def build_crosswalk_bars(crosswalk: Crosswalk, *, bar: float = 0.5, gap: float =
     count = max(1, ceil((length - bar) / (bar + gap)))
     begin = start + along * (length - count * bar - (count - 1) * gap) / 2
     first = begin + np.arange(count)[:, None] * along * (bar + gap)
-    return np.stack(
-        [
-            first - across,
-            first + along * bar - across,
-            first + along * bar + across,
-            first + across,
-        ],
-        axis=1,
-    )
+    last = first + along * bar
+    return np.stack([first - across, last - across, last + across, first + across], axis=1)
 
 
 def find_light_positions(intersection: IntersectionMap) -> dict[str, list[Point]]:

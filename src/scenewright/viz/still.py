@@ -356,9 +356,9 @@ def _mark_stops(axes: Drawing, layout: LabelLayout, motion: DrawnMotion) -> None
         middle, reach = motion.compute_front(index) + 0.35 * ahead, 0.75 * motion.agent.width
         bar = np.array([middle - reach * right, middle + (reach + 0.4) * right])
         axes.draw([bar], order=13, stroke=STOP_RED, stroke_width=1.6)
-        axes.mark(bar[1], 7.9, corners=OCTAGON, order=14, fill=STOP_RED, stroke="white",
-                  stroke_width=0.9)  # fmt: skip
         sign = bar[1]
+        axes.mark(sign, 7.9, corners=OCTAGON, order=14, fill=STOP_RED, stroke="white",
+                  stroke_width=0.9)  # fmt: skip
         begin, end = motion.times[stand[0]], motion.times[stand[1]]
         layout.avoid(sign[None])
         layout.write(f"stands {begin:.1f}–{end:.1f} s", sign, 7.5, STOP_RED, order=24,
@@ -370,16 +370,10 @@ def _list_legend_entries(
 ) -> list[list[tuple[str, str, str]]]:
     """Rows of (symbol, colour, words)."""
     actions = _describe_events(scene)
-    rows = [
-        [
-            (
-                "pedestrian" if m.agent.type == "pedestrian" else "vehicle",
-                m.colour,
-                _describe_agent(m, actions),
-            )
-        ]
-        for m in sorted((m for m in moving if m.is_foreground), key=lambda m: m.agent.id)
-    ]
+    rows = []
+    for m in sorted((m for m in moving if m.is_foreground), key=lambda m: m.agent.id):
+        symbol = "pedestrian" if m.agent.type == "pedestrian" else "vehicle"
+        rows.append([(symbol, m.colour, _describe_agent(m, actions))])
     keys = [("vehicle", BACKGROUND_VEHICLE, "background vehicle"),
             ("pedestrian", BACKGROUND_PEDESTRIAN, "background pedestrian"),
             ("dot", "#FFFFFF", "one second")]  # fmt: skip

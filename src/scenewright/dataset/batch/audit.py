@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -136,13 +135,10 @@ def _find_table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Au
     Datasets of earlier versions have fewer tables, and fewer columns.
     """
     there = [name for name in TABLES if list_table_files(folder / "tables", name)]
-    again = Path(tempfile.mkdtemp(prefix="scenewright-"))
-    try:
-        yield from _compare_rebuilt(folder, again, manifest)
+    with tempfile.TemporaryDirectory(prefix="scenewright-", ignore_cleanup_errors=True) as again:
+        yield from _compare_rebuilt(folder, Path(again), manifest)
         for name in there:
-            yield from _compare_tables(folder, again, name, manifest)
-    finally:
-        shutil.rmtree(again, ignore_errors=True)
+            yield from _compare_tables(folder, Path(again), name, manifest)
 
 
 def _compare_rebuilt(
@@ -154,11 +150,18 @@ def _compare_rebuilt(
         with TableWriter(again) as writer:
             for name in ("scenes", "refused"):
                 for row in read_table(folder / "tables", name, ABOUT):
-                    found = _read_files(folder, row)
+                    place = row.get("folder")
+                    if place is not None and (place in ("", "..") or Path(place).name != place):
+                        raise ValueError(f"{place!r} is no folder of a scene")
+                    found = SceneFiles.read(folder, row)
                     writer.add(found)
                     counts[row.get("status", "made")] += 1
                     yield from _find_strayed(found)
-        yield from _find_miscounts(counts, manifest)
+        for status in ("made", "refused", "failed"):
+            stated, there = manifest["rows"].get(status), counts[status]
+            if stated != there:
+                what = f"counts {stated} rows {status}, the table scenes has {there}"
+                yield AuditFault(MANIFEST, what)
     except (OSError, ValueError, KeyError, TypeError) as error:
         yield AuditFault("tables/scenes", f"cannot be compared with the scenes: {error}")
 
@@ -175,28 +178,6 @@ def _find_strayed(files: SceneFiles) -> Iterator[AuditFault]:
                 str(files.about["folder"]), f"is the scene of another row: its {key} differs"
             )
             return
-
-
-def _find_miscounts(counts: Mapping[str, int], manifest: Mapping[str, Any]) -> Iterator[AuditFault]:
-    """Where the manifest counts other rows than the table has."""
-    for status in ("made", "refused", "failed"):
-        stated = manifest["rows"].get(status)
-        if stated != counts.get(status, 0):
-            what = f"counts {stated} rows {status}, the table scenes has {counts.get(status, 0)}"
-            yield AuditFault(MANIFEST, what)
-
-
-def _read_files(folder: Path, about: dict[str, Any]) -> SceneFiles:
-    place = about.get("folder")
-    if place is None:
-        return SceneFiles(about)
-    if place in ("", ".", "..") or Path(place).name != place:
-        raise ValueError(f"{place!r} is no folder of a scene")
-    scene, proof, provenance = (
-        json.loads((folder / place / f"{name}.json").read_bytes())
-        for name in ("scene", "proof", "provenance")
-    )
-    return SceneFiles(about, scene, proof, provenance)
 
 
 def _compare_tables(

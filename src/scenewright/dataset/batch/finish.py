@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +149,9 @@ def finish(
         "tables": {name: tally.tables[name] for name in TABLES},
     }
     ours = hash_files(out, [CARD, *names, *extra])
-    write_manifest(out, manifest, _chain(ours, done))
+    theirs = ((f"{row.folder}/{name}", sha256) for _, row in done
+              for name, sha256 in row.sha256.items())  # fmt: skip
+    write_manifest(out, manifest, chain(ours, theirs))
 
 
 class _Done:
@@ -165,15 +167,8 @@ class _Done:
                 yield job, entry
 
 
-def _chain(ours: Iterable[tuple[str, str]], done: _Done) -> Iterator[tuple[str, str]]:
-    yield from ours
-    for _, entry in done:
-        for name, sha256 in entry.sha256.items():
-            yield f"{entry.folder}/{name}", sha256
-
-
 def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
-    made = entry.status == "made"
+    made, options = entry.status == "made", job.options
     about = {
         "row": job.key,
         "folder": entry.folder if made else None,
@@ -183,22 +178,15 @@ def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
         "text": job.text,
         "asked": job.asked,
         "voice": job.voice,
-        "split": job.split or choose_split(job.intersection, job.text, job.voice),
+        "split": job.split or choose_split(options.intersection, job.text, job.voice),
         "seed": job.seed,
-        "intersection": job.intersection,
-        "backend": label(job.backend),
-        "refiner": job.refiner,
-        "selection": job.selection,
+        "intersection": options.intersection,
+        "backend": label(options.backend),
+        "refiner": options.refiner,
+        "selection": options.selection,
         "attempts": entry.attempts,
     }
-    if not made:
-        return SceneFiles(about)
-    place = out / entry.folder
-    scene, proof, provenance = (
-        json.loads((place / f"{name}.json").read_bytes())
-        for name in ("scene", "proof", "provenance")
-    )
-    return SceneFiles(about, scene, proof, provenance)
+    return SceneFiles.read(out, about)
 
 
 def _build_contents(

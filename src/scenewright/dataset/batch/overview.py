@@ -19,6 +19,16 @@ VIEW = (-45.0, 45.0, -45.0, 45.0)
 _BINS = 30
 
 
+def create_figure(width: float, height: float) -> Any:
+    """An empty figure [inches] that is drawn without a display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
 def draw_overview(
     path: Path,
     *,
@@ -33,11 +43,7 @@ def draw_overview(
         agents: number of agents in a scene -> how many scenes have it.
         name: the intersection that is drawn beneath; None for none.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.5, 4.2), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = create_figure(11.5, 4.2)
     where, when, size = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
     kinds = [kind for kind in COLOURS if len(places.get(kind, ()))]
     _draw_places(where, places, kinds, name)
@@ -75,13 +81,9 @@ def _draw_places(
 
 def draw_coverage(path: Path, covered: Sequence[Covered], *, columns: int = 3) -> None:
     """Writes a PNG with the counts of all bins; those with too few are named in orange."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     lines = [covered[k : k + columns] for k in range(0, len(covered), columns)]
     heights = [3 + max(len(each.counts) for each in line) for line in lines]
-    figure = Figure(figsize=(4.2 * columns, 0.19 * sum(heights)), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = create_figure(4.2 * columns, 0.19 * sum(heights))
     grid = figure.subplots(len(lines), columns, squeeze=False, height_ratios=heights)
     for axes in grid.flat[len(covered) :]:
         axes.set_axis_off()

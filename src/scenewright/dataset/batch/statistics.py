@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.dataset.batch.overview import create_figure
 from scenewright.dataset.tables.parquet import SceneFiles
 from scenewright.geometry.kinematics import differentiate
 from scenewright.scene.base import FloatArray
@@ -81,24 +82,14 @@ def _compute_mean_speed(agent: Mapping[str, Any], step: float) -> float | None:
 
 def draw_statistics(path: Path, statistics: Statistics) -> None:
     """Writes histograms as a PNG; the same values give the same bytes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.5, 2.9), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = create_figure(11.5, 2.9)
     all_axes = figure.subplots(1, len(_PLOTTED))
     for axes, (begin, unit, span) in zip(all_axes, _PLOTTED, strict=True):
         for name, values in sorted(statistics.values.items()):
             if name.startswith(begin):
                 label = name.removeprefix(begin).rpartition(" [")[0]
-                axes.hist(
-                    np.array(values),
-                    bins=24,
-                    range=span,
-                    histtype="stepfilled",
-                    alpha=0.5,
-                    label=label,
-                )
+                axes.hist(np.array(values), bins=24, range=span, histtype="stepfilled", alpha=0.5,
+                          label=label)  # fmt: skip
         axes.set(xlabel=f"{begin.removesuffix(' of ').strip(': ')} [{unit}]", xlim=span)
         if axes.patches:
             axes.legend(fontsize=7)

@@ -83,6 +83,7 @@ class Job:
 
     Attributes:
         number: of the row; key: a name for it that is its own: the row's id.
+        seed: of the scene; options: the run's, with what the row has in their place.
         context: the scene's context as far as the row sets it.
         asked: the event that an order wants; None if not given.
         voice: the template or model that worded the text, if known.
@@ -98,18 +99,10 @@ class Job:
     folder: str
     text: str
     seed: int
-    intersection: str
-    backend: Names
-    refiner: str
-    selection: Literal["draw", "map"]
+    options: Options
     context: Mapping[str, Any] = field(default_factory=dict)
     asked: str | None = None
     voice: str | None = None
-    base_url: str | None = None
-    lenient: bool = False
-    max_agents: int | None = None
-    lawful: bool = False
-    time_limit: float = DEFAULT_LIMIT
     wanted: tuple[str, ...] | None = None
     split: Split | None = None
     asking: Asking = PLAINLY
@@ -140,23 +133,16 @@ class Outcome:
 def build_job(named: Named, options: Options, asking: Asking) -> Job:
     """The job that a row amounts to."""
     row, own = named.row, named.row.overrides
+    places = {name: getattr(own, name) for name in ("intersection", "refiner", "selection")}
     return Job(
         number=named.number,
         key=row.id,
         folder=named.folder,
         text=row.text if named.plan is None else word_plan(named.plan)[0],
         seed=choose_seed(row, seed=options.seed),
-        intersection=own.intersection or options.intersection,
-        backend=options.backend,
-        refiner=own.refiner or options.refiner,
-        selection=own.selection or options.selection,
+        options=replace(options, **{name: each for name, each in places.items() if each}),
         context=own.context,
         voice=row.voice,
-        base_url=options.base_url,
-        lenient=options.lenient,
-        max_agents=options.max_agents,
-        lawful=options.lawful,
-        time_limit=options.time_limit,
         asking=asking,
         plan=named.plan,
     )
@@ -167,7 +153,10 @@ def work(job: Job) -> Outcome:
     start = time.perf_counter()
     outcome = _run_job(job)
     seconds = round(time.perf_counter() - start, 4)
-    return replace(outcome, reason=_shorten_reason(outcome.reason), seconds=seconds)
+    reason = None if outcome.reason is None else " ".join(outcome.reason.split())
+    if reason is not None and len(reason) > _LONGEST_REASON:
+        reason = reason[: _LONGEST_REASON - 1] + "…"
+    return replace(outcome, reason=reason, seconds=seconds)
 
 
 def _run_job(job: Job) -> Outcome:
@@ -199,18 +188,12 @@ def _run_job(job: Job) -> Outcome:
 def _make_scene(job: Job) -> Outcome:
     from scenewright.graph.run import encode_scene, synthesize
 
-    backend = _load_backend(job.backend, job.base_url, job.asking)
+    shared = dict(vars(job.options))
+    backend = _load_backend(shared.pop("backend"), shared.pop("base_url"), job.asking)
     scene = synthesize(
         job.text if job.plan is None else job.plan,
-        intersection=job.intersection,
         backend=_Overriding(backend, job.context) if job.context else backend,
-        seed=job.seed,
-        refiner=job.refiner,
-        selection=job.selection,
-        lenient=job.lenient,
-        max_agents=job.max_agents,
-        lawful=job.lawful,
-        time_limit=job.time_limit,
+        **shared | {"seed": job.seed},
     )
     attempts = 1 + len(scene.provenance["rejections"])
     paid = _sum_paid(scene.provenance.get("models", {}))
@@ -273,23 +256,15 @@ class _Overriding:
         if question.task != "plan" or not isinstance(reply, dict) or "agents" not in reply:
             return reply
         # What the words say of a replaced part of the context is no longer so.
-        said = [e for e in reply.get("said") or () if not self._is_replacement_of(e)]
+        said = [
+            each for each in reply.get("said") or ()
+            if not (isinstance(each, Mapping) and each.get("became") in self._context)
+        ]  # fmt: skip
         context = {**(reply.get("context") or {}), **self._context}
         return {**reply, "context": context, "said": said}
-
-    def _is_replacement_of(self, entry: Any) -> bool:
-        became = entry.get("became") if isinstance(entry, Mapping) else None
-        return became in self._context
 
 
 def format_json_line(value: Any) -> bytes:
     """A value as one line of JSON: the same value, the same bytes."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return (text + "\n").encode("utf-8", "backslashreplace")
-
-
-def _shorten_reason(reason: str | None) -> str | None:
-    if reason is None:
-        return None
-    line = " ".join(reason.split())
-    return line if len(line) <= _LONGEST_REASON else line[: _LONGEST_REASON - 1] + "…"

@@ -276,19 +276,16 @@ def build_jobs(
             folder=entry.id,
             text=entry.text,
             seed=entry.seed,
-            intersection=entry.intersection or options.intersection,
-            backend=tuple(entry.backend),
-            refiner=options.refiner,
-            selection=options.selection,
+            options=replace(
+                options, intersection=entry.intersection or options.intersection,
+                backend=tuple(entry.backend), base_url=find_url(entry.backend, options.base_url),
+            ),
             context={} if entry.background is None else {"background": entry.background},
             asked=entry.event,
             voice=entry.voice,
-            base_url=find_url(entry.backend, options.base_url),
-            lawful=options.lawful,
-            time_limit=options.time_limit,
             wanted=slots[entry.slot].quota.leaves,
             split="test" if entry.intersection in held else None,
             asking=asking[tuple(entry.backend)],
         )
         for number, entry in enumerate(entries)
-    ]
+    ]  # fmt: skip

@@ -139,7 +139,9 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
             limit=order.row_timeout, asking=speakers, log=log,
         )  # fmt: skip
         before = _list_sizes(order.out)
-        state = _run(context)
+        # Rounds are bounded by the budget; each takes three steps.
+        limit = {"recursion_limit": 4 * order.most + 8}
+        state: OrderState = build_order_graph().invoke({}, context=context, config=limit)
         with batch.lock_journals() as journal:
             report = report_of(order, state, book, journal)
             if before != _list_sizes(order.out) or not (order.out / MANIFEST).exists():
@@ -175,15 +177,6 @@ def check_order(order: Order, speakers: Mapping[Names, Asking]) -> None:
     for names, asking in speakers.items():
         options = replace(order.options, backend=names, base_url=find_url(names, url))
         check_options(options, asking)
-
-
-def _run(context: OrderContext) -> OrderState:
-    # Rounds are bounded by the budget; each takes three steps.
-    limit = 4 * context.budget + 8
-    state: OrderState = build_order_graph().invoke(
-        {}, context=context, config={"recursion_limit": limit}
-    )
-    return state
 
 
 def _list_sizes(out: Path) -> tuple[int, ...]:

@@ -74,25 +74,23 @@ def describe_in_croissant(
         "citeAs": f"The scenewright contributors: {name}. Made with scenewright {version}.",
         "version": version,
         "isLiveDataset": False,
-        "distribution": [_describe_files(table) for table in tables],
-        "recordSet": [_record_set(table) for table in tables],
-    }
+        "distribution": [
+            {
+                "@type": "cr:FileSet",
+                "@id": f"files-of-{table}",
+                "name": f"files-of-{table}",
+                "encodingFormat": "application/x-parquet",
+                "includes": f"tables/{table}/*.parquet",
+            }
+            for table in tables
+        ],
+        "recordSet": [
+            {"@type": "cr:RecordSet", "@id": table, "name": table,
+             "field": [_describe_field(table, column) for column in SCHEMAS[table]]}
+            for table in tables
+        ],
+    }  # fmt: skip
     return (json.dumps(value, ensure_ascii=False, indent=1) + "\n").encode("utf-8")
-
-
-def _describe_files(table: str) -> dict[str, Any]:
-    return {
-        "@type": "cr:FileSet",
-        "@id": f"files-of-{table}",
-        "name": f"files-of-{table}",
-        "encodingFormat": "application/x-parquet",
-        "includes": f"tables/{table}/*.parquet",
-    }
-
-
-def _record_set(table: str) -> dict[str, Any]:
-    fields = [_describe_field(table, column) for column in SCHEMAS[table]]
-    return {"@type": "cr:RecordSet", "@id": table, "name": table, "field": fields}
 
 
 def _describe_field(table: str, column: str) -> dict[str, Any]:

@@ -183,6 +183,14 @@ class SceneFiles:
     proof: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] | None = None
 
+    @classmethod
+    def read(cls, out: Path, about: Mapping[str, Any]) -> Self:
+        """The files in the folder that `about` names, below the dataset's, if it names one."""
+        if about.get("folder") is None:
+            return cls(about)
+        place, names = out / about["folder"], ("scene", "proof", "provenance")
+        return cls(about, *(json.loads((place / f"{name}.json").read_bytes()) for name in names))
+
 
 def build_rows(files: SceneFiles) -> dict[str, Any]:
     """Rows of each table for one row of the dataset; those of `tracks` as lists by column."""
