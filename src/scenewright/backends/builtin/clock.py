@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.words import VOCABULARY
+from scenewright.backends.builtin.reader.words import VOCABULARY, compile_words
 
 _Reader = Callable[[re.Match[str]], str | None]
 _DAY = 24 * 60
@@ -57,15 +57,8 @@ _PLAIN = re.compile(
     rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
     rf"{_SUFFIX}(?!\w))"
 )
-_PRONOUN = re.compile(
-    r"\b(?:make|create|show|build|generate|give|want|need|have|like|draw|produce|stage|get|do)"
-    r"(?: me| us)? $"
-)
-_BARE = re.compile(
-    r"\b(?:at|around)\s+(\d{1,2})(?!\s*(?:\.\d|:|km|kmh|mph|kph|m\b|meters?|metres?|"
-    r"seconds?|s\b|feet|ft|%|degree|"
-    r"cars?|vehicles?|ped|pedestrians?|people|percent))\b(?=\s*(?:$|[.,;]|a\b|the\b|in\b|with\b))"
-)
+_PRONOUN = compile_words("clock.pronoun", re.NOFLAG)
+_BARE = compile_words("clock.bare", re.NOFLAG)
 
 
 def read_clock(text: str) -> str | None:

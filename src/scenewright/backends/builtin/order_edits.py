@@ -7,14 +7,12 @@ from collections.abc import Sequence
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.named import Named
+from scenewright.backends.builtin.reader.words import WORDS
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, Edit, Relate, Situation
 from scenewright.scene.social import RelationEdge
 
-_PASSES = (
-    r"\b(?:go|pass|cross|come|enter|leave|drive|walk|be|get|got|went|came|is)(?:e?s|ing|ed)?\b"
-    r"(?: (?:through|across|over|out|by|just|only|right|in|it|there)){0,2} "
-)
+_PASSES: str = WORDS["order_edits"]["passes"]
 _ORDER = re.compile(
     _PASSES
     + r"(?:(?P<early>first|before|ahead of|in front of)|(?P<late>second|last|after|behind))\b"

@@ -10,7 +10,7 @@ from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.interpret import get_side
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import find_subtype
+from scenewright.backends.builtin.reader.words import compile_words, find_subtype
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import Compass
 from scenewright.scene.kinds import Trait, find_marked, has_trait
@@ -35,11 +35,7 @@ _KINDS: dict[str | None, ObjectKind] = {
 _FIGURES: dict[str, Trait] = {"impact": "ends", "wait": "waits"}
 """Tags of numbers, and the trait of what an agent does of which they say how fast or long."""
 _FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
-_THINGS = re.compile(
-    r"\b(?:bin|trash can|dustbin|dumpster|skip|container|kiosk|cabinet|box|crate|booth|stall|"
-    r"newsstand)(?:e?s)?\b",
-    re.IGNORECASE,
-)
+_THINGS = compile_words("read_objects.things")
 _BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
 
 

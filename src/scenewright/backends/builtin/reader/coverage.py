@@ -6,17 +6,10 @@ import re
 
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.reader.reading import Reading
-from scenewright.backends.builtin.reader.words import COARSE, find_subtype
+from scenewright.backends.builtin.reader.words import COARSE, compile_words, find_subtype
 
-_SIDES = re.compile(
-    r"\b(?:north|south|east|west)(?:bound|ern|wards?)?\b|\bu-?\s?turn(?:s|ing|ed)?\b|"
-    r"\bturn(?:s|ing|ed)? (?:left|right)\b|\b(?:left|right)[- ]turn",
-    re.IGNORECASE,
-)
-_MEASURES = re.compile(
-    r"\b\d+(?:[.,]\d+)?\s?(?:m/s|km/?h|kph|mph|seconds?|secs?|s|met(?:re|er)s?|m|cm|feet|ft|am|pm)\b",
-    re.IGNORECASE,
-)
+_SIDES = compile_words("coverage.sides")
+_MEASURES = compile_words("coverage.measures")
 _NEGATIONS = compile_negations("no one", "none", "cannot")
 _EXCEPTED = re.compile(r"\b(?:all|every\w*|each) (?:but|except)\b", re.IGNORECASE)
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")

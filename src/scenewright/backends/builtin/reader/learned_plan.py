@@ -30,6 +30,7 @@ from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, read_text
 from scenewright.backends.builtin.reader.unmarked import read_unmarked
+from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import still_holds
@@ -160,9 +161,7 @@ def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObj
     return min([reading.kind_confidence, *spans])
 
 
-_DENIES = re.compile(
-    r"\b(?:no|not|never|without|nothing|nobody|neither|none|cannot)\b|n't\b", re.IGNORECASE
-)
+_DENIES = compile_words("learned_plan.denies")
 
 
 def _get_part(span: ReadSpan) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from scenewright.backends.builtin.reader.words import compile_words
+
 TO_TWENTY = (
     "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten",
     "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen",
@@ -26,20 +28,11 @@ _NUMBER = re.compile(
     + r")(?![a-z]))",
     re.IGNORECASE,
 )
-_OF_ONE = re.compile(
-    r"\b(?:\d+(?:[.,]\d+)?|four|two|three|five|six|seven|eight|nine|ten|twelve|[a-z]+teen|"
-    r"[a-z]+ty)[- ]?(?:year|month|door|seat|ton|wheel|axle|foot|feet|met(?:er|re)|inch|litre|liter|"
-    r"speed|deck|stroke|horse|pound|kilo|kg|cc|hp|cylinder|x ?4)\w*",
-    re.IGNORECASE,
-)
+_OF_ONE = compile_words("numbers.of_one")
 """Numbers that belong to what one road user is: "a two-door car", "a 7.5-tonne lorry"."""
 
 _SINGULAR = re.compile(r"^(?:an?|one|another|this|that) ", re.IGNORECASE)
-_LABEL = re.compile(
-    r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b|"
-    r"\b(?!of|the|all|about|around|some\b)[a-z]+\.? ?#?\d+$",
-    re.IGNORECASE,
-)
+_LABEL = compile_words("numbers.label")
 
 
 _TIMES = re.compile(r"\bx ?(\d)\b", re.IGNORECASE)
