@@ -48,17 +48,13 @@ def _find_other_nouns(reading: Reading) -> list[str]:
         if span.tag == "ref" and first is not None and first.tag == "veh":
             kinds = [find_subtype(each.words) for each in (first, span)]
             if span.label_confidence >= _SURELY_A_REFERENCE:
-                kinds = [_get_coarse(kind) for kind in kinds]
+                kinds = [COARSE.get(kind or "", kind) for kind in kinds]
             if None not in kinds and kinds[0] != kinds[1] and not _PICKUP.search(first.words):
                 found.append(span.words)
     return found
 
 
 _PICKUP = re.compile(r"\bpick-?up|\bpolice\b|\bpatrol\b", re.IGNORECASE)
-
-
-def _get_coarse(subtype: str | None) -> str | None:
-    return COARSE.get(subtype or "", subtype)
 
 
 def _is_denied_nearby(reading: Reading, match: re.Match[str]) -> bool:

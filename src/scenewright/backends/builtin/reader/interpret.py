@@ -688,7 +688,8 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
         if _NO_TURN.search(span.words):
             result.enter(span, "manner", span.subjects)
             return
-        name = _find_side_word(span.words) or name
+        said = {each.lower() for each in re.findall(r"\b(left|right)", span.words, re.IGNORECASE)}
+        name = said.pop() if len(said) == 1 else name
     walks = name in ("crossing", "jaywalking")
     for number in span.subjects:
         agent = result.users.get(number)
@@ -711,12 +712,6 @@ def _can_go(agent: AgentDraft, span: ReadSpan, movement: str) -> bool:
     if walks:
         return movement == "crossing" and (agent.walks or _MARKED.search(span.words) is not None)
     return not agent.walks
-
-
-def _find_side_word(words: str) -> str | None:
-    """Left or right, where the words hold one of the two and not the other."""
-    said = {match.lower() for match in re.findall(r"\b(left|right)", words, re.IGNORECASE)}
-    return said.pop() if len(said) == 1 else None
 
 
 def _run_red(result: Interpretation, span: ReadSpan) -> None:
@@ -756,7 +751,9 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             "collides with, nearly hits, gives way to or follows which other.",
         )
     for first, second in _keep_fitting_classes(span.tag, pairs, users):
-        if _HEAD_ON.fullmatch(span.words) and _is_near_miss(result, users[first], users[second]):
+        pair = frozenset((id(users[first]), id(users[second])))
+        near = any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
+        if near and _HEAD_ON.fullmatch(span.words):  # it says how the two nearly collide
             users[second].relatives.append(("opposite", users[first]))
             result.enter(span, "relation", (first, second), "near_miss")
             continue
@@ -788,12 +785,6 @@ def _list_pairs(span: ReadSpan) -> list[tuple[int, int]]:
 
 
 _HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
-
-
-def _is_near_miss(result: Interpretation, first: AgentDraft, second: AgentDraft) -> bool:
-    """Whether "head-on" says how two nearly collide, and not that they do."""
-    pair = frozenset((id(first), id(second)))
-    return any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
 
 
 def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
@@ -1250,7 +1241,8 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
     pair = frozenset((id(ahead), id(behind)))
     edges = [edge for edge in result.draft.relations if edge.pair() == pair]
     if not edges:
-        kind: RelationType = "near_miss" if _is_close(result, second) else "yield_to"
+        close = any(each.tag == "hit" for each in result.denied) or second in result.braking
+        kind: RelationType = "near_miss" if close or _is_measured(result) else "yield_to"
         edges = [RelationDraft(kind, behind, ahead)]
         result.draft.relations += edges
     for edge in edges:
@@ -1269,13 +1261,6 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
     else:
         edge.first = ahead
         result.enter(span, "order", (first, second))
-
-
-def _is_close(result: Interpretation, second: int) -> bool:
-    """Whether the agent that comes second comes close: it brakes hard, contact is denied, or a PET
-    or TTC is said."""
-    denied = any(span.tag == "hit" for span in result.denied)
-    return denied or second in result.braking or _is_measured(result)
 
 
 _CLOSE_PET = 1.5

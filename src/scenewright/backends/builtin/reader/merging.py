@@ -205,7 +205,9 @@ def _find_touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tu
         for other, later in single.items():
             between = reading.text[span.end : later.start]
             beside = span.end < later.start and not between.strip(" -")
-            if span.tag == later.tag and beside and not _has_noun(span.words):
+            if span.tag != later.tag or not beside or find_subtype(span.words) is not None:
+                continue
+            if not (_NOUN.search(span.words) or _OWN_VEHICLE.search(span.words)):
                 yield other, user
 
 
@@ -234,11 +236,6 @@ def _is_one(words: str) -> bool:
     """Whether the words are those of a person, and no vehicle themselves."""
     person = _DRIVER.search(words) or re.search(_ON_FOOT.pattern + "$", words, re.IGNORECASE)
     return person is not None and find_subtype(words) is None
-
-
-def _has_noun(words: str) -> bool:
-    found = (_NOUN.search(words), _OWN_VEHICLE.search(words), find_subtype(words))
-    return any(each is not None for each in found)
 
 
 def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
