@@ -28,10 +28,10 @@ _TOKEN = re.compile(
     r"|(?P<end>[.;!?\n])|(?P<comma>[,:()—–])|(?P<arrow>->|=>|→|>)",
     re.IGNORECASE,
 )
-_WORDS = tomllib.loads(files(__package__).joinpath("words.toml").read_text("utf-8"))
-_IRREGULAR = {form: word for word, forms in _WORDS["irregular"].items() for form in forms}
+WORDS = tomllib.loads(files(__package__).joinpath("words.toml").read_text("utf-8"))
+_IRREGULAR = {form: word for word, forms in WORDS["irregular"].items() for form in forms}
 _KEEP = frozenset({"red", "bus", "crossing", "is", "was", "as", "this", "us", "its", "his", "less"})
-_SPELT: dict[str, float] = _WORDS["spelt"]
+_SPELT: dict[str, float] = WORDS["spelt"]
 
 
 @dataclass(frozen=True)
@@ -137,19 +137,19 @@ def load_vocabulary() -> Vocabulary:
 def _load_vocabulary(_own: str | None) -> Vocabulary:
     exact: dict[tuple[str, ...], set[str]] = {}
     stems: dict[tuple[str, ...], set[str]] = {}
-    nouns = {f"noun.{name}": phrases for name, phrases in _WORDS["nouns"].items()}
+    nouns = {f"noun.{name}": phrases for name, phrases in WORDS["nouns"].items()}
     own = ((f"motion.{kind.id}", kind.words) for kind in list_kinds("motion"))
     for sense, phrases in chain(
-        nouns.items(), _WORDS["senses"].items(), _WORDS["loose"].items(), own
+        nouns.items(), WORDS["senses"].items(), WORDS["loose"].items(), own
     ):
         for phrase in phrases:
             words = tuple(phrase.lstrip("=").split())
             table = exact if phrase.startswith("=") else stems
             key = words if phrase.startswith("=") else tuple(map(reduce_word, words))
             table.setdefault(key, set()).add(sense)
-    function = frozenset(_WORDS["function"]["words"])
+    function = frozenset(WORDS["function"]["words"])
     spelling = function | {w for key in exact for w in key} | {
-        w.lstrip("=") for group in (*nouns.values(), *_WORDS["senses"].values())
+        w.lstrip("=") for group in (*nouns.values(), *WORDS["senses"].values())
         for phrase in group for w in phrase.split()
     }  # fmt: skip
     return Vocabulary(
@@ -159,7 +159,7 @@ def _load_vocabulary(_own: str | None) -> Vocabulary:
         longest=max(map(len, (*exact, *stems))),
         singles=frozenset(w for key in (*exact, *stems) for w in key),
         spelling=frozenset(w for w in spelling if len(w) > 2),
-        lists={name: frozenset(words) for name, words in _WORDS["lists"].items()},
+        lists={name: frozenset(words) for name, words in WORDS["lists"].items()},
     )
 
 

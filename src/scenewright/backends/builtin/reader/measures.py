@@ -5,19 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from scenewright.backends.builtin.reader.numbers import TO_TWENTY
+from scenewright.backends.builtin.reader.numbers import TENS, TO_TWENTY
 from scenewright.backends.builtin.reader.words import WORDS, compile_words
 
 _FRACTIONS = {"half": 0.5, "quarter": 0.25, "three quarters": 0.75}
 _FIGURE = re.compile(r"(\d+(?:[.,]\d+)?)")
-_WORDS = {word: float(number) for number, word in enumerate(TO_TWENTY)} | {
-    "thirty": 30.0,
-    "forty": 40.0,
-    "fifty": 50.0,
-    "sixty": 60.0,
-    "seventy": 70.0,
-    "eighty": 80.0,
-}
+_WORDS = {word: float(number) for number, word in enumerate(TO_TWENTY)}
+_WORDS |= {word: 10.0 * tens for tens, word in enumerate(TENS[1:7], start=3)}
 _SPELT = re.compile(r"\b(" + "|".join(_WORDS) + r")(?:[- ](" + "|".join(_WORDS) + r"))?\b")
 _PER_SECOND = (
     (re.compile(r"km\s*/?\s*h|kph|kmh|kilomet\w+ (?:an|per) hour|\bklicks|\bk's\b"), 1 / 3.6),
