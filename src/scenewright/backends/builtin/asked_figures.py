@@ -7,29 +7,13 @@ from collections.abc import Iterator
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.measures import parse_range
+from scenewright.backends.builtin.reader.words import WORDS
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, SetMeasure, Situation
 from scenewright.scene.measures import UNITS, Measure, MeasureKind
 from scenewright.scene.social import RelationEdge
 
-_KINDS: tuple[tuple[MeasureKind, str, str], ...] = (
-    ("front_point_left", r"% of (?:its|the) (?:front|width).*from the left", "%"),
-    ("front_point_right", r"% of (?:its|the) (?:front|width).*from the right", "%"),
-    ("front_point", r"% of (?:its|the) (?:front|width)", "%"),
-    ("side_point", r"% of (?:its|the) (?:side|length)", "%"),
-    ("time", r"\d\s*s(?:ec\w*)? (?:in)?to the (?:scene|clip)|after the start", "s"),
-    ("headway", r"\bheadway\b", "s"),
-    ("gap", r"\b(?:gap|distance|behind)\b", "m"),
-    ("braking", r"\b(?:brak\w*|decelerat\w*)\b", "m/s2"),
-    ("acceleration", r"\baccelerat\w*\b", "m/s2"),
-    ("line_speed", r"\bat the (?:light|line|stop line)\b", "m/s"),
-    (
-        "speed",
-        r"^(?:please )?(?:make|set|have|let|give)\b(?!.*\b(?:impact|contact|hit|crash|to))",
-        "m/s",
-    ),
-)
-"""Kinds of figures, the words that ask for them, and their units; the first that fits counts."""
+_KINDS: list[tuple[MeasureKind, str, str]] = WORDS["asked_figures"]["kinds"]
 
 _SERVES: dict[str, tuple[str, ...]] = {
     "headway": ("follow",),

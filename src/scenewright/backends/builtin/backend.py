@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from scenewright.backends import Question
@@ -33,18 +32,15 @@ class BuiltinBackend:
 
 def _plan(question: Question) -> dict[str, Any]:
     facts = question.facts
-    site = replace(_build_site(facts), can_serve=question.can_serve)
-    previous = facts.get("previous")
-    understood = plan(facts["instruction"], previous=previous, site=site, seed=question.seed)
-    return understood.model_dump(mode="json", by_alias=True)
-
-
-def _build_site(facts: dict[str, Any]) -> Site:
-    return Site(
+    site = Site(
         compass=is_compass(facts.get("legs", ())),
         left_hand=facts.get("left_hand", False),
         roads=tuple(facts.get("roads", {}).items()),
+        can_serve=question.can_serve,
     )
+    previous = facts.get("previous")
+    understood = plan(facts["instruction"], previous=previous, site=site, seed=question.seed)
+    return understood.model_dump(mode="json", by_alias=True)
 
 
 def _build_clauses(words: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.words import VOCABULARY
+from scenewright.backends.builtin.reader.words import VOCABULARY, compile_words
 
 _Reader = Callable[[re.Match[str]], str | None]
 _DAY = 24 * 60
@@ -57,15 +57,8 @@ _PLAIN = re.compile(
     rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
     rf"{_SUFFIX}(?!\w))"
 )
-_PRONOUN = re.compile(
-    r"\b(?:make|create|show|build|generate|give|want|need|have|like|draw|produce|stage|get|do)"
-    r"(?: me| us)? $"
-)
-_BARE = re.compile(
-    r"\b(?:at|around)\s+(\d{1,2})(?!\s*(?:\.\d|:|km|kmh|mph|kph|m\b|meters?|metres?|"
-    r"seconds?|s\b|feet|ft|%|degree|"
-    r"cars?|vehicles?|ped|pedestrians?|people|percent))\b(?=\s*(?:$|[.,;]|a\b|the\b|in\b|with\b))"
-)
+_PRONOUN = compile_words("clock.pronoun", re.NOFLAG)
+_BARE = compile_words("clock.bare", re.NOFLAG)
 
 
 def read_clock(text: str) -> str | None:
@@ -131,7 +124,7 @@ def _collect(text: str, pattern: re.Pattern[str], reader: _Reader, times: list[s
             at = match.end() if match.end() > at else at + 1
             continue
         times.append(time)
-        text = _cut(text, match)
+        text = f"{text[: match.start()]} {text[match.end() :]}"
         at = match.start()
     return text
 
@@ -143,16 +136,13 @@ def _rewrite_range(match: re.Match[str]) -> str | None:
     second_suffix = second[3] or second[4] or second[5]
     if not (second_suffix or (first[1] and second[1])):
         return None
-    end = _compute_minute(*second)
-    own = first[3] or first[4] or first[5]
-    if own:
-        start = _compute_minute(*first)
+    end = _compute_minute(*second[:5])
+    if first[3] or first[4] or first[5]:
+        start = _compute_minute(*first[:5])
     else:
-        start = _compute_minute(first[0], first[1], first[2], second[3], second[4], second[5])
-        if start is not None and end is not None and start >= end:
-            start = _compute_minute(first[0], first[1], first[2], "am", None, None)
-    if start is None or end is None:
-        return None
+        start = _compute_minute(first[0], first[1], first[2], second[3], second[4])
+        if start >= end:
+            start = _compute_minute(first[0], first[1], first[2], "am", None)
     return f"{_format_minute(start)}-{_format_minute(end)}"
 
 
@@ -167,17 +157,16 @@ def _rewrite_to(match: re.Match[str]) -> str | None:
     """ "ten to nine" is a clock time where a preposition or a part of the day says so."""
     lead, amount, minutes, hour = match.groups()[:4]
     suffix = match.groups()[4:7]
-    spelt = minutes is not None or not amount.isdigit()
-    if not (lead or minutes or (spelt and any(suffix))):
+    if not (lead or minutes or (not amount.isdigit() and any(suffix))):
         return None
     before = _MINUTES.get(amount) or int(amount)
-    return _format_minute(((_compute_minute(hour, None, None, *suffix) or 0) - before) % _DAY)
+    return _format_minute((_compute_minute(hour, None, None, *suffix[:2]) - before) % _DAY)
 
 
 def _rewrite_past(match: re.Match[str]) -> str | None:
     amount = _MINUTES.get(match[1]) or (int(match[1]) if match[1].isdigit() else 0)
-    hour = _compute_minute(match[3], None, None, match[4], match[5], match[6])
-    if hour is None or not amount or amount > 59:
+    hour = _compute_minute(match[3], None, None, match[4], match[5])
+    if not amount or amount > 59:
         return None
     sign = 1 if match[2] in {"past", "after"} else -1
     return _format_minute((hour + sign * amount) % _DAY)
@@ -187,11 +176,8 @@ def _rewrite_plain(match: re.Match[str]) -> str | None:
     g = match.groups()
     if is_pronoun(match.string, match.start(6)):
         return None
-    if g[0] is not None:
-        minute = _compute_minute(g[0], g[1], None, g[2], g[3], g[4])
-    else:
-        minute = _compute_minute(g[5], g[6], g[7], g[8], g[9], g[10])
-    return None if minute is None else _format_minute(minute)
+    parts = (g[0], g[1], None, g[2], g[3]) if g[0] is not None else g[5:10]
+    return _format_minute(_compute_minute(*parts))
 
 
 def _rewrite_military(match: re.Match[str]) -> str | None:
@@ -221,8 +207,7 @@ def _compute_minute(
     words: str | None,
     half: str | None,
     part: str | None,
-    _o: str | None,
-) -> int | None:
+) -> int:
     number = int(hour) if hour.isdigit() else _HOURS[hour]
     minute = int(digits) if digits else _MINUTES[words] if words else 0
     if number > 24 or minute > 59 or (number == 24 and minute):
@@ -236,9 +221,7 @@ def _shift_half_day(hour: int, half: str | None, part: str | None) -> int:
     late = half == "pm" or (part is not None and "morning" not in part)
     if part is not None and "night" in part and (hour <= 5 or hour == 12):
         late = False
-    if half is None and part is None:
-        return hour
-    if hour > 12:
+    if (half is None and part is None) or hour > 12:
         return hour
     return hour % 12 + (12 if late else 0)
 
@@ -257,7 +240,3 @@ def _parse_minute(text: str) -> int:
 
 def _format_minute(minute: int) -> str:
     return f"{minute // 60 % 24:02d}:{minute % 60:02d}"
-
-
-def _cut(text: str, match: re.Match[str]) -> str:
-    return f"{text[: match.start()]} {text[match.end() :]}"

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
 
 from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.reader.words import WORDS
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, ComeLater, Edit, MoveStop, SetPace, WaitLonger
 
-_NUMBERS = {
-    "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
-    "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "half a": 0.5, "half": 0.5,
-    "a couple of": 2.0, "couple": 2.0, "a few": 3.0, "few": 3.0, "some": 3.0, "several": 4.0,
-    "a half": 0.5, "one and a half": 1.5, "eleven": 11.0, "twelve": 12.0,
-}  # fmt: skip
+_NUMBERS: dict[str, float] = WORDS["dials"]["numbers"]
 _AMOUNT = (
     r"(?P<amount>\d+(?:\.\d+)?|"
     + "|".join(sorted(map(re.escape, _NUMBERS), key=len, reverse=True))
@@ -33,12 +27,6 @@ _DEFAULT_STANDSTILL = 2.0
 _FASTEST_SHARE, _SLOWEST_SHARE = 2.0, 0.3
 
 
-@dataclass(frozen=True)
-class _EditRule:
-    pattern: re.Pattern[str]
-    make: Callable[[re.Match[str], str, People, AgentView | None], Edit]
-
-
 def build_motion_edit(text: str, people: People, agent: AgentView | None) -> Edit | None:
     """The edit of one agent's motion that the words amount to; None if no rule matches.
 
@@ -46,10 +34,10 @@ def build_motion_edit(text: str, people: People, agent: AgentView | None) -> Edi
         text: the words, in lower case.
         agent: the agent that they name; None if none.
     """
-    for rule in _EDIT_RULES:
-        found = rule.pattern.search(text)
+    for pattern, make in _EDIT_RULES:
+        found = re.search(pattern, text)
         if found is not None:
-            return rule.make(found, text, people, agent)
+            return make(found, text, people, agent)
     return None
 
 
@@ -170,52 +158,36 @@ def _find_driving(people: People) -> AgentView:
 
 
 _EDIT_RULES = (
-    _EditRule(
-        re.compile(
-            r"\b(?:stop|halt|stand(?: still)?|standstill)"
-            r"(?: (?:completely|fully|there|properly|altogether|instead|first|dead))*"
-            rf"(?: for {_AMOUNT} {_SECONDS})?[.!]?$"
-        ),
+    (
+        r"\b(?:stop|halt|stand(?: still)?|standstill)"
+        r"(?: (?:completely|fully|there|properly|altogether|instead|first|dead))*"
+        rf"(?: for {_AMOUNT} {_SECONDS})?[.!]?$",
         _edit_stop,
     ),
-    _EditRule(
-        re.compile(rf"{_STOPS}.*?\b{_AMOUNT} {_METRES}.*?\b(?:{_ONWARD}|{_BACK})\b"),
-        _edit_stop_point,
-    ),
-    _EditRule(re.compile(rf"\b{_AMOUNT} {_METRES} (?:{_ONWARD}|{_BACK})\b"), _edit_stop_point),
-    _EditRule(
-        re.compile(
-            r"\b(?:waits?|waiting|stands?|standing|stays?|pauses?|holds?)\b.*?"
-            rf"(?:\b{_AMOUNT} {_SECONDS} (?:longer|more|less|shorter)|\b(?:longer|less|shorter)"
-            rf"(?: by {_AMOUNT.replace('amount', 'by')} {_SECONDS})?)"
-        ),
+    (rf"{_STOPS}.*?\b{_AMOUNT} {_METRES}.*?\b(?:{_ONWARD}|{_BACK})\b", _edit_stop_point),
+    (rf"\b{_AMOUNT} {_METRES} (?:{_ONWARD}|{_BACK})\b", _edit_stop_point),
+    (
+        r"\b(?:waits?|waiting|stands?|standing|stays?|pauses?|holds?)\b.*?"
+        rf"(?:\b{_AMOUNT} {_SECONDS} (?:longer|more|less|shorter)|\b(?:longer|less|shorter)"
+        rf"(?: by {_AMOUNT.replace('amount', 'by')} {_SECONDS})?)",
         _edit_wait,
     ),
-    _EditRule(
-        re.compile(
-            rf"\b{_AMOUNT} {_SECONDS} (?:later|earlier|sooner|before)\b"
-            rf"|\b(?:delay|postpone)\b.*?\bby {_AMOUNT.replace('amount', 'by')} {_SECONDS}"
-        ),
+    (
+        rf"\b{_AMOUNT} {_SECONDS} (?:later|earlier|sooner|before)\b"
+        rf"|\b(?:delay|postpone)\b.*?\bby {_AMOUNT.replace('amount', 'by')} {_SECONDS}",
         _edit_time,
     ),
-    _EditRule(
-        re.compile(rf"{_STOPS} (?:a (?:little |bit )?)?(?:{_ONWARD}|{_BACK})\b(?! than)"),
-        _edit_stop_point,
-    ),
-    _EditRule(
-        re.compile(
-            r"\b(?:driv\w*|go(?:es|ing)?|travel\w*|mov\w*|walk\w*|run(?:s|ning)?|speed\w*|slow\w*)\b"
-            r".*?\b(?:at|to|with) (?P<speed>\d+(?:\.\d+)?) ?"
-            r"(?P<unit>km/?h|kmh|kph|kilomet\w+ per hour|mph|miles per hour|m/s|met\w+ per second)"
-        ),
+    (rf"{_STOPS} (?:a (?:little |bit )?)?(?:{_ONWARD}|{_BACK})\b(?! than)", _edit_stop_point),
+    (
+        r"\b(?:driv\w*|go(?:es|ing)?|travel\w*|mov\w*|walk\w*|run(?:s|ning)?|speed\w*|slow\w*)\b"
+        r".*?\b(?:at|to|with) (?P<speed>\d+(?:\.\d+)?) ?"
+        r"(?P<unit>km/?h|kmh|kph|kilomet\w+ per hour|mph|miles per hour|m/s|met\w+ per second)",
         _edit_speed,
     ),
-    _EditRule(
-        re.compile(
-            r"\b(?:(?P<slower>slow(?:er|s|ed)?\b(?:.*?\bdown\b)?|less fast|half the speed|"
-            r"half as fast)|(?P<faster>fast(?:er)?\b|speeds?\b.*?\bup\b|quicker\b|hurr(?:y|ies)"
-            r"\b|twice the speed))"
-        ),
+    (
+        r"\b(?:(?P<slower>slow(?:er|s|ed)?\b(?:.*?\bdown\b)?|less fast|half the speed|"
+        r"half as fast)|(?P<faster>fast(?:er)?\b|speeds?\b.*?\bup\b|quicker\b|hurr(?:y|ies)"
+        r"\b|twice the speed))",
         _edit_pace,
     ),
 )

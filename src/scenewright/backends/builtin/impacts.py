@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from scenewright.backends.builtin.reader.words import WORDS
 from scenewright.scene.social import ImpactPoint
 
 _ENDS: dict[str, ImpactPoint] = {"front": "front", "rear": "rear", "back": "rear"}
@@ -24,14 +25,7 @@ _POINT = (
     r"|(?P<plain>front|rear|back)(?:[ -](?:end|bumper|side))?"
     r"|(?P<any>sides?|flank|doors?))"
 )
-_VERB = (
-    r"\b(?:hit(?:s|ting)?|str(?:ik(?:es?|ing)|uck)|clip(?:s|ped|ping)?|ram(?:s|med|ming)?"
-    r"|crash(?:es|ed|ing)?|slam(?:s|med|ming)?|smash(?:es|ed|ing)?|plow(?:s|ed|ing)?"
-    r"|plough(?:s|ed|ing)?|collid(?:es?|ed|ing)|bump(?:s|ed|ing)?|scrap(?:es?|ed|ing)"
-    r"|runs?|ran|running|drives?|drove|driving|walks?|walked|walking|steps?|stepped"
-    r"|graz(?:es?|ed|ing)|nudg(?:es?|ed|ing)|tap(?:s|ped|ping)?|t ?-?bon(?:es?|ed|ing)"
-    r"|catch(?:es)?|caught|impact(?:s|ed)?)"
-)
+_VERB: str = WORDS["impacts"]["verb"]
 _NO_VEHICLE = (
     r"(?! of (?:the |an? )?(?:\w+ )?(?:road|street|intersection|crosswalk|junction|map|screen|"
     r"avenue|leg|lane|crossing))"

@@ -9,31 +9,12 @@ from functools import cache
 from typing import Any, Literal
 
 from scenewright.backends.builtin.reader.numbers import number_in
-from scenewright.backends.builtin.reader.words import VOCABULARY, narrow_subtype
+from scenewright.backends.builtin.reader.words import VOCABULARY, WORDS, narrow_subtype
 from scenewright.scene.base import AgentClass
 
-_DETERMINERS = {
-    "indefinite": "an?|some|any|each|every",
-    "definite": "the|this|these|those|its|his|her|their|our|my|the same|said",
-    "another": "another|an? (?:second|third|fourth|different|further|other)|yet another|one more",
-    "other": "(?:the |his |her |their |my )?others?",
-    "last": "the (?:last|rear|back|trailing|rearmost|hindmost)",
-    "first": "(?:the )?(?:first|1st)|the (?:lead|leading|former|front|foremost)",
-    "second": "(?:the )?(?:second|2nd)|the latter",
-    "third": "(?:the )?(?:third|3rd)",
-    "no": "(?:no|zero)(?: other)?",
-    "both": "both(?: of them| of the)?|the (?:two|pair)(?: of them)?|all of them",
-}
-_NUMBER = (
-    r"\d{1,3}|one|(?:a )?(?:single|lone)|two|three|four|five|six|seven|eight|nine|ten|eleven|"
-    r"twelve|[a-z]+teen|twenty|(?:a )?(?:couple|pair|trio) of|half a dozen|(?:a )?dozen"
-)
-_NO_ADJECTIVE = (
-    r"(?!(?:an?|the|and|or|but|is|are|was|to|into|onto|from|for|with|by|than|that|which|who|it|him|her|"
-    r"them|me|on|in|of|at|off|over|more|less|fewer|no|not|any|some|one|two|three|first|second|third|"
-    r"other|another|\d+|behind|before|after|ahead|while|when|let|make|have|hits?|follows?|yields?|"
-    r"crosses|stops?|waits?|slows?|each|every)\b)"
-)
+_DETERMINERS: dict[str, str] = WORDS["named"]["determiners"]
+_NUMBER: str = WORDS["named"]["number"]
+_NO_ADJECTIVE: str = WORDS["named"]["no_adjective"]
 _SIDE = r"(?P<side>north|south|east|west|top|bottom)(?:ern|erly)?"
 _MAP = {"top": "north", "bottom": "south", "n": "north", "s": "south", "e": "east", "w": "west"}
 _BOUND = r"(?:(?P<side>north|south|east|west)[- ]?(?:bound|wards?)\b|\b(?P<letter>[nsew])[- ]?b\b)"

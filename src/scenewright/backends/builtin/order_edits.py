@@ -7,14 +7,12 @@ from collections.abc import Sequence
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.named import Named
+from scenewright.backends.builtin.reader.words import WORDS
 from scenewright.backends.builtin.references import People
 from scenewright.scene.edits import AgentView, Edit, Relate, Situation
 from scenewright.scene.social import RelationEdge
 
-_PASSES = (
-    r"\b(?:go|pass|cross|come|enter|leave|drive|walk|be|get|got|went|came|is)(?:e?s|ing|ed)?\b"
-    r"(?: (?:through|across|over|out|by|just|only|right|in|it|there)){0,2} "
-)
+_PASSES: str = WORDS["order_edits"]["passes"]
 _ORDER = re.compile(
     _PASSES
     + r"(?:(?P<early>first|before|ahead of|in front of)|(?P<late>second|last|after|behind))\b"
@@ -31,8 +29,11 @@ def read_order(
         Refused: nothing happens between the two, or it is so already.
     """
     said = _ORDER.search(plain)
-    named = _list_named(every, people) if said else []
-    if said is None or not named:
+    if said is None:
+        return None
+    found = map(people.find_agent, every)
+    named = list({each.id: each for each in found if each is not None}.values())
+    if not named:
         return None
     edge = _find_edge(named, situation, people)
     subject = named[0].id
@@ -53,11 +54,6 @@ def reorder(edge: RelationEdge, *, first: str, second: str) -> RelationEdge:
     if edge.type == "near_miss" and edge.braker == first:
         plain |= {"braker": second if second.startswith("vehicle") else None}
     return RelationEdge.model_validate(plain)
-
-
-def _list_named(every: Sequence[Named], people: People) -> list[AgentView]:
-    found = map(people.find_agent, every)
-    return list({each.id: each for each in found if each is not None}.values())
 
 
 def _find_edge(named: list[AgentView], situation: Situation, people: People) -> RelationEdge:

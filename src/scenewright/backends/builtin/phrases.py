@@ -89,7 +89,9 @@ def play_phrase(relation: RelationDraft, phrase: Phrase, site: Site) -> None:
         Refused: no pattern fits them.
     """
     known = {each.id: each for each in load_patterns() if each.relation == relation.type}
-    names = [_soften(each) if relation.type == "near_miss" else each for each in phrase.patterns]
+    names = list(phrase.patterns)
+    if relation.type == "near_miss":
+        names = [re.sub("_(?:collision|strike)", "_near_miss", each) for each in names]
     names = [each for each in names if each in known]
     for number, name in enumerate(names, start=1):
         relation.pattern, relation.kind = name, relation.kind or known[name].kind
@@ -100,10 +102,6 @@ def play_phrase(relation: RelationDraft, phrase: Phrase, site: Site) -> None:
                 raise
         else:
             return
-
-
-def _soften(name: str) -> str:
-    return name.replace("_collision", "_near_miss").replace("_strike", "_near_miss")
 
 
 def assign_agents(relation: RelationDraft, site: Site) -> None:

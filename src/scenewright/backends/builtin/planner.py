@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import chain, islice
 
 from scenewright.backends.builtin.draft import Refused, Site
@@ -21,7 +21,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
 from scenewright.backends.builtin.same_lane import settle_lanes
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.spelling import mend_spelling
-from scenewright.backends.builtin.street_names import CompassText, list_compass_texts
+from scenewright.backends.builtin.street_names import list_compass_texts
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.relations import load_patterns
@@ -61,14 +61,9 @@ def plan(
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
     if not choices:
         return _plan_once(text, previous, site)
-    first = seed % len(choices)
-    return _plan_with_streets((*choices[first:], *choices[:first]), previous, site)
-
-
-def _plan_with_streets(choices: Sequence[CompassText], previous: str | None, site: Site) -> Plan:
-    """The plan for the first choice of legs that the map can serve, else the first there is."""
-    found = []
-    for each in choices:
+    first, found = seed % len(choices), []
+    # The first choice of legs that the map can serve counts, else the first with a plan.
+    for each in (*choices[first:], *choices[:first]):
         made = _plan_once(each.text, previous, site)
         if isinstance(made, SocialGraph) and (site.can_serve is None or site.can_serve(made)):
             return each.restore_plan(made)
@@ -202,12 +197,8 @@ def _list_sentences(learned: LearnedPlan, site: Site) -> Iterator[str]:
             continue
         if plan_.agents or plan_.context != SceneContext():
             sentence = describe_graph(plan_)
-            if sentence not in known and _is_understood(sentence, plan_, site):
-                yield sentence
+            if sentence not in known:
+                again = read_plan(sentence, site=site)
+                if is_same_plan(again.plan, plan_) and is_sure(again, site):
+                    yield sentence
             known.add(sentence)
-
-
-def _is_understood(sentence: str, meant: SocialGraph, site: Site) -> bool:
-    """Whether a sentence would be read as it is meant."""
-    learned = read_plan(sentence, site=site)
-    return is_same_plan(learned.plan, meant) and is_sure(learned, site)

@@ -5,34 +5,22 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from scenewright.backends.builtin.reader.words import WORDS, compile_words
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.account import SaidSpan
 
-_NOUNS = (
-    r"vehicles|cars|vans|trucks|lorries|buses|taxis|cabs|drivers|motorists|motorcycles|motorcyclists|"
-    r"motorbikes|cyclists|bikers|riders|scooters|pedestrians|people|walkers|children|kids|"
-    r"teenagers|men|women|boys|girls|joggers|students"
-)
+_NOUNS: str = WORDS["plurals"]["nouns"]
 _FEW = r"several|a few|a number of|various"
 _DETERMINER = rf"(?:(?P<few>{_FEW})|some|many|all|all of|most)\s+"
 _CROWD = r"everyone|everybody|(?:(?:all|the|other|cross|crossing|oncoming)\s+)*traffic"
-_YIELDS = (
-    r"yields?|yielded|waits?|waited|stops?|stopped|gives?|gave|has to|must|lets?|clears?|cleared"
-)
+_YIELDS: str = WORDS["plurals"]["yields"]
 _COUNTED = re.compile(
     rf"\b(?P<plural>(?:{_DETERMINER})?(?:the\s+)?(?P<other>other\s+)?(?P<noun>{_NOUNS}))\b"
     rf"|\b(?P<crowd>(?:{_CROWD})(?:\s+else)?)(?=\s+(?:{_YIELDS})\b)",
     re.IGNORECASE,
 )
-_NUMBERED = re.compile(
-    r"\b(?:\d+|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|both|no|any|without|"
-    r"these|those|pair|couple|group|parked|standing|background|between|among)\s+(?:\w+\s+){0,2}$",
-    re.IGNORECASE,
-)
-_COUNTED_ELSEWHERE = re.compile(
-    r"\b(?:groups?|pairs?|couples?|rows?|lines?|queues?|party|class) of\b|\bof them\b",
-    re.IGNORECASE,
-)
+_NUMBERED = compile_words("plurals.numbered")
+_COUNTED_ELSEWHERE = compile_words("plurals.counted_elsewhere")
 """The number is said apart from the noun: "teenagers cross in a group of three"."""
 
 

@@ -10,7 +10,7 @@ from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.interpret import get_side
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import find_subtype
+from scenewright.backends.builtin.reader.words import compile_words, find_subtype
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import Compass
 from scenewright.scene.kinds import Trait, find_marked, has_trait
@@ -35,11 +35,7 @@ _KINDS: dict[str | None, ObjectKind] = {
 _FIGURES: dict[str, Trait] = {"impact": "ends", "wait": "waits"}
 """Tags of numbers, and the trait of what an agent does of which they say how fast or long."""
 _FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
-_THINGS = re.compile(
-    r"\b(?:bin|trash can|dustbin|dumpster|skip|container|kiosk|cabinet|box|crate|booth|stall|"
-    r"newsstand)(?:e?s)?\b",
-    re.IGNORECASE,
-)
+_THINGS = compile_words("read_objects.things")
 _BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
 
 
@@ -198,7 +194,13 @@ def add_read_objects(
         node = _make_node(each, f"object-{len(nodes) + 1}")
         if each.hidden is not None:
             node = node.model_copy(update=_hide(graph, each, names))
-            agents = [let_cross(agent) if agent.id == node.hides else agent for agent in agents]
+            # Who comes out from behind an object crosses the road, if nothing else is said.
+            agents = [
+                agent.model_copy(update={"movement": "crossing"})
+                if agent.id == node.hides and not agent.movement
+                else agent
+                for agent in agents
+            ]
         meeting: list[Meeting] = []
         for number, encounter in each.meetings.items():
             own = next((n for n, a in enumerate(agents) if a.id == names.get(number)), None)
@@ -238,7 +240,12 @@ def _make_node(each: ReadObject, name: str) -> ObjectNode:
     subtype = find_subtype(span.words)
     thing = subtype is None and _THINGS.search(span.words) is not None
     kind = None if thing else _KINDS.get(span.value)
-    kind = kind or ("parked" if subtype else find_thing(span.words))
+    low = span.words.lower()
+    if kind is None and subtype is None and re.search(r"container|skip|dumpster", low):
+        kind = "container"
+    elif kind is None and subtype is None:
+        kind = "bin" if re.search(r"\b(?:dust)?bins?\b|trash can", low) else "box"
+    kind = kind or "parked"
     if kind == "bus_stop" and subtype != "bus":
         kind = "parked"
     if kind == "parked" and _FOR_A_MOMENT.search(span.words):
@@ -362,20 +369,7 @@ def reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
     )
 
 
-def find_thing(words: str) -> ObjectKind:
-    """The kind of something that is no vehicle."""
-    low = words.lower()
-    if re.search(r"container|skip|dumpster", low):
-        return "container"
-    return "bin" if re.search(r"\b(?:dust)?bins?\b|trash can", low) else "box"
-
-
 def let_jaywalk(agent: AgentNode) -> AgentNode:
     """No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it."""
     free = agent.crosswalk is None and agent.type == "pedestrian"
     return agent.model_copy(update={"movement": "jaywalking"}) if free else agent
-
-
-def let_cross(agent: AgentNode) -> AgentNode:
-    """An agent that comes out from behind an object crosses the road, if nothing else is said."""
-    return agent if agent.movement else agent.model_copy(update={"movement": "crossing"})

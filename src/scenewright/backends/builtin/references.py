@@ -7,18 +7,14 @@ from collections.abc import Mapping, Sequence
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.named import Named, Way
-from scenewright.backends.builtin.reader.words import COARSE, narrow_subtype
+from scenewright.backends.builtin.reader.words import COARSE, WORDS, narrow_subtype
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
 from scenewright.scene.track import VEHICLE_SIZES
 
 ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
 _NEW = frozenset({"indefinite", "another", "no"})
-_PLAIN_WORDS = frozenset((
-    "the", "a", "an", "one", "that", "which", "who", "is", "on", "in", "at", "of", "from", "to",
-    "leg", "side", "please", "i", "mean", "meant", "it", "with", "and", "crosswalk", "crossing",
-    "coming", "comes", "going", "goes", "street", "road", "agent", "number", "no",
-))  # fmt: skip
+_PLAIN_WORDS = frozenset(WORDS["references"]["plain_words"])
 _RESTRICTS = frozenset({"from", "leg", "crosswalk"})
 """What may follow a noun to say which one; turns are movements asked for."""
 

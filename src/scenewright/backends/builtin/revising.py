@@ -16,7 +16,7 @@ from scenewright.backends.builtin.named import Named, find_named, find_ways
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.reader.measures import measure_in
-from scenewright.backends.builtin.reader.words import narrow_subtype
+from scenewright.backends.builtin.reader.words import WORDS, compile_words, narrow_subtype
 from scenewright.backends.builtin.redraft import free_name, read_change
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.spelling import mend_spelling
@@ -44,67 +44,26 @@ from scenewright.scene.edits import (
 from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType
 from scenewright.scene.track import VEHICLE_SIZES
 
-_PARTS = re.compile(
-    r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
-    r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn it|delay|replace|"
-    r"have the|have it|let the|give it|no background)\b)"
-)
-_CUE = re.compile(
-    r"^\s*(?:then|and|next|afterwards|finally|ok|okay)\b|\b(instead|now|change|switch|"
-    r"same (?:but|scene|thing|setup|again)|keep|actually|add|remove|drop|delete|swap|"
-    r"replace|also|make (?:it|the|that|him|her|them|this|one)"
-    r"|turn (?:it|that) into|set the|this time|what if|let the|have the|have it|let it|"
-    r"should|more|less|busier|quieter|earlier|later|reverse|other way a?round|but|"
-    r"without|move)\b"
-)
+_PARTS = compile_words("revising.parts", re.NOFLAG)
+_CUE = compile_words("revising.cue", re.NOFLAG)
 _FRESH = re.compile(r"\b(?:new scene|start over|from scratch|forget (?:that|it|the))\b")
 _REMOVES = re.compile(r"\b(?:remove|delete|drop|get rid of|take out|take away|lose)\b")
 _ADDS = re.compile(r"\b(?:add|throw in|include|put in|insert)\b|\bmore\b|\badditional\b")
 _FEWER = re.compile(r"\b(?:fewer|less)\b")
-_ANOTHER = re.compile(
-    r"^(?:please )?(?:try (?:it )?again|another (?:one|version|try|take)|again|re-?roll|redraw|"
-    r"something else|surprise me|a different one|"
-    r"(?:(?:try|draw|give me|take) )?(?:another|a different)(?: (?:one|version|path|way))?"
-    r"(?: for (?P<who>.*))?)[.!]?$"
-)
+_ANOTHER = compile_words("revising.another", re.NOFLAG)
 _BECOMES = re.compile(r"\b(?:make|turn|change|replace|swap|switch|should be|becomes?)\b")
-_PRONOUN = re.compile(
-    r"\b(?:make|have|let|get)\s+(?P<it>it|him|her)\s+(?=(?:turn|come|go|run|drive|walk|stop|cross|"
-    r"yield|give|wait|hit|follow|leave|enter|head|jaywalk|brake|start)\b)"
-)
+_PRONOUN = compile_words("revising.pronoun", re.NOFLAG)
 _PERSON = re.compile(r"(?<=\b(?:make|slow|have|stop)\s)(?:her|him)\b", re.IGNORECASE)
-_ORDINARY = re.compile(
-    r"\b(?:normal|ordinary|usual|regular|typical)\s+(?=(?:\w+\s+)?"
-    r"(?:morning|day|weekday|workday|afternoon|evening|night|rush hour)\b)",
-    re.IGNORECASE,
-)
+_ORDINARY = compile_words("revising.ordinary")
 """An ordinary morning says nothing of the event, unlike a normal scene."""
 _SCOOTER = re.compile(r"(?<!e-)(?<!e )(?<!kick )(?<!motor )(?<!electric )\bscooter\b")
 """In a conversation, that of the class of this name; a text of its own may mean a motorcycle."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
 _SEVERITY = re.compile(r"\b(?:pet|ttc|time[ -]to[ -]collision|post[ -]?encroachment|gap)\b")
-_EVENT_WORDS: dict[RelationType, str] = {
-    "near_miss": r"near[- ]?(?:miss|collision|crash|accident|hit)\w*|close (?:call|shave)s?|"
-    r"narrow\w* (?:miss|escape)\w*|miss(?:es)?|swerv\w*|dodg\w*|cuts? off|evad\w*|"
-    r"brak\w* (?:hard|sharply|suddenly)|emergency (?:brake|stop)|"
-    r"(?:stop|brak)\w* (?:just )?in time",
-    "collide_at": r"collisions?|collid\w*|crash\w*|accidents?|hit(?:s|ting)?|"
-    r"str(?:ikes?|uck|iking)|rams?|ramming|smash\w*|slam\w* into|bump\w*|rear[- ]?end\w*|"
-    r"t-?bone\w*|sideswip\w*|head[- ]on|knocks?|clips?|kills?|injur\w*|impacts?|contact|"
-    r"touch\w*|taps?|fender benders?|"
-    r"(?:r[au]ns?|driv\w+|drove) (?:over|into|down)",
-    "follow": r"follow(?:s|ed|ing)?|tails?|tailgat\w*|trail\w*|behind|chas\w+|lead(?:s|ing)?|"
-    r"preced\w+|ahead of|convoy",
-    "yield_to": r"yield\w*|giv(?:e|es|ing) (?:the )?(?:right of )?way|gave way|right of way|"
-    r"priority|mak\w+ way",
-}
+_EVENT_WORDS: dict[RelationType, str] = WORDS["revising"]["event_words"]
 """What happens between two, as said by nouns and verbs."""
 
-_WAITS = (
-    r"wait\w*|stop\w*|brak\w*|slow(?:s|ed|ing)?|paus\w*|hold\w*|halt\w*|stand\w*|lets?|letting|"
-    r"allow\w*|decelerat\w*|eases? off|"
-    r"giv(?:e|es|en|ing)(?! me\b)"
-)
+_WAITS: str = WORDS["revising"]["waits"]
 """Verbs of one that yields, which also say other things."""
 
 _HAPPENS = re.compile(rf"\b(?:{'|'.join(_EVENT_WORDS.values())}|{_WAITS})\b")

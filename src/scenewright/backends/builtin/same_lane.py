@@ -10,16 +10,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.kinds import find_marked
 from scenewright.scene.social import RelationEdge, SocialGraph
 
 _SAYS_CUT_IN = re.compile(r"\bcut(?:s|ting)?[- ]in\b(?! front)", re.IGNORECASE)
-_AHEAD = re.compile(
-    r",?(?: (?:that|which) (?:is|was|drives))?(?: (?:just|right|directly|driving|immediately))?"
-    r" (?:ahead|in front)(?: of (?:it|him|her|them|itself))?(?=[ .,;!?]|$)",
-    re.IGNORECASE,
-)
+_AHEAD = compile_words("same_lane.ahead")
 
 
 def settle_lanes(graph: SocialGraph, text: str) -> SocialGraph:

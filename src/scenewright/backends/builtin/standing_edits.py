@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import re
 
-from scenewright.backends.builtin.reader.words import find_subtype
+from scenewright.backends.builtin.reader.words import compile_words, find_subtype
 from scenewright.scene.edits import Edit, RemoveObject, Situation
 from scenewright.scene.social import ObjectNode
 
-_REMOVES = re.compile(
-    r"^(?:please |now |then )*(?:remove|delete|drop|get rid of|take away|take out|lose) "
-    r"(?P<what>(?:the |that |this |all )?.+?)[.!]?$",
-    re.IGNORECASE,
-)
+_REMOVES = compile_words("standing_edits.removes")
 _ANY_OBJECT = re.compile(r"\b(?:objects?|obstacles?|obstructions?|everything that stands)\b", re.I)
 _STATE = re.compile(r"\b(?:double[- ]?parked|parked|stalled|broken[- ]down|standing)\b", re.I)
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from rapidfuzz import fuzz
 
 from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import Choice, Clarification
@@ -23,19 +24,14 @@ from scenewright.scene.streets import TYPES, expand_name
 
 _MOST_READINGS = 24
 _BOTH = " and one from the "
-_TWO_ON = re.compile(
-    r"\b(?:two|both|2)\b[\w ]*\b(?:on|along|from|down|up)\s+(?:the\s+)?$", re.IGNORECASE
-)
+_TWO_ON = compile_words("street_names.two_on")
 _PLACES = ("entry", "exit", "crosswalk")
 _ALIKE = 88.0
 _COMPASS = r"(?:north|south)(?:east|west)?|east|west"
 _WORD = re.compile(r"[\w'’]+")
 _FROM = frozenset(("from", "off", "along", "down", "up", "via", "on", "in", "leaving", "exiting"))
 _TO = frozenset(("into", "onto", "to", "toward", "towards", "for"))
-_PART = re.compile(
-    r"(?:'s|’s)?\s+(?:leg|arm|approach|crosswalk|crossing|zebra|side|branch|entrance|exit)s?\b",
-    re.IGNORECASE,
-)
+_PART = compile_words("street_names.part")
 _BEFORE = re.compile(
     rf"(?:\bthe\s+)?(?:\b(?P<side>{_COMPASS})(?:ern)?(?:\s+(?:end|part|side) of)?\s+)?"
     r"(?:\bthe\s+)?$",
@@ -45,20 +41,9 @@ _PREPOSITION = re.compile(r"(?:\b(out)\s+)?\b(?P<word>[a-z]+)\s+$", re.IGNORECAS
 _AFTER = re.compile(
     rf"\s*(?:\(\s*)?\b(?P<side>{_COMPASS})\b(?!\s*(?:bound|leg|crosswalk))\s*\)?", re.IGNORECASE
 )
-_PLACE = re.compile(
-    r"\b(?:at|near)\s+(?:the\s+)?(?:(?:corner|intersection|junction|crossing|crossroads)\s+"
-    r"(?:of|between)\s+)?$",
-    re.IGNORECASE,
-)
-_NAMED = re.compile(
-    r"\b(?:from|off|into|onto|on|along|down|up|crossing|crosses|across|to)\s+(?:the\s+)?"
-    r"(?P<name>(?:[A-Z][\w'’.-]*\s+){1,4}(?:Street|St|Avenue|Ave|Road|Rd|Lane|Ln|Boulevard|Blvd|"
-    r"Drive|Dr|Square|Sq|Place|Way|Highway|Hwy|Terrace|Court))\b(?![’'])"
-)
-_CROSSES_ON_FOOT = re.compile(
-    r"\b(?:pedestrian|person|man|woman|child|boy|girl|kid|walker|jogger|group|couple)\b[^.;]*$",
-    re.IGNORECASE,
-)
+_PLACE = compile_words("street_names.place")
+_NAMED = compile_words("street_names.named", re.NOFLAG)
+_CROSSES_ON_FOOT = compile_words("street_names.crosses_on_foot")
 
 
 @dataclass(frozen=True)

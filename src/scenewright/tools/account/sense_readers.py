@@ -12,7 +12,7 @@ from scenewright.tools.account.event_readers import read_event, read_order, read
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.mentions import Mention
 from scenewright.tools.account.parties import PartyFinder
-from scenewright.tools.account.vocabulary import Token, is_list_label
+from scenewright.tools.account.vocabulary import WORDS, Token, is_list_label
 from scenewright.tools.relation_checker.legs import find_relative_side
 
 Reader = Callable[[PartyFinder, int, str], Iterable[Claim]]
@@ -29,19 +29,8 @@ _NO_BRAKING = 1.0
 _CROSSING = 2.0
 """Who crosses gets at least this far [m]."""
 _TIMES = {"once": 1, "twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4}
-_UNITS = {
-    "m/s": {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "kmph": 1 / 3.6, "mph": 0.44704,
-            "m/s": 1.0, "mps": 1.0},
-    "m/s2": {"m/s2": 1.0, "m/s²": 1.0, "m/s^2": 1.0, "g": 9.81},
-    "m": {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01,
-          "feet": 0.3048, "foot": 0.3048, "ft": 0.3048, "yards": 0.9144, "yard": 0.9144,
-          "inches": 0.0254, "inch": 0.0254},
-    "s": {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "min": 60.0,
-          "minute": 60.0, "minutes": 60.0, "ms": 0.001},
-    "%": {"%": 1.0, "percent": 1.0},
-}  # fmt: skip
 _FACTORS = {
-    word: (unit, factor) for unit, words in _UNITS.items() for word, factor in words.items()
+    word: (unit, factor) for unit, words in WORDS["units"].items() for word, factor in words.items()
 }
 
 

@@ -28,25 +28,10 @@ _TOKEN = re.compile(
     r"|(?P<end>[.;!?\n])|(?P<comma>[,:()—–])|(?P<arrow>->|=>|→|>)",
     re.IGNORECASE,
 )
-_IRREGULAR = {
-    "gave": "give", "given": "give", "ran": "run", "went": "go", "gone": "go", "goes": "go",
-    "drove": "drive", "driven": "drive", "came": "come", "struck": "strike", "stood": "stand",
-    "held": "hold", "took": "take", "taken": "take", "made": "make", "met": "meet", "saw": "see",
-    "slid": "slide", "swung": "swing", "rode": "ride", "ridden": "ride", "bore": "bear",
-    "hung": "hang", "fell": "fall", "broke": "break", "froze": "freeze", "leapt": "leap",
-    "hid": "hide", "shot": "shoot", "blew": "blow", "kept": "keep", "caught": "catch",
-    "children": "child", "men": "man", "women": "woman", "people": "person", "persons": "person",
-    "lorries": "lorry", "ladies": "lady", "buses": "bus", "busses": "bus", "taxis": "taxi",
-    "crept": "creep", "swept": "sweep", "threw": "throw", "flew": "fly", "knew": "know",
-}  # fmt: skip
+WORDS = tomllib.loads(files(__package__).joinpath("words.toml").read_text("utf-8"))
+_IRREGULAR = {form: word for word, forms in WORDS["irregular"].items() for form in forms}
 _KEEP = frozenset({"red", "bus", "crossing", "is", "was", "as", "this", "us", "its", "his", "less"})
-_SPELT = {
-    "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8,
-    "nine": 9, "ten": 10, "eleven": 11, "twelve": 12, "thirteen": 13, "fourteen": 14,
-    "fifteen": 15, "sixteen": 16, "seventeen": 17, "eighteen": 18, "nineteen": 19, "twenty": 20,
-    "thirty": 30, "forty": 40, "fifty": 50, "sixty": 60, "couple": 2, "pair": 2, "both": 2,
-    "trio": 3, "dozen": 12, "single": 1, "lone": 1, "half": 0.5,
-}  # fmt: skip
+_SPELT: dict[str, float] = WORDS["spelt"]
 
 
 @dataclass(frozen=True)
@@ -150,22 +135,21 @@ def load_vocabulary() -> Vocabulary:
 
 @cache
 def _load_vocabulary(_own: str | None) -> Vocabulary:
-    plain = tomllib.loads(files(__package__).joinpath("words.toml").read_text("utf-8"))
     exact: dict[tuple[str, ...], set[str]] = {}
     stems: dict[tuple[str, ...], set[str]] = {}
-    nouns = {f"noun.{name}": phrases for name, phrases in plain["nouns"].items()}
+    nouns = {f"noun.{name}": phrases for name, phrases in WORDS["nouns"].items()}
     own = ((f"motion.{kind.id}", kind.words) for kind in list_kinds("motion"))
     for sense, phrases in chain(
-        nouns.items(), plain["senses"].items(), plain["loose"].items(), own
+        nouns.items(), WORDS["senses"].items(), WORDS["loose"].items(), own
     ):
         for phrase in phrases:
             words = tuple(phrase.lstrip("=").split())
             table = exact if phrase.startswith("=") else stems
             key = words if phrase.startswith("=") else tuple(map(reduce_word, words))
             table.setdefault(key, set()).add(sense)
-    function = frozenset(plain["function"]["words"])
+    function = frozenset(WORDS["function"]["words"])
     spelling = function | {w for key in exact for w in key} | {
-        w.lstrip("=") for group in (*nouns.values(), *plain["senses"].values())
+        w.lstrip("=") for group in (*nouns.values(), *WORDS["senses"].values())
         for phrase in group for w in phrase.split()
     }  # fmt: skip
     return Vocabulary(
@@ -175,7 +159,7 @@ def _load_vocabulary(_own: str | None) -> Vocabulary:
         longest=max(map(len, (*exact, *stems))),
         singles=frozenset(w for key in (*exact, *stems) for w in key),
         spelling=frozenset(w for w in spelling if len(w) > 2),
-        lists={name: frozenset(words) for name, words in plain["lists"].items()},
+        lists={name: frozenset(words) for name, words in WORDS["lists"].items()},
     )
 
 

@@ -148,13 +148,22 @@ def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[C
     """The pattern's clauses, with the severity that the relation asks for."""
     clauses = _fill_pattern(pattern, relation)
     first = relation.get("first") or (relation[pattern.order] if pattern.order else None)
+    order = _put_first(Before, relation, relation.get("first"))
     if relation["type"] == "collide_at":
         found = [_adapt_contact(e, relation) if isinstance(e, Contact) else e for e in clauses]
-        return [*found, *_list_order(relation), *_list_striker(pattern, relation)]
+        strikes = relation[pattern.striker] if pattern.striker else None
+        strikes = relation.get("strikes") or strikes
+        return [*found, *order, *_put_first(Strikes, relation, strikes)]
     if any(isinstance(each, StopsBehind) for each in clauses):
-        return [_adapt_stop(each, relation) for each in clauses]
+        if (ttc := relation["target_ttc"]) is None:
+            return clauses
+        low, high = _widen(ttc, _TTC_BAND)
+        return [
+            _change(each, low=low, high=high) if isinstance(each, StopsBehind) else each
+            for each in clauses
+        ]
     if relation["type"] == "near_miss":
-        return _adapt_near_miss([*clauses, *_list_order(relation)], relation, first=first)
+        return _adapt_near_miss([*clauses, *order], relation, first=first)
     pet = relation["target_pet"] if relation["type"] == "yield_to" else None
     return clauses if pet is None else [*clauses, _build_time_gap(relation, pet)]
 
@@ -172,22 +181,12 @@ def _fill_pattern(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
     ]
 
 
-def _list_order(relation: dict[str, Any]) -> list[Clause]:
-    """The order of passing that the text asks for."""
-    first, names = relation.get("first"), [relation["from"], relation["to"]]
-    if first is None:
-        return []
-    names.sort(key=lambda name: name != first)
-    return [Before(first=names[0], second=names[1])]
-
-
-def _list_striker(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
-    """Which of the two strikes, as the text or the relation's file says."""
-    strikes = relation.get("strikes") or (relation[pattern.striker] if pattern.striker else None)
-    if strikes is None:
-        return []
-    names = sorted((relation["from"], relation["to"]), key=lambda name: name != strikes)
-    return [Strikes(first=names[0], second=names[1])]
+def _put_first(
+    clause: type[Before | Strikes], relation: dict[str, Any], first: str | None
+) -> list[Clause]:
+    """The clause that the named one of the two passes first, or strikes; none without a name."""
+    names = sorted((relation["from"], relation["to"]), key=lambda name: name != first)
+    return [] if first is None else [clause(first=names[0], second=names[1])]
 
 
 def _adapt_near_miss(
@@ -217,15 +216,6 @@ def _build_brakes_for(
     names.sort(key=lambda name: name != relation.get("braker"))
     low, high = _CLOSE_CALL if ttc is None else _widen(ttc, _TTC_BAND)
     return BrakesFor(first=names[0], second=names[1], low=low, high=high)
-
-
-def _adapt_stop(clause: Clause, relation: dict[str, Any]) -> Clause:
-    """The clause, if it is a stop behind the leader, with the path TTC asked for."""
-    ttc = relation["target_ttc"]
-    if ttc is None or not isinstance(clause, StopsBehind):
-        return clause
-    low, high = _widen(ttc, _TTC_BAND)
-    return _change(clause, low=low, high=high)
 
 
 def _build_time_gap(relation: dict[str, Any], pet: float) -> TimeGap:

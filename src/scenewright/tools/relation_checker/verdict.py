@@ -299,7 +299,16 @@ def _match_events(
                 break
             failures.append(reason)
         else:
-            missing.append(_report_unrealised(relation, failures, events))
+            pair = {relation.from_, relation.to}
+            others = [
+                f"observed instead: {e.type} from {e.from_} to {e.to}"
+                for e in events if {e.from_, e.to} == pair
+            ]  # fmt: skip
+            why = "; ".join(failures or others or ["nothing observed"])
+            missing.append(Finding(
+                rule="relation_not_realised", agents=(relation.from_, relation.to),
+                detail=f"{relation.type} from {relation.from_} to {relation.to}: {why}",
+            ))  # fmt: skip
     return frozenset(used), tuple(missing)
 
 
@@ -356,18 +365,6 @@ def _find_wrong_impact_point(relation: RelationRecord, event: Event) -> str | No
         if asked is not None and not is_impact_at(asked, found):
             return f"impact at {found or 'no point'} of {agent} observed, {asked} asked for"
     return None
-
-
-def _report_unrealised(
-    relation: RelationRecord, failures: list[str], events: Sequence[Event]
-) -> Finding:
-    pair = {relation.from_, relation.to}
-    others = [f"{e.type} from {e.from_} to {e.to}" for e in events if {e.from_, e.to} == pair]
-    why = "; ".join(failures or [f"observed instead: {o}" for o in others] or ["nothing observed"])
-    return Finding(
-        rule="relation_not_realised", agents=(relation.from_, relation.to),
-        detail=f"{relation.type} from {relation.from_} to {relation.to}: {why}",
-    )  # fmt: skip
 
 
 def _check_motion(

@@ -16,6 +16,7 @@ from scenewright.backends.builtin.draft import (
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import ReadSpan
+from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.measures import UNITS, MeasureKind
 
@@ -40,16 +41,8 @@ _MOST: dict[str, dict[str, float]] = {
 }
 """The most of a class, where it is less than a scene can have (SEMANTICS 5 and 8)."""
 
-_FAST = re.compile(
-    r"\b(?:fast|speed(?:s|ing)?|quick(?:ly)?|rapid(?:ly)?|rac(?:es?|ing)|tear(?:s|ing)|flying|brisk(?:ly)?"
-    r"|full speed|at speed|high speed|hurtl\w+|zoom\w*)\b",
-    re.IGNORECASE,
-)
-_SLOW = re.compile(
-    r"\b(?:slow(?:ly)?|crawl\w*|creep\w*|walking (?:pace|speed)|low speed|snail\W*s pace"
-    r"|leisurely|unhurried|dawdl\w*|trundl\w*)\b",
-    re.IGNORECASE,
-)
+_FAST = compile_words("asked_numbers.fast")
+_SLOW = compile_words("asked_numbers.slow")
 _PACES: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
     "vehicle": ((2.5, 6.5), (11.7, 16.0)),
     "pedestrian": ((0.6, 1.15), (2.05, 3.0)),
@@ -77,9 +70,7 @@ _NEAR = 26
 """Characters before and after a figure in which words belong to it."""
 
 _TAIL = re.compile(r"[^,;.()]*$")
-_INTO = re.compile(
-    r"\b(?:into (?:the|it|this)|in$|after (?:the )?(?:start|beginning)|mark\b)", re.I
-)
+_INTO = compile_words("asked_numbers.into")
 _LEFT = re.compile(r"from (?:the|its) left|left[- ]hand", re.IGNORECASE)
 _RIGHT = re.compile(r"from (?:the|its) right|right[- ]hand", re.IGNORECASE)
 _SIDE = re.compile(r"\b(?:side|flank|length|doors?)\b", re.IGNORECASE)
@@ -156,11 +147,7 @@ def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSp
     return replace(span, tag="speed", subjects=mentions[-1].subjects) if mentions else span
 
 
-_DRIVING = re.compile(
-    r"\b(?:driv|go|travel|do|mov|rid|walk|com|run|approach)\w*(?: (?:along|up|on))?"
-    r"(?: (?:at|with))?(?: [\d.]+)?\s*$",
-    re.IGNORECASE,
-)
+_DRIVING = compile_words("asked_numbers.driving")
 
 
 def _get_words_before(span: ReadSpan, text: str) -> str:
@@ -170,11 +157,7 @@ def _get_words_before(span: ReadSpan, text: str) -> str:
     return match[0] if match else ""
 
 
-_TOUCHES = re.compile(
-    r"\b(?:no|not|never|at|a|least|most|more|less|faster|slower|longer|shorter|greater|harder|over|under|"
-    r"above|below|up|within|exceeding|minimum|maximum|than|to|of|the|its|about|around| )+$",
-    re.IGNORECASE,
-)
+_TOUCHES = compile_words("asked_numbers.touches")
 """Words of a bound that a figure may follow."""
 
 

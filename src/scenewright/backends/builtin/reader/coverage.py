@@ -6,17 +6,10 @@ import re
 
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.reader.reading import Reading
-from scenewright.backends.builtin.reader.words import COARSE, find_subtype
+from scenewright.backends.builtin.reader.words import COARSE, compile_words, find_subtype
 
-_SIDES = re.compile(
-    r"\b(?:north|south|east|west)(?:bound|ern|wards?)?\b|\bu-?\s?turn(?:s|ing|ed)?\b|"
-    r"\bturn(?:s|ing|ed)? (?:left|right)\b|\b(?:left|right)[- ]turn",
-    re.IGNORECASE,
-)
-_MEASURES = re.compile(
-    r"\b\d+(?:[.,]\d+)?\s?(?:m/s|km/?h|kph|mph|seconds?|secs?|s|met(?:re|er)s?|m|cm|feet|ft|am|pm)\b",
-    re.IGNORECASE,
-)
+_SIDES = compile_words("coverage.sides")
+_MEASURES = compile_words("coverage.measures")
 _NEGATIONS = compile_negations("no one", "none", "cannot")
 _EXCEPTED = re.compile(r"\b(?:all|every\w*|each) (?:but|except)\b", re.IGNORECASE)
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
@@ -55,17 +48,13 @@ def _find_other_nouns(reading: Reading) -> list[str]:
         if span.tag == "ref" and first is not None and first.tag == "veh":
             kinds = [find_subtype(each.words) for each in (first, span)]
             if span.label_confidence >= _SURELY_A_REFERENCE:
-                kinds = [_get_coarse(kind) for kind in kinds]
+                kinds = [COARSE.get(kind or "", kind) for kind in kinds]
             if None not in kinds and kinds[0] != kinds[1] and not _PICKUP.search(first.words):
                 found.append(span.words)
     return found
 
 
 _PICKUP = re.compile(r"\bpick-?up|\bpolice\b|\bpatrol\b", re.IGNORECASE)
-
-
-def _get_coarse(subtype: str | None) -> str | None:
-    return COARSE.get(subtype or "", subtype)
 
 
 def _is_denied_nearby(reading: Reading, match: re.Match[str]) -> bool:

@@ -7,15 +7,14 @@ from dataclasses import replace
 
 from scenewright.backends.builtin.reader.numbers import count_in
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.words import WORDS, compile_words
 
 GROUP = "group of "
 """How the value of a mention begins that introduces a group."""
 
 MOST_MEMBERS = 8
 _KNOWN = 0.9
-_PERSON = (
-    r"(?:man|woman|mother|mum|mom|father|dad|parent|nanny|adult|grand\w+|lady|teacher|boy|girl)"
-)
+_PERSON: str = WORDS["groups"]["person"]
 _TWO = re.compile(
     rf"\bcouples?\b(?! of)|\bpair\b|\bduo\b|\b{_PERSON} (?:with|and) "
     r"(?:a|an|her|his|their) (?:\w+ )?"
@@ -26,9 +25,7 @@ _GROUP = re.compile(r"\b(?:group|party|crowd|bunch|trio|gang|team) of\b", re.IGN
 _UNCOUNTED = {"class": 6, "family": 4, "group": 4}
 """How many they are where no number is said."""
 _KINDS = re.compile(r"\b(class|family|group)\b", re.IGNORECASE)
-_TOGETHER = re.compile(
-    r"\btogether\b|\bside by side\b|\b(?:hand in hand|arm in arm|holding hands)\b", re.IGNORECASE
-)
+_TOGETHER = compile_words("groups.together")
 
 
 def join_groups(reading: Reading) -> Reading:

@@ -35,7 +35,12 @@ from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import find_named_legs, is_street_like
 from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
-from scenewright.backends.builtin.reader.words import find_class, find_subtype, time_words_in
+from scenewright.backends.builtin.reader.words import (
+    compile_words,
+    find_class,
+    find_subtype,
+    time_words_in,
+)
 from scenewright.backends.builtin.scope import build_not_english, build_nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import OPPOSITE, AgentClass
@@ -74,26 +79,12 @@ _LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])"
 _NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
 _INITIAL = {"n": "north", "e": "east", "s": "south", "w": "west"}
 _MARKED = re.compile(r"walk|zebra|crossing|\bcw\b|xing", re.IGNORECASE)
-_NONE_AT_ALL = re.compile(
-    r"^(?!.*\b(?:background|other|else)\b).*\b(?:no|not a single|zero|nobody|no one)\b.*"
-    r"\b(?:at all|whatsoever)\b",
-    re.IGNORECASE,
-)
+_NONE_AT_ALL = compile_words("interpret.none_at_all")
 _NOT_ONE = re.compile(r"\bnot (?:a|an|one|any)\b|\bn't (?:a|any)\b", re.IGNORECASE)
-_TOO_LATE = re.compile(
-    r"\b(?:fail\w*|unable|cannot|could ?n['o’]?t|did ?n['o’]?t|not) .*"
-    r"\b(?:stop|brake|halt)\w*\b.*\btime|"
-    r"\bbrak\w+ (?:far |much )?too late|\btoo late to (?:stop|brake)",
-    re.IGNORECASE,
-)
+_TOO_LATE = compile_words("interpret.too_late")
 _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
-_HERE = re.compile(
-    r"\b(?:middle|cent(?:re|er)|heart|inside)\b.*\b(?:junction|intersection|crossroads?|crossing)\b|"
-    r"^(?:(?:at|in|on) )?(?:the |this |a )?(?:(?:traffic )?lights?|junction|intersection|"
-    r"crossroads?|stop[- ]?(?:line|bar))$",
-    re.IGNORECASE,
-)
+_HERE = compile_words("interpret.here")
 """Words of a place that are the junction itself."""
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
@@ -104,40 +95,20 @@ _TURN_CRASH = re.compile(r"\b(left|right)[- ](?:turn|cross)(?: across path)? $",
 """What stands right before "collision" where it is that of a turn across the way of another."""
 _HAND_SIDE = re.compile(r"\b(?:left|right)[- ]hand side\b", re.IGNORECASE)
 """The side from which a road user comes, not a part of a vehicle."""
-_NOBODY = re.compile(
-    r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
-)
+_NOBODY = compile_words("interpret.nobody")
 _CORNER = re.compile(r"corner|sidewalk|pavement|footpath|footway|kerb|curb", re.IGNORECASE)
 _SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
 _BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b|\b([NESW])/?B\b", re.IGNORECASE)
 _TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er|s)?\b|\b([LR])T\b", re.IGNORECASE)
-_THROUGH = re.compile(
-    r"\b(?:through|thru|straight)(?:[- ]\w+)?$|^(?:through|thru|straight)\b", re.IGNORECASE
-)
-_OWN_SIDE = re.compile(
-    r"\bown (?:side|entry|approach|leg|arm)|\b(?:com(?:es?|ing)|came) (?:in|from|out of|by)\b|"
-    r"\bnear(?:er)?[- ]?side|\bentry\b|\benter(?:s|ed|ing)? (?:from|by|on|through)\b|"
-    r"\barriv(?:es?|ed|ing) (?:at|by|from|on)\b|\barriv(?:es?|ed|ing)$|\bapproach(?:es|ed|ing)?\b|"
-    r"\bstop[- ]?(?:line|bar)\b|\bits side\b|\bpull(?:s|ed|ing)? up\b",
-    re.IGNORECASE,
-)
-_FAR_SIDE = re.compile(
-    r"\bexit|\bfar\b|\bfar[- ]?side|\bturn(?:s|ed|ing)? (?:in)?to\b|\bleav|\bgoing (?:in)?to\b|"
-    r"\bafter (?:the|its|his|her|their) turn\b|\bnew road\b|\bother side\b",
-    re.IGNORECASE,
-)
-_THAT_LEG = re.compile(
-    r"\b(?:that|this|the same|said) (?:arm|leg|approach|road|street|branch|entry)\b", re.IGNORECASE
-)
+_THROUGH = compile_words("interpret.through")
+_OWN_SIDE = compile_words("interpret.own_side")
+_FAR_SIDE = compile_words("interpret.far_side")
+_THAT_LEG = compile_words("interpret.that_leg")
 _CLAUSE = re.compile(r"[^.,;:]{0,40}?(?=[.,;:]| and | but |$)")
 _TO_NOBODY = re.compile(r"\b(?:nobody|no[- ]?one)\b", re.IGNORECASE)
-_BEHIND = re.compile(
-    r"\b(?:pass|cross|go|goes|walk|slip|get|come)(?:e?s|ing|ed)? behind\b", re.IGNORECASE
-)
+_BEHIND = compile_words("interpret.behind")
 _UNTIL = re.compile(r"\b(?:until|till|before)$", re.IGNORECASE)
-_NO_TURN = re.compile(
-    r"^leav|\bright (?:in front|behind|away|after|at|into the|now)\b", re.IGNORECASE
-)
+_NO_TURN = compile_words("interpret.no_turn")
 _ONCOMING = re.compile(r"\boncoming\b|\bopposing\b", re.IGNORECASE)
 _TRAFFIC = re.compile(r"\b(cross|crossing|oncoming|opposing)[- ]traffic\b", re.IGNORECASE)
 _CROSSES = re.compile(r"\bcross(?:es|ing|ed)?\b", re.IGNORECASE)
@@ -348,11 +319,7 @@ _CLASSES: dict[str, AgentClass] = {
     "veh": "vehicle", "ped": "pedestrian", "cyc": "cyclist", "scoot": "scooter",
 }  # fmt: skip
 _NO_BICYCLE = re.compile(r"rickshaw|pedicab|unicycl|velomobile|handcart|quad", re.IGNORECASE)
-_NO_SCOOTER = re.compile(
-    r"skate|wheel ?chair|hover|segway|unicycle|rollator|roller|mobility|long ?board|pogo|stroller|"
-    r"trolley|kick ?sled|push ?chair|pram",
-    re.IGNORECASE,
-)
+_NO_SCOOTER = compile_words("interpret.no_scooter")
 
 
 def _get_class(span: ReadSpan) -> AgentClass | None:
@@ -512,16 +479,9 @@ def _leave_out_act(result: Interpretation, span: ReadSpan) -> None:
     _leave_out(result, replace(span, tag="act"))
 
 
-_VIEW = re.compile(
-    r"hid|behind|between|block|view|occlu|obscur|mask|screen|blind|sight|conceal|emerg|appear|out",
-    re.IGNORECASE,
-)
+_VIEW = compile_words("interpret.view")
 """Words of what can be seen from where, which objects decide; others say who took notice."""
-_SIREN = re.compile(
-    r"siren|blue lights?|blues and twos|(?:flashing|emergency) lights?|lights? flashing|"
-    r"\bon (?:a|an emergency) call\b",
-    re.IGNORECASE,
-)
+_SIREN = compile_words("interpret.siren")
 """What emergency vehicles show and sound, which leaves no trace in tracks."""
 
 
@@ -728,7 +688,8 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
         if _NO_TURN.search(span.words):
             result.enter(span, "manner", span.subjects)
             return
-        name = _find_side_word(span.words) or name
+        said = {each.lower() for each in re.findall(r"\b(left|right)", span.words, re.IGNORECASE)}
+        name = said.pop() if len(said) == 1 else name
     walks = name in ("crossing", "jaywalking")
     for number in span.subjects:
         agent = result.users.get(number)
@@ -751,12 +712,6 @@ def _can_go(agent: AgentDraft, span: ReadSpan, movement: str) -> bool:
     if walks:
         return movement == "crossing" and (agent.walks or _MARKED.search(span.words) is not None)
     return not agent.walks
-
-
-def _find_side_word(words: str) -> str | None:
-    """Left or right, where the words hold one of the two and not the other."""
-    said = {match.lower() for match in re.findall(r"\b(left|right)", words, re.IGNORECASE)}
-    return said.pop() if len(said) == 1 else None
 
 
 def _run_red(result: Interpretation, span: ReadSpan) -> None:
@@ -796,7 +751,9 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             "collides with, nearly hits, gives way to or follows which other.",
         )
     for first, second in _keep_fitting_classes(span.tag, pairs, users):
-        if _HEAD_ON.fullmatch(span.words) and _is_near_miss(result, users[first], users[second]):
+        pair = frozenset((id(users[first]), id(users[second])))
+        near = any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
+        if near and _HEAD_ON.fullmatch(span.words):  # it says how the two nearly collide
             users[second].relatives.append(("opposite", users[first]))
             result.enter(span, "relation", (first, second), "near_miss")
             continue
@@ -828,12 +785,6 @@ def _list_pairs(span: ReadSpan) -> list[tuple[int, int]]:
 
 
 _HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
-
-
-def _is_near_miss(result: Interpretation, first: AgentDraft, second: AgentDraft) -> bool:
-    """Whether "head-on" says how two nearly collide, and not that they do."""
-    pair = frozenset((id(first), id(second)))
-    return any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
 
 
 def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
@@ -1290,7 +1241,8 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
     pair = frozenset((id(ahead), id(behind)))
     edges = [edge for edge in result.draft.relations if edge.pair() == pair]
     if not edges:
-        kind: RelationType = "near_miss" if _is_close(result, second) else "yield_to"
+        close = any(each.tag == "hit" for each in result.denied) or second in result.braking
+        kind: RelationType = "near_miss" if close or _is_measured(result) else "yield_to"
         edges = [RelationDraft(kind, behind, ahead)]
         result.draft.relations += edges
     for edge in edges:
@@ -1309,13 +1261,6 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
     else:
         edge.first = ahead
         result.enter(span, "order", (first, second))
-
-
-def _is_close(result: Interpretation, second: int) -> bool:
-    """Whether the agent that comes second comes close: it brakes hard, contact is denied, or a PET
-    or TTC is said."""
-    denied = any(span.tag == "hit" for span in result.denied)
-    return denied or second in result.braking or _is_measured(result)
 
 
 _CLOSE_PET = 1.5

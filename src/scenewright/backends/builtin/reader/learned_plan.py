@@ -30,6 +30,7 @@ from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, read_text
 from scenewright.backends.builtin.reader.unmarked import read_unmarked
+from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import still_holds
@@ -151,7 +152,9 @@ def _play_phrase(
 
 def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObject, ...]) -> float:
     """The least probability of a choice that the plan rests on; 0 where words are passed over."""
-    silent = ("manner", "ref") if _asks_for_contact(reading) else ("manner", "ref", "no contact")
+    # Without a contact in the text, a denied one is between no agents in particular.
+    contact = any(each.tag == "hit" and not each.negated for each in reading.spans)
+    silent = ("manner", "ref") if contact else ("manner", "ref", "no contact")
     spans = [span.confidence for span in reading.spans if _get_part(span) not in silent]
     spans += [span.confidence for each in objects for span in each.list_spans()]
     passed = find_passed_over(whole if objects else reading)
@@ -160,9 +163,7 @@ def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObj
     return min([reading.kind_confidence, *spans])
 
 
-_DENIES = re.compile(
-    r"\b(?:no|not|never|without|nothing|nobody|neither|none|cannot)\b|n't\b", re.IGNORECASE
-)
+_DENIES = compile_words("learned_plan.denies")
 
 
 def _get_part(span: ReadSpan) -> str:
@@ -170,12 +171,6 @@ def _get_part(span: ReadSpan) -> str:
     as no scene has a contact that the text does not ask for."""
     denies = span.tag == "hit" and span.negated and _DENIES.search(span.words)
     return "no contact" if denies else span.tag
-
-
-def _asks_for_contact(reading: Reading) -> bool:
-    """Whether the reading has a contact; without one, a denied contact is between no agents in
-    particular."""
-    return any(each.tag == "hit" and not each.negated for each in reading.spans)
 
 
 def is_no_change(reading: Reading) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.scene.kinds import find_marked, list_readings
 from scenewright.scene.social import RelationType
 
@@ -20,57 +21,26 @@ _KNOWN = 0.9
 
 _AHEAD = re.compile(r"\b(?:lead(?:ing|er)?|ahead|in front|front|preced\w+)\b", re.IGNORECASE)
 _BEHIND = re.compile(r"\b(?:behind|follow\w*|trail\w*|tail\w*|second)\b", re.IGNORECASE)
-_INTO_THE_BACK = re.compile(
-    r"\brear\b|\bback of|\bup the back|\bbehind\b|\b(?:runs?|running|ran|drives?|drove) into\b",
-    re.IGNORECASE,
-)
-_IN_TIME = re.compile(
-    r"\b(?:stop|brake|halt|react|pull)\w*\b.*\bin (?:good )?time\b", re.IGNORECASE
-)
-_NARROWLY = re.compile(
-    r"\b(?:just|barely|only|narrowly|hardly|last moment|manages?)\b", re.IGNORECASE
-)
+_INTO_THE_BACK = compile_words("manoeuvres.into_the_back")
+_IN_TIME = compile_words("manoeuvres.in_time")
+_NARROWLY = compile_words("manoeuvres.narrowly")
 _STOPS = re.compile(r"\b(?:stop|brake|halt)\w*\b", re.IGNORECASE)
 
 
-_CLOSE_UP = re.compile(
-    r"\btailgat\w+|\bbumper\b|\bglued to\b|\bbreath\w+ down\b|"
-    r"\b(?:too|very|dangerously|far too) clos\w+|"
-    r"\bclose on (?:the )?(?:heels|tail)|\bon the tail of\b",
-    re.IGNORECASE,
-)
-_LANE_CHANGE = re.compile(
-    r"\b(?:chang\w+|switch\w*|swap\w*) (?:its |his |her |the )?lanes?\b|\blane change\b|"
-    r"\b(?:cuts?|cutting|merg\w+|swerv\w+|mov\w+|drift\w*|pull\w*)\b.*\blane\b|^merg\w+$|"
-    r"\bcut(?:s|ting)? in\b(?! front)|\b(?:next|adjacent|other|neighbou?ring) lane\b",
-    re.IGNORECASE,
-)
+_CLOSE_UP = compile_words("manoeuvres.close_up")
+_LANE_CHANGE = compile_words("manoeuvres.lane_change")
 _SWERVES = re.compile(r"(?:swerv|mov|drift|pull|cut)\w*(?: over| across)?$", re.IGNORECASE)
 _NEAR = 45
 """Characters behind the words of a follow in which it may be said that it is a close one."""
 
 _SHORT_OF = re.compile(r"^(?:right|just)$", re.IGNORECASE)
 _CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
-_TURNS_GREEN = re.compile(
-    r"^(?!.*\bred\b).*\b(?:light|signal)s? (?:\w+ )?(?:turn\w*|is|goes|change\w*(?: to)?) green\b",
-    re.IGNORECASE,
-)
-_RIGHT_ON_RED = re.compile(
-    r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
-    r"(?: (?:light|signal))?)\b",
-    re.IGNORECASE,
-)
+_TURNS_GREEN = compile_words("manoeuvres.turns_green")
+_RIGHT_ON_RED = compile_words("manoeuvres.right_on_red")
 _MARKED = re.compile(r"crosswalk|zebra", re.IGNORECASE)
 _ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
-_PASSIVE_REAR = re.compile(
-    r"\b(?:is|was|gets|got|being|and)\b[^.,;]*?"
-    r"\b(?:(?:hit|struck|rammed|shunted) (?:from behind|in the rear)|"
-    r"rear-?ended)\b(?![^.,;]*\bby\b)",
-    re.IGNORECASE,
-)
-_CANNOT = re.compile(
-    r"n't\b|n’t\b|\bcannot\b|\bnot\b|\bfail|\bunable\b|\btoo late\b", re.IGNORECASE
-)
+_PASSIVE_REAR = compile_words("manoeuvres.passive_rear")
+_CANNOT = compile_words("manoeuvres.cannot")
 _CORNER = re.compile(r"\b(?:at|on) (?:the|a) (?:street )?corner\b", re.IGNORECASE)
 _HOOK = re.compile(r"\bhook|\bcross", re.IGNORECASE)
 _TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)

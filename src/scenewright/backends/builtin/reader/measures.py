@@ -5,18 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from scenewright.backends.builtin.reader.numbers import TO_TWENTY
+from scenewright.backends.builtin.reader.numbers import TENS, TO_TWENTY
+from scenewright.backends.builtin.reader.words import WORDS, compile_words
 
 _FRACTIONS = {"half": 0.5, "quarter": 0.25, "three quarters": 0.75}
 _FIGURE = re.compile(r"(\d+(?:[.,]\d+)?)")
-_WORDS = {word: float(number) for number, word in enumerate(TO_TWENTY)} | {
-    "thirty": 30.0,
-    "forty": 40.0,
-    "fifty": 50.0,
-    "sixty": 60.0,
-    "seventy": 70.0,
-    "eighty": 80.0,
-}
+_WORDS = {word: float(number) for number, word in enumerate(TO_TWENTY)}
+_WORDS |= {word: 10.0 * tens for tens, word in enumerate(TENS[1:7], start=3)}
 _SPELT = re.compile(r"\b(" + "|".join(_WORDS) + r")(?:[- ](" + "|".join(_WORDS) + r"))?\b")
 _PER_SECOND = (
     (re.compile(r"km\s*/?\s*h|kph|kmh|kilomet\w+ (?:an|per) hour|\bklicks|\bk's\b"), 1 / 3.6),
@@ -37,10 +32,7 @@ _SPEEDS = {
 }  # fmt: skip
 """Free speeds by class [m/s]."""
 
-_BOUND = re.compile(
-    r"\b(?:over|above|more|faster|least|under|below|less|slower|most|up to|about|around|roughly|"
-    r"between|nearly|almost|exceed\w*|from|not|never|too|limit)\b|\d\s*(?:-|–|to)\s*\d"
-)
+_BOUND = compile_words("measures.bound", re.NOFLAG)
 _ONE_UNIT = re.compile(r"\ban? (?:second|met(?:re|er)|foot|inch|heartbeat)")
 _ACCELERATION = re.compile(r"m\s*/?\s*s\s*(?:2|²|\^2)|met\w+ per second squared")
 _GRAVITY = re.compile(r"(?<=\d)\s*g\b")
@@ -77,36 +69,7 @@ def measure_in(words: str) -> MeasureMention | None:
     return MeasureMention(number, "s" if _SECONDS.search(low) else "")
 
 
-_BOUNDS = (
-    (
-        re.compile(
-            r"\bno (?:less|fewer|slower|shorter|sooner|earlier) than|\bnot (?:below|under|less)\b|"
-            r"\bnever below|≥|>="
-        ),
-        True,
-    ),
-    (
-        re.compile(
-            r"\bno (?:more|faster|longer|greater|later|harder) than|"
-            r"\bnot (?:above|over|more|exceeding)\b|\bnever above|≤|<="
-        ),
-        False,
-    ),
-    (
-        re.compile(
-            r"\b(?:at least|(?:more|faster|longer|greater|harder|later) than|over|above|exceed\w*|"
-            r"a minimum of|minimum|min\.?|upwards of|or more|or faster|or longer)\b|>"
-        ),
-        True,
-    ),
-    (
-        re.compile(
-            r"\b(?:at most|(?:less|slower|shorter|earlier) than|under|below|up to|a maximum of|"
-            r"maximum|max\.?|within|or less|or slower|tops)\b|<"
-        ),
-        False,
-    ),
-)
+_BOUNDS = [(re.compile(words), least) for least, words in WORDS["measures"]["bounds"]]
 """Words that make a number a lower bound (True) or an upper one; negations come first."""
 
 _TWO = re.compile(r"(\d+(?:[.,]\d+)?)[^\d]{0,12}?(?:\band\b|\bto\b|-|–|—)\s*(\d+(?:[.,]\d+)?)")

@@ -9,46 +9,27 @@ from itertools import pairwise
 
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import find_subtype
+from scenewright.backends.builtin.reader.words import WORDS, compile_words, find_subtype
 
 _SPEAKER = re.compile(r"^(?:i|me|we|us|myself)$", re.IGNORECASE)
 _OWN = re.compile(r"^(?:my|our) [\w -]+$", re.IGNORECASE)
-_OWN_VEHICLE = re.compile(
-    r"\b(?:car|van|taxi|cab|bus|truck|lorry|moped|motorbike|motorcycle|bike|scooter|vehicle|suv|"
-    r"pick-?up|sedan|hatchback|rig|coach|ride|wheels|vespa|minivan|jeep)$",
-    re.IGNORECASE,
-)
+_OWN_VEHICLE = compile_words("merging.own_vehicle")
 
-_FUNCTION_WORDS = frozenset(
-    ("a", "an", "and", "at", "by", "for", "in", "is", "it", "of", "on", "the", "to", "was", "with")
-)
+_FUNCTION_WORDS = frozenset(WORDS["merging"]["function_words"])
 _ARTICLE = re.compile(r"an?|the", re.IGNORECASE)
-_ANOTHER = re.compile(
-    r"^(?:yet )?(?:another|a second|a third|a different) (?!one\b|time\b)\w+", re.IGNORECASE
-)
-_RIDES = re.compile(
-    r"\b(?:of|on|in|driving|riding|aboard|at the (?:wheel|handlebars) of|behind the wheel of)"
-    r"(?: (?:an?|the|his|her|their|its))?$",
-    re.IGNORECASE,
-)
+_ANOTHER = compile_words("merging.another")
+_RIDES = compile_words("merging.rides")
 """Between a person and the vehicle that the person drives, which are one road user."""
 
-_DRIVER = re.compile(
-    r"\b(?:driver|rider|motorist|operator|chauffeur|courier|owner|captain|pilot)$", re.IGNORECASE
-)
+_DRIVER = compile_words("merging.driver")
 _ON_FOOT = re.compile(
     r"\b(?:ped\w*|walker|jogger|runner|m[ae]n|wom[ae]n|girl|boy|kid|child|lady|person|student)\b",
     re.IGNORECASE,
 )
-_WALKER = re.compile(
-    r"\b(?:pedestrians?|peds?|walkers?|joggers?|passers?-?by|couple)$", re.IGNORECASE
-)
+_WALKER = compile_words("merging.walker")
 """Nouns of those who are on foot, never of drivers."""
 
-_ON_THE = re.compile(
-    r"(?: (?:riding|rides|going|crossing))?(?: (?:on|over|across|along|in)(?: (?:the|a))?)? ?",
-    re.IGNORECASE,
-)
+_ON_THE = compile_words("merging.on_the")
 """Between a rider and the crosswalk that it rides on."""
 
 _SURELY = 0.95
@@ -60,11 +41,7 @@ _ANOTHER_INSIDE = re.compile(
 _TOUCHING = 4
 """Characters between an event and the mention that is its object."""
 
-_NOUN = re.compile(
-    r"\b(?:vehicles?|drivers?|autos?|ego|units?|ped(?:estrian)?s?|(?:wo)?m[ae]n|girls?|boys?|kids?|"
-    r"child(?:ren)?|lad(?:y|ies)|walkers?|joggers?|persons?|people|guys?|dudes?)\b",
-    re.IGNORECASE,
-)
+_NOUN = compile_words("merging.noun")
 
 
 def merge_mentions(reading: Reading) -> Reading:
@@ -228,7 +205,9 @@ def _find_touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tu
         for other, later in single.items():
             between = reading.text[span.end : later.start]
             beside = span.end < later.start and not between.strip(" -")
-            if span.tag == later.tag and beside and not _has_noun(span.words):
+            if span.tag != later.tag or not beside or find_subtype(span.words) is not None:
+                continue
+            if not (_NOUN.search(span.words) or _OWN_VEHICLE.search(span.words)):
                 yield other, user
 
 
@@ -257,11 +236,6 @@ def _is_one(words: str) -> bool:
     """Whether the words are those of a person, and no vehicle themselves."""
     person = _DRIVER.search(words) or re.search(_ON_FOOT.pattern + "$", words, re.IGNORECASE)
     return person is not None and find_subtype(words) is None
-
-
-def _has_noun(words: str) -> bool:
-    found = (_NOUN.search(words), _OWN_VEHICLE.search(words), find_subtype(words))
-    return any(each is not None for each in found)
 
 
 def _merge(reading: Reading, kept: int, dropped: int) -> Reading:

@@ -4,42 +4,24 @@ from __future__ import annotations
 
 import re
 
-TO_TWENTY = (
-    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten",
-    "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen",
-    "nineteen", "twenty",
-)  # fmt: skip
-_WORDS = {
-    word: number
-    for number, word in enumerate(TO_TWENTY)
-} | {
-    "no": 0, "none": 0, "without": 0, "nil": 0, "single": 1, "lone": 1, "a couple": 2, "couple": 2,
-    "pair": 2, "both": 2, "twin": 2, "twins": 2, "duo": 2, "trio": 3, "half a dozen": 6,
-    "half-dozen": 6, "a dozen": 12, "dozen": 12, "thirty": 30, "forty": 40, "fifty": 50,
-    "sixty": 60, "seventy": 70, "eighty": 80, "ninety": 90, "hundred": 100,
-}  # fmt: skip
-_TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
-_COMPOUND = re.compile(rf"\b({'|'.join(_TENS)})[- ]({'|'.join(TO_TWENTY[1:10])})\b", re.IGNORECASE)
+from scenewright.backends.builtin.reader.words import WORDS, compile_words
+
+TO_TWENTY: list[str] = WORDS["numbers"]["to_twenty"]
+_WORDS: dict[str, int] = {word: number for number, word in enumerate(TO_TWENTY)}
+_WORDS |= WORDS["numbers"]["others"]
+TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+_COMPOUND = re.compile(rf"\b({'|'.join(TENS)})[- ]({'|'.join(TO_TWENTY[1:10])})\b", re.IGNORECASE)
 _NUMBER = re.compile(
     r"(?<![\w.])(?:(\d{1,3})(?![\w.,:]*\d)|("
     + "|".join(sorted(map(re.escape, _WORDS), key=len, reverse=True))
     + r")(?![a-z]))",
     re.IGNORECASE,
 )
-_OF_ONE = re.compile(
-    r"\b(?:\d+(?:[.,]\d+)?|four|two|three|five|six|seven|eight|nine|ten|twelve|[a-z]+teen|"
-    r"[a-z]+ty)[- ]?(?:year|month|door|seat|ton|wheel|axle|foot|feet|met(?:er|re)|inch|litre|liter|"
-    r"speed|deck|stroke|horse|pound|kilo|kg|cc|hp|cylinder|x ?4)\w*",
-    re.IGNORECASE,
-)
+_OF_ONE = compile_words("numbers.of_one")
 """Numbers that belong to what one road user is: "a two-door car", "a 7.5-tonne lorry"."""
 
 _SINGULAR = re.compile(r"^(?:an?|one|another|this|that) ", re.IGNORECASE)
-_LABEL = re.compile(
-    r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b|"
-    r"\b(?!of|the|all|about|around|some\b)[a-z]+\.? ?#?\d+$",
-    re.IGNORECASE,
-)
+_LABEL = compile_words("numbers.label")
 
 
 _TIMES = re.compile(r"\bx ?(\d)\b", re.IGNORECASE)

@@ -11,26 +11,15 @@ from dataclasses import replace
 
 from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import has_user_noun
+from scenewright.backends.builtin.reader.words import compile_words, has_user_noun
 
-_EARLY = re.compile(
-    r"\b(?:first|1st|before|ahead|in front|precede[sd]?|beat(?:s|en)?|prior|leads?|earlier)\b",
-    re.IGNORECASE,
-)
-_LATE = re.compile(
-    r"\b(?:second|2nd|after|afterwards?|behind|last|later|thereafter|until|once)\b", re.IGNORECASE
-)
+_EARLY = compile_words("orders.early")
+_LATE = compile_words("orders.late")
 _THEN = re.compile(r"\b(?:then|next|already|third|only|finally)\b", re.IGNORECASE)
-_IS = re.compile(
-    r"^(?:first|second|last)\b.*\b(?:is|are|was|were|goes|comes|came|went)$", re.IGNORECASE
-)
+_IS = compile_words("orders.is")
 """Words whose subject comes after them: "first through is"."""
 
-_GOVERNS = re.compile(
-    r"\b(?:before|ahead of|in front of|prior to|beats?|precede[sd]?|after|behind|second to|"
-    r"until|once)$",
-    re.IGNORECASE,
-)
+_GOVERNS = compile_words("orders.governs")
 """Words that what comes next is the complement of."""
 
 _POINTS_BACK = re.compile(r"^\s*(?:this|that|which|whom|those|him|her|it|them)\b", re.IGNORECASE)

@@ -151,12 +151,11 @@ def _gather(path: list[int], chances: Floats, encoding: Any) -> list[_TokenSpan]
             spans.append(_TokenSpan(before.first, at, label, min(sure, before.confidence)))
         else:
             spans.append(_TokenSpan(at, at, label, sure))
-    return [each for each in spans if _has_word(each, encoding)]
-
-
-def _has_word(span: _TokenSpan, encoding: Any) -> bool:
-    tokens = encoding.tokens[span.first : span.last + 1]
-    return any(char.isalnum() for token in tokens for char in token)
+    return [
+        each
+        for each in spans
+        if any(map(str.isalnum, "".join(encoding.tokens[each.first : each.last + 1])))
+    ]
 
 
 def _describe(
@@ -177,7 +176,9 @@ def _describe(
     for at, each in enumerate(found):
         label = LABELS[each.label]
         if is_mention(label):
-            size = 1 if label.endswith("=many") else _choose_size(words[at][2], counts[at])
+            counted = 1 if label.endswith("=many") else count_in(words[at][2])
+            likeliest = int(counts[at].argmax()) + 1
+            size = counted if counted is not None and counted <= MOST_MEMBERS else likeliest
             for member in range(1, size + 1):
                 users[len(members) + 1] = at
                 members.append((at, member if size > 1 else 0))
@@ -215,12 +216,6 @@ def _widen_to_words(span: _TokenSpan, encoding: Any, text: str) -> tuple[int, in
         last += 1
         end = encoding.offsets[last][1]
     return start, end, text[start:end]
-
-
-def _choose_size(words: str, chances: Floats) -> int:
-    """How many road users a mention introduces: the number in its words, else what is likeliest."""
-    said = count_in(words)
-    return said if said is not None and said <= MOST_MEMBERS else int(chances.argmax()) + 1
 
 
 def _score_links(

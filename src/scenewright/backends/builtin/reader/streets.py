@@ -7,17 +7,11 @@ from collections.abc import Sequence
 
 from rapidfuzz import fuzz
 
+from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.scene.streets import TYPES, expand_name
 
-_NAMED = re.compile(
-    r"\b(?:street|st|avenue|ave|road|rd|lane|ln|boulevard|blvd|highway|hwy|terrace)\b\.?",
-    re.IGNORECASE,
-)
-_BARE_ROAD = re.compile(
-    r"^(?:the |a |its |his |her |that |this )*(?:(?:north|south|east|west)(?:ern)?|side|cross|main|"
-    r"minor|major|other|same|opposite|busy|intersecting|[nsew])*[- ]*(?:street|road|avenue|lane)$",
-    re.IGNORECASE,
-)
+_NAMED = compile_words("streets.named")
+_BARE_ROAD = compile_words("streets.bare_road")
 _ALIKE = 90.0
 
 

@@ -6,17 +6,13 @@ import re
 from dataclasses import replace
 
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.words import compile_words
 
 _KNOWN = 0.9
 """How sure a span is whose words leave no doubt."""
 
 CLOCK = re.compile(r"(?<![\w.,:#/-])(?:[01]\d|2[0-3])[0-5]\d(?: ?h(?:rs|ours)?)?(?![\w:/-]|[.,]\d)")
-_NOT_A_CLOCK = re.compile(
-    r"(?:\b((?:jan|feb|mar|apr|may|june?|july?|aug|sept?|oct|nov|dec)[a-z]*)|"
-    r"\b(?:of|since|year|no|number|case|file|unit|badge|room|row|test|item|id|code|bus|route)\.?)"
-    r" +#?$",
-    re.IGNORECASE,
-)
+_NOT_A_CLOCK = compile_words("unmarked.not_a_clock")
 _YEAR = re.compile(r"(?:19|20)\d\d")
 _STANDING = re.compile(r"^[^.,;:]{0,12}\b(?:stand(?:s|ing)?|stood)\b", re.IGNORECASE)
 

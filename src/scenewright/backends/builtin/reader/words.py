@@ -13,6 +13,16 @@ from scenewright.scene.kinds import list_shipped
 VOCABULARY: dict[str, Any] = tomllib.loads(
     files("scenewright.backends.builtin").joinpath("vocabulary.toml").read_text("utf-8")
 )
+WORDS: dict[str, Any] = VOCABULARY["words"]
+"""What single rules look for: module -> name -> a pattern or a list."""
+
+
+def compile_words(name: str, flags: re.RegexFlag = re.IGNORECASE) -> re.Pattern[str]:
+    """The pattern of the vocabulary by this name, such as `merging.driver`."""
+    module, _, key = name.partition(".")
+    return re.compile(WORDS[module][key], flags)
+
+
 _SUBTYPES = [(name, re.compile(pattern, re.IGNORECASE)) for name, pattern in VOCABULARY["subtypes"]]
 _PICKUP = re.compile(r"\bpick-?up(?: truck)?s?\b", re.IGNORECASE)
 
@@ -35,16 +45,8 @@ def find_class(words: str) -> AgentClass | None:
     return "pedestrian" if _WALKER.search(words) else None
 
 
-_RIDER = re.compile(
-    r"\b(?:cyclist|bicycle|bicyclist|push-?bike|(?:cargo|road|mountain) bike|(?<!motor)(?<!motor )"
-    r"(?<!dirt )bike)s?\b",
-    re.IGNORECASE,
-)
-_WALKER = re.compile(
-    r"\b(?:ped(?:estrian)?|walker|jogger|runner|(?:wo)?man|child|kid|girl|boy|lady|person|"
-    r"grandmother|grandfather|nurse|student|tourist)s?\b",
-    re.IGNORECASE,
-)
+_RIDER = compile_words("words.rider")
+_WALKER = compile_words("words.walker")
 
 
 COARSE = {kind.id: kind.wider for kind in list_shipped("subtype") if kind.wider}
@@ -67,11 +69,7 @@ def time_words_in(low: str) -> list[str]:
     return found
 
 
-_USER = re.compile(
-    r"\b(?:vehicles?|autos?|ego|ped(?:estrian)?s?|(?:wo)?m[ae]n|girls?|boys?|kids?|child(?:ren)?|"
-    r"lad(?:y|ies)|walkers?|joggers?|persons?|people|bikes?|motors?)\b",
-    re.IGNORECASE,
-)
+_USER = compile_words("words.user")
 
 
 def has_user_noun(words: str) -> bool:

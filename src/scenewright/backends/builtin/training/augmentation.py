@@ -14,29 +14,17 @@ from scenewright.backends.builtin.reader.annotation import (
     AnnotatedText,
     Span,
 )
+from scenewright.backends.builtin.reader.words import compile_words
 
 _NAMES = ("north", "east", "south", "west")
 _LETTERS = "NESW"
-_WORD = re.compile(
-    r"(?<![a-z])(north|east|south|west)(?=(?:\b|bound|ward|ern|erly|side|-))", re.IGNORECASE
-)
+_WORD = compile_words("augmentation.word")
 _BOUND = re.compile(r"(?<![A-Za-z])([NESWnesw])(/?[Bb])(?![A-Za-z])")
 _LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?![A-Za-z'’])")
 _TURN = re.compile(r"\b(left|right)(?=\b|er|ward|s\b|-)", re.IGNORECASE)
 _TURN_SHORT = re.compile(r"(?<![A-Za-z])([LRlr])(?=[Tt]?(?![A-Za-z]))")
-_KEPT = re.compile(
-    r"right[- ]of[- ]way|right (?:away|behind|in front|when|as|at|into|after|before|through|there|"
-    r"now|past|on top|outside|next|over|beside)|all ?right|alright|"
-    r"(?:have|has|had|was|is|no one|nobody|who|got|been) left\b|"
-    r"left (?:the|a|for|behind|its|his|her)"
-    r"|that's right|right\?|right,",
-    re.IGNORECASE,
-)
-_UNTURNED = re.compile(
-    r"\b(?:top|bottom|upper|lower|map|screen|picture|image|north-?(?:east|west)|"
-    r"south-?(?:east|west)|clockwise|anticlockwise|sun|[ns][ew])\b",
-    re.IGNORECASE,
-)
+_KEPT = compile_words("augmentation.kept")
+_UNTURNED = compile_words("augmentation.unturned")
 _SWAPPED = (*MENTIONS, "time", "bgveh", "bgped", "bgall", "density", "weather", "place", "pace")
 _OPENERS = (
     "Show me {}", "Please make {}", "I need a scene where {}", "scene: {}", "Generate: {}",
