@@ -102,24 +102,16 @@ def _make_backend(
     if ":" not in name:
         known = ", ".join(BACKENDS)
         raise InputError(f"there is no backend {name!r}; choose one of: {known}")
-    return dict.fromkeys(TASKS, _make_chat_backend(name, base_url=base_url, timeout=timeout))
-
-
-def _make_chat_backend(name: str, *, base_url: str | None, timeout: float | None) -> Backend:
     from scenewright.backends.chat.model import ChatModel, Limits
     from scenewright.backends.chat.naming import load_chat_model
     from scenewright.backends.text_backend import TextBackend
 
-    limits = Limits() if timeout is None else Limits(timeout=_parse_seconds(timeout))
+    if timeout is not None and not 0.1 <= timeout <= 3600.0:
+        raise InputError(f"a timeout is 0.1 to 3600 seconds, got {timeout:g}")
+    limits = Limits() if timeout is None else Limits(timeout=timeout)
     # An endpoint of the user's own serves the models named openai:...; others have their own.
     theirs = base_url if name.startswith("openai:") else None
     endpoint = load_chat_model(
         name, base_url=theirs, timeout=limits.timeout, max_tokens=limits.tokens
     )
-    return TextBackend(ChatModel(endpoint, limits=limits))
-
-
-def _parse_seconds(timeout: float) -> float:
-    if not 0.1 <= timeout <= 3600.0:
-        raise InputError(f"a timeout is 0.1 to 3600 seconds, got {timeout:g}")
-    return timeout
+    return dict.fromkeys(TASKS, TextBackend(ChatModel(endpoint, limits=limits)))

@@ -107,7 +107,7 @@ class Answers:
         target = Path(path)
         try:
             if not target.exists():
-                _append(target, [head.model_dump(mode="json")], only_if_empty=True)
+                _append(target, head, only_if_empty=True)
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror or error}") from error
         found = cls.read(path)
@@ -134,7 +134,7 @@ class Answers:
             if answer.key in self._known:
                 return
             try:
-                _append(self.path, [answer.model_dump(mode="json")])
+                _append(self.path, answer)
             except OSError as error:
                 raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
             self._known[answer.key] = answer
@@ -154,7 +154,14 @@ class AnswerRecorder:
         if known is not None:
             return known.to_completion()
         said = self._text_model.complete(question, prompt)
-        self._answers.add(_build_answer(key, self.name, question, prompt, said))
+        self._answers.add(
+            Answer(
+                key=key, task=question.task, model=self.name, seed=question.seed,
+                system=prompt.system, user=prompt.user, schema_=prompt.schema,
+                reply=said.text, fault=said.fault,
+                input_tokens=said.input_tokens, output_tokens=said.output_tokens,
+            )
+        )  # fmt: skip
         return said
 
 
@@ -213,7 +220,9 @@ def record_answers(speakers: Mapping[Task, Backend], path: str | Path) -> dict[T
     found: dict[Task, Backend] = {}
     for task, each in speakers.items():
         rule = each.deterministic
-        kept = AnswerRecorder(_get_text_model(each), answers, by_facts=rule)
+        model: TextModel
+        model = each.text_model if isinstance(each, TextBackend) else _BackendAsModel(each)
+        kept = AnswerRecorder(model, answers, by_facts=rule)
         found[task] = _ReplayBackend(kept, deterministic=rule)
     return found
 
@@ -230,28 +239,6 @@ def replay_answers(path: str | Path) -> dict[Task, Backend]:
         replay = ReplaySource(identity.name, answers, by_facts=identity.deterministic)
         found[task] = _ReplayBackend(replay, deterministic=identity.deterministic)
     return found
-
-
-def _get_text_model(backend: Backend) -> TextModel:
-    return backend.text_model if isinstance(backend, TextBackend) else _BackendAsModel(backend)
-
-
-def _build_answer(
-    key: str, model: str, question: Question, prompt: Prompt, said: Completion
-) -> Answer:
-    return Answer(
-        key=key,
-        task=question.task,
-        model=model,
-        seed=question.seed,
-        system=prompt.system,
-        user=prompt.user,
-        schema_=prompt.schema,
-        reply=said.text,
-        fault=said.fault,
-        input_tokens=said.input_tokens,
-        output_tokens=said.output_tokens,
-    )
 
 
 def _parse_answers(path: Path) -> tuple[AnswersHead | None, list[Answer]]:
@@ -282,28 +269,19 @@ def _parse_answers(path: Path) -> tuple[AnswersHead | None, list[Answer]]:
     return head, answers
 
 
-def _append(path: Path, values: list[dict[str, Any]], *, only_if_empty: bool = False) -> None:
-    """Adds whole lines, after cutting off one that was never finished."""
-    data = "".join(json.dumps(each, ensure_ascii=False) + "\n" for each in values)
+def _append(path: Path, value: BaseModel, *, only_if_empty: bool = False) -> None:
+    """Adds a whole line, after cutting off one that was never finished."""
+    data = json.dumps(value.model_dump(mode="json"), ensure_ascii=False) + "\n"
     with path.open("a+b") as file, _lock(file):
         end = file.seek(0, 2)
         if only_if_empty and end:
             return
-        whole = _end_of_last_line(file, end)
-        if whole < end:
-            file.truncate(whole)
+        file.seek(max(end - 1, 0))
+        if end and file.read(1) != b"\n":
+            file.seek(0)
+            file.truncate(file.read().rfind(b"\n") + 1)
         file.write(data.encode("utf-8", "backslashreplace"))
         file.flush()
-
-
-def _end_of_last_line(file: IO[bytes], end: int) -> int:
-    if end == 0:
-        return 0
-    file.seek(end - 1)
-    if file.read(1) == b"\n":
-        return end
-    file.seek(0)
-    return file.read().rfind(b"\n") + 1
 
 
 @contextmanager

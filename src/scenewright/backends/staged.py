@@ -17,17 +17,11 @@ class StagedBackend:
 
     def __init__(self, by_task: Mapping[Task, Backend]) -> None:
         self.by_task = dict(by_task)
-        self.name = _join_names(self.by_task)
+        names = [self.by_task[task].name for task in TASKS]
+        each = (f"{task}={name}" for task, name in zip(TASKS, names, strict=True))
+        self.name = names[0] if len(set(names)) == 1 else ", ".join(each)
         self.deterministic = all(each.deterministic for each in self.by_task.values())
 
     def answer(self, question: Question) -> dict[str, Any]:
         """Return the reply of the task's backend (see `Backend`)."""
         return self.by_task[map_task(question.task)].answer(question)
-
-
-def _join_names(by_task: Mapping[Task, Backend]) -> str:
-    """One name if there is but one, else each with its task."""
-    names = [by_task[task].name for task in TASKS]
-    if len(set(names)) == 1:
-        return names[0]
-    return ", ".join(f"{task}={name}" for task, name in zip(TASKS, names, strict=True))

@@ -79,7 +79,8 @@ class TextBackend:
         prompt = question.prompt()
         key = compute_key(self.name, question, prompt, by_facts=self.deterministic)
         before = perf_counter()
-        said = self._recall_reply(key)
+        with self._lock:
+            said = self._known.get(key)
         asked = 0 if said is not None else 1
         if said is None:
             said = self._ask_model(question, prompt, key)
@@ -99,20 +100,12 @@ class TextBackend:
                 call = _build_call(self.name, question, nothing, 1, perf_counter() - before, key)
                 question.account(replace(call, answered=False))
             raise
-        self._remember(key, said)
+        if len(said.text) <= LONGEST:
+            with self._lock:
+                self._known[key] = said
+                while len(self._known) > _REMEMBERED:
+                    self._known.popitem(last=False)
         return said
-
-    def _recall_reply(self, key: str) -> Completion | None:
-        with self._lock:
-            return self._known.get(key)
-
-    def _remember(self, key: str, said: Completion) -> None:
-        if len(said.text) > LONGEST:
-            return
-        with self._lock:
-            self._known[key] = said
-            while len(self._known) > _REMEMBERED:
-                self._known.popitem(last=False)
 
 
 def compute_key(model: str, question: Question, prompt: Prompt, *, by_facts: bool = False) -> str:

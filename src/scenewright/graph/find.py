@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenewright.backends import Backend, Named
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file, write_atomically
 from scenewright.graph.run import (
@@ -184,9 +183,7 @@ class Hit:
         }  # fmt: skip
 
 
-def read_query(
-    asked: str, *, intersection: str | None = None, backend: Named | Backend = "builtin"
-) -> Query:
+def read_query(asked: str, *, intersection: str | None = None) -> Query:
     """The plans that a text, or a plan file with values left open, stands for.
 
     Raises:
@@ -198,9 +195,9 @@ def read_query(
         unknown = [each.text for each in logical.constraints]
         if intersection is None:
             unknown += logical.legs.values()
-        plans = tuple(_list_bounds(logical.place_at(load_map(place))))
+        plans = _list_bounds(logical.place_at(load_map(place)))
     else:
-        plan = plan_instruction(asked, intersection=place, backend=backend)
+        plan = plan_instruction(asked, intersection=place)
         plans = ((plan, plan),)
         unknown = [each.words for each in list_unknown_words(asked, load_map(place))]
     unheld = [each.words for each in plans[0][0].said if each.became in _UNHELD]
@@ -209,18 +206,19 @@ def read_query(
     return Query(plans, tuple(dict.fromkeys([*unheld, *unknown])))
 
 
-def _list_bounds(logical: LogicalPlan) -> Iterator[Bounds]:
+def _list_bounds(logical: LogicalPlan) -> tuple[Bounds, ...]:
     """The plans of every choice of listed values."""
     lists = {at: each.values for at, each in logical.spreads.items() if each.kind == "list"}
     if math.prod(map(len, lists.values())) > MOST_CHOICES:
         raise InputError(f"{logical.name}: its lists have more than {MOST_CHOICES} combinations")
-    for values in product(*lists.values()):
-        chosen = dict(zip(lists, values, strict=True))
-        least, most = (
-            {at: each.compute_value(share) for at, each in logical.spreads.items()} | chosen
-            for share in (0.0, 1.0)
-        )
-        yield logical.settle(least).plan, logical.settle(most).plan
+    least, most = (
+        {at: each.compute_value(share) for at, each in logical.spreads.items()}
+        for share in (0.0, 1.0)
+    )
+    chosen = (dict(zip(lists, values, strict=True)) for values in product(*lists.values()))
+    return tuple(
+        (logical.settle(least | own).plan, logical.settle(most | own).plan) for own in chosen
+    )
 
 
 def load_sources(path: Path, intersection: str | None = None) -> Iterator[Source]:
@@ -311,8 +309,10 @@ class _PlanSearch:
         names = sorted((node.id for node in plan.agents), key=lambda name: name not in bound)
         for agents in self._assign(names, {}):
             for events in product(*(self._list_events(e, agents) for e in plan.relations)):
-                starts = [e.time for e in events] or [self._tracks[agents[names[0]]].start]
-                ends = [_get_end(e) for e in events] or [self._tracks[agents[names[0]]].end]
+                track = self._tracks[agents[names[0]]]
+                starts = [e.time for e in events] or [track.start]
+                # Of all events only a follow lasts.
+                ends = [e.evidence.get("until", e.time) for e in events] or [track.end]
                 if max(starts) - min(ends) <= SPAN:
                     found.append((min(starts), max(ends), agents, events))
         for time, until, agents, events in sorted(found, key=lambda each: each[:2]):
@@ -384,15 +384,7 @@ class _PlanSearch:
         ties = tuple(tie for tie in plan.ties if {tie.agent, tie.of} <= shown)
         lost = [tie for tie in plan.ties if tie not in ties and source.place]
         plan = plan.model_copy(update={"ties": ties})
-        clip = _build_clip(source, self._tracks, plan, agents, span).model_copy(
-            update={
-                "relations": tuple(_build_relation(e, plan, agents) for e in plan.relations),
-                "measures": tuple(self._list_measures(agents)),
-                "ties": tuple(
-                    TieRecord(agent=agents[t.agent], of=agents[t.of], side=t.side) for t in ties
-                ),
-            }
-        )
+        clip = self._build_clip(plan, agents, span)
         proof, doubts = prove(clip, source.place), list(self.lacks)
         if any(each.rule in _ASKED for each in proof.missing):
             return None
@@ -406,6 +398,69 @@ class _PlanSearch:
         doubts += [f"{t.agent} {t.side} of {t.of}: a track does not show its way" for t in lost]
         untested = tuple(dict.fromkeys(doubts))
         return Hit(source, self.plan, agents, events, time, clip, proof, untested)
+
+    def _build_clip(
+        self, plan: SocialGraph, numbers: dict[str, int], span: tuple[float, float]
+    ) -> SceneRecord:
+        """What of the recording lies in a span [s], as a scene with what the plan asks for.
+
+        Whose track does not show its way has some route that fits; without a map there are none,
+        and the scene is for the checker alone.
+        """
+        source, place = self.source, self.source.place
+        nodes = {numbers[node.id]: node for node in plan.agents}
+        counts = Counter[str]()
+        for name in sorted(numbers):  # others are numbered after those of the plan
+            counts[nodes[numbers[name]].type] += int(name.partition("-")[2])
+        regions = place.goal_regions if place else ()
+        agents = list[AgentRecord]()
+        goals: dict[Any, Point] = {(each.type, each.leg): each.polygon[0] for each in regions}
+        for n, track in self._tracks.items():
+            inside = (track.times >= span[0] - 1e-6) & (track.times <= span[1] + 1e-6)
+            if inside.sum() < 2:
+                continue
+            node = nodes.get(n)
+            counts[track.type] += node is None
+            kind = "pedestrian" if track.type == "pedestrian" else "vehicle"
+            route, _ = source.find_route(track)
+            labels = {name: getattr(route, name, None) for name in _JOURNEY}
+            if node is not None:
+                labels |= {name: getattr(node, name) for name in ("motion", "reaction")}
+            subtype = source.tracks.subtypes[n]
+            agents.append(AgentRecord.model_construct(
+                **labels,
+                id=n, type=track.type, role="foreground" if node else "background",
+                name=node.id if node else f"{track.type}-{counts[track.type]}",
+                subtype=subtype if subtype in VEHICLE_SIZES else None,
+                spawn_time=round(float(track.times[inside][0] - span[0]), 3),
+                goal=goals.get((kind, labels["exit"]), tuple(track.xy[-1].round(3).tolist())),
+                violates_signal=node is not None and node.runs_red,
+                trajectory=tuple(map(tuple, track.xy[inside].round(3).tolist())),
+                heading=tuple(np.unwrap(track.heading[inside]).round(4).tolist()),
+                length=track.length, width=track.width, route=route.id if route else "",
+            ))  # fmt: skip
+        clock, words = source.clock or "12:00", join_fields(list_fields(plan))
+        name, map_id = (place.name, place.map_id) if place else ("", 0)
+        meta = SceneMeta(
+            scene_id=compute_scene_id(f"{source.path} {span[0]:.1f} {numbers} {words}", name, 0),
+            map_id=map_id,
+            timestamp=60.0 * (60 * int(clock[:2]) + int(clock[3:5])), time_of_day=clock, seed=0,
+            intersection=name, user_prompt=words, plan=plan, rules=3, step=STEP,
+            duration=round(span[1] - span[0], 3),
+        )  # fmt: skip
+        lights = (
+            row.model_copy(update={"start": round(max(row.start - span[0], 0.0), 3),
+                                   "end": round(min(row.end, span[1]) - span[0], 3)})
+            for row in source.signals if row.end > span[0] and row.start < span[1]
+        )  # fmt: skip
+        return SceneRecord.model_construct(
+            meta=meta, agents=tuple(agents), events=(), signals=tuple(lights),
+            relations=tuple(_build_relation(edge, plan, numbers) for edge in plan.relations),
+            measures=tuple(self._list_measures(numbers)),
+            ties=tuple(
+                TieRecord(agent=numbers[t.agent], of=numbers[t.of], side=t.side) for t in plan.ties
+            ),
+        )  # fmt: skip
 
     def _list_measures(self, agents: dict[str, int]) -> Iterator[MeasureRecord]:
         """Figures that are asked for, those of relations too, with the range of each."""
@@ -421,11 +476,6 @@ class _PlanSearch:
                         kind=kind, agent=agents[edge.from_], other=agents[edge.to],
                         low=getattr(edge, name) - slack, high=getattr(other, name) + slack,
                     )  # fmt: skip
-
-
-def _get_end(event: Event) -> float:
-    """When an event ends [s]; only a follow lasts."""
-    return float(event.evidence.get("until", event.time))
 
 
 def _build_relation(
@@ -451,68 +501,6 @@ def _build_relation(
             "within": pattern.compute_bounds() if pattern else {},
         }
     )  # fmt: skip
-
-
-def _build_clip(
-    source: Source,
-    tracks: Mapping[int, Trajectory],
-    plan: SocialGraph,
-    numbers: Mapping[str, int],
-    span: tuple[float, float],
-) -> SceneRecord:
-    """What of a recording lies in a span [s], as a scene with the agents of a plan.
-
-    Whose track does not show its way has some route that fits; without a map there are none, and
-    the scene is for the checker alone.
-    """
-    nodes = {numbers[node.id]: node for node in plan.agents}
-    counts = Counter[str]()
-    for name in sorted(numbers):  # others are numbered after those of the plan
-        counts[nodes[numbers[name]].type] += int(name.partition("-")[2])
-    regions = source.place.goal_regions if source.place else ()
-    agents = list[AgentRecord]()
-    goals: dict[Any, Point] = {(each.type, each.leg): each.polygon[0] for each in regions}
-    for n, track in tracks.items():
-        inside = (track.times >= span[0] - 1e-6) & (track.times <= span[1] + 1e-6)
-        if inside.sum() < 2:
-            continue
-        node = nodes.get(n)
-        counts[track.type] += node is None
-        kind = "pedestrian" if track.type == "pedestrian" else "vehicle"
-        route, _ = source.find_route(track)
-        labels = {name: getattr(route, name, None) for name in _JOURNEY}
-        if node is not None:
-            labels |= {name: getattr(node, name) for name in ("motion", "reaction")}
-        subtype = source.tracks.subtypes[n]
-        agents.append(AgentRecord.model_construct(
-            **labels,
-            id=n, type=track.type, name=node.id if node else f"{track.type}-{counts[track.type]}",
-            role="foreground" if node else "background",
-            subtype=subtype if subtype in VEHICLE_SIZES else None,
-            spawn_time=round(float(track.times[inside][0] - span[0]), 3),
-            goal=goals.get((kind, labels["exit"]), tuple(track.xy[-1].round(3).tolist())),
-            violates_signal=node is not None and node.runs_red,
-            trajectory=tuple(map(tuple, track.xy[inside].round(3).tolist())),
-            heading=tuple(np.unwrap(track.heading[inside]).round(4).tolist()),
-            length=track.length, width=track.width, route=route.id if route else "",
-        ))  # fmt: skip
-    clock, words = source.clock or "12:00", join_fields(list_fields(plan))
-    name, map_id = (source.place.name, source.place.map_id) if source.place else ("", 0)
-    meta = SceneMeta(
-        scene_id=compute_scene_id(f"{source.path} {span[0]:.1f} {numbers} {words}", name, 0),
-        map_id=map_id,
-        timestamp=60.0 * (60 * int(clock[:2]) + int(clock[3:5])), time_of_day=clock, seed=0,
-        intersection=name, user_prompt=words, plan=plan, rules=3, step=STEP,
-        duration=round(span[1] - span[0], 3),
-    )  # fmt: skip
-    lights = (
-        row.model_copy(update={"start": round(max(row.start - span[0], 0.0), 3),
-                               "end": round(min(row.end, span[1]) - span[0], 3)})
-        for row in source.signals if row.end > span[0] and row.start < span[1]
-    )  # fmt: skip
-    return SceneRecord.model_construct(
-        meta=meta, agents=tuple(agents), events=(), signals=tuple(lights)
-    )
 
 
 def save_clip(hit: Hit, folder: Path) -> Path:

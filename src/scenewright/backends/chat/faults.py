@@ -15,11 +15,6 @@ from scenewright.backends.chat.retry import TransientError
 from scenewright.errors import BackendFault
 
 _MAY_PASS = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 520, 522, 524, 529})
-_CUT_OFF = "LengthFinishReasonError"
-_FILTERED = "ContentFilterFinishReasonError"
-_TIMED_OUT = "APITimeoutError"
-_UNREACHED = "APIConnectionError"
-_NO_RESPONSE = "APIResponseValidationError"
 _LONGEST = 200
 _PIECE = 8
 """So many characters in a row of a key, where it is twice as long or more, are as good as it."""
@@ -41,12 +36,12 @@ _OPTIONS = {
 
 def is_cut_off(error: Exception) -> bool:
     """Whether the reply ended where its tokens did."""
-    return _CUT_OFF in _list_class_names(error)
+    return "LengthFinishReasonError" in _list_class_names(error)
 
 
 def is_filtered(error: Exception) -> bool:
     """Whether the endpoint withheld the reply."""
-    return _FILTERED in _list_class_names(error)
+    return "ContentFilterFinishReasonError" in _list_class_names(error)
 
 
 def find_refused_option(error: Exception) -> str | None:
@@ -73,15 +68,17 @@ def convert_fault(error: Exception, *, model: str, key: str | None) -> Exception
                 f"{model} answered {status}{reason}", after=_parse_retry_after(error)
             )
         return BackendFault(f"{model} answered {status}{reason}", final=True)
-    if _TIMED_OUT in names or isinstance(error, httpx.TimeoutException):
+    if "APITimeoutError" in names or isinstance(error, httpx.TimeoutException):
         return TransientError(f"{model} did not answer in time")
-    if _UNREACHED in names or isinstance(error, httpx.TransportError):
-        cause = _find_cause(error)
+    if "APIConnectionError" in names or isinstance(error, httpx.TransportError):
+        cause: BaseException = error
+        while cause.__cause__ is not None:
+            cause = cause.__cause__
         what = (
             "sent no reply" if isinstance(cause, httpx.RemoteProtocolError) else "cannot be reached"
         )
         return TransientError(f"{model} {what}: {quote(cause, key) or type(cause).__name__}")
-    if _NO_RESPONSE in names or _is_garbled(error):
+    if "APIResponseValidationError" in names or _is_garbled(error):
         return TransientError(f"{model} sent no answer of a chat model")
     return None
 
@@ -153,10 +150,3 @@ def _parse_retry_after(error: Exception) -> float | None:
     except ValueError:
         return None
     return seconds if 0.0 <= seconds < 1e6 else None
-
-
-def _find_cause(error: Exception) -> BaseException:
-    root: BaseException = error
-    while root.__cause__ is not None:
-        root = root.__cause__
-    return root

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -80,7 +80,13 @@ class ChatModel:
                 return self._invoke(question, prompt)
         except Exception as error:
             if is_cut_off(error):
-                return self._cut_off(error)
+                usage = getattr(getattr(error, "completion", None), "usage", None)
+                return Completion(
+                    "",
+                    fault=_describe_too_long(),
+                    input_tokens=_count(getattr(usage, "prompt_tokens", None)),
+                    output_tokens=_count(getattr(usage, "completion_tokens", None)),
+                )
             if is_filtered(error):
                 return Completion("", fault=_describe_declined("content filter"))
             fault = convert_fault(error, model=self.name, key=self._key)
@@ -98,49 +104,37 @@ class ChatModel:
                 refused = find_refused_option(error)
                 if refused not in options:
                     raise
-                self._leave_out(str(refused), options)
+                # What the endpoint refuses is not sent again; of a response format, that form.
+                if refused == "response_format":
+                    sent = options[refused]["type"]
+                    self._forms = tuple(each for each in self._forms if each != sent)
+                else:
+                    self._unknown.add(str(refused))
         return _read_message(self._model.invoke(messages))
 
     def _build_options(self, question: Question, prompt: Prompt) -> dict[str, Any]:
         """The reply's schema and, where models take them, a temperature and a seed."""
         options: dict[str, Any] = {}
-        forms = self._forms
-        if forms:
-            options["response_format"] = _build_format(forms[0], question.task, prompt.schema)
+        if self._forms:
+            form, schema = self._forms[0], prompt.schema
+            fields = {form: {"name": question.task, "schema": schema}}
+            own = fields if form == "json_schema" else {"schema": schema}
+            options["response_format"] = {"type": form, **own}
         if self.name.startswith("openai:"):
             # At temperature 0 a model that is shown an error often repeats it.
             options["temperature"] = _RETRY_TEMPERATURE if question.rejections else 0.0
             options["seed"] = question.seed % 2**31
         return {key: each for key, each in options.items() if key not in self._unknown}
 
-    def _leave_out(self, option: str, fields: Mapping[str, Any]) -> None:
-        """Stop sending an option that the endpoint refuses; of a response format, that form."""
-        if option != "response_format":
-            self._unknown.add(option)
-            return
-        sent = fields[option]["type"]
-        self._forms = tuple(each for each in self._forms if each != sent)
-
-    def _cut_off(self, error: Exception) -> Completion:
-        usage = getattr(getattr(error, "completion", None), "usage", None)
-        return Completion(
-            "",
-            fault=_describe_too_long(),
-            input_tokens=_count(getattr(usage, "prompt_tokens", None)),
-            output_tokens=_count(getattr(usage, "completion_tokens", None)),
-        )
-
-
-def _build_format(kind: str, task: str, schema: dict[str, Any]) -> dict[str, Any]:
-    """A reply's schema as an option of the request."""
-    fields = {"name": task, "schema": schema}
-    return {"type": kind, **({kind: fields} if kind == "json_schema" else {"schema": schema})}
-
 
 def _read_message(message: Any) -> Completion:
-    usage = message.usage_metadata or {}
+    usage, content = message.usage_metadata or {}, message.content
+    if not isinstance(content, str):
+        # Parts of other kinds than text, such as reasoning blocks, are left out.
+        parts = [each if isinstance(each, str) else each.get("text", "") for each in content]
+        content = "".join(part for part in parts if isinstance(part, str))
     return Completion(
-        text=_extract_text(message.content),
+        text=content,
         fault=_find_fault(message),
         input_tokens=_count(usage.get("input_tokens")),
         output_tokens=_count(usage.get("output_tokens")),
@@ -167,14 +161,6 @@ def _describe_too_long() -> str:
 
 def _describe_declined(why: str) -> str:
     return f"the model declined to answer ({quote(why, None)}); this is a simulated traffic scene"
-
-
-def _extract_text(content: str | Sequence[Any]) -> str:
-    """The text of a reply; parts of other kinds, such as reasoning blocks, are left out."""
-    if isinstance(content, str):
-        return content
-    parts = [each if isinstance(each, str) else each.get("text", "") for each in content]
-    return "".join(part for part in parts if isinstance(part, str))
 
 
 def _count(value: Any) -> int | None:

@@ -163,22 +163,25 @@ def _run_tests(
     seed: int,
     log: ProgressLog,
 ) -> Iterator[SeparationTest]:
+    def run(
+        one: str, other: str, *pair: Windows, part: str = "all", floor: bool = False
+    ) -> Iterator[SeparationTest]:
+        for situation, separability in compare_windows(*pair, seed=seed).items():
+            yield SeparationTest(kind, one, other, part, situation, separability, floor)
+
     cut = {each.name: cut_windows(each, kind) for each in (*sets, *beside)}
     for each in beside:
         log(f"{kind}s: halves of {each.name}")
         halves = split_halves(cut[each.name])
-        yield from _run_test(kind, f"{each.name}, half", "the other", halves, floor=True, seed=seed)
+        yield from run(f"{each.name}, half", "the other", *halves, floor=True)
     for one, other in combinations(real, 2):
         log(f"{kind}s: {one.name} against {other.name}")
-        pair = (cut[one.name], cut[other.name])
-        yield from _run_test(kind, one.name, other.name, pair, floor=True, seed=seed)
+        yield from run(one.name, other.name, cut[one.name], cut[other.name], floor=True)
     for source, other, part in product(sets, beside, PARTS):
         log(f"{kind}s: {source.name}, {part}, against {other.name}")
         own = _select_part(cut[source.name], part)
         if part == "all" or 0 < len(own) < len(cut[source.name]):
-            yield from _run_test(
-                kind, source.name, other.name, (own, cut[other.name]), part=part, seed=seed
-            )
+            yield from run(source.name, other.name, own, cut[other.name], part=part)
     jitters = {each.name: measure_tracking_jitter(each) for each in beside if kind == "vehicle"}
     for other, source in product(beside, sets):
         # Vehicles once more, those of the set with the jitter of the other's tracking.
@@ -186,28 +189,13 @@ def _run_tests(
         if jitter is not None:
             log(f"vehicles: {source.name}, with the jitter of {other.name}")
             own = cut_windows(add_jitter(source, jitter, seed=seed), kind)
-            pair = (own, cut[other.name])
-            yield from _run_test(kind, source.name, other.name, pair, part=JITTERED, seed=seed)
+            yield from run(source.name, other.name, own, cut[other.name], part=JITTERED)
 
 
 def _select_part(windows: Windows, part: str) -> Windows:
     if part == "all":
         return windows
     return windows.select(windows.foreground == (part == "foreground"))
-
-
-def _run_test(
-    kind: AgentClass,
-    one: str,
-    other: str,
-    pair: tuple[Windows, Windows],
-    *,
-    seed: int,
-    part: str = "all",
-    floor: bool = False,
-) -> Iterator[SeparationTest]:
-    for situation, separability in compare_windows(*pair, seed=seed).items():
-        yield SeparationTest(kind, one, other, part, situation, separability, floor)
 
 
 def _compute_measures(

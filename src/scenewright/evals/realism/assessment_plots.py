@@ -26,7 +26,13 @@ def draw_assessment(report: Assessment) -> bytes:
         _draw_tests(ax, [t for t in report.tests if t.type == kind and t.situation == "all"])
         ax.set_title(f"{kind}s: how well they are separated (0.5: not at all)")
     _draw_measures(axes[1][0], [m for m in report.measures if m.part == "all"])
-    _draw_likelihoods(axes[1][1], report)
+    rows = list(reversed(report.likelihoods))
+    for k, each in enumerate(rows):
+        color = "0.6" if each.source == "log replay" else "#3b6ea5"
+        axes[1][1].barh(k, each.scores.get("all", 0.0), color=color)
+    labels = [f"{r.type}s of {r.reference}\nunder {r.source}" for r in rows]
+    axes[1][1].set_yticks(range(len(rows)), labels, fontsize=6)
+    axes[1][1].set_title("likelihood of the reference (grey: log replay)")
     buffer = io.BytesIO()
     page.savefig(buffer, dpi=100)
     return buffer.getvalue()
@@ -63,13 +69,3 @@ def _draw_measures(ax: Any, measures: Sequence[MeasuredDistance]) -> None:
     ax.set_title("shares, and places in p_tod")
     if sources:
         ax.legend(fontsize=7, loc="center right")
-
-
-def _draw_likelihoods(ax: Any, report: Assessment) -> None:
-    rows = list(reversed(report.likelihoods))
-    for k, each in enumerate(rows):
-        color = "0.6" if each.source == "log replay" else "#3b6ea5"
-        ax.barh(k, each.scores.get("all", 0.0), color=color)
-    labels = [f"{r.type}s of {r.reference}\nunder {r.source}" for r in rows]
-    ax.set_yticks(range(len(rows)), labels, fontsize=6)
-    ax.set_title("likelihood of the reference (grey: log replay)")

@@ -10,14 +10,13 @@ of a class, not of one agent's futures (Montali et al. 2023).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from scenewright.evals.realism.motion_windows import SMOOTHING, TRIMMED
 from scenewright.evals.realism.sources import Stretch
 from scenewright.geometry.kinematics import smooth
-from scenewright.geometry.map_areas import geos
+from scenewright.geometry.map_areas import geos, merge_areas
 from scenewright.geometry.polyline import interpolate_points
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -54,7 +53,12 @@ def measure_features(
     Args:
         ground: the map in whose frame positions are; without one there are no features of it.
     """
-    areas = None if ground is None else _GroundAreas(ground)
+    area = None
+    if ground is not None:
+        area = merge_areas(ground.road)
+        if kind == "pedestrian":
+            crossings = [geos.Polygon(each.polygon) for each in ground.crosswalks]
+            area = geos.union_all([merge_areas(ground.walkable), *crossings])
     found: list[Values] = []
     for stretch in stretches:
         parts: dict[str, list[FloatArray]] = {}
@@ -69,38 +73,16 @@ def measure_features(
             rows |= _compute_interactive_features(
                 stretch, user, user.track.times[kept], xy[kept], velocity[kept]
             )
-            if areas is not None:
-                inside = areas.measure_inside(kind, xy[kept])
-                rows |= {
-                    "distance to the edge": inside,
-                    "off the road": np.where(inside < 0.0, 1.0, 0.0),
-                }
+            if area is not None:
+                points = geos.points(xy[kept])
+                away = geos.distance(geos.boundary(area), points)
+                inside = np.where(geos.contains(area, points), away, -away)
+                rows["distance to the edge"] = inside  # negative outside [m]
+                rows["off the road"] = np.where(inside < 0.0, 1.0, 0.0)
             for name, values in rows.items():
                 parts.setdefault(name, []).append(values)
         found.append({name: np.concatenate(own) for name, own in parts.items()})
     return found
-
-
-class _GroundAreas:
-    """The road, and the ground for pedestrians, as polygons."""
-
-    def __init__(self, ground: IntersectionMap) -> None:
-        crossings = [geos.Polygon(each.polygon) for each in ground.crosswalks]
-        road, walkable = (
-            [geos.Polygon(each.exterior, each.holes) for each in area]
-            for area in (ground.road, ground.walkable)
-        )
-        self.of: dict[str, Any] = {
-            "vehicle": geos.union_all(road),
-            "pedestrian": geos.union_all([*walkable, *crossings]),
-        }
-
-    def measure_inside(self, kind: AgentClass, xy: FloatArray) -> FloatArray:
-        """Return the [T] distances to the edge [m], negative outside."""
-        area = self.of.get(kind, self.of["vehicle"])
-        points = geos.points(xy)
-        away = geos.distance(geos.boundary(area), points)
-        return np.asarray(np.where(geos.contains(area, points), away, -away))
 
 
 def _compute_kinematic_features(velocity: FloatArray) -> dict[str, FloatArray]:

@@ -130,8 +130,7 @@ def _classify_situation(speed: FloatArray, turned: float, kind: AgentClass) -> s
     return "goes on"
 
 
-def find_constant_speed(windows: Windows, *, span: int = 30, within: float = 0.05) -> list[bool]:
+def find_constant_speed(windows: Windows) -> list[bool]:
     """Return for each moving window whether its first 3 s keep one speed within 0.05 m/s."""
-    speed = windows.speed[:, : span + 1]
-    moving = speed[speed.min(axis=1) > _STANDS]
-    return [bool(np.ptp(row) <= 2 * within) for row in moving]
+    speed = windows.speed[:, :31]
+    return [bool(np.ptp(row) <= 0.1) for row in speed[speed.min(axis=1) > _STANDS]]

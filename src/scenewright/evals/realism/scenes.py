@@ -43,10 +43,10 @@ def convert_scene(scene: SceneRecord) -> SceneTracks:
 
 
 def cut_scenes(
-    recordings: Iterable[Recording], *, intersection_map: IntersectionMap, length: float = LENGTH
+    recordings: Iterable[Recording], *, intersection_map: IntersectionMap
 ) -> Iterator[tuple[str, SceneTracks]]:
     """Cut scenes of equal length, end to end, each with the name of its recording."""
-    steps, program = round(length / STEP) + 1, intersection_map.signals
+    steps, program = round(LENGTH / STEP) + 1, intersection_map.signals
     for recording in recordings:
         for window in cut_windows(recording, steps=steps, every=1, stride=steps - 1, least_whole=0):
             users = []

@@ -7,14 +7,12 @@ to go by how they drive. What distorts the tracks of moving vehicles alone is no
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenewright.evals.realism.sources import TrackSource
 from scenewright.geometry.kinematics import smooth
-from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker import RoadUser
 
@@ -40,10 +38,19 @@ class TrackingJitter:
 def measure_tracking_jitter(source: TrackSource) -> TrackingJitter | None:
     """Measure how positions of standing vehicles jitter; None with too few of them."""
     found = []
-    for part in _list_standstills(source):
-        away = part - part.mean(axis=0)
-        n = len(away)  # below: the mean autocovariance of both coordinates [m^2], by lag
-        found.append([(away[: n - k] * away[k:]).mean() for k in range(_LAGS)])
+    for user in (user for stretch in source.stretches for user in stretch.users):
+        if user.shape.type != "vehicle" or len(user.track.xy) < _LEAST:
+            continue
+        even = smooth(user.track.xy, _SMOOTHED)
+        stands = np.hypot(*np.gradient(even, STEP, axis=0).T) < _STANDS
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], stands, [False]))))
+        for first, last in edges.reshape(-1, 2).tolist():
+            if last - first >= _LEAST:
+                inside = slice(first + _EDGE, last - _EDGE)
+                away = user.track.xy[inside] - even[inside]
+                away, n = away - away.mean(axis=0), len(away)
+                # The mean autocovariance of both coordinates [m^2], by lag.
+                found.append([(away[: n - k] * away[k:]).mean() for k in range(_LAGS)])
     if len(found) < _FEWEST:
         return None
     middle = np.median(found, axis=0)
@@ -53,21 +60,6 @@ def measure_tracking_jitter(source: TrackSource) -> TrackingJitter | None:
     half = STEP * float(below[0] if len(below) else _LAGS)
     # An autocorrelation of one half after `half`: exp(-half^2 / (4 lasts^2)).
     return TrackingJitter(float(np.sqrt(middle[0])), half / (2.0 * np.sqrt(np.log(2.0))))
-
-
-def _list_standstills(source: TrackSource) -> Iterator[FloatArray]:
-    """[N, 2] how far from their smoothed place vehicles are while they stand [m]."""
-    for stretch in source.stretches:
-        for user in stretch.users:
-            if user.shape.type != "vehicle" or len(user.track.xy) < _LEAST:
-                continue
-            even = smooth(user.track.xy, _SMOOTHED)
-            stands = np.hypot(*np.gradient(even, STEP, axis=0).T) < _STANDS
-            edges = np.flatnonzero(np.diff(np.concatenate(([False], stands, [False]))))
-            for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-                if last - first >= _LEAST:
-                    inside = slice(first + _EDGE, last - _EDGE)
-                    yield user.track.xy[inside] - even[inside]
 
 
 def add_jitter(source: TrackSource, jitter: TrackingJitter, *, seed: int) -> TrackSource:

@@ -13,7 +13,7 @@ not run from one end of its route to the other:
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.evals.bootstrap import (
-    Figure,
     compute_interval,
     compute_ratio,
     draw_resamples,
@@ -182,14 +181,6 @@ def compute_gap(
     )
 
 
-def compute_mean_nll(
-    scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
-) -> Figure:
-    """Compute the mean NLL and its 95 % interval over scenes."""
-    total, count = _sum_by_scene(scores, reading).T
-    return compute_ratio(total, count, draw_resamples(max(len(count), 1), draws=draws, seed=rng))
-
-
 def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
     """[S, 2] sum of NLL and number of agents of each scene."""
     found: dict[int, list[float]] = {}
@@ -204,15 +195,6 @@ def get_event_group(scene: SceneRecord) -> str | None:
     if len(kinds) > 1:
         return None
     return next(iter(kinds), "normal")
-
-
-def select_scores(
-    scores: Iterable[AgentScore], *, group: str, role: Role | None, kind: AgentClass
-) -> Iterator[AgentScore]:
-    """Scores of one event, role (None: both) and class."""
-    for each in scores:
-        if each.group == group and each.type == kind and role in (None, each.role):
-            yield each
 
 
 ROLES: tuple[Role, ...] = ("foreground", "background")
@@ -276,15 +258,14 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
         found, without = score_scene(scene, priors, number=number, group=group)
         scores[dataset.rows[number].backend] += found
         left.update(without)
-    scores_of_all = [score for each in scores.values() for score in each]
+    normals = [score for own in scores.values() for score in own if score.group == "normal"]
     rng = np.random.default_rng(seed)
-    normal = {
-        kind: list(select_scores(scores_of_all, group="normal", role=None, kind=kind))
-        for kind in CLASSES
-    }
+    normal = {kind: [each for each in normals if each.type == kind] for kind in CLASSES}
     references = []
     for reading, kind in product(READINGS, CLASSES):
-        mean = compute_mean_nll(normal[kind], reading, draws=draws, rng=rng)
+        total, count = _sum_by_scene(normal[kind], reading).T
+        drawn = draw_resamples(max(len(count), 1), draws=draws, seed=rng)
+        mean = compute_ratio(total, count, drawn)
         if mean.value is not None and mean.low is not None and mean.high is not None:
             scenes = len({each.scene for each in normal[kind]})
             median = float(np.median([each.nll[reading] for each in normal[kind]]))
@@ -296,7 +277,8 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
     for backend, mine in scores.items():
         present = {each.group for each in mine}
         for event, role, kind in product((e for e in EVENTS if e in present), ROLES, CLASSES):
-            agents = list(select_scores(mine, group=event, role=role, kind=kind))
+            cell = (event, role, kind)
+            agents = [each for each in mine if (each.group, each.role, each.type) == cell]
             for reading in READINGS:
                 gap = compute_gap(agents, normal[kind], reading, draws=draws, rng=rng)
                 cells.append(FidelityCell(backend, event, role, kind, reading, gap))

@@ -89,14 +89,20 @@ def measure_scenes(scenes: Sequence[ObservedTracks], *, smoothing: float = 0.0) 
         smoothing: over positions before derivatives are taken [s].
     """
     found = measure_motion([each.scene for each in scenes], smoothing=smoothing)
-    found["headway", "vehicle"] = ClusterSample.join_parts(
-        [compute_headways(each.seen) for each in scenes]
-    )
-    for pair in ("vehicle-vehicle", "vehicle-pedestrian"):
-        found["PET", pair] = ClusterSample.join_parts(
-            [list_pets(each.seen, pair) for each in scenes]
-        )
-    return found
+    headways: list[FloatArray] = []
+    pets: dict[str, list[list[float]]] = {"vehicle-vehicle": [], "vehicle-pedestrian": []}
+    for seen in (each.seen for each in scenes):
+        lanes = [lane for lane in seen.lanes if seen.tracks[lane.follower].is_vehicle]
+        moving = [lane.headway[(lane.speed > CREEP) & (lane.leader >= 0)] for lane in lanes]
+        headway = np.concatenate([np.zeros(0), *moving])
+        headways.append(headway[headway <= MOST_HEADWAY])
+        for walkers, own in enumerate(pets.values()):
+            own.append([
+                each.pet for each in seen.encounters
+                if sum(not seen.tracks[k].is_vehicle for k in (each.first, each.second)) == walkers
+            ])  # fmt: skip
+    found["headway", "vehicle"] = ClusterSample.join_parts(headways)
+    return found | {("PET", pair): ClusterSample.join_parts(own) for pair, own in pets.items()}
 
 
 def measure_motion(
@@ -125,28 +131,6 @@ def isolate_agents(recordings: Iterable[Recording]) -> list[SceneTracks]:
         for agent in recording.agents
         if agent.subtype != "bicycle" and len(agent.track.xy) > 1
     ]
-
-
-def compute_headways(seen: SceneObservation) -> FloatArray:
-    """Time headways of vehicles [s], every 0.2 s."""
-    parts = [np.zeros(0)]
-    for lane in seen.lanes:
-        if seen.tracks[lane.follower].is_vehicle:
-            value = lane.headway[(lane.speed > CREEP) & (lane.leader >= 0)]
-            parts.append(value[value <= MOST_HEADWAY])
-    return np.concatenate(parts)
-
-
-def list_pets(seen: SceneObservation, pair: str) -> FloatArray:
-    """PET of every encounter of two classes [s]."""
-    walkers = 0 if pair == "vehicle-vehicle" else 1
-    return np.array(
-        [
-            each.pet
-            for each in seen.encounters
-            if sum(not seen.tracks[k].is_vehicle for k in (each.first, each.second)) == walkers
-        ]
-    )
 
 
 def compare_with_reference(

@@ -64,8 +64,8 @@ class Refining:
     predicts are drawn in between.
     """
 
-    def __init__(self, net: Refiner, *, agents: int = 2048) -> None:
-        self.net, self.agents = net, agents
+    def __init__(self, net: Refiner) -> None:
+        self.net = net
 
     def __call__(
         self,
@@ -112,7 +112,7 @@ class Refining:
         found: dict[int, FloatArray] = {}
         sizes = [len(past) for past in pasts]
         device = next(self.net.parameters()).device
-        for group in group_by_size(sizes, agents=self.agents, rng=np.random.default_rng(0)):
+        for group in group_by_size(sizes, agents=2048, rng=np.random.default_rng(0)):
             chosen = [int(i) for i in group]
             most = max(sizes[i] for i in chosen)
             xy = np.full((len(chosen), most, OBSERVED, 2), np.nan)

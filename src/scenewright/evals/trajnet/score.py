@@ -228,7 +228,7 @@ class ScoreRow:
         }  # fmt: skip
 
 
-def build_table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[ScoreRow]:
+def build_table(scores: Sequence[SceneScore]) -> list[ScoreRow]:
     """All scenes, then each type and each subtype of which there are scenes."""
     groups = {
         "all": list(scores),
@@ -241,7 +241,7 @@ def build_table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[ScoreRow
         people = {person: k for k, person in enumerate(sorted({s.person for s in group}))}
         if people:
             whose = np.array([people[s.person] for s in group])
-            draws = draw_resamples(len(people), draws=_RESAMPLES, seed=seed)
+            draws = draw_resamples(len(people), draws=_RESAMPLES)
             figures = {}
             for measure in MEASURES:
                 x = np.array([getattr(s, measure) for s in group], dtype=np.float64)

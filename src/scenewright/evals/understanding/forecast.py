@@ -120,13 +120,6 @@ class _Stops(NamedTuple):
     release: FloatArray
 
 
-class _Lights(NamedTuple):
-    """The map, and [K] offsets [s] of its signal programme; None where it has no lights."""
-
-    intersection_map: IntersectionMap
-    offsets: FloatArray | None
-
-
 @dataclass(frozen=True, eq=False)
 class _DriveForecast:
     """K sampled routes of one agent with their driving profiles, before stops."""
@@ -166,7 +159,8 @@ def forecast_scene(
     posteriors = tuple(known[agent.id] for agent in agents)
     rngs = [_seed_rng(agent.xy) for agent in agents]
     drives = [_sample_drive(*each) for each in zip(agents, posteriors, rngs, strict=True)]
-    lights = _Lights(intersection_map, _sample_offsets(intersection_map, observation))
+    program, offsets = intersection_map.signals, _sample_offsets(intersection_map, observation)
+    clock = None if offsets is None else observation.now + offsets
     stops: dict[int, _Stops] = {}
     futures: dict[int, AgentForecast] = {}
     unslowed: dict[int, AgentForecast] = {}
@@ -174,7 +168,7 @@ def forecast_scene(
     # Agents ahead are forecast before those behind them.
     order = [float(np.median(drive.line - drive.begins)) for drive in drives]
     for n in sorted(range(len(agents)), key=order.__getitem__):
-        stops[n] = _plan_stops(n, drives, stops, lights, observation.now, rngs[n])
+        stops[n] = _plan_stops(n, drives, stops, program, clock, rngs[n])
         drive, plan = _ignore_stops(drives[n], stops[n], rngs[n])
         squared = interpolate_rows(drive.begins[:, None], drive.s, drive.squared_limit)
         future = _sample_track(drive, plan, np.sqrt(np.maximum(squared, 0))[:, 0])
@@ -327,21 +321,24 @@ def _plan_stops(
     n: int,
     drives: Sequence[_DriveForecast],
     earlier: Mapping[int, _Stops],
-    lights: _Lights,
-    now: float,
+    program: SignalProgram | None,
+    clock: FloatArray | None,
     rng: np.random.Generator,
 ) -> _Stops:
-    """Where each future of an agent stops, at red or behind its leader."""
+    """Where each future of an agent stops, at red or behind its leader.
+
+    Args:
+        clock: [K] time of the signal programme now [s]; None where no lights are known.
+    """
     drive, leader = drives[n], _find_leader(n, drives)
     gap = rng.uniform(*_LINE_GAP, SIZE) if drive.agent.is_vehicle else np.full(SIZE, 0.3)
     lag = rng.uniform(*_START_LAG, SIZE)
     plan = _Stops(np.full(SIZE, np.inf), np.zeros(SIZE))
-    program = lights.intersection_map.signals
-    if program is not None and lights.offsets is not None:
+    if program is not None and clock is not None:
         place, release = plan
         groups = [drive.components.group[c] for c in drive.component]
         reaches = np.maximum(_compute_arrival(drive, plan, drive.line), 0.0)
-        moment = now + lights.offsets + np.minimum(reaches, 200.0)
+        moment = clock + np.minimum(reaches, 200.0)
         before = drive.begins < drive.line + (_STOOD if drive.speed < _STANDS else 0.2)
         for name in dict.fromkeys(group for group in groups if group is not None):
             mine = np.array([group == name for group in groups])

@@ -157,18 +157,10 @@ def _describe_position(agent: ObservedAgent, intersection_map: IntersectionMap) 
     else:
         near = "near" if middle < _JUNCTION + 12 else "far from"
         place = f"on the {_find_side(xy)} approach, {near} the stop line"
-    lane = _find_lane(agent, intersection_map)
-    return f"{place}{f', in the {lane} lane' if lane else ''}, facing {facing}"
-
-
-def _find_lane(agent: ObservedAgent, intersection_map: IntersectionMap) -> str | None:
-    """The inner or outer lane, where an approach has two."""
-    if agent.type != "vehicle":
-        return None
-    for lanelet in intersection_map.lanelets:
-        if lanelet.kind == "approach" and lanelet.id.endswith((":inner", ":outer")):
-            line = np.array(lanelet.centreline)
-            low, high = line.min(axis=0) - lanelet.width / 2, line.max(axis=0) + lanelet.width / 2
-            if bool(((agent.xy[-1] >= low) & (agent.xy[-1] <= high)).all()):
-                return lanelet.id.rsplit(":", 1)[1]
-    return None
+    for lane in intersection_map.lanelets if agent.type == "vehicle" else ():
+        # The inner or outer lane, where an approach has two.
+        if lane.kind == "approach" and lane.id.endswith((":inner", ":outer")):
+            line, half = np.array(lane.centreline), lane.width / 2
+            if ((xy >= line.min(axis=0) - half) & (xy <= line.max(axis=0) + half)).all():
+                return f"{place}, in the {lane.id.rsplit(':', 1)[1]} lane, facing {facing}"
+    return f"{place}, facing {facing}"

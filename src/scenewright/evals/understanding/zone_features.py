@@ -64,12 +64,21 @@ def compute_zone_features(
     mine: BoolArray,
 ) -> tuple[list[float], list[float], list[float]]:
     """Compute `OF_ZONE`, and `IN_ZONE` of either agent, from futures `mine` [K]."""
-    rows = np.flatnonzero(mine)
-    rows = rows[:: -(-len(rows) // _ROWS)] if len(rows) > _ROWS else rows
-    stays = _find_stays(one, two, rows) if len(rows) else None
-    if stays is None:
-        return list(NONE[0]), list(NONE[1]), list(NONE[1])
-    a, b = stays
+    rows, nothing = np.flatnonzero(mine), (list(NONE[0]), list(NONE[1]), list(NONE[1]))
+    if not len(rows):
+        return nothing
+    rows = rows[:: -(-len(rows) // _ROWS)]
+    (s_a, at_a), (s_b, at_b) = _sample_path(one[1], rows), _sample_path(two[1], rows)
+    on_map_a, on_map_b = ((s[:, -1:] >= _GRID).sum(axis=1) for s in (s_a, s_b))
+    wide = ((one[0].width + two[0].width) / 2 + 0.05) ** 2
+    in_a, in_b = _find_overlap(at_a, at_b, on_map_a, on_map_b, wide)
+    found = in_a.any(axis=1)
+    if not found.any():
+        return nothing
+    a, b = (
+        _find_stay(agent, s[found], near[found])
+        for agent, s, near in ((one[0], s_a, in_a), (two[0], s_b, in_b))
+    )
     lead = b.middle - a.middle
     half = np.maximum((a.out - a.in_) / 2 + (b.out - b.in_) / 2, 0.05)
     offset = np.abs(lead) / half
@@ -96,22 +105,6 @@ def _describe_stay(agent: ObservedAgent, stay: _ZoneStay, lead: float) -> list[f
         lead, ahead, compute_median(stay.in_), compute_median(stay.out - stay.in_),
         min(v * v / (2.0 * room), _HARD), float(np.clip(left, -5.0, _LATE)),
     ]  # fmt: skip
-
-
-def _find_stays(
-    one: tuple[ObservedAgent, AgentForecast], two: tuple[ObservedAgent, AgentForecast],
-    rows: IntArray,
-) -> tuple[_ZoneStay, _ZoneStay] | None:  # fmt: skip
-    """The stays of both in the zone, in those futures of `rows` that have one."""
-    (a, first), (b, second) = one, two
-    (s_a, at_a), (s_b, at_b) = _sample_path(first, rows), _sample_path(second, rows)
-    on_map_a, on_map_b = ((s[:, -1:] >= _GRID).sum(axis=1) for s in (s_a, s_b))
-    wide = ((a.width + b.width) / 2 + 0.05) ** 2
-    in_a, in_b = _find_overlap(at_a, at_b, on_map_a, on_map_b, wide)
-    found = in_a.any(axis=1)
-    if not found.any():
-        return None
-    return _find_stay(a, s_a[found], in_a[found]), _find_stay(b, s_b[found], in_b[found])
 
 
 @compiled

@@ -162,19 +162,18 @@ def assume_demand(intersection_map: IntersectionMap) -> Demand:
         for leg in intersection_map.legs
         if (n := lanes.count(leg.name))
     }
+    shares = {}
+    for leg in vehicles:
+        turns = {m.turn for m in intersection_map.movements if m.entry == leg}
+        raw = [_TURN_SHARES[t] if t in turns else 0.0 for t in ("left", "straight", "right")]
+        shares[leg] = (raw[0] / sum(raw), raw[1] / sum(raw), raw[2] / sum(raw))
     return Demand(
         vehicles=vehicles,
         day_spread=dict.fromkeys(vehicles, 0.1),
         pedestrians=tuple(round(_PEDESTRIANS * n, 2) for n in shipped.pedestrians),
-        turn_shares={leg: _share_turns(intersection_map, leg) for leg in vehicles},
+        turn_shares=shares,
         sources=("Assumed: no count of this intersection is known.",),
     )
-
-
-def _share_turns(intersection_map: IntersectionMap, leg: Compass) -> tuple[float, float, float]:
-    turns = {m.turn for m in intersection_map.movements if m.entry == leg}
-    raw = [_TURN_SHARES[t] if t in turns else 0.0 for t in ("left", "straight", "right")]
-    return tuple(each / sum(raw) for each in raw)  # type: ignore[return-value]
 
 
 def assume_frequency(intersection_map: IntersectionMap) -> dict[str, FloatArray]:
@@ -212,11 +211,10 @@ def derive_counts(
     rates = {
         kind: [frequency[r.id] for r in intersection_map.routes if r.type == kind] for kind in stays
     }
-
-    def derive_hour(hour: int) -> CountPrior:
+    found = []
+    for hour in range(HOURS):
         totals = {kind: sum(float(rate[hour]) for rate in own) for kind, own in rates.items()}
         mean = np.array([totals[kind] * (stays[kind] + 30.0) / 3600.0 for kind in stays])
         # Days differ, so that counts spread a little more than chance arrivals alone.
-        return CountPrior(np.ones(1), mean[None], np.diag(1.2 * mean + 0.15)[None])
-
-    return tuple(map(derive_hour, range(HOURS)))
+        found.append(CountPrior(np.ones(1), mean[None], np.diag(1.2 * mean + 0.15)[None]))
+    return tuple(found)

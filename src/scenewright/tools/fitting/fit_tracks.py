@@ -327,21 +327,19 @@ class WaypointFit:
             for route in self.intersection_map.routes
             if route.movement != "jaywalking"
         }
-        object.__setattr__(self, "offsets", offsets)
-        object.__setattr__(self, "pools", self._pool_tracks())
-
-    def _pool_tracks(self) -> Pool:
         shipped = load_shipped_pool()
         by_kind: dict[str, list[FloatArray]] = defaultdict(list)
         base: dict[str, FloatArray] = {}
         for route in self.intersection_map.routes:
             if route.movement != "jaywalking":
-                by_kind[classify_route(route)] += self.offsets[route.id]
+                by_kind[classify_route(route)] += offsets[route.id]
                 base[classify_route(route)] = scale_pool(route, shipped)
         for turn, lanes in (self.elsewhere or {}).items():
             by_kind[turn] += lanes
             base.setdefault(turn, shipped[turn])
-        return {**shipped, **{k: pool_partial_tracks(t, base[k]) for k, t in by_kind.items()}}
+        pools = {**shipped, **{k: pool_partial_tracks(t, base[k]) for k, t in by_kind.items()}}
+        object.__setattr__(self, "offsets", offsets)
+        object.__setattr__(self, "pools", pools)
 
     def fit_priors(self, *, predictive: bool) -> dict[str, WaypointPrior]:
         """By route id, p_wp of all routes but jaywalking ones.

@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from scenewright.geometry.polyline import compute_tangents, resample_to_count
+from scenewright.geometry.polyline import compute_tangents, interpolate_points, resample_to_count
 from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.intersections import SHIPPED, load_map
 from scenewright.scene.base import FloatArray
@@ -192,23 +192,13 @@ def build_prior(
         np.linalg.cholesky(line.turn @ spread @ line.turn.T + floor)
         for line, spread in zip(lines, spreads, strict=True)
     ]
+    at, known, base = np.linspace(0.0, K - 1.0, DENSE), np.arange(K, dtype=np.float64), []
+    for line, mean in zip(lines, centres, strict=True):
+        # The dense line shifted so that it passes through the waypoints.
+        knots = mean.reshape(K, 2)
+        bent = np.asarray(line.dense + interpolate_points(at, known, knots - line.knots))
+        bent[::PER_INTERVAL] = knots
+        base.append(bent)
     return WaypointPrior(
-        route=route.id,
-        weights=weights,
-        means=np.array(centres),
-        cholesky=np.array(factors),
-        base=np.array(
-            [_bend(line, mean.reshape(K, 2)) for line, mean in zip(lines, centres, strict=True)]
-        ),
-        tracks=tracks,
+        route.id, weights, np.array(centres), np.array(factors), np.array(base), tracks
     )
-
-
-def _bend(line: Centreline, knots: FloatArray) -> FloatArray:
-    """The dense line shifted so that it passes through other waypoints."""
-    at = np.linspace(0.0, K - 1.0, DENSE)
-    shift = knots - line.knots
-    moved = [np.interp(at, np.arange(K), shift[:, axis]) for axis in (0, 1)]
-    result = line.dense + np.stack(moved, axis=1)
-    result[::PER_INTERVAL] = knots
-    return result

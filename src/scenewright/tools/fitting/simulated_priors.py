@@ -8,7 +8,7 @@ kerbs depends on the simulator's stripes, and the map says more of it.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -105,7 +105,14 @@ def simulate_map(
         raw = _simulate_piece(intersection_map, route_lines, hours[number], rng)
         made = _extract_trips(intersection_map, route_lines, raw, rng)
         trips += made
-        present.append(_count_present(intersection_map, raw))
+        # Vehicles on the map on average.
+        inside = [
+            (np.abs(each.xy).max(axis=1) <= intersection_map.extent)
+            & ((each.time >= 0) & (each.time < _PIECE))
+            for each in raw
+            if each.subtype is not None
+        ]
+        present.append(0.1 * float(sum(each.sum() for each in inside)) / _PIECE)
         testing = number == len(hours) - 1 and number > 0
         recordings.append(
             _build_recording(intersection_map, number, hours[number], raw, rng, testing=testing)
@@ -163,18 +170,6 @@ def _extract_trips(
     return trips
 
 
-def _count_present(intersection_map: IntersectionMap, raw: Sequence[SumoTrack]) -> float:
-    """Vehicles on the map on average."""
-    inside = [
-        (np.abs(each.xy).max(axis=1) <= intersection_map.extent)
-        & (each.time >= 0)
-        & (each.time < _PIECE)
-        for each in raw
-        if each.subtype is not None
-    ]
-    return 0.1 * float(sum(each.sum() for each in inside)) / _PIECE
-
-
 def _build_recording(
     intersection_map: IntersectionMap,
     number: int,
@@ -218,13 +213,9 @@ def _draw_departures(
             subtype = str(rng.choice(list(SUBTYPE_SHARES), p=list(SUBTYPE_SHARES.values())))
             agent = f"v_{number}_{count}"
             text = format_vehicle(
-                movements[str(route.movement_id)],
-                lane=max(lane, 2.8),
-                agent=agent,
-                subtype=subtype,
-                time=float(time),
-                rng=rng,
-            )
+                movements[str(route.movement_id)], lane=max(lane, 2.8), agent=agent,
+                subtype=subtype, time=float(time), rng=rng,
+            )  # fmt: skip
             made.append(Departure(float(time), text, agent, route.id, subtype))
     return made
 
@@ -243,19 +234,17 @@ def fit_simulated_priors(
         name: np.array([t.waypoints for t in own if t.subtype is not None]).reshape(-1, K, 2)
         for name, own in by_route.items()
     }
-    base = derive_priors(
-        intersection_map,
-        route_lines,
-        tracks=tracks,
-        pool=_pool_tracks(intersection_map, route_lines, tracks),
-    )
-    laws = {
-        name: law
-        for name, law in fit_driving_profiles(
-            intersection_map, by_route, fallback=base.driving_profiles
-        ).items()
-        if law.tracks
-    }
+    # The pool of the intersection's own tracks, pulled towards the shipped one.
+    groups: dict[str, list[FloatArray]] = {}
+    for route in intersection_map.routes:
+        if len(own := tracks[route.id]) and route.movement != "jaywalking":
+            lines = [build_centreline(line) for line in route_lines[route.id]]
+            away, _ = compute_deviations(own, lines)
+            groups.setdefault(classify_route(route), []).append(away - away.mean(axis=0))
+    pool = pool_deviations(groups, load_shipped_pool())
+    base = derive_priors(intersection_map, route_lines, tracks=tracks, pool=pool)
+    fitted = fit_driving_profiles(intersection_map, by_route, fallback=base.driving_profiles)
+    laws = {name: law for name, law in fitted.items() if law.tracks}
     demand = assume_demand(intersection_map)
     hourly = np.array([sum(demand.vehicles[leg][h] for leg in demand.vehicles) for h in range(24)])
     simulated = hourly[list_demand_hours(len(present))]
@@ -265,19 +254,3 @@ def fit_simulated_priors(
         driving_profiles={**base.driving_profiles, **laws},
         counts=derive_counts(intersection_map, base.frequency, stay=stay),
     )
-
-
-def _pool_tracks(
-    intersection_map: IntersectionMap, route_lines: RouteLines, tracks: Mapping[str, FloatArray]
-) -> dict[str, FloatArray]:
-    """The pool of an intersection's own tracks, pulled towards the shipped one."""
-    groups: dict[str, list[FloatArray]] = {}
-    for route in intersection_map.routes:
-        own = tracks.get(route.id)
-        if own is None or not len(own) or route.movement == "jaywalking":
-            continue
-        away, _ = compute_deviations(
-            own, [build_centreline(line) for line in route_lines[route.id]]
-        )
-        groups.setdefault(classify_route(route), []).append(away - away.mean(axis=0))
-    return pool_deviations(groups, load_shipped_pool())

@@ -54,7 +54,10 @@ def draw_background_counts(
             raise InputError(
                 f"the text asks for {settled} agents, more than --max-agents {max_agents}"
             )
-        free = _thin(free, max_agents - settled)
+        total, most = sum(free.values()), max_agents - settled
+        if total > most:  # thinned in about the same proportion
+            free = {kind: count * most // total for kind, count in free.items()}
+            free[next(iter(free))] += most - sum(free.values())
     return {kind: asked[kind] if kind in asked else free[kind] for kind in drawn}
 
 
@@ -117,14 +120,3 @@ def _count_named(graph: SocialGraph) -> Counts:
         "vehicle": len(graph.agents) - len(walkers),
         "pedestrian": sum(each.members or 1 for each in walkers),
     }
-
-
-def _thin(counts: Counts, most: int) -> Counts:
-    """Numbers that sum to no more than `most`, in about the same proportion."""
-    total = sum(counts.values())
-    if total <= most:
-        return counts
-    kinds = list(counts)
-    kept = {kind: counts[kind] * most // total for kind in kinds}
-    kept[kinds[0]] += most - sum(kept.values())
-    return kept

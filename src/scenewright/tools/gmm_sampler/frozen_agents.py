@@ -106,23 +106,16 @@ def build_candidates_with_frozen(
         background_size=background_size,
         rng=rng,
     )
-    groups = _name_members(graph, fresh.groups, pins)
-    return replace(fresh, agents=_merge_agents(graph, fresh, groups, pins), groups=groups)
-
-
-def _name_members(
-    graph: SocialGraph, groups: Mapping[str, tuple[str, ...]], pins: FrozenAgents
-) -> dict[str, tuple[str, ...]]:
-    """The members of each group by leader, with the names they had in the earlier version."""
+    # The members of each group by leader, with the names they had in the earlier version.
     taken = {*(node.id for node in graph.agents), *pins.earlier.agents}
-    found = {}
-    for leader, fresh in groups.items():
+    groups: dict[str, tuple[str, ...]] = {}
+    for leader, members in fresh.groups.items():
         names = tuple(n for n, a in pins.earlier.agents.items() if a.agent.group == leader)
-        if len(names) != len(fresh):
-            names = tuple(list_free_names(taken, "pedestrian", len(fresh)))
+        if len(names) != len(members):
+            names = tuple(list_free_names(taken, "pedestrian", len(members)))
         taken |= {*names}
-        found[leader] = names
-    return found
+        groups[leader] = names
+    return replace(fresh, agents=_merge_agents(graph, fresh, groups, pins), groups=groups)
 
 
 def _merge_agents(

@@ -129,9 +129,6 @@ def assign_foreground(
         for route in open_
     }
 
-    def weigh(route: Route) -> float:
-        return weights[route.id]
-
     def count_faults(assignment: RoleAssignment) -> tuple[int, int, int, int]:
         violators = {each.violator for each in assignment.patterns if each.violator is not None}
         conflicts = count_signal_conflicts(assignment, intersection_map=intersection_map)
@@ -140,8 +137,8 @@ def assign_foreground(
 
     def draw(*, lawful: bool = lawful) -> RoleAssignment:
         found = find_assignments(
-            graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh,
-            lawful=lawful,
+            graph, grounding, intersection_map=intersection_map, rng=rng, lawful=lawful,
+            weight=lambda route: weights[route.id],
         )  # fmt: skip
         try:
             return next(found)
@@ -201,7 +198,12 @@ def amplify(
         speeds = get_kind("motion", node.motion).ranges.get("speed") if node.motion else None
         if speeds is not None:
             agents[node.id] = _let_run(agents[node.id], speeds, priors, rng)
-    groups = _form_groups(graph, agents)
+    groups: dict[str, tuple[str, ...]] = {}
+    for node in graph.agents:
+        if node.members is not None:
+            members = list_free_names(agents, "pedestrian", node.members - 1)
+            agents |= form_group(agents[node.id], members)
+            groups[node.id] = tuple(members)
     # Who drives the wrong way need not drift over the centre line to meet others there.
     wrong = {each.id for each in graph.agents if has_trait("motion", each.motion, "wrong_way")}
     drifting = tuple(p for p in assignment.patterns if not {p.from_, p.to} & wrong)
@@ -488,19 +490,6 @@ def _form_queues(
 def _get_rate(priors: Priors, route: Route, hour: float) -> float:
     rates = priors.frequency.get(route.id)
     return 0.0 if rates is None else float(rates[int(hour) % HOURS])
-
-
-def _form_groups(
-    graph: SocialGraph, agents: dict[str, AgentCandidates]
-) -> dict[str, tuple[str, ...]]:
-    """Adds the other members of every group; their names, by that of their leader."""
-    groups: dict[str, tuple[str, ...]] = {}
-    for node in graph.agents:
-        if node.members is not None:
-            names = list_free_names(agents, "pedestrian", node.members - 1)
-            agents |= form_group(agents[node.id], names)
-            groups[node.id] = tuple(names)
-    return groups
 
 
 def list_free_names(taken: Container[str], kind: AgentClass, count: int) -> list[str]:

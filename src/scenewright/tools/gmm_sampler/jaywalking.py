@@ -32,11 +32,15 @@ def build_jaywalking_mixture(
         across = (last - first) / float(np.hypot(*(last - first)))
         onto = _ONTO_SIDEWALK * across
         ends.append(np.concatenate([first - onto, last + onto]))
-    factor = np.linalg.cholesky(_compute_covariance(outwards, across))
+    along, aside = np.outer(outwards, outwards), _SIDEWALK_SPREAD**2 * np.outer(across, across)
+    shared, own = _DISTANCE_SPREAD**2 * along, (_SKEW_SPREAD**2 / 2) * along + aside
+    of_ends = np.block([[shared + own, shared], [shared, shared + own]])
+    line = _build_interpolation(K)
+    factor = np.linalg.cholesky(line @ of_ends @ line.T + _WOBBLE**2 * np.eye(2 * K))
     return WaypointPrior(
         route=route,
         weights=np.full(len(ends), 1.0 / len(ends)),
-        means=np.array([_build_interpolation(K) @ end for end in ends]),
+        means=np.array([line @ end for end in ends]),
         cholesky=np.repeat(factor[None], len(ends), axis=0),
         base=np.array([(_build_interpolation(DENSE) @ end).reshape(DENSE, 2) for end in ends]),
         tracks=0,
@@ -47,13 +51,3 @@ def _build_interpolation(count: int) -> FloatArray:
     """[2 count, 4] points evenly between a start and an end, as a linear map of both."""
     t = np.linspace(0.0, 1.0, count)
     return np.asarray(np.kron(np.stack([1 - t, t], axis=1), np.eye(2)), dtype=np.float64)
-
-
-def _compute_covariance(outwards: FloatArray, across: FloatArray) -> FloatArray:
-    """[20, 20] of the waypoints of one component [m^2]."""
-    along = np.outer(outwards, outwards)
-    aside = _SIDEWALK_SPREAD**2 * np.outer(across, across)
-    shared, own = _DISTANCE_SPREAD**2 * along, (_SKEW_SPREAD**2 / 2) * along + aside
-    ends = np.block([[shared + own, shared], [shared, shared + own]])
-    line = _build_interpolation(K)
-    return np.asarray(line @ ends @ line.T + _WOBBLE**2 * np.eye(2 * K))

@@ -64,11 +64,21 @@ def build_rider_priors(
     if crosswalk or kind == "scooter":
         fastest[0] = _ON_CROSSWALK if crosswalk else _SCOOTER_SPEED
     law = DrivingProfilePrior(np.array(_MEDIAN[kind, crosswalk]), _SPREAD, _LOW, fastest, 0)
-    waypoints = priors.waypoints[route.id]
-    if crosswalk:
-        waypoints = _extend_prior(waypoints, MapAreas(intersection_map))
-    else:
-        waypoints = shift_prior(waypoints, _find_lane_offset(kind, route, intersection_map))
+    prior = priors.waypoints[route.id]
+    weights, cholesky = prior.weights, prior.cholesky
+    if crosswalk:  # from edge to edge of the map: riders are in view for long
+        areas = MapAreas(intersection_map)
+        lines = [
+            _extend_to_edge(_extend_to_edge(line, areas)[::-1], areas)[::-1] for line in prior.base
+        ]
+    else:  # aside from the middle of the outermost lane
+        aside = _find_lane_offset(kind, route, intersection_map)
+        kept = _find_outermost(prior.base, outwards=float(np.sign(aside) or -1.0))
+        lines = [line + aside * compute_normals(line) for line in prior.base[kept]]
+        weights, cholesky = weights[kept] / weights[kept].sum(), cholesky[kept]
+    base = np.stack([resample_to_count(line, DENSE) for line in lines])
+    means = base[:, ::PER_INTERVAL].reshape(len(base), -1)
+    waypoints = WaypointPrior(route.id, weights, means, cholesky * _WANDERS, base, tracks=0)
     return replace(
         priors, waypoints={route.id: waypoints}, driving_profiles={route.id: law}, subtypes={}
     )
@@ -83,22 +93,6 @@ def _find_lane_offset(kind: AgentClass, route: Route, intersection_map: Intersec
     return aside if intersection_map.left_hand_traffic else -aside
 
 
-def _extend_prior(prior: WaypointPrior, map_areas: MapAreas) -> WaypointPrior:
-    """The components from edge to edge of the map, and narrower: riders are in view for long."""
-    lines = [
-        _extend_to_edge(_extend_to_edge(line, map_areas)[::-1], map_areas)[::-1]
-        for line in prior.base
-    ]
-    base = np.stack([resample_to_count(line, DENSE) for line in lines])
-    return replace(
-        prior,
-        means=base[:, ::PER_INTERVAL].reshape(len(base), -1),
-        cholesky=prior.cholesky * _WANDERS,
-        base=base,
-        tracks=0,
-    )
-
-
 def _extend_to_edge(line: FloatArray, map_areas: MapAreas) -> FloatArray:
     """The line with its beginning straight from the edge of the map, where that is walkable."""
     inner = line[int(np.searchsorted(measure_arc_lengths(line), _COURSE))]
@@ -109,21 +103,6 @@ def _extend_to_edge(line: FloatArray, map_areas: MapAreas) -> FloatArray:
     added = line[0] + course * np.linspace(max(away, 0.0), 0.0, DENSE)[:-1, None]
     free = away > 0.0 and map_areas.compute_walkable_share(added) == 1.0
     return np.concatenate([added, line]) if free else line
-
-
-def shift_prior(prior: WaypointPrior, aside: float) -> WaypointPrior:
-    """The components of the outermost lane, moved to their left by `aside` metres, and narrower."""
-    kept = _find_outermost(prior.base, outwards=float(np.sign(aside) or -1.0))
-    moved = [line + aside * compute_normals(line) for line in prior.base[kept]]
-    base = np.stack([resample_to_count(line, DENSE) for line in moved])
-    return replace(
-        prior,
-        weights=prior.weights[kept] / prior.weights[kept].sum(),
-        means=base[:, ::PER_INTERVAL].reshape(len(base), -1),
-        cholesky=prior.cholesky[kept] * _WANDERS,
-        base=base,
-        tracks=0,
-    )
 
 
 def _find_outermost(lines: FloatArray, *, outwards: float) -> list[int]:

@@ -109,7 +109,10 @@ def train_bundle(
     foreign = [each.name for each in recordings if not each.name.startswith(f"{name} ")]
     if foreign:
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
-    _make(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(f"cannot make folder {out}: {fault.strerror or fault}") from fault
     own = _cut_windows(by_split["fit"], config, stride)
     order = np.random.default_rng(recipe.seed).permutation(len(own))[:most]
     windows = [own[k] for k in np.sort(order)]
@@ -146,8 +149,12 @@ def train_bundle(
         }
         if others:
             about["others"] = {
-                place: compute_figures(net, there, stride=stride)
-                for place, there in _group_by_place(others).items()
+                place: compute_figures(
+                    net,
+                    [o for o in others if o.split == "test" and o.name.partition(" ")[0] == place],
+                    stride=stride,
+                )
+                for place in dict.fromkeys(each.name.partition(" ")[0] for each in others)
             }
         if walkers:
             about["walkers"] = {split: [each.name for each in walkers if each.split == split]
@@ -326,15 +333,6 @@ def _smooth_steps(recording: Recording) -> Recording:
     return replace(recording, agents=tuple(agents))
 
 
-def _group_by_place(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
-    """Those to test by the intersection that they are of, which may be none."""
-    places = {each.name.partition(" ")[0]: list[Recording]() for each in recordings}
-    for each in recordings:
-        if each.split == "test":
-            places[each.name.partition(" ")[0]].append(each)
-    return places
-
-
 @contextmanager
 def _use_one_thread() -> Iterator[None]:
     """Sums come out alike on however many processors."""
@@ -344,10 +342,3 @@ def _use_one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise InputError(f"cannot make folder {folder}: {fault.strerror or fault}") from fault

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
+from scenewright.geometry.polyline import interpolate_points
 from scenewright.geometry.spline import interpolate_clamped
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
@@ -110,7 +111,13 @@ def compute_deviations(
     times = step * np.arange(columns, dtype=np.float64) - WARM_UP
     rows = list(guides.values())
     prior = np.stack([guide.interpolate_prior(times) for guide in rows])
-    known = np.stack([_compute_known(guide, times, prior[n]) for n, guide in enumerate(rows)])
+    known = np.full_like(prior, np.nan)
+    for n, guide in enumerate(rows):
+        # Where it is given: at the beginning, and where the prior is kept.
+        k = np.clip(np.rint((times - guide.enters) / STEP).astype(int), 0, len(guide.s) - 1)
+        given = np.isfinite(prior[n]) & guide.kept[k]
+        given[np.flatnonzero(np.isfinite(prior[n]))[:GIVEN]] = True
+        known[n, given] = prior[n, given]
     for name, deviation in (fixed or {}).items():
         n = list(guides).index(name)
         local = STEP * np.arange(len(deviation))
@@ -136,20 +143,10 @@ def compute_deviation(guide: Guide, track: Track) -> FloatArray:
     return deviation
 
 
-def _compute_known(guide: Guide, times: FloatArray, prior: FloatArray) -> FloatArray:
-    """[T] arc length where it is given: at the beginning, and where the prior is kept."""
-    there = np.flatnonzero(np.isfinite(prior))
-    k = np.clip(np.rint((times - guide.enters) / STEP).astype(int), 0, len(guide.s) - 1)
-    given = np.isfinite(prior) & guide.kept[k]
-    given[there[:GIVEN]] = True
-    return np.where(given, prior, np.nan)
-
-
 def _compute_places(path: Path, s: FloatArray) -> FloatArray:
     """[T, 2] positions of arc lengths; NaN for NaN."""
     at = np.nan_to_num(s)
-    xy = np.stack([np.interp(at, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=-1)
-    return np.where(np.isfinite(s)[:, None], xy, np.nan)
+    return np.where(np.isfinite(s)[:, None], interpolate_points(at, path.s, path.xy), np.nan)
 
 
 def _run_rollout(
