@@ -1,4 +1,4 @@
-"""What the offline planner gives beside answers: turns of a conversation, plans of texts.
+"""What the offline planner gives beside answers: turns of a conversation, plans of texts, words.
 
 Rooms above load it from here, so that they need not know how the planner is built.
 """
@@ -8,12 +8,14 @@ from __future__ import annotations
 from scenewright.backends.builtin.draft import build_site
 from scenewright.backends.builtin.named import CLASSES
 from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.reader.words import WORDS
 from scenewright.backends.builtin.references import build_clarification, read_choice
 from scenewright.backends.builtin.revising import begins_anew, read
 from scenewright.backends.builtin.turn_intent import rank_intents
 
 __all__ = [
     "CLASSES",
+    "WORDS",
     "begins_anew",
     "build_clarification",
     "build_site",
