@@ -7,121 +7,26 @@ changes a scene. What is left, requests and descriptions, is read by the planner
 from __future__ import annotations
 
 import re
-from typing import Literal, cast
+from typing import Literal
 
+from scenewright.authoring.vocabulary import compile_words, fill_in
+from scenewright.backends.offline import WORDS
 from scenewright.scene.base import Model
 
 Kind = Literal[
-    "question",
-    "undo",
-    "redo",
-    "version",
-    "restart",
-    "show",
-    "why",
-    "help",
-    "quit",
-    "play",
-    "gif",
-    "mp4",
-    "html",
-    "save",
-    "talk",
-    "words",
-]
+    "question", "undo", "redo", "version", "restart", "show", "why", "help", "quit", "play", "gif",
+    "mp4", "html", "save", "talk", "words",
+]  # fmt: skip
 
-_NUMBERS = {
-    "one": 1, "once": 1, "a": 1, "two": 2, "twice": 2, "three": 3, "four": 4, "five": 5, "six": 6,
-    "first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "sixth": 6,
-}  # fmt: skip
-_COUNT = rf"(?P<count>\d{{1,3}}|{'|'.join(_NUMBERS)})"
-_NTH = _COUNT.replace("count", "nth")
-_POLITE = re.compile(
-    r"^(?:please|pls|ok(?:ay)?|so|well|hey|hi|hello|now|and|but|no|nah|nope|wait|yes|yeah|yep|oh|"
-    r"h+m+|w(?:oah|hoa|ow)|uh|um+|sorry|actually|alright|fine|great|good|cool|nice|too close|"
-    r"thanks?|lol|haha)\b[ ,!.…]*"
-)
-_AFTER = re.compile(r"[ ,]+(?:please|pls|then|thanks|now|though)[ .!]*$")
-_ASKS_TO_ACT = re.compile(
-    r"^(?:can|could|would|will)(?: you| we| i)?(?: please)? "
-    r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn|delay|replace|have|"
-    r"let|"
-    r"give|get|show|create|generate|do|try|redo|undo|go)\b|^(?:how|what) about\b|^what if\b|"
-    r"^why (?:not|don't|do not)\b|"
-    r"^(?:can|could|would|will) (?:the(?: (?!have\b)[a-z-]+){1,3}|it|he|she|they|a|an) (?!have\b)"
-)
-_ASKING = (
-    r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|did|doesn't|"
-    r"do(?! (?:it|that|this|one|an?|the same|so|something)\b)|"
-    r"didn't|was|were|has|had"
-)
-_QUESTION = re.compile(
-    rf"^(?:{_ASKING}|have you|what if it (?:was|were|is|had been) (?:rain|snow|wet)|"
-    r"(?:by|at|in|on|from|to|for|with|under) (?:how|what|which|whose|whom)\b|"
-    r"(?:can|could|would|will|should|did) (?:the(?: [a-z-]+){1,3}|it|he|she|they) have\b|"
-    r"(?:can|could|may) i\b|any(?:body|one)? \w+.*\?$|"
-    r"tell me (?:how|who|what|when|where|which|why|if|whether|about))\b"
-)
-_WHY_REFUSED = (
-    r"(?:why|how come|explain|what went wrong|what was wrong|for what reason)"
-    r"(?: (?:not|was (?:that|it|this) refused|did (?:that|it|this) fail|"
-    r"did you refuse(?: (?:that|it|this|me))?|(?:that|this)|so))?"
-)
-_STEPS = r"(?: (?:steps?|times|versions?|changes?|turns?))?"
-_THANKS = r"thanks?(?: you)?(?: (?:so|very) much| a lot)?"
-_GREETING = r"hello(?: there)?|hi(?: there)?|hey|good (?:morning|evening|afternoon|day)"
-_PRAISE = (
-    r"(?:(?:that'?s|thats|it'?s|this is|that is|looks|very|really|so|pretty|quite|super|not|too|"
-    r"all) )*"
-    r"(?:great|nice|cool|perfect|awesome|wow|fine|good(?: job)?|it|unrealistic|realistic|weird|"
-    r"odd|strange|"
-    r"stupid|wrong|bad|boring|funny|better|interesting|right|brilliant|amazing|ok(?:ay)?)(?: "
-    r"enough)?|"
-    r"well done|lol|haha|h+m+|i see|got it|i (?:really )?(?:do ?n[o']?t|do) (?:like|want|get|"
-    r"understand) (?:it|that|this)|"
-    r"(?:the|that|this|never ?mind)(?: [a-z]+)? obviously|never ?mind|w(?:oah|hoa|ow)|no|yes|"
-    r"nope|yeah"
-)
-_SIMPLE: tuple[tuple[Kind, re.Pattern[str]], ...] = tuple(
-    (cast(Kind, kind), re.compile(rf"^(?:{pattern})[ .!?]*$"))
-    for kind, pattern in (
-        ("why", _WHY_REFUSED),
-        ("version", r"(?:go |take me |return |switch )?(?:back )?(?:to )?(?:the )?"
-                    rf"(?:version (?:number )?{_COUNT}|{_NTH} (?:version|one|scene))"),
-        ("undo", rf"(?:(?:go )?back to )?(?:as|how|what|like) it was(?: {_COUNT} (?:steps?|"
-                 rf"versions?|changes?) "
-                 r"ago| before)?|(?:the )?(?:previous|last) (?:version|one)"),
-        ("undo", r"(?:undo|revert|go back|step back|back|take (?:that|it|this) back)"
-                 rf"(?: (?:by |the last |that |it |this )*(?:{_COUNT}{_STEPS}|"
-                 r"(?:step|version|change|turn|that|it|this|one))?)?|"
-                 r"undo (?:it|that|this) all"),
-        ("redo", r"(?:redo|go forward|forward|again forward)(?: (?:that|it))?"),
-        ("restart", r"(?:let's |let us )?(?:start|begin) (?:over|again|anew|afresh|from scratch)|"
-                    r"from scratch|new scene|(?:a )?clean slate|"
-                    r"forget (?:it|that|everything|the scene)|reset|"
-                    r"(?:delete|remove|clear|erase) (?:everything|all|it all|the (?:whole )"
-                    r"?scene)"),
-        ("play", r"(?:(?:can|could|may) (?:i|we|you) )?(?:play|watch|open|see|view)(?: (?:it|"
-                 r"this|that|the (?:scene|"
-                 r"video|animation)))?(?: again| from above| in (?:the|my) browser)*"),
-        ("gif", r"(?:(?:can|could) (?:you|i) )?(?:save|export|make|write|get)(?: me)? (?:it|this|"
-                r"that|a|an?)?(?: ?as)?"
-                r"(?: an?)? ?(?:gif|animation)(?: of (?:it|this|that))?"),
-        ("mp4", r"(?:(?:can|could) (?:you|i) )?(?:save|export|make|write|get)(?: me)? (?:it|this|"
-                r"that|an?)?(?: ?as)?"
-                r"(?: an?)? ?(?:mp4|video|movie|film)(?: of (?:it|this|that))?"),
-        ("html", r"(?:(?:can|could) (?:you|i) )?(?:save|export|share|send|write)(?: me)? (?:it|"
-                 r"this|that)"
-                 r"(?: as an? (?:html|page|web ?page|link|file)| with .{1,40}| to .{1,40})"),
-        ("save", r"(?:(?:can|could) (?:you|i|we) )?(?:save|export|download|keep)(?: (?:it|this|"
-                 r"that|the scene))?"),
-        ("show", r"(?:show|describe|summari[sz]e|display)(?: me)?"
-                 r"(?: (?:it|this|that|the (?:scene|version|result)))?(?: again)?"),
-        ("help", r"help|help me|commands"),
-        ("quit", r"quit|exit|bye|good ?bye|see you"),
-        ("talk", rf"{_THANKS}|{_GREETING}|{_PRAISE}"),
-    )
-)  # fmt: skip
+_NUMBERS: dict[str, int] = WORDS["turn_kind"]["numbers"]
+_POLITE = compile_words("turn_kind.polite")
+_AFTER = compile_words("turn_kind.after")
+_ASKS_TO_ACT = compile_words("turn_kind.asks_to_act")
+_QUESTION = compile_words("turn_kind.question")
+_SIMPLE: list[tuple[Kind, re.Pattern[str]]] = [
+    (kind, re.compile(rf"^(?:{fill_in(pattern)})[ .!?]*$"))
+    for kind, pattern in WORDS["turn_kind"]["simple"]
+]
 
 
 class TurnKind(Model):
@@ -142,16 +47,7 @@ class TurnKind(Model):
     name: str | None = None
 
 
-_SHORT = {
-    "u": "you", "r": "are", "ur": "your", "pls": "please", "plz": "please", "w": "with",
-    "nite": "night", "cuz": "because", "bc": "because", "tho": "though", "thx": "thanks",
-    "wtv": "whatever", "dont": "don't", "doesnt": "doesn't", "didnt": "didn't", "isnt": "isn't",
-    "cant": "can't", "wont": "won't", "shouldnt": "shouldn't", "wasnt": "wasn't", "im": "i'm",
-    "ive": "i've", "whats": "what's", "wheres": "where's", "whos": "who's", "hows": "how's",
-    "thats": "that's", "hes": "he's", "shes": "she's", "theyre": "they're", "em": "them",
-    "til": "until", "gimme": "give me", "lemme": "let me", "wanna": "want to", "an'": "and",
-    "autobus": "bus", "bicyle": "bicycle", "byke": "bike", "escooter": "e-scooter",
-}  # fmt: skip
+_SHORT: dict[str, str] = WORDS["turn_kind"]["short"]
 _SHORT_WORD = re.compile(rf"(?<![\w'>=\[(-])(?:{'|'.join(_SHORT)})(?![\w'<=:>-])")
 
 
@@ -160,12 +56,7 @@ def spell_fully(words: str) -> str:
     return _SHORT_WORD.sub(lambda found: _SHORT[found[0]], words)
 
 
-_NAMED = re.compile(
-    r"\b(?:as|name(?:d)?|call(?:ed)?(?: (?:it|that|this))?|for me as)[ :]+"
-    r"[\"“'](?P<quoted>[^\"”']{1,60})[\"”']|"
-    r"\b(?:as|named|called|call it|call that) (?!an? |it\b|you\b|the\b|one\b|is\b|"
-    r"(?:gif|mp4|html|json|csv|png|svg|video|page)\b)(?P<bare>[\w-]+(?: \d\w*)?)"
-)
+_NAMED = compile_words("turn_kind.named")
 
 
 def read_name(words: str) -> str | None:
@@ -203,10 +94,7 @@ def _describe(kind: Kind, words: str, found: re.Match[str]) -> TurnKind:
     return TurnKind(kind=kind, words=words, count=number or 1, name=name)
 
 
-_SHOW = r"show me (?=an? |two |three |the )"
-_WISH = r"i(?: would|'d) like (?:to see )?(?=an? )|i want (?:to see )?(?=an? )|what if "
-_REQUEST = r"(?:can|could|would|will) (?:you|we)(?: please)? "
-_FRAME = re.compile(rf"^\s*(?:please )?(?:{_REQUEST})?(?:{_SHOW}|{_WISH})?", re.IGNORECASE)
+_FRAME = re.compile(WORDS["turn_kind"]["frame"], re.IGNORECASE)
 _SUPPOSE = re.compile(r"^\s*what if (it|the [a-z]+) (?:were|was|is|became) ", re.IGNORECASE)
 
 
