@@ -11,7 +11,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from scenewright.backends.offline import CLASSES
+from scenewright.authoring.vocabulary import compile_words, fill_in
+from scenewright.backends.offline import CLASSES, WORDS
 from scenewright.scene.base import OPPOSITE, RIDERS, Compass, Movement
 from scenewright.scene.edits import (
     AddAgent,
@@ -33,34 +34,13 @@ from scenewright.scene.events import Event
 from scenewright.scene.measures import UNITS, Measure, MeasureKind
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
 
-_WEATHER = (
-    r"\b(?:rain(?:s|ing|y)?|snow(?:s|ing|y)?|fog(?:gy)?|mist|ice|icy|wet|slippery|storm(?:y)?|"
-    r"wind(?:y)?|sunny|weather|hail)\b"
-)
 WEATHER = (
     "There is no weather here: the road is dry and all agents see equally far. What can be had "
     'instead: "make it night", "slow the car down", "have her step out from behind a parked van".'
 )
-_LENGTH = (
-    r"^(?:make|let|have) (?:it|the scene|the (?:video|clip)) (?:a bit |much )?(?:last )?"
-    r"(?:longer|shorter)$|^(?:a )?(?:longer|shorter)(?: scene)?$"
-)
 LENGTH = (
     "How long a scene lasts follows from what happens in it, 30 s at the most. To have it happen "
     'at another time, say "let it happen 12 s into the scene".'
-)
-_NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
-_WHO = (
-    rf"(?P<who>it|him|her|them|he|she|they|me|ego|that(?: one)?|(?:the |that |this )?other one|"
-    rf"(?:the|that|this|my) (?:other )?(?:old |young |little |delivery |e-)*(?:{_NOUN})(?: rider)?|"
-    rf"(?:{_NOUN}|(?:vehicle|pedestrian|cyclist|scooter)-\d+))"
-)
-_ADVERB = (
-    r"(?P<much>a (?:lot|bit|little|tad|touch)|much|way|far|slightly|even|really|very|more|too)"
-)
-_SIDE = r"(?P<{}>north|east|south|west)"
-_GOES = (
-    r"(?:go|goes|going|walk|walks|drive|drives|ride|rides|move|moves|be|is|come in|comes in|cross)"
 )
 _SLOW, _FAST = 0.8, 1.25
 _EARLIER = 3.0
@@ -171,13 +151,7 @@ def read_everyday(words: str, talk: Talk) -> Reading | None:
     return Edits(edits=tuple(edits)) if edits else None
 
 
-_FILLER = re.compile(
-    r"^(?:(?:and|now|then|so|ok|okay|oh|no|nah|nope|ye(?:s|ah|p)|hmm?|well|but|actually|please|"
-    r"pls|wait(?=[,.!]| no\b|$)|maybe|"
-    r"just|also|fine|alright|great|good|cool|nice|w(?:oah|hoa|ow)|uh|um|sorry|hey|"
-    r"i mean|can you|could you|would you|let's)\b[ ,.!]*)+|[ ,]*\b(?:please|pls|instead|then|now|"
-    r"though|i mean|again)\b[.! ]*$"
-)
+_FILLER = compile_words("everyday_words.filler")
 
 
 def simplify(words: str) -> str:
@@ -413,69 +387,16 @@ def _say(reason: str) -> _Rule:
     return lambda _found, _talk: decline(reason)
 
 
-_PACE = r"(?P<pace>slower|faster|slowly|quicker|quickly|slow|fast|less fast)"
-_MAKE = r"(?:make|let|have|get|change|turn)"
-_RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
-    (re.compile(pattern), rule)
-    for pattern, rule in (
-        (rf"^(?:{_MAKE} (?:it|there be)|with(?:out)?|add|in|no|and|it)"
-         rf"?.{{0,12}}{_WEATHER}.{{0,25}}$",
-         _say(WEATHER)),
-        (_LENGTH, _say(LENGTH)),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must| needs? to| has to)? {_GOES} "
-         rf"(?:{_ADVERB} )?{_PACE}$", _change_pace),
-        (rf"^{_MAKE} {_WHO} (?:{_ADVERB} )?{_PACE}$", _change_pace),
-        (r"^(?P<much>a (?:bit|little|lot)|much|even)? ?(?P<pace>slower|faster)$", _change_pace),
-        (rf"^(?P<toofast>(?:that'?s|{_WHO}(?: is|'s)|too)) ?(?:a bit |way |much )?(?:too )?"
-         r"(?P<pace>fast|slow)$", _change_pace),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must)? (?:runs?|be running|is running)"
-         r"(?: across| over)?(?: the (?:street|road|crosswalk))?$", _run),
-        (rf"^(?:{_MAKE} )?{_WHO} (?:(?:do|does|should|shall|must|did) ?)?(?P<not>not|n't|never) "
-         r"(?:even )?(?:brake|react|respond|slow down)s?(?: at all| for (?:him|her|it|them))?$",
-         _change_reaction),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must| does| do)? "
-         r"(?:reacts?|responds?|tr(?:y|ies) to brake)(?: after all)?$", _change_reaction),
-        (rf"^(?:remove|delete|drop|get rid of|take out|kick out|lose) {_WHO}(?: altogether)"
-         rf"?$", _remove),
-        (rf"^{_MAKE} {_WHO} (?:into |to |be )?an? (?:delivery )?(?P<what>{_NOUN})$", _become),
-        (rf"^{_WHO} (?:should|shall|must|could) be an? (?:delivery )?(?P<what>{_NOUN})$", _become),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| is| are)? (?:cross(?:es|ing)?|go(?:es|ing)?|"
-         rf"walk(?:s|ing)?|"
-         r"com(?:e|es|ing)|run(?:s|ning)?|driv(?:e|es|ing)) (?:in |from )?the (?:other|opposite) "
-         r"(?:way|direction|side)(?: round| around)?$", _reverse),
-        (rf"^(?:reverse|turn around|flip) {_WHO}$", _reverse),
-        (r"^(?:from the |from |to the |follows |behind |in front of )\b",
-         _say('Say who does that, such as "the car from the west follows the bus".')),
-        (rf"^(?:{_MAKE} (?:it|this|that|them|the \w+) (?:to )?happen )?(?:a (?:bit|little) |much )?"
-         r"(?:(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|secs?|seconds?) )?(?P<when>earlier|later)$",
-         _shift_event),
-        (rf"^(?:{_MAKE} )?{_WHO}(?: should)? waits? (?:a (?:bit|little|while)|for a (?:bit|"
-         rf"moment)|longer|"
-         r"(?:for )?(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|sec|seconds?))(?: longer| more)?"
-         r"(?: before .{1,30})?$", _wait),
-        (r"^(?:that'?s too many[ ,]+|too many[ ,]+)?(?P<share>half|twice|double)(?: as (?:many|"
-         r"much)| of)?"
-         r"(?: of)?(?: the| it| them| as many)? ?(?P<noun>cars|vehicles|traffic|pedestrians|"
-         r"people|others|"
-         r"walkers|everybody)?$", _change_numbers),
-        (rf"^(?:{_MAKE} (?:it|them|that) |get |come |{_MAKE} them (?:get|come|pass) )?(?:a "
-         rf"(?:bit|little|lot) |"
-         r"much |even |still )?(?:closer|tighter|less close|further apart|farther apart)$",
-         _change_gap),
-        (rf"^(?:{_MAKE} |with )(?:the|a) (?:gap|distance|space|pet) (?:between them )?"
-         rf"(?:be )?(?:a (?:bit|little) |"
-         r"much |even )?(?:smaller|shorter|tighter|bigger|larger|wider)$", _change_gap),
-        (rf"^(?:{_MAKE} (?:it|them|the (?:crash|collision|impact)) )?(?:be |hit )?(?:a (?:bit|"
-         rf"little) |much |even )?"
-         r"(?:less severe|less bad|softer|lighter|gentler|milder|more severe|worse|harder)"
-         r"$", _change_impact),
-        (rf"^(?:add|put|place) (?:in )?(?:an?|one|another) (?P<what>cyclist|bike|bicycle|scooter|"
-         rf"e-scooter)"
-         rf"(?: in)?(?:,? (?:coming )?from (?:the )?{_SIDE.format('entry')}(?: to (?:the )"
-         rf"?{_SIDE.format('exit')})?)?"
-         rf"(?:,? (?:that |who |which )?(?:follow(?:s|ing)|behind) {_WHO})?$", _add_rider),
-    )
-)  # fmt: skip
+_BY_NAME: dict[str, _Rule] = {
+    "weather": _say(WEATHER), "length": _say(LENGTH), "pace": _change_pace, "run": _run,
+    "reaction": _change_reaction, "remove": _remove, "become": _become, "reverse": _reverse,
+    "no_subject": _say('Say who does that, such as "the car from the west follows the bus".'),
+    "time": _shift_event, "wait": _wait, "numbers": _change_numbers, "gap": _change_gap,
+    "impact": _change_impact, "rider": _add_rider,
+}  # fmt: skip
+_RULES = [
+    (re.compile(fill_in(form)), _BY_NAME[name]) for name, form in WORDS["everyday_words"]["rules"]
+]
 
 
 def _doubt(reason: str) -> DeclinedTurn:
@@ -529,7 +450,4 @@ def _keep_entry(edit: Edit, talk: Talk) -> Edit:
     return ChangeAgent(node=edit.node.model_copy(update={"entry": view.entry}))
 
 
-_SPEAKS_OF_THIS = re.compile(
-    r"(?:make|let|have|change|turn|set|move|put) (?:the|it|him|her|them|that|vehicle-|pedestrian-|"
-    r"cyclist-|scooter-)"
-)
+_SPEAKS_OF_THIS = compile_words("everyday_words.speaks_of_this")
