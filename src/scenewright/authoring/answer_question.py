@@ -13,7 +13,7 @@ from scenewright.authoring.scene_motion import (
     find_closest,
     measure_distance,
 )
-from scenewright.backends.offline import CLASSES
+from scenewright.backends.offline import CLASSES, WORDS
 from scenewright.geometry.map_areas import geos
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.kinds import has_trait
@@ -27,17 +27,8 @@ TOPICS = (
     "I can answer: what happens, when, where and how close; how fast each goes, whether it brakes "
     "or stops; where each comes from and goes to; the lights; who was there; who had to give way."
 )
-_TOUCH = r"\b(?:crash|hit|hits|touch|collide|contact|hurt|alive|dead|make it|struck|survive)\b"
-_VERBS = {
-    "yielding": "yields to", "follow": "follows", "collision": "collides with",
-    "near_miss": "has a near miss with",
-}  # fmt: skip
-_FIGURES = {
-    "pet": "{:.1f} s between them at the place (PET)", "clearance": "{:.1f} m apart at the closest",
-    "path_ttc": "{:.1f} s to a collision at the worst (TTC along their ways)",
-    "relative_speed": "contact at {:.1f} m/s", "drac": "{:.1f} m/s² of braking needed",
-    "least_gap": "least gap {:.1f} m", "least_headway": "least headway {:.1f} s",
-}  # fmt: skip
+_VERBS: dict[str, str] = WORDS["answer_question"]["verbs"]
+_FIGURES: dict[str, str] = WORDS["answer_question"]["figures"]
 _NOUNS = {noun: subtype or kind for noun, (kind, subtype) in CLASSES.items()}
 _NOUNS |= {"police": "police_car", "fire": "fire_engine"}
 _NOUNS |= dict.fromkeys(("her", "him", "she", "he"), "pedestrian")
@@ -85,11 +76,11 @@ def answer_question(
 
 
 def _choose_answer(plain: str, topic: str | None) -> _Answer:
-    if topic in _BY_TOPIC:
-        return _BY_TOPIC[topic]
-    for pattern, answer in _TOPICS:
+    if topic in _ANSWERS:
+        return _ANSWERS[topic]
+    for name, pattern in WORDS["answer_question"]["topics"]:
         if re.search(rf"\b(?:{pattern})", plain):
-            return answer
+            return _ANSWERS[name]
     if set(re.findall(r"[a-z]+", plain)) <= {*_NOUNS, "the", "and", "a"}:
         return _join(_describe_routes, _describe_speeds, _describe_lights)
     return _say("The scene has no answer to that.", TOPICS)
@@ -131,7 +122,7 @@ def _find_time(scene: _SceneFacts, agent: AgentRecord) -> float | None:
 
 def _describe_events(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
     lines = [_describe_event(scene, event) for event in scene.proof.events]
-    if re.search(_TOUCH, scene.plain):
+    if re.search(WORDS["answer_question"]["touch"], scene.plain):
         kinds = {event.type for event in scene.proof.events}
         lines.insert(0, "Yes, they touch." if "collision" in kinds else "No, there is no contact.")
     return lines or [
@@ -499,45 +490,7 @@ _describe_places = _join(_describe_routes, _describe_events)
 _explain_no_weather = _say(
     "There is no weather here: the road is dry and all agents see equally far."
 )
-_TOPICS: tuple[tuple[str, _Answer], ...] = (
-    (r"(?:what(?:'s| is| does| are)|explain) (?:an? |the )?(?:pet|ttc|drac)\b",
-     lambda _scene, _about: define_terms()),
-    (r"speed limit|allowed to (?:go|drive)", _describe_speed_limit),
-    (r"rain|snow|weather|wet\b|fog|icy?\b|slippery", _explain_no_weather),
-    (r"(?:are|is) (?:there|any).*\b(?:kids?|child(?:ren)?|wom[ae]n|m[ae]n|old|elderly)\b|how "
-     r"old", _join(_say("Pedestrians have no age or sex here; all are about as wide."),
-                   _describe_counts)),
-    (r"(?:who|what)(?:'s| is| are) (?:she|he|her|him|it|they|them)$|(?:is|are) (?:that|it|this|"
-     r"he|she|the \w+) "
-     r"(?:really )?an? \w+", _join(_describe_kinds, _describe_routes)),
-    (r"would (?:have|it|he|she|they)\b|could (?:he|she|it|they|the \w+) have", _explain_what_if),
-    (r"formats?\b|file types?", lambda _scene, _about: list_formats()),
-    (r"first\b|before or after|order\b|already (?:there|gone)", _describe_order),
-    (r"(?:on|from|which) (?:which |the )?(?:side|left|right)\b|point of view", _describe_sides),
-    (r"second by second|in order|step by step|the whole (?:story|thing)|sentences|timeline",
-     _describe_story),
-    (r"what (?:else )?can (?:i|you|we)\b|what (?:could|should) i (?:say|ask)\b|how do i\b",
-     _say(TOPICS, 'Or say what shall be different: "make the car a truck", "have it be a '
-                  'collision".')),
-    (r"fault|blame|right of way|priority|had to (?:yield|give way)|guilty", _describe_fault),
-    (r"lights?\b|signals?\b|green\b|red\b|yellow\b", _describe_lights),
-    (r"danger|safe\b|risk|serious|severe|critical|how bad", _describe_danger),
-    (r"(?:how|too) (?:fast|slow)\b|speed|km/?h\b|m/s\b|mph\b", _describe_speeds),
-    (r"brak|stops?\b|stopped\b|slow|decelerat|stand|wait", _describe_braking),
-    (r"how close|distance|apart\b|gap\b|pet\b|ttc\b|headway|near\b|close\b|far\b",
-     _describe_closeness),
-    (r"how many|(?:is|are) there|who else\b|how much traffic|busy\b|who(?:'s| is| are) in\b",
-     _describe_counts),
-    (r"where(?: (?:does|do|did|is|are)|'s) .*\b(?:comes?|coming|from|go|goes|going|head|heading)\b|"
-     r"which way|turn(?:s|ing)?\b|direction", _describe_routes),
-    (r"when\b|what time|how long|take so long|take that long|what hour|day or night\b|time of "
-     r"day", _describe_time),
-    (r"hit|touch|collid|crash|happen|where\b|miss|yield|give way|follow|whom?\b", _describe_events),
-    (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's",
-     _join(_describe_closeness, _describe_counts)),
-)  # fmt: skip
-"""Words of a question -> what answers it, the more special topic first."""
-_BY_TOPIC: dict[str, _Answer] = {
+_ANSWERS: dict[str, _Answer] = {
     "q_what": _describe_events, "q_speed": _describe_speeds, "q_brake": _describe_braking,
     "q_close": _describe_closeness, "q_define": lambda _scene, _about: define_terms(),
     "q_who": _join(_describe_counts, _describe_kinds),
@@ -547,5 +500,12 @@ _BY_TOPIC: dict[str, _Answer] = {
     "q_sight": _describe_sight, "q_limit": _describe_speed_limit, "q_weather": _explain_no_weather,
     "q_proof": _describe_proof, "q_order": _describe_order, "q_what_if": _explain_what_if,
     "q_story": _describe_story, "q_formats": lambda _scene, _about: list_formats(),
+    "age": _join(_say("Pedestrians have no age or sex here; all are about as wide."),
+                 _describe_counts),
+    "kind": _join(_describe_kinds, _describe_routes), "side": _describe_sides,
+    "usage": _say(TOPICS, 'Or say what shall be different: "make the car a truck", "have it be a '
+                          'collision".'),
+    "count": _describe_counts, "route": _describe_routes,
+    "all": _join(_describe_closeness, _describe_counts),
 }  # fmt: skip
-"""Intents of the model of turns -> what answers them."""
+"""Topics of questions, as the model of turns (`q_...`) or the vocabulary names them."""
