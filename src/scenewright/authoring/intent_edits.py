@@ -24,7 +24,8 @@ from scenewright.authoring.everyday_words import (
     set_measure,
     simplify,
 )
-from scenewright.backends.offline import CLASSES, rank_intents
+from scenewright.authoring.vocabulary import compile_words, fill_in
+from scenewright.backends.offline import CLASSES, WORDS, rank_intents
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
     AgentView,
@@ -52,33 +53,6 @@ class Guess(NamedTuple):
     chance: float
 
 
-_LESS = r"\bless\b|\bfewer\b|\breduc|\blower|\bdecreas|\bnot (?:that|so)\b|\bnot as\b"
-_OPPOSITES: tuple[tuple[str, str, str], ...] = (
-    ("faster", "slower", rf"(?<!too )(?<!so )\bslow|{_LESS}|too (?:fast|quick)|\bcalm|"
-     r"\beas[ey]|\bcrawl|\bcreep|\bchill|\bcareful|\bcut\b|\bhalf\b|"
-     r"take (?:his|her|their|its) time"),
-    ("closer", "less_close", r"\b(?:further|farther|apart|bigger|larger|wider|safer|widen|increase|"
-     r"comfortable|room|relax)|\bmore (?:distance|space|time|headway)|\btoo (?:close|tight|scary)|"
-     r"\b(?:less|not (?:so|that)) (?:close|scary|danger|critical|drama|risk|tight)|\btone\b"),
-    ("harder", "softer", rf"{_LESS}|\bsoft|\blight|\bgentl|\bmild|\btap\b|\bbump\b|"
-     r"too (?:hard|bad)"),
-    ("event_later", "event_earlier", r"\bearl(?!.*too early)|\bsoon|\bforward|\bquick|"
-     r"too late|too long"),
-    ("come_later", "come_earlier", r"\bearl(?!.*too early)|\bsoon|too late"),
-    ("wait_longer", "wait_less", r"\bless\b|\bshort|\bsoon|too long|\b(?:so|that) long|"
-     r"\bdon't wait"),
-    ("stop_later", "stop_earlier", r"\bearl|\bbefore\b|\bback\b|\baway\b|\bsoon|too late|"
-     r"\bshort of"),
-    ("more_traffic", "less_traffic", rf"{_LESS}|\bquiet|\bhalf\b|\bthin|"
-     r"too (?:many|crowd|busy|much)|"
-     r"\bcalm|\blight(?:er)?\b|\bremove|\bdrop|\bdelete|\btake\b|\bcut\b"),
-    ("run_red", "obey", r"\bobey|\brespect|\blegal|\bgreen|\bnobody|\bno\b|\bviolation|\bwait|"
-     r"\bstop|\brules?\b"),
-    ("undo", "redo", r"\bredo|\bforward|\bagain|undo the undo|back in\b|\bre-?apply"),
-)  # fmt: skip
-"""One intent, its opposite, and the words that mean the opposite."""
-
-
 @lru_cache(maxsize=256)
 def guess_intent(words: str) -> Guess:
     """What the words most likely want, with what stands around the wish or without it."""
@@ -90,9 +64,9 @@ def _guess(words: str) -> Guess:
     denied = re.sub(r",? ?\bnot (?:an? )?(?:near miss|collision|crash|accident)\b", "", words)
     ranked = rank_intents(denied.strip() or words)
     chances, (first, _) = dict(ranked), ranked[0]
-    for one, other, pattern in _OPPOSITES:
+    for one, other, pattern in WORDS["intent_edits"]["opposites"]:
         if first in (one, other):
-            meant = other if re.search(pattern, words.lower()) else one
+            meant = other if re.search(fill_in(pattern), words.lower()) else one
             return Guess(meant, chances[one] + chances[other])
     return Guess(first, ranked[0].chance)
 
@@ -109,27 +83,7 @@ STEPS = {
 }  # fmt: skip
 """Intents that are about the conversation -> the kind of turn."""
 
-_MAKES: dict[str, str] = {
-    "slower": "set_pace set_measure", "faster": "set_pace set_measure change_agent",
-    "set_speed": "set_pace set_measure", "remove": "remove_agent unrelate set_background",
-    "add_agent": "add_agent relate set_background", "become": "change_agent",
-    "come_from": "change_agent tie", "turn": "change_agent tie", "go_to": "change_agent tie",
-    "cross_at": "change_agent", "reverse": "change_agent tie", "clock": "change_context",
-    "collide": "relate", "near_miss": "relate", "yields": "relate wait_longer", "follow": "relate",
-    "nothing_happens": "unrelate", "swap": "relate", "closer": "relate set_measure",
-    "less_close": "relate set_measure", "set_gap": "relate set_measure", "harder": "relate",
-    "softer": "relate", "set_impact": "relate set_measure", "event_earlier": "set_measure",
-    "event_later": "set_measure", "come_earlier": "come_later", "come_later": "come_later",
-    "wait_longer": "wait_longer", "wait_less": "wait_longer", "stop_earlier": "move_stop",
-    "stop_later": "move_stop", "make_stop": "wait_longer relate set_measure",
-    "brake_hard": "relate set_measure", "runs": "change_agent",
-    "more_traffic": "set_background change_context",
-    "less_traffic": "set_background change_context", "no_traffic": "set_background remove_agent",
-    "set_count": "set_background", "redraw": "redraw", "park": "add_object",
-    "unpark": "remove_object", "hide": "add_object", "run_red": "change_agent",
-    "obey": "change_agent", "jaywalk": "change_agent", "not_react": "change_agent relate",
-}  # fmt: skip
-"""Intents that change the scene -> the edits that do so."""
+_MAKES: dict[str, list[str]] = WORDS["intent_edits"]["makes"]
 
 
 def is_change(intent: str) -> bool:
@@ -139,12 +93,12 @@ def is_change(intent: str) -> bool:
 
 def list_makes(intent: str) -> set[str]:
     """The kinds of edits that do what the intent is."""
-    return set(_MAKES.get(intent, "").split())
+    return set(_MAKES.get(intent, ()))
 
 
 def is_consistent(reading: Reading, intent: str, words: str) -> bool:
     """Whether a reading does what the intent is: its edits are of its kinds, its way as said."""
-    kinds = _MAKES.get(intent, "").split()
+    kinds = list_makes(intent)
     if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
         return False
     nodes = [each.node for each in reading.edits if isinstance(each, ChangeAgent)]
@@ -169,30 +123,14 @@ def _find_turn(plain: str) -> str | None:
     return {"u-turn": "uturn"}.get(found[-1], found[-1]) if found else None
 
 
-_NOUN = "|".join(sorted(CLASSES, key=len, reverse=True))
-_MENTION = re.compile(
-    r"\b(?P<id>(?:vehicle|pedestrian|cyclist|scooter)-\d+)\b|"
-    r"\b(?P<new>an?|another|one|two|some|more)? ?(?P<det>the |that |this |my )?"
-    r"(?P<other>other )?(?:(?!the\b|an?\b|and\b|or\b|of\b|to\b)[a-z-]+ ){0,2}?"
-    rf"(?P<noun>{_NOUN})s?\b|"
-    r"\b(?P<word>it|him|her|he|she|me|ego|the other(?: one)?|the first one)\b"
-)
-_KINDS = re.compile(rf"\b(?:an?|another|one)\s+(?:[a-z-]+ ){{0,2}}?(?P<noun>{_NOUN})\b")
-_BARE_KIND = re.compile(
-    rf"\b(?:to|into|with|by|for) (?:an? )?(?:[a-z-]+ )?(?P<noun>{_NOUN})\b|^(?P<only>{_NOUN})$"
-)
+_NOUN = fill_in("{noun}")
+_MENTION = compile_words("intent_edits.mention")
+_KINDS = compile_words("intent_edits.kinds")
+_BARE_KIND = compile_words("intent_edits.bare_kind")
 _SIDE = re.compile(r"\b(north|south|east|west)(?:ern|erly)?\b")
 _BOUND = re.compile(r"\b(north|south|east|west)bound\b")
-_WORDS = {
-    "half a": 0.5, "half": 0.5, "a": 1, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5,
-    "six": 6, "seven": 7, "eight": 8, "nine": 9, "ten": 10, "twelve": 12, "twenty": 20,
-    "a couple": 2, "a few": 3,
-}  # fmt: skip
-_NUMBER = re.compile(
-    r"(?P<number>\d+(?:[.,]\d+)?|\b(?:half a|a couple|a few|half|one|two|three|four|five|six|"
-    r"seven|eight|nine|ten|twelve|twenty)\b|\ba(?= (?:second|met|sec)))"
-    r"(?: of)? ?(?P<unit>km/?h|kmh|kph|mph|m/s(?:²|2)?|s\b|secs?\b|seconds?|m\b|met(?:re|er)s?)?"
-)
+_NUMBERS: dict[str, float] = WORDS["intent_edits"]["numbers"]
+_NUMBER = compile_words("intent_edits.number")
 
 
 def has_agent_noun(plain: str) -> bool:
@@ -230,11 +168,11 @@ class EditIntent:
 
     def number(self, *units: str) -> float | None:
         """The first number in the words, with one of these units if any are named."""
-        every = sorted(_NUMBER.finditer(self.plain), key=lambda each: each["number"] in _WORDS)
+        every = sorted(_NUMBER.finditer(self.plain), key=lambda each: each["number"] in _NUMBERS)
         for found in every:  # "that one, at 50": figures before words
             if not units or (found["unit"] or "").startswith(units):
                 text = found["number"].replace(",", ".")
-                return float(_WORDS[text]) if text in _WORDS else float(text)
+                return float(_NUMBERS.get(text, text))
         return None
 
     def find_edge(self, *kinds: str) -> RelationEdge | None:
@@ -278,11 +216,7 @@ def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
     return make(EditIntent(intent, plain, talk, tuple(named)))
 
 
-_OF_OTHERS = frozenset(
-    ("more_traffic", "less_traffic", "no_traffic", "set_count", "add_agent", "become", "park",
-     "unpark", "hide", "beyond", "weather", "length", "clock", "remove")
-)  # fmt: skip
-"""Intents whose nouns need not be of agents of the scene."""
+_OF_OTHERS: list[str] = WORDS["intent_edits"]["of_others"]
 
 
 def _find_stranger(plain: str, talk: Talk, *, new: bool = False) -> str | None:
@@ -436,24 +370,12 @@ def _reverse(wish: EditIntent) -> _Answer:
     return f"make {node.id} come from the {OPPOSITE[view.entry]}"
 
 
-_HOURS = (
-    (r"\b(\d{1,2})(?::(\d\d))? ?(?:h\b|hours?\b|o'?clock)", None),
-    (r"(?:around|about|like|at) (\d{1,2})(?::(\d\d))?\b(?! ?[a-z/%])", None),
-    (r"rush", "rush hour"),
-    (r"midnight", "midnight"), (r"noon", "noon"), (r"dusk|sunset|after work", "6 pm"),
-    (r"dawn|sunrise", "6 am"), (r"school", "8 am"), (r"evening", "7 pm"), (r"afternoon", "3 pm"),
-    (r"morning", "8 am"),
-    (r"not (?:at )?night|not (?:so )?dark|daytime|daylight|by day|bright|light", "noon"),
-    (r"night|dark", "10 pm"), (r"later", "8 pm"),
-)  # fmt: skip
-
-
 def _change_clock(wish: EditIntent) -> _Answer:
-    for pattern, hour in _HOURS:
+    for hour, pattern in WORDS["intent_edits"]["hours"]:
         found = re.search(pattern, wish.plain)
         if found is None:
             continue
-        if hour is None:
+        if not hour:
             late = re.search(r"evening|afternoon|night|\bpm\b", wish.plain) and int(found[1]) < 12
             return f"make it {(int(found[1]) + (12 if late else 0)) % 24:02d}:{found[2] or '00'}"
         return f"make it {hour}"
