@@ -27,7 +27,8 @@ from scenewright.authoring.intent_edits import (
 )
 from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
-from scenewright.backends.offline import CLASSES, rank_intents
+from scenewright.authoring.vocabulary import compile_words
+from scenewright.backends.offline import CLASSES, WORDS, rank_intents
 from scenewright.scene.edits import (
     Clarification,
     DeclinedTurn,
@@ -42,15 +43,11 @@ from scenewright.scene.edits import (
 
 Read = Callable[[str, Talk], Reading]
 _CLAUSES = re.compile(r"\s*(?:[.;!?]+(?=\s|$)|,|\s-\s)\s*")
-_PARTS = re.compile(r"\s*(?:[.;!]+|,(?: and)?|\band (?:then )?|\bthen\b|\bplus\b)\s*")
+_PARTS = compile_words("second_opinion.parts")
 _DECLINES = ("weather", "length", "beyond")
-_NUMBER = re.compile(r"\b(\d{1,3}|one|two|three|four|five|six)\b")
+_NUMBER = compile_words("second_opinion.number")
 _NUMBERS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
-_SENTENCES = {
-    "collide": "make it a collision", "near_miss": "make it a near miss",
-    "yields": "make it a yield", "more_traffic": "make it busier", "less_traffic": "fewer cars",
-    "no_traffic": "no background traffic", "redraw": "try again",
-}  # fmt: skip
+_SENTENCES: dict[str, str] = WORDS["second_opinion"]["sentences"]
 _MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
 _HARDLY = 0.12
 """Probability below which words hardly ask for a change."""
@@ -111,7 +108,7 @@ def _step(name: str, words: str) -> TurnKind:
 
 
 _NEWEST = re.compile(r"\b(?:latest|newest|most recent)\b", re.IGNORECASE)
-_VERSION = re.compile(r"\b(?:version|number|v) ?#?(\d{1,3}|one|two|three|four|five|six)\b")
+_VERSION = compile_words("second_opinion.version")
 
 
 def _asks_at_last(words: str) -> bool:
@@ -144,18 +141,12 @@ def _is_change(words: str) -> bool:
     return any(is_change(each.intent) and each.chance >= LIKELY for each in guesses)
 
 
-_RATHER = re.compile(
-    r"^(?:(?:oh|sorry|no|nah|wait|hmm|actually|rather|i meant?|make that|not that|er|oops|"
-    r"not everyone|only|just|but)\b[ ,.:]*)+(?:make it )?"
-)
-_THAT_IS = re.compile(r"[ ,]+(?:i meant?|rather|instead|please|sorry|not .*)$")
+_RATHER = compile_words("second_opinion.rather")
+_THAT_IS = compile_words("second_opinion.that_is")
 _CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
 _FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
 _SIDE = re.compile(r"\b(?:north|south|east|west)\b")
-_AGENT = re.compile(
-    r"\b(?:the|that|this) (?:(?:other|first|second|third|last) )?[a-z-]+\b|"
-    r"\b(?:it|him|her|he|she)\b"
-)
+_AGENT = compile_words("second_opinion.agent")
 
 
 def correct(words: str, before: str) -> tuple[str, bool]:
@@ -183,7 +174,7 @@ def correct(words: str, before: str) -> tuple[str, bool]:
     return words, False
 
 
-_TURNS_BACK = re.compile(r"[,.;!-]+ *(?=(?:oh |no,? )?(?:sorry|no wait|i mean|wait no|rather)\b)")
+_TURNS_BACK = compile_words("second_opinion.turns_back")
 
 
 def correct_within(words: str) -> str:
@@ -193,13 +184,7 @@ def correct_within(words: str) -> str:
     return fixed if rest and fixed != rest[0] else words
 
 
-_EVENTS = (
-    (r"near|close call|almost|conflict", "narrowly misses"),
-    (r"crash|accident|collision|collide|bump|smash", "collides with"),
-    (r"yield|give way", "yields to"),
-)
 _LONGEST_FIRST = 30
-_PARTIES = (("A car", "a pedestrian"), ("A car", "another car"), ("A car", "a cyclist"))
 
 
 def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
@@ -208,9 +193,12 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     An event without agents is asked back; a change of a scene where there is none yet is refused.
     """
     guess, plain = guess_intent(words), words.lower()
-    verb = next((verb for pattern, verb in _EVENTS if re.search(pattern, plain)), None)
+    verb = next(
+        (verb for verb, pattern in WORDS["second_opinion"]["events"] if re.search(pattern, plain)),
+        None,
+    )
     if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= _LONGEST_FIRST:
-        sentences = [f"{one} {verb} {other}" for one, other in _PARTIES]
+        sentences = [f"{one} {verb} {other}" for one, other in WORDS["second_opinion"]["parties"]]
         return offer_sentences("Who takes part?", sentences)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
     if not is_change(guess.intent) or guess.chance < SURE or guess.intent in events:
@@ -246,18 +234,12 @@ def _find_clause(words: str) -> TurnKind | None:
 
 
 _COMMANDS = ("save", "gif", "mp4", "html", "undo")
-_KEEPS = re.compile(
-    r"^(?:and |please )?(?:(?:save|store|export|download)\b|keep (?:it|this|that)(?: for me)? as\b)"
-)
+_KEEPS = compile_words("second_opinion.keeps")
 _POLITE = ("talk", "quit", "show", "play", "help")
 
 
-_REMOVING = ("remove", "become", "no_traffic", "less_traffic", "set_count", "undo")
-_KEEPS_OUT = re.compile(r"\b(?:not|don't|never) (?:to )?(?:delete|remove|touch|change|drop)\b")
-_NO_CONTACT = re.compile(
-    r"\b(?:not|no|never|without|don't|doesn't|shouldn't|mustn't|won't) (?:\w+ ){0,2}"
-    r"(?:bump|touch|hit|crash|contact|collide|collision|accident)\w*|\btouch no\b"
-)
+_KEEPS_OUT = compile_words("second_opinion.keeps_out")
+_NO_CONTACT = compile_words("second_opinion.no_contact")
 
 
 def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
@@ -268,7 +250,7 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
     kinds = {each.edit for each in found.edits}
     removes = "remove_agent" in kinds
     chances = dict(rank_intents(words))
-    asked = sum(chances[name] for name in _REMOVING) >= _HARDLY
+    asked = sum(chances[name] for name in WORDS["second_opinion"]["removing"]) >= _HARDLY
     if removes and (_KEEPS_OUT.search(plain) or not asked):
         return _ask(words, talk, read) or _decline_change()
     hits = any(isinstance(each, Relate) and each.edge.type == "collide_at" for each in found.edits)
@@ -383,8 +365,8 @@ def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:
     return offer_sentences("I am not sure what shall be different.", offered[:_MOST_OFFERED])
 
 
-_REMARKS = re.compile(r"(?:that|this|those|these)(?:'s| is| are|'re)\b|it'?s how\b|because\b")
-_TAKES_BACK = re.compile(r"\bsorry\b|\bnot everyone\b|\bno wait\b|\bi mean\b|\.\.\. ?no\b")
+_REMARKS = compile_words("second_opinion.remarks")
+_TAKES_BACK = compile_words("second_opinion.takes_back")
 _IN_PLACE = re.compile(r"\b(?:there|instead|place)\b", re.IGNORECASE)
 
 
