@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from scenewright.authoring.vocabulary import compile_words, fill_in
 from scenewright.backends.offline import CLASSES, WORDS
-from scenewright.scene.base import OPPOSITE, RIDERS, Compass, Movement
+from scenewright.scene.base import RIDERS
 from scenewright.scene.edits import (
     AddAgent,
     ChangeAgent,
@@ -248,21 +248,6 @@ def _reverse(found: re.Match[str], talk: Talk) -> Reading | None:
     if node is None or view is None or (node.type == "vehicle" and view.movement != "straight"):
         return None
     way = {"entry": view.exit, "exit": view.entry}
-    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
-
-
-def _come_from(found: re.Match[str], talk: Talk) -> Reading | None:
-    """Riders alone: the planner's reader reads this for all other agents."""
-    node = talk.find(found["who"])
-    if node is None or node.type not in ("cyclist", "scooter"):
-        return None
-    groups = found.groupdict()
-    way: dict[str, Compass | Movement | None] = {"exit": None}
-    if groups.get("entry"):
-        way["entry"] = OPPOSITE[OPPOSITE[groups["entry"]]]
-    if groups.get("turn"):
-        turn: Movement = "straight" if groups["turn"].startswith("straight") else "left"
-        way["movement"] = "right" if groups["turn"] == "right" else turn
     return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
 
 
