@@ -397,12 +397,8 @@ def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
         if not isinstance(made, Edits) or guess.chance < 0.3:
             return None
         edits += made.edits
-        now = _apply(made, now)
+        graph = apply_edits(now.situation.graph, made.edits)
+        there = {each.id for each in graph.agents}
+        present = tuple(e for e in now.situation.present if e.role == "background" or e.id in there)
+        now = replace(now, situation=Situation(graph=graph, present=present))
     return Edits(edits=tuple(edits))
-
-
-def _apply(made: Edits, talk: Talk) -> Talk:
-    graph = apply_edits(talk.situation.graph, made.edits)
-    there = {each.id for each in graph.agents}
-    present = tuple(e for e in talk.situation.present if e.role == "background" or e.id in there)
-    return replace(talk, situation=Situation(graph=graph, present=present))

@@ -1,0 +1,32 @@
+"""The vocabulary of conversations: what it names is there, and nothing stands there unused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from scenewright.authoring import answer_question, vocabulary
+from scenewright.backends.offline import WORDS
+
+MODULES = ("answer_question", "everyday_words", "intent_edits", "second_opinion", "turn_kind")
+
+
+def test_every_topic_of_the_vocabulary_has_an_answer() -> None:
+    topics = {name for name, _ in WORDS["answer_question"]["topics"]}
+    assert topics <= answer_question._ANSWERS.keys()
+
+
+def test_every_part_is_put_in_and_none_is_unused() -> None:
+    texts = str([WORDS[module] for module in (*MODULES, "turn_parts")])
+    assert WORDS["turn_parts"].keys() <= set(re.findall(r"\{([a-z_]+)\}", texts))
+    for _, _, pattern in WORDS["intent_edits"]["opposites"]:
+        re.compile(vocabulary.fill_in(pattern))
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_asks_for_all_its_words(module: str) -> None:
+    code = Path(vocabulary.__file__).with_name(f"{module}.py").read_text("utf-8")
+    asked = re.findall(rf'compile_words\("{module}\.(\w+)"|WORDS\["{module}"\]\["(\w+)"\]', code)
+    assert {one or other for one, other in asked} == WORDS[module].keys()
