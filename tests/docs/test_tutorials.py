@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from inline_jobs import run_jobs_inline
 from scenewright.cli.main import main
 
 PAGES = sorted((Path(__file__).parents[2] / "docs" / "tutorials").glob("*.md"))
@@ -32,6 +33,7 @@ def test_a_tutorial_does_what_it_says(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
+    run_jobs_inline(monkeypatch)
     names: dict[str, Any] = {"__name__": "tutorial"}
     blocks = BLOCK.findall(page.read_text("utf-8"))
     assert blocks

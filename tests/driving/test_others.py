@@ -142,6 +142,11 @@ def test_a_rehearsal_brings_about_what_the_first_drive_missed() -> None:
     assert again.digest == drive.digest
 
 
+def test_tracks_without_a_scene_have_nobody_to_retime() -> None:
+    scenario = replace(make_crossing((13.0, -6.5), 1.2, 8.0), record=None)
+    assert run_drive(scenario, ConstantSpeedPolicy(), others="resolve").tries is None
+
+
 def test_who_waits_to_the_end_holds_nobody_up() -> None:
     waiting = make_agent(2, "pedestrian-1", 0.0, make_line((11.0, -6.5), (0.0, 0.0), 9.9), WEST)
     waiting["waypoints"] = [[11.0 - 1.5 * k, -6.5] for k in range(10)]

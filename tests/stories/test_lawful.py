@@ -14,6 +14,8 @@ import pytest
 from scenewright import synthesize
 from scenewright.cli.agent import make_paper_dataset, run_agent
 from scenewright.cli.scene_summary import format_verdict
+from scenewright.dataset.batch.answering import PLAINLY
+from scenewright.dataset.batch.rows import DatasetRow, Named
 from scenewright.dataset.batch.worker import Job, Options, build_job, work
 from scenewright.dataset.orders.agent import build_slots
 from scenewright.dataset.orders.order_spec import read_order
@@ -167,7 +169,8 @@ def test_a_lawful_row_that_needs_a_red_light_is_refused() -> None:
     job = Job(0, "a", "a", CROSSING, 1, Options("amsterdam_120", lawful=True))
     outcome = work(job)
     assert (outcome.status, outcome.code) == ("refused", "unlawful")
-    assert "lawful" in inspect.getsource(build_job)
+    named = Named(DatasetRow(id="a", text=CROSSING), None, 0, 1, "a")
+    assert build_job(named, job.options, PLAINLY).options.lawful
 
 
 def test_texts_of_a_lawful_order_name_the_red_lights_that_they_need() -> None:

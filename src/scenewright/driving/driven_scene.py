@@ -9,6 +9,7 @@ import numpy as np
 
 from scenewright.driving.single_drive import Drive
 from scenewright.driving.world import list_ego_points
+from scenewright.errors import InputError
 from scenewright.scene.digest import digest_scene
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import AgentRecord, EventRecord, RelationRecord, SceneRecord
@@ -39,9 +40,14 @@ def build_driven_scene(drive: Drive) -> DrivenScene:
     """The scene that a drive made.
 
     The account of words, waypoints and segments are those of the recorded scene and are left out.
+
+    Raises:
+        InputError: the drive was one on tracks without a scene.
     """
-    one, meta = drive.scenario, drive.scenario.record.meta
-    end = round(drive.world.step * one.step, 3)
+    one = drive.scenario
+    if one.record is None:
+        raise InputError("a drive on recorded tracks has no scene to write")
+    meta, end = one.record.meta, round(drive.world.step * one.step, 3)
     agents = [each for k in range(len(one.record.agents)) if (each := _drive_agent(drive, k))]
     there = {agent.id for agent in agents}
     kept = [each for each in one.record.relations if {each.from_, each.to} <= there]
@@ -91,7 +97,7 @@ def _drive_agent(drive: Drive, k: int) -> AgentRecord | None:
     if not len(steps):
         return None
     part = slice(steps[0], steps[-1] + 1)
-    return one.record.agents[k].model_copy(update={
+    return one.record.agents[k].model_copy(update={  # type: ignore[union-attr]
         "spawn_time": round(float(steps[0]) * one.step, 3),
         "trajectory": tuple(map(tuple, xy[part].round(3).tolist())),
         "heading": tuple(np.unwrap(heading[part]).round(4).tolist()),

@@ -84,13 +84,13 @@ class Report:
     """A drive and everything measured in it.
 
     Attributes:
-        drive: the run; scene: what was driven with its proof.
+        drive: the run; scene: what was driven with its proof; None on recorded tracks.
         impact: the ego's collision, if any.
         figures: everything else, as `to_json` writes it.
     """
 
     drive: Drive
-    scene: DrivenScene
+    scene: DrivenScene | None
     impact: EgoCollision | None
     figures: dict[str, Any]
 
@@ -98,8 +98,7 @@ class Report:
         """The report as plain values (docs/driving.md lists the keys)."""
         drive, world = self.drive, self.drive.world
         return {
-            "policy": drive.policy, "others": drive.others,
-            "temperament": None if drive.others == "replay" else drive.temperament,
+            "policy": drive.policy, "others": drive.others, "temperament": drive.temperament,
             "seed": drive.seed,
             "ego": drive.scenario.names[drive.scenario.ego],
             "end": world.end, "policy_fault": drive.fault,
@@ -120,7 +119,7 @@ def report_drive(drive: Drive) -> Report:
     ]
     red = _count_red_lights(world)
     impact = _describe_impact(drive, ego, near, red=red)
-    scene = build_driven_scene(drive)
+    scene = build_driven_scene(drive) if one.record is not None else None
     least = min((float(each.min()) for each in ttc if len(each)), default=np.inf)
     pets = [met.pet for track in near.values() for met in find_encounters((ego, track))]
     pet = round(float(min(pets)), 3) if pets else None
@@ -136,7 +135,7 @@ def report_drive(drive: Drive) -> Report:
         "comfort": measure_comfort(list_ego_points(world.history), one.step).to_json(),
         "nuplan": _score(drive, score_nuplan(given)),
         "epdms": _score(drive, score_epdms(given)),
-        **_describe_scene(drive, scene),
+        **({} if scene is None else _describe_scene(drive, scene)),
         **({} if drive.tries is None else {"tries": drive.tries}),
         "digest": drive.digest,
     }
@@ -295,7 +294,9 @@ def _find_lawful_progress(one: Scenario) -> FloatArray:
 
 
 def _measure_off_road(one: Scenario, points: FloatArray) -> float:
-    """Largest distance of a corner of the ego outside of the drivable area [m]."""
+    """Largest distance of a corner of the ego outside of the drivable area [m]; 0 without a map."""
+    if one.intersection_map is None:
+        return 0.0
     import shapely
 
     geos: Any = shapely
@@ -362,7 +363,7 @@ def _find_longest_off_lane(world: World) -> float:
 def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
     """The proof, the encounter that was asked for, and collisions that the ego had no part in."""
     one = drive.scenario
-    ids = [agent.id for agent in one.record.agents]
+    ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
     me = ids[one.ego]
     meetings = drive.world.traffic.meetings if isinstance(drive.world.traffic, Resolve) else ()
     # those that were re-timed stand in for those that the ego was to meet

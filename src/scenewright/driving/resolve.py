@@ -316,6 +316,8 @@ class Resolve(Reactive):
 def list_meetings(scenario: Scenario) -> list[EgoConflict]:
     """The relations between the ego and others, as meetings at a place with a lag."""
     record = scenario.record
+    if record is None:
+        return []
     ids = [agent.id for agent in record.agents]
     me = ids[scenario.ego]
     found = []
@@ -338,7 +340,7 @@ def _find_place(
     ego, agent = scenario.paths[scenario.ego], scenario.paths[other]
     if row.type == "collision":
         times = [
-            event.time for event in scenario.record.events
+            event.time for event in scenario.record.events  # type: ignore[union-attr]
             if event.type == "collision" and {event.from_, event.to} == {row.from_, row.to}
         ]  # fmt: skip
         if times and times[0] is not None:
@@ -353,7 +355,7 @@ def _find_place(
     k = int(np.argmin(np.abs(lags)))
     lag = float(np.clip(lags[k], -LONGEST_LAG, LONGEST_LAG))
     if row.type == "yielding":
-        lag = -YIELD_LAG if row.from_ == scenario.record.agents[scenario.ego].id else YIELD_LAG
+        lag = -YIELD_LAG if row.from_ == scenario.record.agents[scenario.ego].id else YIELD_LAG  # type: ignore[union-attr]
         middle = rows + 0.2 * columns
         k = int(np.argsort(middle)[len(middle) // 2])
     return float(ego.arc[rows[k]]), float(agent.arc[columns[k]]), lag

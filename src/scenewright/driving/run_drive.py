@@ -62,7 +62,7 @@ def run_drive(
         seed=seed, step_limit=step_limit,
     )  # fmt: skip
     first = once()
-    if others != "resolve" or first.fault is not None:
+    if others != "resolve" or first.fault is not None or scenario.record is None:
         return first
     obstacles = find_obstacles(first, policy)
     rehearsal = _Rehearsal(first, policy, once)
@@ -111,6 +111,8 @@ def find_stand_ins(one: Scenario, meeting: EgoConflict, time: float) -> list[tup
 
     Those come first that were recorded there nearest to a time [s]; two at most.
     """
+    if one.record is None:
+        return []
     agents, met = one.record.agents, {each.asked for each in list_meetings(one)}
     asked = agents[meeting.asked]
     place = one.paths[meeting.asked].get_poses(np.array([meeting.agent_at]))[0][0]

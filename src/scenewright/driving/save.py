@@ -6,8 +6,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 from scenewright.driving.report import Report
+from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.graph.run import encode_proof, encode_scene, format_json_line, make_folder
+from scenewright.scene.record import SceneRecord
 
 
 def save_drive(
@@ -18,14 +20,16 @@ def save_drive(
     `drive.json` holds the report; `scene.png` the picture and `scene.rrd` the recording.
 
     Raises:
-        InputError: the folder cannot be written.
+        InputError: the drive was one on tracks without a scene, or the folder cannot be written.
     """
+    if report.scene is None:
+        raise InputError("a drive on recorded tracks has no scene to save")
     target = make_folder(folder)
     scene, proof, drive = report.scene.record, report.scene.proof, report.drive
-    place = drive.scenario.intersection_map
+    recorded, place = drive.scenario.record, drive.scenario.intersection_map
     origin = {
         "scenewright": version("scenewright"),
-        "driven": drive.scenario.record.meta.scene_id,
+        "driven": recorded.meta.scene_id if isinstance(recorded, SceneRecord) else None,
         "policy": drive.policy, "others": drive.others, "seed": drive.seed,
         "scene_digest": proof.scene_digest,
     }  # fmt: skip
@@ -33,11 +37,11 @@ def save_drive(
     write_atomically(target / "drive.json", format_json_line(report.to_json()))
     write_atomically(target / "proof.json", encode_proof(proof))
     write_atomically(target / "scene.json", encode_scene(scene))
-    if picture:
+    if picture and place is not None:
         from scenewright.viz.still import draw_scene
 
         draw_scene(target / "scene.png", scene=scene, proof=proof, intersection=place)
-    if recording:
+    if recording and place is not None:
         from scenewright.viz.recording import record_scene
 
         record_scene(

@@ -15,8 +15,11 @@ from scenewright.geometry.polyline import measure_arc_lengths, resample_to_count
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.track import STEP
 from scenewright.tools.exporters import ExportedScene, prepare_scene
 from scenewright.tools.exporters.exported_scene import ExportedAgent
+from scenewright.tools.relation_checker import RoadUser
+from scenewright.tools.relation_checker.external_events import ExternalTracks
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -115,6 +118,7 @@ class Scenario:
         violators: [N] agents that the scene lets run red.
         speed_limit: on the ego's route [m/s].
         partner: agents bound to the ego by a relation, in order of the relations.
+        record, intersection_map: where they are known.
     """
 
     name: str
@@ -134,9 +138,9 @@ class Scenario:
     priority: BoolArray
     violators: BoolArray
     speed_limit: float
-    partner: tuple[int, ...]
-    record: SceneRecord
-    intersection_map: IntersectionMap
+    partner: tuple[int, ...] = ()
+    record: SceneRecord | None = None
+    intersection_map: IntersectionMap | None = None
 
     @property
     def steps(self) -> int:
@@ -192,26 +196,101 @@ def build_scenario(
         _build_path(agent, scene, gates) for agent, gates in zip(agents, stops, strict=True)
     )
     me = ids.index(scene.ego.id)
-    if agents[me].type == "pedestrian":
-        raise InputError(f"{agents[me].name} is a pedestrian; the ego is a vehicle or a rider")
-    if len(agents[me].xy) < 2:
-        raise InputError(f"{agents[me].name} has no track to drive")
-    samples = [_spread(agent, scene.steps) for agent in agents]
+    _check_ego(agents[me])
+    return _assemble(
+        scene.name, scene.step, agents, paths, ego=me, steps=scene.steps, lights=lights,
+        colours=colours, intersection_map=intersection_map,
+        priority=_find_priority(record, intersection_map, me, len(agents)),
+        violators=[row is not None and row.violates_signal for row in records],
+        speed_limit=_find_speed_limit(record.agents[me], intersection_map),
+        partner=_find_partners(record, ids, me), record=record,
+    )  # fmt: skip
+
+
+def build_scenario_from_tracks(
+    tracks: ExternalTracks, *, ego: int, span: tuple[float, float], name: str = "tracks"
+) -> Scenario:
+    """Recorded tracks as a scenario without map and lights, in which all others replay.
+
+    Args:
+        ego: id of the user to drive; span: start and end [s] of the stretch to drive, in which
+            the ego must be present for at least 1 s.
+
+    Raises:
+        InputError: the ego is not there, or is a pedestrian.
+    """
+    agents = [
+        agent for agent in (_cut_user(user, span) for user in tracks.users) if agent is not None
+    ]
+    ids = [agent.id for agent in agents]
+    if ego not in ids or len(agents[ids.index(ego)].xy) * STEP < 1.0:
+        raise InputError(f"agent {ego} is not there from {span[0]:.1f} to {span[1]:.1f} s")
+    me = ids.index(ego)
+    _check_ego(agents[me])
+    steps = round((span[1] - span[0]) / STEP) + 1
+    return _assemble(
+        name, STEP, agents, tuple(_build_path(agent, None, {}) for agent in agents), ego=me,
+        steps=steps, lights=(), colours=np.zeros((0, steps), dtype=np.int64),
+        intersection_map=None, priority=np.array([agent.type == "pedestrian" for agent in agents]),
+        violators=[False] * len(agents), speed_limit=DEFAULT_SPEED_LIMIT, partner=(), record=None,
+    )  # fmt: skip
+
+
+def _cut_user(user: RoadUser, span: tuple[float, float]) -> ExportedAgent | None:
+    """A road user from the start of a span to its end, on the steps of a scene; None if absent."""
+    track = user.track
+    first = max(int(np.ceil((track.start - span[0]) / STEP - 1e-6)), 0)
+    last = int(np.floor((min(track.end, span[1]) - span[0]) / STEP + 1e-6))
+    if last < first + 1:
+        return None
+    at = span[0] + STEP * np.arange(first, last + 1)
+    xy = np.stack([np.interp(at, track.times, track.xy[:, k]) for k in (0, 1)], axis=-1)
+    heading = np.interp(at, track.times, np.unwrap(track.heading))
+    shape = user.shape
+    return ExportedAgent(
+        user.id, f"{shape.type}-{user.id}", shape.type, shape.type, "background", shape.length,
+        shape.width, (), first, STEP, xy, heading, np.gradient(xy, STEP, axis=0),
+    )  # fmt: skip
+
+
+def _assemble(
+    name: str,
+    step: float,
+    agents: Sequence[ExportedAgent],
+    paths: tuple[AgentPath, ...],
+    *,
+    ego: int,
+    steps: int,
+    lights: tuple[str, ...],
+    colours: IntArray,
+    intersection_map: IntersectionMap | None,
+    priority: BoolArray,
+    violators: Sequence[bool],
+    speed_limit: float,
+    partner: tuple[int, ...],
+    record: SceneRecord | None,
+) -> Scenario:
+    samples = [_spread(agent, steps) for agent in agents]
     lines, kinds = _list_map_lines(intersection_map)
     return Scenario(
-        name=scene.name, step=scene.step, names=tuple(agent.name for agent in agents),
+        name=name, step=step, names=tuple(agent.name for agent in agents),
         kinds=np.array([KINDS.index("object" if a.role == "object" else a.type) for a in agents]),
         sizes=np.array([(agent.length, agent.width) for agent in agents]),
         xy=np.stack([xy for xy, _, _ in samples]),
         heading=np.stack([heading for _, heading, _ in samples]),
         present=np.stack([present for _, _, present in samples]),
-        paths=paths, ego=me, lights=lights, colours=colours, map_lines=lines, map_kinds=kinds,
-        priority=_find_priority(record, intersection_map, me, len(agents)),
-        violators=np.array([bool(row and row.violates_signal) for row in records]),
-        speed_limit=_find_speed_limit(record.agents[me], intersection_map),
-        partner=_find_partners(record, ids, me),
+        paths=paths, ego=ego, lights=lights, colours=colours, map_lines=lines, map_kinds=kinds,
+        priority=priority, violators=np.array(violators, dtype=bool),
+        speed_limit=speed_limit, partner=partner,
         record=record, intersection_map=intersection_map,
     )  # fmt: skip
+
+
+def _check_ego(agent: ExportedAgent) -> None:
+    if agent.type == "pedestrian":
+        raise InputError(f"{agent.name} is a pedestrian; the ego is a vehicle or a rider")
+    if len(agent.xy) < 2:
+        raise InputError(f"{agent.name} has no track to drive")
 
 
 def _spread(agent: ExportedAgent, steps: int) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -272,11 +351,11 @@ def _continue(
 
 
 def _build_path(
-    agent: ExportedAgent, scene: ExportedScene, stops: Mapping[int, FloatArray]
+    agent: ExportedAgent, scene: ExportedScene | None, stops: Mapping[int, FloatArray]
 ) -> AgentPath:
     """The way of an agent: its track, and beyond it the route to the map's edge."""
     line = np.concatenate([agent.xy, agent.route_ahead[1:]])
-    steps = max(scene.steps, agent.last + 1)
+    steps = agent.last + 1 if scene is None else max(scene.steps, agent.last + 1)
     kept = np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > 1e-3])
     line = line[kept]
     along = measure_arc_lengths(agent.xy)
@@ -394,8 +473,10 @@ def _find_priority(
     return found
 
 
-def _list_map_lines(place: IntersectionMap) -> tuple[FloatArray, IntArray]:
+def _list_map_lines(place: IntersectionMap | None) -> tuple[FloatArray, IntArray]:
     """[M, MAP_POINTS, 2] lane centres and crosswalk outlines [m], and what each is."""
+    if place is None:
+        return np.zeros((0, MAP_POINTS, 2)), np.zeros(0, dtype=np.int64)
     lanes = [np.array(lane.centreline) for lane in place.lanelets if lane.kind != "parking"]
     walks = [np.array([*walk.polygon, walk.polygon[0]]) for walk in place.crosswalks]
     lines = np.array([resample_to_count(line, MAP_POINTS) for line in (*lanes, *walks)])
