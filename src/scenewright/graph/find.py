@@ -290,14 +290,16 @@ class _PlanSearch:
         return {track.id: track for track in self.observed.tracks}
 
     @cached_property
-    def _events(self) -> dict[tuple[str, int, int], list[Event]]:
-        """Events by type, `from` and `to`; near misses and collisions either way round."""
+    def _list_events(self) -> Callable[[RelationEdge, Mapping[str, int]], list[Event]]:
+        """Events that may be a relation's; near misses and collisions count either way round."""
         found: dict[tuple[str, int, int], list[Event]] = defaultdict(list)
         for event in self.observed.events:
             found[event.type, event.from_, event.to].append(event)
             if event.type in ("near_miss", "collision"):
                 found[event.type, event.to, event.from_].append(event)
-        return found
+        return lambda edge, agents: found.get(
+            (EVENT_OF_RELATION[edge.type], agents[edge.from_], agents[edge.to]), []
+        )
 
     def find_hits(self) -> Iterator[Hit]:
         """Hits in order of time, one of the same agents within `SPAN` s."""
@@ -320,11 +322,6 @@ class _PlanSearch:
                 if hit is not None:
                     last[key] = time
                     yield hit
-
-    def _list_events(self, edge: RelationEdge, agents: Mapping[str, int]) -> list[Event]:
-        return self._events.get(
-            (EVENT_OF_RELATION[edge.type], agents[edge.from_], agents[edge.to]), []
-        )
 
     def _assign(self, names: Sequence[str], agents: dict[str, int]) -> Iterator[dict[str, int]]:
         """Recorded agents for all names, so that those of every relation have such an event."""
