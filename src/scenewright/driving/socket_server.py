@@ -126,15 +126,13 @@ class Session(socketserver.StreamRequestHandler):
             raise InputError("call reset before step: no drive is in progress")
         seen, reward, terminated, truncated, info = self._env.step(request.action)  # type: ignore[arg-type]  # which step reads
         if terminated or truncated:
-            info |= self._finish(self._env.world)
+            one = self._scene
+            world: Any = self._env.world  # there is one after a step
+            drive = Drive(world, "socket", one.others, self._seed, temperament=one.temperament)
+            row = build_row(report_drive(drive), scene=one.id, kind=one.kind, split=one.split)
+            info |= {"result": row, "left": self.server.enter(row)}
         ends = {"terminated": terminated, "truncated": truncated}
         return _write(seen) | {"reward": reward, **ends, "info": info}
-
-    def _finish(self, world: Any) -> dict[str, Any]:
-        one = self._scene
-        drive = Drive(world, "socket", one.others, self._seed, temperament=one.temperament)
-        row = build_row(report_drive(drive), scene=one.id, kind=one.kind, split=one.split)
-        return {"result": row, "left": self.server.enter(row)}
 
 
 def _write(observation: Any) -> dict[str, Any]:

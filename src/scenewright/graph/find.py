@@ -211,14 +211,12 @@ def _list_bounds(logical: LogicalPlan) -> tuple[Bounds, ...]:
     lists = {at: each.values for at, each in logical.spreads.items() if each.kind == "list"}
     if math.prod(map(len, lists.values())) > MOST_CHOICES:
         raise InputError(f"{logical.name}: its lists have more than {MOST_CHOICES} combinations")
-    least, most = (
+    low, high = (
         {at: each.compute_value(share) for at, each in logical.spreads.items()}
         for share in (0.0, 1.0)
     )
     chosen = (dict(zip(lists, values, strict=True)) for values in product(*lists.values()))
-    return tuple(
-        (logical.settle(least | own).plan, logical.settle(most | own).plan) for own in chosen
-    )
+    return tuple((logical.settle(low | c).plan, logical.settle(high | c).plan) for c in chosen)
 
 
 def load_sources(path: Path, intersection: str | None = None) -> Iterator[Source]:
@@ -250,9 +248,8 @@ def find_hits(query: Query, source: Source) -> Iterator[Hit]:
     for window in observe_recording(
         source.tracks, intersection_map=source.place, signals=source.signals
     ):
-        found: list[Hit] = []
-        for low, high in query.plans:
-            found += _PlanSearch(low, high, lacks, source, *window).find_hits()
+        searches = (_PlanSearch(low, high, lacks, source, *window) for low, high in query.plans)
+        found = (hit for search in searches for hit in search.find_hits())
         yield from sorted(found, key=lambda hit: hit.time)
 
 
@@ -293,14 +290,16 @@ class _PlanSearch:
         return {track.id: track for track in self.observed.tracks}
 
     @cached_property
-    def _events(self) -> dict[tuple[str, int, int], list[Event]]:
-        """Events by type, `from` and `to`; near misses and collisions either way round."""
+    def _list_events(self) -> Callable[[RelationEdge, Mapping[str, int]], list[Event]]:
+        """Events that may be a relation's; near misses and collisions count either way round."""
         found: dict[tuple[str, int, int], list[Event]] = defaultdict(list)
         for event in self.observed.events:
             found[event.type, event.from_, event.to].append(event)
             if event.type in ("near_miss", "collision"):
                 found[event.type, event.to, event.from_].append(event)
-        return found
+        return lambda edge, agents: found.get(
+            (EVENT_OF_RELATION[edge.type], agents[edge.from_], agents[edge.to]), []
+        )
 
     def find_hits(self) -> Iterator[Hit]:
         """Hits in order of time, one of the same agents within `SPAN` s."""
@@ -323,11 +322,6 @@ class _PlanSearch:
                 if hit is not None:
                     last[key] = time
                     yield hit
-
-    def _list_events(self, edge: RelationEdge, agents: Mapping[str, int]) -> list[Event]:
-        return self._events.get(
-            (EVENT_OF_RELATION[edge.type], agents[edge.from_], agents[edge.to]), []
-        )
 
     def _assign(self, names: Sequence[str], agents: dict[str, int]) -> Iterator[dict[str, int]]:
         """Recorded agents for all names, so that those of every relation have such an event."""
@@ -487,11 +481,12 @@ def _build_relation(
     sides = [(edge.from_, edge.point_from), (edge.to, edge.point_to)]
     if kind == "pedestrian_strike" and edge.from_.startswith("pedestrian"):
         sides.reverse()
+    (first, point_from), (second, point_to) = sides
     return RelationRecord.model_validate(
         {
             "type": EVENT_OF_RELATION[edge.type], "kind": kind,
-            "from": numbers[sides[0][0]], "to": numbers[sides[1][0]],
-            "point_from": sides[0][1], "point_to": sides[1][1],
+            "from": numbers[first], "to": numbers[second],
+            "point_from": point_from, "point_to": point_to,
             "cause": edge.cause or (pattern and pattern.proof.cause),
             "cause_agent": find_culprit(edge, plan, numbers),
             "manoeuvre": edge.manoeuvre or (pattern and pattern.manoeuvre),

@@ -39,6 +39,13 @@ _PHYSICAL = {
 }  # fmt: skip
 """Physical type and unit of OpenSCENARIO DSL by our unit."""
 _UNITS = {name: unit for unit, (_, name) in _PHYSICAL.items() if name}
+UNIT_OF = {
+    name: str(extra["unit"])
+    for model in (RelationEdge, ObjectNode)
+    for name, info in model.model_fields.items()
+    if isinstance(extra := info.json_schema_extra, dict)
+}
+"""Fields of relations and objects that have a unit."""
 _KEYWORDS = frozenset((
     "action", "actor", "and", "as", "bool", "call", "cover", "def", "default", "do", "elapsed",
     "emit", "enum", "event", "every", "expression", "extend", "external", "factor", "fall", "false",
@@ -51,7 +58,8 @@ _DECLARED = re.compile(r"    (\w+): (\w+)")
 _KEPT = re.compile(r"    keep\((.+)\)")
 _TERM = re.compile(r"(\w+)((?:\.\w+)+) (==|in) (.+)")
 _NUMBER = re.compile(r"(-?[0-9.]+(?:e[-+]?[0-9]+)?)([a-z]*)")
-_NAME = re.compile(r"(vehicle|pedestrian|cyclist|scooter|object)_(\d+)")
+_ACTOR = r"\b(vehicle|pedestrian|cyclist|scooter|object)"
+_NAME = re.compile(rf"{_ACTOR}_(\d+)")
 
 
 def write_osc_dsl(
@@ -63,18 +71,18 @@ def write_osc_dsl(
     A distribution is written as the range between its corners; the words a plan was read from
     stand in a comment.
     """
-    ids = [each["id"] for each in data.get("agents", ())]
-    agents = [(_write_name(own), own.partition("-")[0]) for own in ids]
-    body = [f"{own}: {ACTORS[kind]}" for own, kind in agents]
-    body += _declare_entries(data)
-    body += (f"keep({each})" for each in _list_kept(data, spreads=spreads, legs=legs))
+    declared = list(_declare_entries(data))
+    names = {path: own for path, own, _ in declared}
+    body = [f"{own}: {type_}" for _, own, type_ in declared]
+    body += (f"keep({each})" for each in _list_kept(data, names, spreads=spreads, legs=legs))
     if places:
         body += ["places: list of string", f"keep(places == {json.dumps(list(places))})"]
     for text in constraints:
-        own = re.sub(r"\b(vehicle|pedestrian|cyclist|scooter|object)-(\d+)", r"\1_\2", text)
+        own = re.sub(rf"{_ACTOR}-(\d+)", r"\1_\2", text)
         own = re.sub(r"(relation|measure|tie)s\[(\d+)\]", lambda m: f"{m[1]}_{int(m[2]) + 1}", own)
         body.append(f"keep({own})")
-    acts = [f"{own}.{'walk' if kind == 'pedestrian' else 'drive'}()" for own, kind in agents]
+    acts = [f"{own}.{'walk' if type_ == 'person' else 'drive'}()"
+            for path, own, type_ in declared if path[0] == "agents"]  # fmt: skip
     notes = [f"# read from: {data['text']}"] if data.get("text") else []
     notes += [
         f"# not held by any field: {each['words']}"
@@ -91,36 +99,46 @@ def write_osc_dsl(
     return "\n".join(lines) + "\n"
 
 
-def _declare_entries(data: Mapping[str, Any]) -> Iterator[str]:
-    """A variable for each relation, tie, object, measure and further meeting."""
-    for section in _STRUCTS:
+def _declare_entries(data: Mapping[str, Any]) -> Iterator[tuple[Path_, str, str]]:
+    """A variable for each agent, relation, tie, object, measure and further meeting; its type."""
+    for section in ("agents", *_STRUCTS):
         for n, entry in enumerate(data.get(section, ())):
             type_ = section[:-1]
-            if section == "measures":
+            own = _write_name(entry.get("id", f"{type_}_{n + 1}"))
+            if section == "agents":
+                type_ = ACTORS[entry["id"].partition("-")[0]]
+            elif section == "measures":
                 type_ += f"_of_{_PHYSICAL[UNITS[entry['kind']].unit][0]}"
-            yield f"{_name_entry(section, n, entry)}: {type_}"
+            yield (section, n), own, type_
             for k, _ in enumerate(entry.get("others", ())):
-                yield f"{_name_entry(section, n, entry)}_other_{k + 1}: meeting"
+                yield (section, n, "others", k), f"{own}_other_{k + 1}", "meeting"
     if data.get("context"):
-        yield "context: scene_context"
+        yield ("context",), "context", "scene_context"
 
 
 def _list_kept(
-    data: Mapping[str, Any], *, spreads: Mapping[Path_, Spread], legs: Mapping[Path_, str]
-) -> Iterator[str]:
+    data: Mapping[str, Any], names: Mapping[Path_, str], *,
+    spreads: Mapping[Path_, Spread], legs: Mapping[Path_, str],
+) -> Iterator[str]:  # fmt: skip
     """What is kept of each field: a value, or a range or list of them."""
     for path, value in _list_leaves(data, ()):
         if path[0] in ("text", "read_as") or path[-1] == "id" or path[::2] == ("agents", "type"):
             continue
-        field, unit = _write_path(path, data), _find_unit(path, data)
+        deepest = max(n for n in range(len(path)) if n == 0 or path[:n] in names)
+        owner = [names[path[:deepest]]] if deepest else []
+        field = ".".join([*owner, *(_escape(str(step)) for step in path[deepest:])])
+        unit = UNIT_OF.get(str(path[-1]))
+        if path[0] == "measures" and path[-1] in ("low", "high", "value"):
+            unit = UNITS[data["measures"][path[1]]["kind"]].unit
+        spread = spreads.get(path)
         if path in legs:
             yield f"{field}_has == {json.dumps(legs[path])}"
-        elif path in spreads:
-            yield f"{field} in {_write_spread(spreads[path], unit)}"
-        elif isinstance(value, list):
-            yield f"{field} == [{'..'.join(_write(each, unit) for each in value)}]"
-        else:
+        elif spread is None:
             yield f"{field} == {_write(value, unit)}"
+        elif spread.kind == "list":
+            yield f"{field} in [{', '.join(_write(each, unit) for each in spread.values)}]"
+        else:
+            yield f"{field} in {_write([spread.compute_value(x) for x in (0.0, 1.0)], unit)}"
 
 
 def _write_types() -> Iterator[str]:
@@ -137,7 +155,7 @@ def _write_types() -> Iterator[str]:
         for key, info in model.model_fields.items():
             own, extra = info.alias or key, info.json_schema_extra
             unit = str(extra["unit"]) if isinstance(extra, dict) else None
-            values = tuple(map(str, _list_values((info.annotation, *info.metadata))))
+            values = tuple(map(str, list_values((info.annotation, *info.metadata))))
             if key in ("others", "id") or (key == "type" and model is AgentNode):
                 continue
             if values and "True" not in values:
@@ -148,7 +166,7 @@ def _write_types() -> Iterator[str]:
             if own in ("entry", "exit", "crosswalk", "leg"):
                 types.append(f"    {own}_has: string")
         types.append("")
-    measured = _list_values((Measure.model_fields["kind"].annotation,))
+    measured = list_values((Measure.model_fields["kind"].annotation,))
     enums[tuple(map(str, measured))] = "measured"
     for type_ in dict.fromkeys(each[0] for each in _PHYSICAL.values()):
         types += [f"struct measure_of_{type_}:", "    kind: measured",
@@ -160,14 +178,15 @@ def _write_types() -> Iterator[str]:
     yield from types
 
 
-def _list_values(annotations: Any) -> Iterator[Any]:
+def list_values(annotations: Any) -> Iterator[Any]:
+    """The values that the literals and kinds in types allow."""
     for each in annotations:
         if get_origin(each) is Literal:
             yield from get_args(each)
         elif isinstance(each, KindOf):
             yield from each.list_names()
         else:
-            yield from _list_values(get_args(each))
+            yield from list_values(get_args(each))
 
 
 def _name_type(annotation: Any, unit: str | None) -> str:
@@ -190,61 +209,27 @@ def _write_name(own: str) -> str:
     return own.replace("-", "_")
 
 
-def _name_entry(section: str, n: int, entry: dict[str, Any]) -> str:
-    return _write_name(entry["id"]) if "id" in entry else f"{section[:-1]}_{n + 1}"
-
-
 def _list_leaves(data: Any, path: Path_) -> Iterator[tuple[Path_, Any]]:
     for key, value in data.items() if isinstance(data, Mapping) else enumerate(data):
-        nested = isinstance(value, dict) or (
-            isinstance(value, list) and any(isinstance(each, dict) for each in value)
-        )
+        first = next(iter(value), None) if isinstance(value, list) else value
         if key == "said":
             continue
-        if nested:
+        if isinstance(first, dict):
             yield from _list_leaves(value, (*path, key))
         elif value is not None and value != []:
             yield (*path, key), value
 
 
-def _write_path(path: Path_, data: Mapping[str, Any]) -> str:
-    section, *rest = path
-    if isinstance(section, str) and section in (*_STRUCTS, "agents"):
-        n, *rest = rest
-        name = _name_entry(section, int(n), data[section][n])
-        if rest[0] == "others":
-            _, k, *rest = rest
-            name += f"_other_{int(k) + 1}"
-        return ".".join([name, *(_escape(str(step)) for step in rest)])
-    return ".".join(_escape(str(step)) for step in path)
-
-
-def _find_unit(path: Path_, data: Mapping[str, Any]) -> str | None:
-    """Our unit of a field; None where it has none."""
-    if path[0] == "measures" and path[-1] in ("low", "high", "value"):
-        return UNITS[data["measures"][path[1]]["kind"]].unit
-    model = _STRUCTS.get(str(path[0]))
-    info = model.model_fields.get(str(path[-1])) if model else None
-    extra = info.json_schema_extra if info else None
-    return str(extra["unit"]) if isinstance(extra, dict) else None
-
-
 def _write(value: Any, unit: str | None) -> str:
+    if isinstance(value, list):
+        return f"[{'..'.join(_write(each, unit) for each in value)}]"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
-        number = f"{float(value)!r}" if unit is not None else f"{value!r}"
-        return number + (_PHYSICAL[unit][1] if unit is not None else "")
-    if re.fullmatch(r"(vehicle|pedestrian|cyclist|scooter|object)-\d+", value):
+        return repr(value) if unit is None else f"{float(value)!r}{_PHYSICAL[unit][1]}"
+    if re.fullmatch(rf"{_ACTOR}-\d+", value):
         return _write_name(value)
     return _escape(value) if re.fullmatch(r"[a-z]\w*", value, re.ASCII) else json.dumps(value)
-
-
-def _write_spread(spread: Spread, unit: str | None) -> str:
-    if spread.kind == "list":
-        return f"[{', '.join(_write(each, unit) for each in spread.values)}]"
-    ends = (spread.compute_value(share) for share in (0.0, 1.0))
-    return f"[{'..'.join(_write(each, unit) for each in ends)}]"
 
 
 def parse_osc_dsl(text: str, name: str) -> tuple[dict[str, Any], dict[Path_, int]]:
@@ -262,47 +247,53 @@ def parse_osc_dsl(text: str, name: str) -> tuple[dict[str, Any], dict[Path_, int
         if not within or line.startswith("scenario ") or line.lstrip()[:1] in ("", "#"):
             continue
         if declared := _DECLARED.fullmatch(line):
-            _declare(declared[1], declared[2], data, found, lines, number)
-        elif kept := _KEPT.fullmatch(line):
-            try:
-                path, value = _read_kept(kept[1], found)
-            except ValueError:
-                path, value = ("constraints", len(data.setdefault("constraints", []))), kept[1]
-                data["constraints"].append(_read_constraint(kept[1]))
-                lines[path] = number
+            if declared[2] in ("scene_context", "list"):
+                found[declared[1]] = (declared[1],)
                 continue
-            target: Any = data
-            for step in path[:-1]:
-                target = target.setdefault(step, {}) if isinstance(target, dict) else target[step]
-            target[path[-1]] = value
-            lines[path] = number
-        elif line != "    places: list of string":
+            path = _declare(declared[1], declared[2], data, found)
+        elif kept := _KEPT.fullmatch(line):
+            path = _keep(kept[1], data, found)
+        elif line == "    places: list of string":
+            continue
+        else:
             what = "declare an actor, or keep(...) a field of it"
             raise InputError(f"{name}, line {number}: {what}, not {line.strip()[:60]!r}")
+        lines[path] = number
     if not re.search(r"^scenario ", text, re.MULTILINE):
         raise InputError(f"{name} holds no scenario; `scenewright plan FILE --osc-dsl` writes one")
     return data, lines
 
 
-def _declare(
-    name: str, type_: str, data: dict[str, Any], found: dict[str, Path_],
-    lines: dict[Path_, int], number: int,
-) -> None:  # fmt: skip
-    if type_ in ("scene_context", "list"):
-        found[name] = (name,)
-        return
+def _declare(name: str, type_: str, data: dict[str, Any], found: dict[str, Path_]) -> Path_:
+    """Where the fields of a variable belong, for which room is made; kept in `found` too."""
     owner, _, rest = name.partition("_other_")
     if rest and owner in found:
-        path: Path_ = (*found[owner], "others")
         data["objects"][found[owner][1]].setdefault("others", []).append({})
-        found[name] = (*path, int(rest) - 1)
+        found[name] = (*found[owner], "others", int(rest) - 1)
     else:
         section = f"{type_.partition('_of_')[0]}s" if type_ not in ACTORS.values() else "agents"
         held = data.setdefault(section, [])
         named = section in ("agents", "objects")
         held.append({"id": name.replace("_", "-")} if named else {})
         found[name] = (section, len(held) - 1)
-    lines[found[name]] = number
+    return found[name]
+
+
+def _keep(text: str, data: dict[str, Any], found: dict[str, Path_]) -> Path_:
+    """Set the field that a constraint is about; one that compares fields is itself kept."""
+    try:
+        path, value = _read_kept(text, found)
+    except ValueError:
+        held = data.setdefault("constraints", [])
+        own = re.sub(rf"{_ACTOR}_(\d+)", r"\1-\2", text)
+        held.append(re.sub(r"\b(relation|measure|tie)_(\d+)",
+                           lambda m: f"{m[1]}s[{int(m[2]) - 1}]", own))  # fmt: skip
+        return "constraints", len(held) - 1
+    target: Any = data
+    for step in path[:-1]:
+        target = target.setdefault(step, {}) if isinstance(target, dict) else target[step]
+    target[path[-1]] = value
+    return path
 
 
 def _read_kept(text: str, found: dict[str, Path_]) -> tuple[Path_, Any]:
@@ -312,24 +303,19 @@ def _read_kept(text: str, found: dict[str, Path_]) -> tuple[Path_, Any]:
     term = _TERM.fullmatch(text)
     if term is None or term[1] not in found:
         raise ValueError(text)
-    steps = [each.removesuffix("_") for each in term[2][1:].split(".")]
-    value: Any
+    owner, fields, sign, written = term.groups()
+    steps = [each.removesuffix("_") for each in fields[1:].split(".")]
+    path = (*found[owner], *steps)
     if steps[-1].endswith("_has"):
-        steps[-1] = steps[-1].removesuffix("_has")
-        return (*found[term[1]], *steps), json.loads(term[4])
-    if term[4].startswith("[") and term[4].endswith("]"):
-        inner = term[4][1:-1]
-        if ".." in inner:
-            ends = [_read(each) for each in inner.split("..")]
-            value = ends
-            if term[3] == "in":
-                value = " .. ".join(str(each).split(" ")[0] for each in ends)
-                value += "".join(f" {u}" for u in str(ends[1]).split(" ")[1:])
-        else:
-            value = [_read(each) for each in inner.split(", ")]
-    else:
-        value = _read(term[4])
-    return (*found[term[1]], *steps), value
+        return (*path[:-1], steps[-1].removesuffix("_has")), json.loads(written)
+    if not (written.startswith("[") and written.endswith("]")):
+        return path, _read(written)
+    between = ".." if ".." in written else ", "
+    values = [_read(each) for each in written[1:-1].split(between)]
+    if sign == "in" and between == "..":
+        (low, *_), (high, *unit) = (str(each).split(" ") for each in values)
+        return path, " ".join([low, "..", high, *unit])
+    return path, values
 
 
 def _read(text: str) -> Any:
@@ -348,8 +334,3 @@ def _read(text: str) -> Any:
     if named := _NAME.fullmatch(text):
         return f"{named[1]}-{named[2]}"
     return {"true": True, "false": False}.get(text, text.removesuffix("_"))
-
-
-def _read_constraint(text: str) -> str:
-    own = re.sub(r"\b(vehicle|pedestrian|cyclist|scooter|object)_(\d+)", r"\1-\2", text)
-    return re.sub(r"\b(relation|measure|tie)_(\d+)", lambda m: f"{m[1]}s[{int(m[2]) - 1}]", own)

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, get_args
 
 import yaml
 from pydantic import ValidationError
@@ -17,17 +17,15 @@ from pydantic.fields import FieldInfo
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FieldError, Model
-from scenewright.scene.kinds import KindOf
 from scenewright.scene.leg_predicates import LEG_FIELDS, check_predicate, find_legs, is_predicate
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import UNITS
-from scenewright.scene.osc_dsl import parse_osc_dsl, write_osc_dsl
+from scenewright.scene.osc_dsl import UNIT_OF, list_values, parse_osc_dsl, write_osc_dsl
 from scenewright.scene.plan_constraints import PlanConstraint, parse_constraint
 from scenewright.scene.social import (
     AgentNode,
     Meeting,
     ObjectNode,
-    RelationEdge,
     SocialGraph,
     get_figure,
 )
@@ -372,15 +370,7 @@ def _find_unit(name: str, holder: Any) -> str | None:
         return UNITS[kind].unit if isinstance(kind, str) and kind in UNITS else None
     if name == "figure":
         return "any"
-    return _UNIT_OF.get(name)
-
-
-_UNIT_OF = {
-    name: str(extra["unit"])
-    for model in (RelationEdge, ObjectNode)
-    for name, info in model.model_fields.items()
-    if isinstance(extra := info.json_schema_extra, dict)
-}
+    return UNIT_OF.get(name)
 
 
 def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> PlanFile:
@@ -444,7 +434,7 @@ def describe_fault(
     elif first["type"] == "string_pattern_mismatch":
         what = f"a name such as {_EXAMPLES.get(str(path[-1]), 'vehicle-1')}, not {_quote(given)}"
     elif not isinstance(cause, FieldError):
-        unit = _UNIT_OF.get(str(path[-1]), "") if path else ""
+        unit = UNIT_OF.get(str(path[-1]), "") if path else ""
         what = f"{what[0].lower()}{what[1:]}, not {_quote(given)} {unit}".rstrip()
     return build_fault(name, lines, path, what)
 
@@ -548,21 +538,10 @@ def _describe_field(info: FieldInfo) -> str:
     bounds = [f"{each.ge:g}" for each in info.metadata if hasattr(each, "ge")]
     bounds += [f"{each.le:g}" for each in info.metadata if hasattr(each, "le")]
     span = " to ".join(bounds) if len(bounds) == 2 else ""
-    allowed = (each for own in (info.annotation, *info.metadata) for each in _list_values(own))
+    allowed = list_values((info.annotation, *info.metadata))
     values = " | ".join(dict.fromkeys(map(str, allowed)))
     about = " ".join(filter(None, (info.description, unit)))
     return "; ".join(filter(None, (about, span, values)))
-
-
-def _list_values(annotation: Any) -> Iterator[Any]:
-    """The values that the literals and kinds in a type allow."""
-    if get_origin(annotation) is Literal:
-        yield from get_args(annotation)
-    elif isinstance(annotation, KindOf):
-        yield from annotation.list_names()
-    elif find_model(annotation) is None:
-        for each in get_args(annotation):
-            yield from _list_values(each)
 
 
 def _format(value: Any, unit: str = "") -> str:

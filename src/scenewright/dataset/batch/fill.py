@@ -98,9 +98,8 @@ def _add_encounter(
             needed[f"type_{side}"] = "pedestrian" if afoot else "vehicle"
     if "crosswalk" in wanted:
         needed["type_to"] = "pedestrian"
-    needed |= {
-        key: wanted[key] for key in ("event", "kind", "type_from", "type_to") if key in wanted
-    }
+    kept = ("event", "kind", "type_from", "type_to")
+    needed |= {key: value for key, value in wanted.items() if key in kept}
     pairs = Counter((each["type_from"], each["type_to"]) for each in encounters
                     if {"event": event, **needed}.items() <= each.items())  # fmt: skip
     follows = event == "follow" or wanted.get("kind") in ("rear_end", "sideswipe", "head_on")
@@ -109,9 +108,8 @@ def _add_encounter(
     types = (needed.get("type_from", first), needed.get("type_to", second))
     names = [f"{types[0]}-1", f"{types[1]}-{1 + (types[0] == types[1])}"]
     relation: dict[str, Any] = {"type": _RELATIONS[event], "from": names[0], "to": names[1]}
-    relation |= {
-        key: wanted[key] for key in ("kind", "cause") if wanted.get(key) not in (None, "none seen")
-    }
+    known = {key: value for key, value in wanted.items() if value != "none seen"}
+    relation |= {key: known[key] for key in ("kind", "cause") if key in known}
     measures = []
     for item in (each for each in wanted if each in _ASKED):
         (low, high), field = _read_bin(wanted[item]), _ASKED[item][1]
@@ -123,12 +121,10 @@ def _add_encounter(
         if not UNITS[field].least <= (low + high) / 2 <= UNITS[field].most:
             raise InputError(f"no {item} of a scene is so")
     for side, name in zip(("from", "to"), names, strict=True):
-        own: dict[str, Any] = {
-            key: wanted.get(f"{key}_{side}") for key in ("subtype", "movement", "entry")
-        }
+        own = {key: wanted.get(f"{key}_{side}") for key in ("subtype", "movement", "entry")}
         own["crosswalk"] = wanted.get("crosswalk") if side == "to" else None
-        own["runs_red"] = side in wanted.get("ran_red", "").split()
-        plan["agents"].append({"id": name, **{key: own[key] for key in own if own[key]}})
+        runs_red = {"runs_red": True} if side in wanted.get("ran_red", "").split() else {}
+        plan["agents"].append({"id": name, **{k: v for k, v in own.items() if v}, **runs_red})
     plan |= {"relations": [relation], "measures": measures}
 
 

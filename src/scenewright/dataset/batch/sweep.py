@@ -211,9 +211,8 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
                 number += 1
                 end = ["left", "", "", ""]
                 if entry is not None:
-                    made, status = entry.status == "made", entry.status
-                    folder = f"{SCENES}/{entry.folder}" if made else ""
-                    status = "infeasible" if status == "refused" else status
+                    status = "infeasible" if entry.status == "refused" else entry.status
+                    folder = f"{SCENES}/{entry.folder}" if status == "made" else ""
                     end = [status, entry.code or "", entry.reason or "", folder]
             values = [each.values.get(path, "") for path in paths]
             table.writerow([each.name, *([each.place] if place else []), *values, *end])
@@ -228,9 +227,8 @@ def measure_sweep(folder: Path) -> list[Covered]:
     """
     if not (folder / TABLE).is_file():
         return []
-    rows: list[dict[str, Any]] = list(
-        csv.DictReader(io.StringIO((folder / TABLE).read_text("utf-8")))
-    )
+    table = (folder / TABLE).read_text("utf-8")
+    rows: list[dict[str, Any]] = list(csv.DictReader(io.StringIO(table)))
     fields = {name: found for name in rows[0] if (found := _FIELD.fullmatch(name))}
     measured = []
     for place in (folder / row["folder"] for row in rows if row["status"] == "made"):
@@ -249,11 +247,8 @@ def measure_sweep(folder: Path) -> list[Covered]:
         else:
             bins = build_bins(name, _choose_edges(np.array(points)))
         counted = count_bins(measured, [bins])
-        may = {
-            bins.find(p)
-            for p, row in zip(points, tried, strict=True)
-            if row["status"] != "infeasible"
-        }
+        told = zip(points, tried, strict=True)
+        may = {bins.find(p) for p, row in told if row["status"] != "infeasible"}
         counts = {bin_: n for bin_, n in counted.counts.items() if bin_[0] in may}
         shut = tuple(label for label in bins.labels if label not in may)
         covered.append(replace(counted, counts=counts, wanted=len(counts), shut=shut))
