@@ -9,9 +9,10 @@ scenes give the same bytes (for one version of pyarrow). pyarrow loads on first 
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
+from importlib import import_module, resources
 from pathlib import Path
 from typing import Any, Self, get_args
 
@@ -36,135 +37,14 @@ _GROUP = {
 Fields = Mapping[str, tuple[str, str]]
 """Column -> (type, meaning)."""
 
-_INSTRUCTION: Fields = {
-    "text": ("string", "the instruction"),
-    "asked": ("string", "event that an order wants here; null where rows were given"),
-    "voice": ("string", "who worded the instruction; null where unknown"),
-    "split": ("string", "train, validation or test, by the rule above"),
-    "seed": ("int64", "of the scene"),
-    "intersection": ("string", "where it happens"),
-    "backend": ("string", "who planned and reasoned"),
-    "refiner": ("string", "learned refinement of the tracks"),
-    "selection": ("string", "draw among the candidates, or map: the likeliest"),
-    "attempts": ("int16", "how often the pipeline began anew"),
-}
 SCHEMAS: Mapping[str, Fields] = {
-    "scenes": {
-        "row": ("string", "id of the row, key of all tables"),
-        "folder": ("string", "folder of its scene.json"),
-        **_INSTRUCTION,
-        "scene_id": ("string", "as in scene.json"),
-        "verified": ("bool", "whether every event is proven and no word is contradicted"),
-        "verdict": ("string", "verified, not verified, or partly: words are not shown"),
-        "not_shown": ("list", "words that the scene does not show"),
-        "unasked_red_lights": ("int16", "red lights that are run though no word asks for it"),
-        "relations": ("list", "events asked for; empty: none shall happen"),
-        "patterns": ("list", "leaves of the taxonomy that play them"),
-        "time_of_day": ("string", "HH:MM or a range"),
-        "timestamp": ("float64", "time of day at time 0 [s since midnight]"),
-        "density": ("string", "low, medium, high; null: as usual at that hour"),
-        "duration": ("float64", "[s]"),
-        "step": ("float64", "between samples of tracks [s]"),
-        "vehicles": ("int16", "how many"),
-        "pedestrians": ("int16", "how many"),
-        "cyclists": ("int16", "how many"),
-        "scooters": ("int16", "how many on e-scooters"),
-        "foreground": ("int16", "agents that the text speaks of"),
-        "background": ("int16", "all other agents"),
-        "objects": ("string", "what stands, as JSON; null where nothing does"),
-    },
-    "agents": {
-        "row": ("string", "id of the row"),
-        "agent": ("int16", "id within the scene"),
-        "name": ("string", "as the plan calls it"),
-        "type": ("string", "vehicle, pedestrian, cyclist or scooter"),
-        "subtype": ("string", f"{', '.join(VEHICLE_SIZES)}; null for others"),
-        "role": ("string", "foreground or background"),
-        "entry": ("string", "side that it comes from"),
-        "exit": ("string", "side that it leaves towards"),
-        "movement": ("string", "straight, left, right, uturn, crossing, jaywalking"),
-        "crosswalk": ("string", "leg that a pedestrian crosses"),
-        "route": ("string", "id of its route"),
-        "start": ("float64", "first seen: its first sample [s]"),
-        "end": ("float64", "last seen: its last sample [s]"),
-        "goal_x": ("float64", "[m]"),
-        "goal_y": ("float64", "[m]"),
-        "length": ("float64", "[m]"),
-        "width": ("float64", "[m]"),
-        "violates_signal": ("bool", "whether it runs a red light as asked for"),
-        "reaction": ("string", "how it is to react to a threat; null where not asked for"),
-        "motion": ("string", "how it is to cross or drive; null where not asked for"),
-        "group": ("int16", "agent whose group it belongs to; null if none, or its own"),
-        "segments": ("string", "behaviour, as JSON"),
-    },
-    "tracks": {
-        "row": ("string", "id of the row"),
-        "agent": ("int16", "id within the scene"),
-        "time": ("float64", "since time 0 [s]"),
-        "x": ("float64", "centre, east [m]"),
-        "y": ("float64", "centre, north [m]"),
-        "heading": ("float64", "counter-clockwise from east [rad]"),
-        "vx": ("float32", "velocity east [m/s], by central differences of the positions"),
-        "vy": ("float32", "velocity north [m/s]"),
-        "ax": ("float32", "acceleration east [m/s²], by central differences of the velocity"),
-        "ay": ("float32", "acceleration north [m/s²]"),
-    },
-    "events": {
-        "row": ("string", "id of the row"),
-        "type": ("string", "collision, yielding, near_miss, follow, normal"),
-        "from": ("int16", "agent that strikes, gives way or follows; null in a normal scene"),
-        "to": ("int16", "the other agent"),
-        "time": ("float64", "[s]"),
-        "x": ("float64", "[m]"),
-        "y": ("float64", "[m]"),
-        "kind": ("string", "of a collision"),
-        "cause": ("string", "where one is seen"),
-        "asked": ("bool", "whether a relation asked for it"),
-        "incidental": ("bool", "allowed though unasked: queueing traffic, for instance"),
-        "queue": ("bool", "a follow that was not asked for: one vehicle behind another in traffic"),
-        "evidence": ("string", "what the checker measured, as JSON"),
-    },
-    "account": {
-        "row": ("string", "id of the row"),
-        "words": ("string", "words of the instruction"),
-        "start": ("int32", "their first character in the text of the turn, counted from 0"),
-        "end": ("int32", "the character after their last"),
-        "turn": ("int16", "number of the text, from 0: `text` of `scenes` is the only one"),
-        "state": ("string", "seen, stands_anyway, manner, not_shown or contradicted"),
-        "claim": ("string", "what the words were taken to say; null where no claim covers them"),
-        "evidence": ("string", "what the checker saw, or why nothing shows the words"),
-        "agents": ("ids", "those in the evidence"),
-    },
-    "lights": {
-        "row": ("string", "id of the row"),
-        "stop_line": ("string", "whose light it is; null for a crosswalk's"),
-        "crosswalk": ("string", "whose light it is; null for a stop line's"),
-        "start": ("float64", "from when on it shows the colour [s]"),
-        "end": ("float64", "until when [s]"),
-        "colour": ("string", "red, yellow or green"),
-    },
-    "map": {
-        "intersection": ("string", "as in the table scenes"),
-        "feature": ("string", "id within the map"),
-        "kind": (
-            "string",
-            "approach, exit, connector, parking (lanes), stop_line, crosswalk, road, walkable",
-        ),
-        "leg": ("string", "compass side of the arm it lies on; null inside the junction"),
-        "road": ("string", "name of that arm's street"),
-        "width": ("float64", "[m]; null for areas and lines"),
-        "speed_limit": ("float64", "of a lane [m/s]"),
-        "successors": ("list", "lanes that a lane leads into"),
-        "x": ("floats", "points [m]: a lane's or crosswalk's centreline, a line, an area's rim"),
-        "y": ("floats", "points [m]"),
-    },
-    "refused": {
-        "row": ("string", "id of the row"),
-        "status": ("string", "refused (for a reason) or failed (may go well another time)"),
-        "code": ("string", "why there is no scene, for machines"),
-        "reason": ("string", "why there is no scene, one sentence"),
-        **_INSTRUCTION,
-    },
+    table: {
+        name: (kind, meaning.replace("{subtypes}", ", ".join(VEHICLE_SIZES)))
+        for name, (kind, meaning) in columns.items()
+    }
+    for table, columns in tomllib.loads(
+        resources.files("scenewright.dataset.tables").joinpath("columns.toml").read_text("utf-8")
+    ).items()
 }
 """All tables with their columns."""
 
