@@ -37,7 +37,7 @@ def test_a_shipped_plan_is_one_at_all_its_corners(name: str) -> None:
     assert [edge["type"] for edge in logical.data["relations"]] in (["collide_at"], ["near_miss"])
 
 
-@pytest.mark.parametrize("name", ["cptans", "cbna"])
+@pytest.mark.parametrize("name", ["cbna"])
 def test_a_plan_of_the_catalogue_is_made_as_a_sweep(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
