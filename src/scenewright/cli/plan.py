@@ -9,8 +9,9 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenewright.backends import Backend, Call, Named, Question
 from scenewright.cli.console import format_one_line, log_line, write_stdout
@@ -20,6 +21,9 @@ from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
+
+if TYPE_CHECKING:
+    from scenewright.scene.plan_file import LogicalPlan
 
 Account = Callable[[Call], None]
 ATTEMPTS = 3
@@ -302,6 +306,15 @@ _POINTS = 16
 """Points tried of what a plan leaves open, before it counts as impossible."""
 
 
+def _draw_points(logical: LogicalPlan, place: str) -> Iterator[Mapping[Any, Any]]:
+    """Values of points of what a plan leaves open; drawn once the first of them is asked for."""
+    from scenewright.dataset.batch.sweep import build_points
+
+    here = replace(logical, places=(place,))
+    drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
+    yield from (each.values for each in drawn)
+
+
 def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     """What a plan file says, with the middle of what it leaves open, or another point of it that
     is possible.
@@ -319,15 +332,8 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         place = next(iter(logical.places), place)
     placed = logical.place_at(load_map(place))
     middle = {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
-    points: list[Mapping[Any, Any]] = [middle]
-    if middle:
-        from scenewright.dataset.batch.sweep import build_points
-
-        here = replace(logical, places=(place,))
-        drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
-        points += [each.values for each in drawn]
     faults: list[InputError] = []
-    for values in points:
+    for values in chain([middle], _draw_points(logical, place) if middle else ()):
         try:
             if (broken := placed.find_broken(values)) is not None:
                 raise InputError(f"{path}: {broken} does not hold")

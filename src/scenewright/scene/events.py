@@ -23,6 +23,7 @@ EVENT_OF_RELATION: dict[str, EventType] = {
     "yield_to": "yielding",
     "follow": "follow",
 }
+RELATION_OF_EVENT = {str(event): relation for relation, event in EVENT_OF_RELATION.items()}
 
 
 class Event(Model):

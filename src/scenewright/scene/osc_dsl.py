@@ -9,14 +9,17 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, get_args, get_origin
+from typing import Any
 
 from scenewright.errors import InputError
 from scenewright.scene.account import LEFT_TO_STAGES
 from scenewright.scene.base import Model
-from scenewright.scene.kinds import KindOf
+from scenewright.scene.kinds import list_values
+from scenewright.scene.leg_predicates import LEG_FIELDS
 from scenewright.scene.measures import UNITS, Measure
+from scenewright.scene.plan_constraints import NAMED
 from scenewright.scene.social import (
+    UNIT_OF,
     AgentNode,
     Background,
     EntryTie,
@@ -39,13 +42,6 @@ _PHYSICAL = {
 }  # fmt: skip
 """Physical type and unit of OpenSCENARIO DSL by our unit."""
 _UNITS = {name: unit for unit, (_, name) in _PHYSICAL.items() if name}
-UNIT_OF = {
-    name: str(extra["unit"])
-    for model in (RelationEdge, ObjectNode)
-    for name, info in model.model_fields.items()
-    if isinstance(extra := info.json_schema_extra, dict)
-}
-"""Fields of relations and objects that have a unit."""
 _KEYWORDS = frozenset((
     "action", "actor", "and", "as", "bool", "call", "cover", "def", "default", "do", "elapsed",
     "emit", "enum", "event", "every", "expression", "extend", "external", "factor", "fall", "false",
@@ -58,7 +54,7 @@ _DECLARED = re.compile(r"    (\w+): (\w+)")
 _KEPT = re.compile(r"    keep\((.+)\)")
 _TERM = re.compile(r"(\w+)((?:\.\w+)+) (==|in) (.+)")
 _NUMBER = re.compile(r"(-?[0-9.]+(?:e[-+]?[0-9]+)?)([a-z]*)")
-_ACTOR = r"\b(vehicle|pedestrian|cyclist|scooter|object)"
+_ACTOR = rf"\b({NAMED})"
 _NAME = re.compile(rf"{_ACTOR}_(\d+)")
 
 
@@ -163,7 +159,7 @@ def _write_types() -> Iterator[str]:
             else:
                 type_ = _name_type(info.annotation, unit)
             types.append(f"    {_escape(own)}: {type_}")
-            if own in ("entry", "exit", "crosswalk", "leg"):
+            if own in LEG_FIELDS:
                 types.append(f"    {own}_has: string")
         types.append("")
     measured = list_values((Measure.model_fields["kind"].annotation,))
@@ -176,17 +172,6 @@ def _write_types() -> Iterator[str]:
         yield f"enum {name}: [{', '.join(map(_escape, values))}]"
     yield ""
     yield from types
-
-
-def list_values(annotations: Any) -> Iterator[Any]:
-    """The values that the literals and kinds in types allow."""
-    for each in annotations:
-        if get_origin(each) is Literal:
-            yield from get_args(each)
-        elif isinstance(each, KindOf):
-            yield from each.list_names()
-        else:
-            yield from list_values(get_args(each))
 
 
 def _name_type(annotation: Any, unit: str | None) -> str:
@@ -247,7 +232,7 @@ def parse_osc_dsl(text: str, name: str) -> tuple[dict[str, Any], dict[Path_, int
         if not within or line.startswith("scenario ") or line.lstrip()[:1] in ("", "#"):
             continue
         if declared := _DECLARED.fullmatch(line):
-            if declared[2] in ("scene_context", "list"):
+            if declared[2] == "scene_context":
                 found[declared[1]] = (declared[1],)
                 continue
             path = _declare(declared[1], declared[2], data, found)

@@ -7,11 +7,15 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
+
+from scenewright.scene.base import AgentClass
 
 _LONGEST = 300
+NAMED = "|".join((*get_args(AgentClass), "object"))
+"""First parts of ids of agents and objects, as a pattern."""
 _FIELD = re.compile(
-    r"\b(?:(?:vehicle|pedestrian|cyclist|scooter|object)-\d+(?:\.\w+)+"
+    rf"\b(?:(?:{NAMED})-\d+(?:\.\w+)+"
     r"|(?:agents|relations|ties|objects|measures)\[\d+\](?:\.\w+|\[\d+\])+"
     r"|context(?:\.\w+)+)"
 )

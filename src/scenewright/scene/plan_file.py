@@ -17,12 +17,14 @@ from pydantic.fields import FieldInfo
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FieldError, Model
+from scenewright.scene.kinds import list_values
 from scenewright.scene.leg_predicates import LEG_FIELDS, check_predicate, find_legs, is_predicate
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import UNITS
-from scenewright.scene.osc_dsl import UNIT_OF, list_values, parse_osc_dsl, write_osc_dsl
+from scenewright.scene.osc_dsl import parse_osc_dsl, write_osc_dsl
 from scenewright.scene.plan_constraints import PlanConstraint, parse_constraint
 from scenewright.scene.social import (
+    UNIT_OF,
     AgentNode,
     Meeting,
     ObjectNode,

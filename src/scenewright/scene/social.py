@@ -351,6 +351,15 @@ def _check_unique(names: Sequence[str], where: str) -> None:
             raise FieldError(message, where, n, "id")
 
 
+UNIT_OF = {
+    name: str(extra["unit"])
+    for model in (RelationEdge, ObjectNode)
+    for name, info in model.model_fields.items()
+    if isinstance(extra := info.json_schema_extra, dict)
+}
+"""Fields of relations and objects that have a unit."""
+
+
 class SocialGraph(Model):
     """G = (V, E, C). No relations means a normal scene."""
 

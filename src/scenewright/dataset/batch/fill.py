@@ -8,12 +8,11 @@ from typing import Any
 
 from scenewright.dataset.tables.coverage import Covered, Encounter
 from scenewright.errors import InputError
-from scenewright.scene.events import EVENT_OF_RELATION
+from scenewright.scene.events import RELATION_OF_EVENT
 from scenewright.scene.measures import UNITS
 from scenewright.scene.plan_file import read_plan
 from scenewright.scene.social import RelationEdge
 
-_RELATIONS = {str(event): relation for relation, event in EVENT_OF_RELATION.items()}
 _ASKED: Mapping[str, tuple[str, Any]] = {
     **dict.fromkeys(("pet", "asked_pet"), ("near_miss", "target_pet")),
     **dict.fromkeys(("ttc", "asked_ttc"), ("near_miss", "target_ttc")),
@@ -72,7 +71,7 @@ def _build_row(wanted: Mapping[str, str], encounters: Sequence[Encounter]) -> di
     events |= {"collision"} if "kind" in wanted else set()
     events |= {wanted["event"]} if "event" in wanted else set()
     usual = Counter(str(each["event"]) for each in encounters if each["event"] != "normal")
-    event = str(next(iter(events or usual), "near_miss"))
+    event = str(next(iter(sorted(events) or usual), "near_miss"))
     if len(events) > 1 or (event == "normal" and wanted.keys() - {"event", "hour", "density"}):
         raise InputError(f"no {wanted.get('event', event)} can be asked for that has all of it")
     if event != "normal":
@@ -107,7 +106,7 @@ def _add_encounter(
     first, second = max(pairs, key=lambda pair: pairs[pair], default=("vehicle", other))
     types = (needed.get("type_from", first), needed.get("type_to", second))
     names = [f"{types[0]}-1", f"{types[1]}-{1 + (types[0] == types[1])}"]
-    relation: dict[str, Any] = {"type": _RELATIONS[event], "from": names[0], "to": names[1]}
+    relation: dict[str, Any] = {"type": RELATION_OF_EVENT[event], "from": names[0], "to": names[1]}
     known = {key: value for key, value in wanted.items() if value != "none seen"}
     relation |= {key: known[key] for key in ("kind", "cause") if key in known}
     measures = []

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module, resources
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -249,3 +250,14 @@ def _load_kinds(own: str | None) -> dict[tuple[str, str], Kind]:
 
 def _get_key(kind: Kind) -> str:
     return f"{kind.axis} {kind.id}"
+
+
+def list_values(annotations: Any) -> Iterator[Any]:
+    """The values that the literals and kinds in types allow."""
+    for each in annotations:
+        if get_origin(each) is Literal:
+            yield from get_args(each)
+        elif isinstance(each, KindOf):
+            yield from each.list_names()
+        else:
+            yield from list_values(get_args(each))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenewright.scene.events import EVENT_OF_RELATION
+from scenewright.scene.events import RELATION_OF_EVENT
 from scenewright.scene.osc_dsl import write_osc_dsl
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.exporters.exported_scene import ExportedScene
 
-_TYPES = {event: relation for relation, event in EVENT_OF_RELATION.items()}
 _OF_AGENT = ("subtype", "entry", "exit", "movement", "crosswalk", "reaction", "motion")
 _OF_RELATION = (
     "kind", "cause", "manoeuvre", "target_pet", "target_ttc", "impact_speed", "point_from",
@@ -42,7 +41,7 @@ def _build_plan(record: SceneRecord) -> dict[str, Any]:
             if agent.role == "foreground"
         ],
         "relations": [
-            {"type": _TYPES[each.type], "from": names[each.from_], "to": names[each.to]}
+            {"type": RELATION_OF_EVENT[each.type], "from": names[each.from_], "to": names[each.to]}
             | _list_set(each, _OF_RELATION)
             | {
                 key: names[number]

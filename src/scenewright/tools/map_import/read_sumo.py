@@ -588,7 +588,7 @@ _LONGEST_PHASE = 120.0
 
 def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, Colour]], ...]:
     """Durations and colours of a programme's phases; a phase lasts two minutes at most."""
-    names = {light.rsplit("#", 1)[0] for light in sorted(lights)}
+    names = {light.rsplit("#", 1)[0] for light in lights}
     programs = net.getTLS(names.pop()).getPrograms() if len(names) == 1 else {}
     if not programs:
         return ()
