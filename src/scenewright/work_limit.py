@@ -1,6 +1,6 @@
 """The most work that one request may take, counted, so that no other load on the machine decides.
 
-    with limit_work(20_000):
+    with limit_work(10_000):
         ...                 # whatever calls `count_work` in here ends after so many units
 
 A unit is one step of a search: a tuple tried, two motions compared, the way of an agent past all
@@ -15,9 +15,9 @@ from contextvars import ContextVar
 
 from scenewright.time_limit import check_time
 
-MOST_WORK = 20_000
-"""Units of one request. Of 79 instructions by others that became scenes one took more than 1,500
-(4,358); 20,000 take some ten to twenty seconds of an idle core."""
+MOST_WORK = 10_000
+"""Units of one request. Of 191 everyday requests that became scenes two took more than 5,000;
+10,000 take some three to five seconds of an idle core."""
 
 
 class WorkLimitReachedError(Exception):

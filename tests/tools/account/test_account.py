@@ -288,12 +288,34 @@ def test_what_is_not_shown_is_seen_where_an_agent_has_it(
         (CRASH, "A car hits a van and then runs a red light"),
         (YIELD, "A bus stops three times and yields to a pedestrian"),
         (YIELD, "A bus yields to a pedestrian and stands for 29 s"),
+        (YIELD, "A bus from the north turns over the south crosswalk and yields to a pedestrian"),
+        (CRASH, "From the north a car runs a red light, from the south a van is hit by it"),
     ],
 )  # fmt: skip
 def test_what_is_true_of_a_part_does_not_hide_what_is_false(
     made: Mapping[str, Made], place: IntersectionMap, scene: str, text: str
 ) -> None:
     assert account(made[scene], place, text).verdict != "verified"
+
+
+@pytest.mark.parametrize(
+    ("scene", "text"),
+    [
+        (YIELD, "A bus turning to the left side yields to an 83 year old woman"),
+        (YIELD, "A bus from the north turns over the east crosswalk and yields to a pedestrian"),
+        (YIELD, "A pedestrian is let go by a bus on the east crosswalk"),
+        (CRASH, "UTYP 321, issue #311: from the west a car runs a red light, from the south a van"
+         " is hit by it"),
+        (CRASH, "A car pulls out in front of a van; ours comes from the west, theirs from the"
+         " south"),
+        (CRASH, "A car hits a van without looking"),
+    ],
+)  # fmt: skip
+def test_other_words_for_what_is_shown_are_no_contradiction(
+    made: Mapping[str, Made], place: IntersectionMap, scene: str, text: str
+) -> None:
+    proof = account(made[scene], place, text)
+    assert not [each for each in proof.account if each.state in ("contradicted", "not_shown")]
 
 
 def test_figures_and_standstills_are_measured_though_no_plan_asks_for_them(

@@ -18,7 +18,7 @@ from scenewright.tools.account.field_claims import account_fields
 from scenewright.tools.account.mentions import Mention, find_mentions
 from scenewright.tools.account.sense_readers import read_claims
 from scenewright.tools.account.talk import is_talk
-from scenewright.tools.account.vocabulary import Token, is_list_label, load_vocabulary, read_tokens
+from scenewright.tools.account.vocabulary import Token, is_label, load_vocabulary, read_tokens
 from scenewright.tools.relation_checker import check
 from scenewright.tools.relation_checker.clock import is_within
 
@@ -257,7 +257,8 @@ def _judge(
 ) -> _Judged | None:
     """The state of a word by the results of its claims; None where it needs no state."""
     token = tokens[n]
-    if _is_stop(token) or is_list_label(tokens, n):
+    labels = token.is_in("numbered") and n + 1 < len(tokens) and is_label(tokens, n + 1)
+    if _is_stop(token) or is_label(tokens, n) or labels:
         return None
     held = [each for each in found if each[1].holds]
     false = [each for each in found if each[1].holds is False]

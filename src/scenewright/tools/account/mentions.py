@@ -8,9 +8,12 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from scenewright.scene.track import VEHICLE_SIZES
-from scenewright.tools.account.vocabulary import Token
+from scenewright.tools.account.vocabulary import Token, is_label
 
 _VEHICLES = frozenset({"vehicle", *VEHICLE_SIZES})
+_RIDERS = frozenset({"cyclist", "scooter", "rider"})
+_CYCLES = ("cycl", "pedal")
+"""Verbs, as they are reduced, of who rides a bicycle."""
 _NAMED = re.compile(r"([vpu])(\d\d?)")
 
 
@@ -57,6 +60,11 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
             continue
         if found and found[-1].label and tokens[mention.start - 1].text == "(":
             mention = replace(mention, label=found[-1].label)  # "vehicle 1 (eastbound car)"
+        cycles = mention.stop < len(tokens) and tokens[mention.stop].stem in _CYCLES
+        if cycles and "pedestrian" in mention.classes:  # "a woman cycling to work"
+            mention = replace(mention, classes=frozenset({"cyclist"}))
+        if tokens[mention.head].text == "bike" and any("motorcycle" in m.classes for m in found):
+            mention = replace(mention, classes=mention.classes | {"motorcycle"})
         if found and _is_ridden(tokens, found[-1], mention):
             person = found[-1]
             found[-1] = replace(
@@ -92,8 +100,12 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
             tokens[stop].start - tokens[stop - 1].end == 1
             and tokens[stop - 1].text != tokens[stop - 1].stem
         )
-        if more and named and not apart and tokens[stop].text != "one":  # "police van"
-            classes = classes | more if classes | more <= _VEHICLES else more
+        ridden = more == {"pedestrian"} and classes & _RIDERS  # "the bicycle man"
+        if more and named and (ridden or not apart) and tokens[stop].text != "one":  # "police van"
+            if classes | more <= _VEHICLES:
+                classes |= more
+            elif not ridden:
+                classes = more
             stop += 1
     head = stop - 1
     number = _read_number_after(tokens, stop)
@@ -105,7 +117,8 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         start -= 1
     before = tokens[start:n]
     words = [each.text for each in before]
-    number = number or next((each.number for each in before if each.number), None)
+    said = (k for k in range(start, n) if tokens[k].number and not is_label(tokens, k))
+    number = number or next((tokens[k].number for k in said), None)
     plural = _is_plural(tokens[head]) or "several" in words or token.has("group")
     label = _read_label(tokens, stop)
     none = _find_none_after(tokens, stop)
@@ -214,7 +227,9 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
     token = tokens[n]
     plural = token.text in ("they", "them", "themselves", "both", "we", "us")
     if token.is_in("first_person") and not (
-        token.text in ("my", "our") and n + 1 < len(tokens) and tokens[n + 1].has("noun")
+        token.text in ("my", "our")
+        and n + 1 < len(tokens)
+        and tokens[n + 1].has("noun", "left", "right", "from_left", "from_right")
     ):
         return Mention(n, n, n + 1, frozenset(), None if plural else 1, first_person=True,
                        pronoun=True)  # fmt: skip
@@ -268,7 +283,7 @@ def _is_ridden(tokens: Sequence[Token], person: Mention, ride: Mention) -> bool:
     """Whether a mention is what the person before it drives or rides: "a boy on a bike"."""
     if "pedestrian" not in person.classes and "any" not in person.classes:
         return False
-    if ride.pronoun or not (ride.classes & (_VEHICLES | {"cyclist", "scooter", "rider"})):
+    if ride.pronoun or not (ride.classes & (_VEHICLES | _RIDERS)):
         return False
     between = tokens[person.stop : ride.start]
     if not 1 <= len(between) <= 2 or not between[-1].is_in("rides"):

@@ -50,7 +50,7 @@ class PartyFinder:
             ahead = [
                 i for i in fitting if self.mentions[i].start > n and self._is_in_sentence(i, n)
             ]
-            return (*ahead[:2], *before[-2:])
+            return (*ahead[:2], *before[-2:]) or tuple(fitting[:2])
         near = self.tokens[max(0, n - 3) : n + 1]
         participle = any(
             one.text in ("after", "before", "by", "when") and two.text.endswith("ing")
@@ -67,7 +67,14 @@ class PartyFinder:
             and (not self._is_object(nearest) or self._describes(nearest, n))
         ):  # fmt: skip
             return (nearest,)
-        return tuple(dict.fromkeys((nearest, *reversed(here))))
+        # "a bus from the west, from the south a car": another part of the sentence begins here
+        ahead = [i for i in fitting if self._opens_part(i, n)] if self._has_break(stop, n) else []
+        return tuple(dict.fromkeys((*ahead, nearest, *reversed(here))))
+
+    def list_walkers_before(self, n: int) -> tuple[int, ...]:
+        """Pedestrians and riders told of before a word in its sentence, the last one first."""
+        before = (i for i, m in enumerate(self.mentions) if m.head < n and _may_be(m, "foot"))
+        return tuple(i for i in before if self._is_in_sentence(i, n))[::-1]
 
     def find_parties(self, start: int, stop: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Mentions that may do what the words of an event say, and those that it may be done to."""
@@ -121,6 +128,11 @@ class PartyFinder:
 
     def _has_break(self, start: int, stop: int) -> bool:
         return any(each.kind == "comma" or each.is_in("breaks") for each in self.tokens[start:stop])
+
+    def _opens_part(self, index: int, n: int) -> bool:
+        """Whether a mention follows a word in its own part of the sentence."""
+        start = self.mentions[index].start
+        return n < start and self._is_in_sentence(index, n) and not self._has_break(n, start)
 
     def _describes(self, index: int, n: int) -> bool:
         """Whether words follow their mention at once: "a man from the west", "a car turning"."""

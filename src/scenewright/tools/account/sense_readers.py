@@ -12,7 +12,7 @@ from scenewright.tools.account.event_readers import read_event, read_order, read
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.mentions import Mention
 from scenewright.tools.account.parties import PartyFinder
-from scenewright.tools.account.vocabulary import WORDS, Token, is_list_label
+from scenewright.tools.account.vocabulary import WORDS, Token, is_label
 from scenewright.tools.relation_checker.legs import find_relative_side
 
 Reader = Callable[[PartyFinder, int, str], Iterable[Claim]]
@@ -52,7 +52,8 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
             found += _read_number(finder, n, token.number)
         for sense in token.senses:
             family, _, value = sense.partition(".")
-            after = tokens[token.senses[sense][1] :][:1]
+            stop = token.senses[sense][1]
+            after = tokens[stop : stop + 1]
             if family in ("from_left", "from_right") and after and after[0].stem == "turn":
                 found += _read_movement(family.removeprefix("from_"))(finder, n, value)
                 continue  # "on its left turn"
@@ -160,7 +161,7 @@ def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
         kinds = tokens[span[0]].list_values("event")
         yield Claim("count", f"{number:g} {'/'.join(kinds)}", (n,), (),
                     tests.EventCountTest(kinds, number))  # fmt: skip
-    elif not is_list_label(tokens, n) and not any(m.start <= n < m.stop for m in finder.mentions):
+    elif not is_label(tokens, n) and not any(m.start <= n < m.stop for m in finder.mentions):
         yield Claim("number", f"{number:g}", (n,), (), tests.BareNumberTest(number))
 
 
@@ -194,12 +195,16 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
         None,
     )  # "waits for a car from the west": "for" is said of the car
     source = (said is not None and said.is_in("from")) or _begins_pair(tokens, n)
-    to = said is not None and said.is_in("to") and not source
+    ends_pair = n > 0 and tokens[n - 1].has("side") and tokens[n].start - tokens[n - 1].end == 1
+    to = (ends_pair or (said is not None and said.is_in("to"))) and not source  # "S-N"
     turned = _is_turn_told(tokens, n)
     heads = any(each.has("motion_verb") for each in tokens[max(0, n - 2) : n])
+    over = any(each.text in ("over", "across", "through") for each in tokens[max(0, n - 3) : n])
 
     def holds(facts: SceneFacts, number: int) -> bool:
         agent = facts.agents[number]
+        if crosswalk and over and agent.type == "vehicle":
+            return side in (agent.entry, agent.exit)
         if crosswalk:
             return agent.crosswalk == side and (not marked or agent.movement != "jaywalking")
         if to:
@@ -208,12 +213,15 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
         if source:
             return agent.entry == side
         if heads:
-            return _is_opposite(agent.entry, side) or (turned and agent.exit == side)
+            along = _is_opposite(agent.entry, side) or (turned and agent.exit == side)
+            return along or agent.crosswalk == side  # "crosses north"
         if agent.type == "vehicle":
             return agent.entry == side or (turned and agent.exit == side)
         return side in (agent.entry, agent.exit, agent.crosswalk)
 
     subjects = finder.find_subjects(n)
+    if crosswalk:  # "steps out in front of a car on the north crosswalk"
+        subjects = tuple(dict.fromkeys((*subjects, *finder.list_walkers_before(n))))
     yield Claim("side", side, (n,), subjects, tests.AllAgents(subjects, side, holds, leg=side))
 
 
@@ -230,9 +238,8 @@ def _is_of_crosswalk(tokens: Sequence[Token], n: int) -> bool:
         k -= 1
     if n > 0 and tokens[k].has("crosswalk") and not tokens[k].text.startswith("crossi"):
         return True
-    return any(each.stem == "cros" for each in tokens[max(0, n - 3) : n]) and any(
-        each.is_in("legs") for each in tokens[n + 1 : n + 3]
-    )
+    crosses = any(t.stem == "cros" or t.text == "across" for t in tokens[max(0, n - 3) : n])
+    return crosses and any(each.is_in("legs") for each in tokens[n + 1 : n + 3])
 
 
 def _begins_pair(tokens: Sequence[Token], n: int) -> bool:
@@ -301,7 +308,9 @@ def _read_hand(hand: str) -> Reader:
             subjects = parties[finder.is_passive(n + 1, n + 2)]
             test = tests.AllAgents(subjects, hand, lambda f, a: f.agents[a].movement == hand)
             return (Claim("movement", hand, (n,), subjects, test),)
-        return (_read_tie(hand) if whose else _read_movement(hand))(finder, n, value)
+        turns = any(each.stem == "turn" for each in before)  # "turning to the right side"
+        read_claims_of = _read_tie if whose and not turns else _read_movement
+        return read_claims_of(hand)(finder, n, value)
 
     return read
 

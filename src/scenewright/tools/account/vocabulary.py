@@ -190,13 +190,18 @@ def _read_tokens(text: str, own: str | None) -> tuple[Token, ...]:
     )
 
 
-def is_list_label(tokens: Sequence[Token], n: int) -> bool:
-    """Whether a number only counts an item: "1) ...", "2. ...", "Question 21", "Item 4(a)"."""
+def is_label(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a number says nothing of the scene: an item's ("1) ..."), a document's ("Item 4(a)",
+    "type 5"), an age."""
     if tokens[n].number is None or tokens[n].unit:
         return False
-    if n and tokens[n - 1].is_in("numbered") and n <= 3:
-        return True
     follow = tokens[n + 1] if n + 1 < len(tokens) else None
+    if (follow is not None and follow.stem == "year") or (n and tokens[n - 1].text == "aged"):
+        return True
+    if n and tokens[n].start - tokens[n - 1].end == 1 and is_label(tokens, n - 1):
+        return True  # "claim 77-20941"
+    if n and tokens[n - 1].is_in("numbered") and not (follow is not None and follow.has("noun")):
+        return True
     if follow is None or follow.start > tokens[n].end + 1:
         return False
     begins = n == 0 or tokens[n - 1].kind in ("end", "comma")
@@ -274,6 +279,9 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
             stems = words.stems.get(tuple(each.stem for each in part), frozenset())
             if exact | stems:
                 yield start, stop, exact | stems
+        apart = tokens[start : start + 3]
+        if len(apart) == 3 and apart[1].is_in("pronouns") and apart[2].is_in("particles"):
+            yield start, start + 3, words.stems.get((first.stem, apart[2].stem), frozenset())
 
 
 def _is_duration(tokens: list[Token], n: int) -> bool:

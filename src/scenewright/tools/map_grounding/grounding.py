@@ -177,16 +177,14 @@ def list_unasked_runners(graph: SocialGraph, assignment: RoleAssignment) -> list
 def may_run_unasked(
     graph: SocialGraph, grounding: Grounding, *, intersection_map: IntersectionMap
 ) -> bool:
-    """Whether some assignment of a single relation has an agent that runs a red light unasked."""
-    rng = np.random.default_rng(0)
+    """Whether some relation by itself can be played so that one runs a red light unasked."""
+    rng, asked = np.random.default_rng(0), find_asked_runners(graph)
+    order = {name: list(routes) for name, routes in grounding.routes.items()}
     return any(
-        list_unasked_runners(graph, each)
+        played.violator is not None and played.violator not in asked
         for edge in graph.relations
-        for each in find_assignments(
-            graph.model_copy(update={"relations": (edge,)}), grounding,
-            intersection_map=intersection_map, rng=rng,
-        )
-    )  # fmt: skip
+        for _, played in _play(edge, 0, graph, intersection_map, rng, order, {})
+    )
 
 
 def can_be_lawful(pattern: Pattern, *, intersection_map: IntersectionMap) -> bool:

@@ -173,6 +173,11 @@ class ObjectPlacer:
             return
         for leg, side in self._list_sides(node, schedule):
             places = self._find_places(node, leg, side)
+            if node.hides is not None and places:
+                way = geos.LineString(schedule.actors[node.hides].candidate.path.xy)
+                away = geos.distance(way, geos.points([(each.x, each.y) for each in places]))
+                reach = _BESIDE + np.hypot(places[0].length, places[0].width) / 2
+                places = tuple(places[k] for k in np.flatnonzero(away <= reach))
             for k in self._rng.permutation(len(places)):
                 count_work()
                 if _keeps_apart(places[k], others) and self._hides(node, places[k], schedule):
