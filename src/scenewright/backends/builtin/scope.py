@@ -8,7 +8,7 @@ from functools import cache
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.spelling import load_words
-from scenewright.scene.stems import stem_word
+from scenewright.scene.stems import load_english_words, stem_word
 
 MOST_CHARACTERS = 2_000
 _CONTROL = re.compile(
@@ -50,8 +50,8 @@ def check_language(text: str, mended: str | None = None) -> None:
 @cache
 def _load_english() -> frozenset[str]:
     """English words and their stems."""
-    lists = ("english.txt", "instruction_words.txt", "traffic_words.txt")
-    words = frozenset().union(*map(load_words, lists))
+    lists = ("instruction_words.txt", "traffic_words.txt")
+    words = load_english_words().union(*map(load_words, lists))
     return words | {stem_word(word) for word in words}
 
 

@@ -10,6 +10,7 @@ from itertools import chain
 
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.relations import load_patterns
+from scenewright.scene.stems import load_english_words
 
 _WORD = re.compile(r"(?<![\w'’])[A-Za-z]{3,}(?![\w'’])")
 
@@ -26,7 +27,7 @@ def _mend_word(word: str) -> str | None:
     """The word of traffic that has the same letters in another order, or one more or less."""
     targets = load_words("traffic_words.txt")
     own = _list_phrase_words(os.environ.get("SCENEWRIGHT_RELATIONS"))
-    known = (targets, own, load_words("english.txt"), load_words("instruction_words.txt"))
+    known = (targets, own, load_english_words(), load_words("instruction_words.txt"))
     if any(word in words for words in known):
         return None
     near = (w for w in targets if w[0] == word[0] and abs(len(w) - len(word)) <= 1)

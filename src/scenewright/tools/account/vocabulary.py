@@ -16,6 +16,7 @@ from rapidfuzz.distance import OSA
 
 from scenewright.scene.kinds import list_kinds
 from scenewright.scene.relations import load_patterns
+from scenewright.scene.stems import load_english_words
 
 _TOKEN = re.compile(
     r"(?P<clock>[0-2]\d[0-5]\d(?=\s?(?:h|hrs|hours)\b)|\d{1,2}[:.h]\d{2}\s*(?:[ap]\.?\s?m\b\.?)?|\d{1,2}\s*[ap]\.?\s?m\b\.?)"
@@ -300,7 +301,7 @@ def _mend_spelling(token: Token) -> Token:
     if doubled and token.text not in words.spelling:
         once = token.text[:-1]  # "hitt"
         return replace(token, text=once, stem=reduce_word(once), mended=once)
-    if token.kind != "word" or len(token.text) < 3 or known:
+    if token.kind != "word" or len(token.text) < 3 or known or token.text in load_english_words():
         return token
     alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
     near = [w for w in alike if _is_one_slip(token.text, w)] or _find_alike(token.text)
