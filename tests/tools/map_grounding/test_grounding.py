@@ -20,6 +20,7 @@ from scenewright.tools.map_grounding.grounding import (
     find_patterns,
     ground_graph,
     have_conflict,
+    may_run_unasked,
     share_green,
 )
 
@@ -220,6 +221,14 @@ def test_who_runs_the_red_light_as_said_is_the_violator():
         relations=(edge("collide_at", CAR, OTHER),),
     )
     assert {cast.patterns[0].violator for cast in drawn(graph)} == {OTHER}
+
+
+def test_agents_that_no_relation_binds_do_not_multiply_the_search_for_red_lights():
+    walkers = tuple(pedestrian(f"pedestrian-{n}", movement="crossing") for n in range(1, 9))
+    agents = (vehicle(), vehicle(OTHER), *walkers)
+    graph = SocialGraph(agents=agents, relations=(edge("follow", CAR, OTHER),))
+    grounding = ground_graph(graph, intersection_map=ON)
+    assert not may_run_unasked(graph, grounding, intersection_map=ON)
 
 
 @pytest.mark.parametrize("kind", ["rear_end", "sideswipe", "head_on", "left_turn", "angle"])

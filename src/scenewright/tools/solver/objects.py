@@ -174,14 +174,25 @@ class ObjectPlacer:
         for leg, side in self._list_sides(node, schedule):
             places = self._find_places(node, leg, side)
             if node.hides is not None and places:
-                way = geos.LineString(schedule.actors[node.hides].candidate.path.xy)
-                away = geos.distance(way, geos.points([(each.x, each.y) for each in places]))
-                reach = _BESIDE + np.hypot(places[0].length, places[0].width) / 2
-                places = tuple(places[k] for k in np.flatnonzero(away <= reach))
+                places = self._keep_beside(places, schedule, node.hides)
             for k in self._rng.permutation(len(places)):
                 count_work()
                 if _keeps_apart(places[k], others) and self._hides(node, places[k], schedule):
                     yield places[k]
+
+    def _keep_beside(
+        self, places: Sequence[ObjectRecord], schedule: PartialSchedule, walker: str
+    ) -> tuple[ObjectRecord, ...]:
+        """Keep the places near a walker's path with their middle in nobody's way, all at once."""
+        middles = geos.points([(each.x, each.y) for each in places])
+        half = np.array([(each.length, each.width) for each in places]) / 2
+        kept = np.ones(len(places), dtype=np.bool_)
+        for name, actor in schedule.actors.items():
+            away = geos.distance(geos.LineString(actor.candidate.path.xy), middles)
+            kept &= away >= half[:, 1] + actor.candidate.shape.width / 2
+            if name == walker:
+                kept &= away <= _BESIDE + np.hypot(*half.T)
+        return tuple(places[k] for k in np.flatnonzero(kept))
 
     def _list_places_beyond(
         self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
