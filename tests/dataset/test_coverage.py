@@ -121,7 +121,7 @@ def test_gaps_are_named_and_goals_are_test_cases(
         ("least: 1", "leat: 1", "line 6, crosses[0].leat: there is no such field; is least"),
         ("bins: [0, 12, 24]", "values: [noon]", "line 3, dimensions[1].values: hour is a number"),
         (GOALS, "dimensions: []", "holds no goals"),
-        (GOALS, "", "valid dictionary"),
+        (GOALS, "", "holds fields such as dimensions"),
     ],
 )
 def test_a_mistake_in_goals_is_named(tmp_path: Path, old: str, new: str, told: str) -> None:

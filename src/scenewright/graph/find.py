@@ -42,7 +42,7 @@ from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.measures import UNITS, MeasureKind
 from scenewright.scene.plan_fields import PlanField, join_fields, list_fields
-from scenewright.scene.plan_file import LogicalPlan, read_logical_plan
+from scenewright.scene.plan_file import MOST_CHOICES, LogicalPlan, read_logical_plan
 from scenewright.scene.record import (
     AgentRecord,
     MeasureRecord,
@@ -68,8 +68,6 @@ SPAN = 14.0
 """The events of one hit lie at most so far apart [s]."""
 AROUND, LONGEST = 8.0, 30.0
 """What of a recording is cut out before and after a hit's events, and the longest clip [s]."""
-MOST_CHOICES = 200
-"""Combinations of listed values of one plan."""
 _FIGURES: dict[str, MeasureKind] = {
     "target_pet": "pet", "target_ttc": "ttc", "impact_speed": "contact_speed",
 }  # fmt: skip
