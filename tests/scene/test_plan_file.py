@@ -124,7 +124,8 @@ MISTAKES = {
     "figure": ("agents:", "measures: [{kind: speed, agent: vehicle-1, value: 300}]\nagents:", 1,
                "measures[0].value", "at most 100"),
     "field before constraint": (
-        "agents:\n  - id: vehicle-1", "constraints: [vehicle-1.entry == south]\nagents:\n  - id: car-1",
+        "agents:\n  - id: vehicle-1",
+        "constraints: [vehicle-1.entry == south]\nagents:\n  - id: car-1",
         3, "agents[0].id", "vehicle-1"),
 }  # fmt: skip
 

@@ -181,14 +181,14 @@ class Hit:
         }  # fmt: skip
 
 
-def read_query(asked: str, *, intersection: str | None = None) -> Query:
-    """The plans that a text, or a plan file with values left open, stands for.
+def read_query(asked: str | Mapping[str, Any], *, intersection: str | None = None) -> Query:
+    """The plans that a text, or a plan with values left open, a file or its fields, stands for.
 
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`; too many choices.
     """
     place, unknown = intersection or DEFAULT_INTERSECTION, list[str]()
-    if is_plan_file(asked):
+    if not isinstance(asked, str) or is_plan_file(asked):
         logical = read_logical_plan(asked)
         unknown = [each.text for each in logical.constraints]
         if intersection is None:
