@@ -703,6 +703,46 @@ def test_openscenario_in_routes_puts_an_agent_on_its_lane_where_lanes_overlap() 
     assert not list(replay.iter("LanePosition"))
 
 
+RANGES = {
+    "range": ("5 .. 15 m/s", "UniformDistribution/Range", {"lowerLimit": 0.5, "upperLimit": 1.5}),
+    "normal": ("normal(36, 7.2) km/h", "NormalDistribution",
+               {"expectedValue": 1.0, "variance": 0.04}),
+    "lognormal": ("lognormal(10, 0.2) m/s", "Histogram/Bin[10]/Range", {"upperLimit": 1.0}),
+    "list": ([5, 12], "ProbabilityDistributionSet/Element[2]", {"value": 1.2, "weight": 1.0}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", RANGES)
+def test_ranges_of_a_plan_are_factors_of_speeds_that_are_declared(
+    tmp_path: Path, kind: str
+) -> None:
+    value, path, wanted = RANGES[kind]
+    speeds = [{"kind": "speed", "agent": name, "value": value} for name in ("vehicle-1",)]
+    plan = {"agents": [{"id": "vehicle-1", "subtype": ["car", "van"]}], "measures": speeds}
+    files = scenewright.export(make_record(), "openscenario", tmp_path, form="reactive", plan=plan)
+    scenario, ranges = (ElementTree.parse(f).getroot() for f in files if f.suffix == ".xosc")
+    assert ranges.find(".//ScenarioFile").get("filepath") == "hand_made_1.xosc"
+    declared = {each.get("name") for each in scenario.iter("ParameterDeclaration")}
+    (drawn,) = ranges.iter("StochasticDistribution")
+    assert drawn.get("parameterName") == "speed_vehicle_1"
+    assert drawn.get("parameterName") in declared
+    found = drawn.find(path)
+    assert {name: float(found.get(name)) for name in wanted} == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("form", "plan", "told"),
+    [("replay", {"agents": []}, "reactive"), ("reactive", {"agents": []}, "leaves no speed open"),
+     ("reactive", {"agents": 3}, "plan, agents")],
+)  # fmt: skip
+def test_ranges_that_no_parameter_holds_are_refused(
+    tmp_path: Path, form: str, plan: dict[str, object], told: str
+) -> None:
+    with pytest.raises(InputError, match=told):
+        scenewright.export(make_record(), "openscenario", tmp_path, form=form, plan=plan)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_openscenario_in_routes_declares_what_can_vary() -> None:
     record = make_record()
     late = record.agents[2].model_copy(update={"role": "foreground"})
