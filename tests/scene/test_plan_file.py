@@ -110,6 +110,7 @@ MISTAKES = {
                          "agents[1].subtype", "no vehicle"),
     "no colon": ("subtype: car", "subtype car", 3, "subtype", "`name: value`"),
     "not indented": ("    entry: south", "   entry: south", 4, "entry", "indented"),
+    "section without colon": ("agents:", "agents", 1, "agents", "colon is missing"),
     "second colon": ("entry: south", "entry: south: left", 4, "entry", "quotes"),
     "open list": ("subtype: car", "subtype: [car, bus", 3, "subtype", "not closed"),
     "listed id": ("id: pedestrian-1", "id: [pedestrian-1]", 5, "agents[1].id", "one word"),

@@ -317,11 +317,12 @@ def read_yaml(path: Path) -> tuple[Any, dict[Path_, int]]:
         problem = error.problem or "not YAML"
         if "\\t" in problem or "\t" in text.split("\n")[mark.line]:
             raise _build_syntax_error(text, mark.line, name, "a tab; indent with spaces") from error
+        line, begun = mark.line, (error.context_mark or mark).line
         for pattern, words, opened in _SYNTAX:
             if re.search(pattern, problem):
-                mark, problem = (error.context_mark or mark) if opened else mark, words
+                line, problem = begun if opened else line, words
                 break
-        raise _build_syntax_error(text, mark.line, name, problem) from error
+        raise _build_syntax_error(text, line, name, problem) from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, int(error.position))
         raise _build_syntax_error(text, line, name, "a character that YAML forbids") from error
@@ -333,7 +334,7 @@ _SYNTAX = (
     ("end of stream", "it is opened here and closed nowhere", True),
     ("expected ',' or", "a bracket is opened here and not closed before the next entry", True),
     ("expected ':'", "a field is written as `name: value`, with a space after the colon", True),
-    ("block end", "the line is not indented as those beside it", False),
+    ("block end", "not indented as the line before; entries beside one another are alike", False),
     ("mapping values", "a second colon; put quotes around the value", False),
     ("cannot start any token", "a value that begins with such a sign needs quotes", False),
     ("another document", "a file holds one plan, without `---` in it", False),
@@ -343,7 +344,10 @@ _SYNTAX = (
 
 def _build_syntax_error(text: str, line: int, name: str, problem: str) -> InputError:
     """The error at a line (from 0), with its first word, or the last key before a line without."""
-    for above in reversed(text.split("\n")[: line + 1]):
+    lines = text.split("\n")
+    if "second colon" in problem and re.fullmatch(r"\s*[\w-]+\s*", lines[line - 1]):
+        line, problem = line - 1, "a colon is missing, as in `name: value`"
+    for above in reversed(lines[: line + 1]):
         if key := re.match(r"[\s\-{\[]*([A-Za-z][\w-]*)", above):
             return InputError(f"{name}, line {line + 1}, {key[1]}: {problem}")
     return InputError(f"{name}, line {line + 1}: {problem}")
