@@ -235,7 +235,8 @@ def _check_choices(plan: LogicalPlan) -> None:
                 break
             except PlanFault as error:
                 fault = error
-            if fault.path != at and (at is not None or fault.path in plan.spreads):
+            opened = {fault.path, (*fault.path[:2], "value")} & plan.spreads.keys()
+            if fault.path != at and (at is not None or opened):
                 break
         else:
             if fault is not None:
