@@ -110,6 +110,7 @@ MISTAKES = {
                          "agents[1].subtype", "no vehicle"),
     "no colon": ("subtype: car", "subtype car", 3, "subtype", "`name: value`"),
     "not indented": ("    entry: south", "   entry: south", 4, "entry", "indented"),
+    "line ends of other kinds": ("agents:", "# a \u2028 b \x85\r\nagents", 2, "agents", "colon"),
     "section without colon": ("agents:", "agents", 1, "agents", "colon is missing"),
     "second colon": ("entry: south", "entry: south: left", 4, "entry", "quotes"),
     "open list": ("subtype: car", "subtype: [car, bus", 3, "subtype", "not closed"),

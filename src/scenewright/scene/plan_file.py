@@ -308,7 +308,9 @@ def read_yaml(path: Path) -> tuple[Any, dict[Path_, int]]:
     Raises:
         InputError: unreadable, or not YAML of plain values; names the line.
     """
-    text, name = _read_text(path), str(path)
+    # What YAML takes for a line's end, and no editor does, must not shift the lines of faults.
+    text = re.sub("[\x85\u2028\u2029]", " ", re.sub("\r\n?", "\n", _read_text(path)))
+    name = str(path)
     lines: dict[Path_, int] = {}
     try:
         node = _Loader(text).get_single_node()
@@ -346,7 +348,7 @@ _SYNTAX = (
 def _build_syntax_error(text: str, line: int, name: str, problem: str) -> InputError:
     """The error at a line (from 0), with its first word, or the last key before a line without."""
     lines = text.split("\n")
-    if "second colon" in problem and re.fullmatch(r"\s*[\w-]+\s*", lines[line - 1]):
+    if "second colon" in problem and line and re.fullmatch(r"\s*[\w-]+\s*", lines[line - 1]):
         line, problem = line - 1, "a colon is missing, as in `name: value`"
     for above in reversed(lines[: line + 1]):
         if key := re.match(r"[\s\-{\[]*([A-Za-z][\w-]*)", above):
@@ -516,8 +518,9 @@ def describe_fault(
         what = f"holds fields such as {', '.join(_list_fields_at(path, model)[:3])}"
     elif not isinstance(cause, FieldError):
         unit = UNIT_OF.get(str(path[-1]), "") if path else ""
-        words = _WANTED.get(first["type"], f"{what[0].lower()}{what[1:]}")
-        what = f"{words.format(**first.get('ctx', {}))} {unit}".rstrip() + f", not {_quote(given)}"
+        wanted = _WANTED.get(first["type"])
+        what = wanted.format(**first.get("ctx", {})) if wanted else f"{what[0].lower()}{what[1:]}"
+        what = f"{what} {unit}".rstrip() + f", not {_quote(given)}"
     if path[:1] == ("measures",) and (*path[:2], "value") in lines:
         path = (*path[:2], "value") if path[2:] in (("low",), ("high",)) else path
     return build_fault(name, lines, path, what)
