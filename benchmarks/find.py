@@ -223,7 +223,8 @@ def score(out: Path) -> None:
             except Unsatisfiable:  # a pedestrian follows no car
                 continue
             for name, own in sources.items():
-                for hit in (hit for source in own for hit in find_hits(query, source)):
+                hits = (hit for source in own for hit in find_hits(query, source))
+                for hit in (hit for hit in hits if not hit.untested):
                     names = [hit.source.tracks.names[n] for n in hit.agents.values()]
                     until = max(float(e.evidence.get("until", e.time)) for e in hit.events)
                     found[name].append((relation, names, hit.time, until))

@@ -178,6 +178,16 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
                     "detail"
                 ]
             )
+            tracks = [str(tmp_path / "kept")]
+            seen = await call("find_scenarios", query="A car yields to a pedestrian", paths=tracks)
+            assert [e["type"] for hit in seen["hits"] for e in hit["events"]] == ["yielding"]
+            fields = {"agents": [{"id": "cyclist-1"}]}
+            seen = await call("find_scenarios", query=fields, paths=tracks)
+            assert (seen["ok"], seen["hits"]) == (True, [])
+            wrong = await call("find_scenarios", query="A car", paths=[str(tmp_path / "none")])
+            assert not wrong["ok"]
+            wrong = await call("find_scenarios", query={"agents": 3}, paths=tracks)
+            assert wrong["detail"].startswith("plan, agents: a list")
             assert "ccftap" in (await call("read_catalogue"))["plans"]
             assert "vehicle-2" in (await call("read_catalogue", plan="ccftap"))["plan"]
 

@@ -17,6 +17,7 @@ import pytest
 
 from exported_scenes import make_record
 from scenewright.cli.main import main
+from scenewright.dataset.tables.junit import build_junit
 from scenewright.driving import benchmark
 from scenewright.driving.benchmark import (
     BenchmarkScene,
@@ -27,7 +28,7 @@ from scenewright.driving.benchmark import (
     load_listed,
     read_list,
 )
-from scenewright.driving.benchmark_report import build_junit, build_page
+from scenewright.driving.benchmark_report import build_page, list_test_cases
 from scenewright.driving.policies import BUILT_IN
 from scenewright.driving.report import report_drive
 from scenewright.driving.scenario import Scenario, build_scenario
@@ -138,7 +139,7 @@ def make_rows(strike: Scenario) -> list[dict[str, Any]]:
 
 
 def test_junit_has_a_case_for_each_scene(strike: Scenario) -> None:
-    (suite,) = ElementTree.fromstring(build_junit(make_rows(strike)))
+    (suite,) = ElementTree.fromstring(build_junit(list_test_cases(make_rows(strike))))
     assert suite.attrib == {"name": "ego <b>me</b>", "tests": "2", "failures": "1"}
     cases = suite.findall("testcase")
     assert [case.get("name") for case in cases] == ["one & two"] * 2

@@ -100,6 +100,26 @@ def test_values_that_a_plan_leaves_open_are_bounds(
         assert len(look(str(plan), table)) == found
 
 
+@pytest.mark.parametrize(
+    ("first", "beside", "doubt"),
+    [(0.0, 0.0, None), (4.4, 0.0, "no approach"), (0.0, 5.5, "apart")],
+)
+def test_a_near_miss_of_tracks_is_one_if_they_show_how_near_and_whence(
+    tmp_path: Path, first: float, beside: float, doubt: str | None
+) -> None:
+    table = tmp_path / "tracks.csv"
+    rows = ["t,id,class,x,y"]
+    for k in range(81):
+        t = k / 10
+        rows.append(f"{t},4,car,{6 * t - 24},0")
+        if t >= first:  # behind the car, or on a way that ends before it
+            rows.append(f"{t},5,bicycle,{-1.0 - beside},{4 * t - 21}")
+    table.write_text("\n".join(rows))
+    (hit,) = look("A car nearly hits a cyclist", table, None)
+    assert hit.events[0].type == "near_miss"
+    assert doubt in hit.untested[0] if doubt else hit.untested == ()
+
+
 def test_what_cannot_be_tested_is_named_and_no_hit(
     made: dict[str, tuple[Path, Path]], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from scenewright import synthesize
+from scenewright.authoring.session import Session
 from scenewright.backends import Question, load_backend
+from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError, Rejected
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.graph.run import Scene
 from scenewright.intersections import load_map
+from scenewright.memory.threads import Threads
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.event_reasoner import edit_segments
 from scenewright.nodes.event_reasoner.reply import SegmentReply
 from scenewright.nodes.waypoint_filter import solve_program
 from scenewright.scene.constraints import SpeedBetween
+from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.remaining import AddedStop, AddedStops
 from scenewright.tools.added_stops import place_stops
@@ -89,6 +94,20 @@ DRIVES = "A car doing 30 km/h turns right and yields to a pedestrian."
 
 def speeding(*replies: Any) -> Scripted:
     return Scripted(("doing 30 km/h", "constraint", CAR), constraints=list(replies))
+
+
+def test_a_plan_says_which_words_a_change_does_not_keep(tmp_path: Path) -> None:
+    backend = hesitating(a_stop)
+    graph = made(HESITATES, backend).state["social_graph"]
+    threads = Threads(tmp_path / "threads.sqlite")
+    setting = {"intersection": "amsterdam_120", "seed": 0, "refiner": "none"}
+    session = Session(threads, "plans", backend=backend, setting=setting)
+    reply = session.make_plan(PlanFile(graph))
+    assert reply["note"] == "no field holds 'hesitates': a change must say it again"
+    lines = [line for _, line in format_reply(reply, session.find_version())]
+    assert any("'hesitates'" in line for line in lines)
+    assert "note" not in session.make_plan(PlanFile(graph.model_copy(update={"said": ()})))
+    threads.close()
 
 
 def test_a_plain_instruction_asks_for_the_plan_alone() -> None:

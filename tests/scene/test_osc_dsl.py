@@ -25,13 +25,14 @@ agents:
   - {id: vehicle-1, entry: has left-turn lane and crosswalk, movement: left, runs_red: true}
   - {id: vehicle-2, entry: has crosswalk, subtype: [car, truck]}
   - {id: vehicle-3}
+  - {id: vehicle-4}
 relations:
   - {type: near_miss, from: vehicle-1, to: vehicle-2, target_pet: 500 .. 2000 ms}
 ties:
   - {agent: vehicle-1, of: vehicle-2, side: other}
 objects:
   - {id: object-1, kind: stalled, met_by: vehicle-3, encounter: waits_behind, figure: [1 m, 4 m],
-     others: [{agent: vehicle-2, encounter: queues}]}
+     others: [{agent: vehicle-4, encounter: queues}]}
 measures:
   - {kind: speed, agent: vehicle-1, value: 3 .. 9 m/s}
   - {kind: wait, agent: vehicle-2, low: 1 s, high: 2 s}

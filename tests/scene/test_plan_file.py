@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenewright.backends import load_backend
+from scenewright.cli.plan import check_plan_file
 from scenewright.errors import InputError
 from scenewright.graph.run import plan_instruction
 from scenewright.scene.plan_file import (
@@ -80,7 +81,7 @@ MISTAKES = {
     "out of bounds": ("30 km/h", "300 km/h", 10, "relations[0].impact_speed", "20"),
     "duplicated key": ("entry: south", "subtype: bus", 4, "agents[0].subtype", "line 3"),
     "tab": ("    entry: south", "\tentry: south", 4, "entry", "spaces"),
-    "empty": (GOOD, "", None, "", "is empty"),
+    "empty": (GOOD, "", 1, "", "is empty"),
     "list for mapping": (GOOD, "- id: vehicle-1\n", 1, "", "agents"),
     "mapping for list": ("agents:\n  - id: vehicle-1", "agents:\n    id: vehicle-1", None, "", ""),
     "agent twice": ("id: pedestrian-1", "id: vehicle-1", 5, "agents[1].id", "twice"),
@@ -97,7 +98,7 @@ MISTAKES = {
     "no comparison": ("agents:", "constraints: [1 + 1]\nagents:", 1, "constraints[0]", "!="),
     "call": ("agents:", "constraints: ['f(vehicle-1.entry) > 1']\nagents:", 1,
              "constraints[0]", "!="),
-    "broken": ("agents:", "constraints: [vehicle-1.entry == north]\nagents:", 1, "constraints",
+    "broken": ("agents:", "constraints: [vehicle-1.entry == north]\nagents:", 1, "constraints[0]",
                "does not hold"),
     "unset": ("agents:", "constraints: [vehicle-1.exit == north]\nagents:", 1, "constraints[0]",
               "vehicle-1.exit is not set"),
@@ -105,6 +106,29 @@ MISTAKES = {
                    "cannot be computed"),
     "walker turns": ("id: pedestrian-1", "id: pedestrian-1\n    motion: blocks_junction", 6,
                      "agents[1].motion", "no vehicle"),
+    "walker is a taxi": ("id: pedestrian-1", "id: pedestrian-1\n    subtype: taxi", 6,
+                         "agents[1].subtype", "no vehicle"),
+    "no colon": ("subtype: car", "subtype car", 3, "subtype", "`name: value`"),
+    "not indented": ("    entry: south", "   entry: south", 4, "entry", "indented"),
+    "line ends of other kinds": ("agents:", "# a \u2028 b \x85\r\nagents", 2, "agents", "colon"),
+    "section without colon": ("agents:", "agents", 1, "agents", "colon is missing"),
+    "second colon": ("entry: south", "entry: south: left", 4, "entry", "quotes"),
+    "open list": ("subtype: car", "subtype: [car, bus", 3, "subtype", "not closed"),
+    "listed id": ("id: pedestrian-1", "id: [pedestrian-1]", 5, "agents[1].id", "one word"),
+    "listed typo": ("subtype: car", "subtype: [car, buss]", 3, "agents[0].subtype", "'buss'"),
+    "listed stranger": ("from: vehicle-1", "from: [vehicle-1, vehicle-2]", 8,
+                        "relations[0].from", "vehicle-2 is not among"),
+    "truth for number": ("30 km/h", "true", 10, "relations[0].impact_speed", "a number"),
+    "decimal comma": ("30 km/h", "8,3", 10, "relations[0].impact_speed", "a point"),
+    "no impact": ("collide_at", "near_miss", 10, "relations[0].impact_speed", "collide_at"),
+    "measure": ("agents:", "measures: [{kind: pace, agent: vehicle-1, value: 3 m/s}]\nagents:", 1,
+                "measures[0].kind", "'speed'"),
+    "figure": ("agents:", "measures: [{kind: speed, agent: vehicle-1, value: 300}]\nagents:", 1,
+               "measures[0].value", "at most 100"),
+    "field before constraint": (
+        "agents:\n  - id: vehicle-1",
+        "constraints: [vehicle-1.entry == south]\nagents:\n  - id: car-1",
+        3, "agents[0].id", "vehicle-1"),
 }  # fmt: skip
 
 
@@ -118,6 +142,24 @@ def test_a_mistake_is_named_by_line_and_field(tmp_path: Path, name: str) -> None
     assert said.startswith(str(tmp_path / "scene.yaml"))
     assert line is None or f"line {line}" in said
     assert f"{field}:" in said
+    assert help_ in said
+
+
+NO_WAY = {
+    "movement": ("entry: south", "movement: crossing", 4, "agents[0].movement", "with straight"),
+    "crosswalk": ("entry: south", "crosswalk: south", 4, "agents[0].crosswalk", "leave it out"),
+    "place": ("context:", "intersections: [moon]\ncontext:", 11, "intersections", "'moon'"),
+}
+
+
+@pytest.mark.parametrize("name", NO_WAY)
+def test_what_no_map_has_is_named_by_line_and_field(tmp_path: Path, name: str) -> None:
+    good, bad, line, field, help_ = NO_WAY[name]
+    file = write(tmp_path, GOOD.replace(good, bad))
+    with pytest.raises(InputError) as caught:
+        check_plan_file(str(file), None)
+    said = str(caught.value)
+    assert said.startswith(f"{file}, line {line}, {field}:")
     assert help_ in said
 
 

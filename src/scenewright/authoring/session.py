@@ -67,6 +67,7 @@ from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
 from scenewright.memory.threads import Threads
 from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
+from scenewright.scene.account import LEFT_TO_STAGES
 from scenewright.scene.edits import (
     Clarification,
     DeclinedTurn,
@@ -544,7 +545,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
         state.get("argument") == LENIENT,
     )
     reading = _READING.validate_python(state["reading"])
-    version = _find_version(state, None)
+    version, lost = _find_version(state, None), list[str]()
     try:
         if isinstance(reading, Edits) and version is not None:
             text = _join_words(version["text"], state["words"])
@@ -563,10 +564,15 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             made = _run_apart(setting, begin, asked, setting, log=context.log)
             if isinstance(asked, PlanFile) and not asked.as_read:  # its words are of its fields
                 made = replace(made, graph=made.graph.model_copy(update={"said": ()}))
+                lost = [each.words for each in asked.plan.said if each.became in LEFT_TO_STAGES]
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
         return _build_refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
-    return _enter_version(state, text, edits, made, context)
+    entered = _enter_version(state, text, edits, made, context)
+    if lost:
+        told = ", ".join(map(repr, lost))
+        entered["reply"] |= {"note": f"no field holds {told}: a change must say it again"}
+    return entered
 
 
 _ADDED = re.compile(r"^\s*(?:(?:and|now|then|ok|please) )*(?:add|put in)\s+", re.IGNORECASE)

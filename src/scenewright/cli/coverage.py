@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
-from xml.etree import ElementTree
 
 import typer
 
@@ -14,6 +13,7 @@ from scenewright.cli.common_options import Json
 from scenewright.cli.console import format_columns, log_line, write_json, write_stdout
 from scenewright.cli.errors import NOT_VERIFIED
 from scenewright.cli.output_folder import try_file
+from scenewright.dataset.tables.junit import Case, build_junit
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 
@@ -68,7 +68,7 @@ def show_coverage(
         write_atomically(fill, "".join(json.dumps(row) + "\n" for row in rows).encode())
         found |= {"fill": len(rows), "not_askable": left}
     if junit is not None:
-        write_atomically(junit, _format_junit(covered))
+        write_atomically(junit, build_junit({"coverage": _list_test_cases(covered)}))
     if plot is not None:
         draw_coverage(Path(plot), shown)
     if as_json:
@@ -133,15 +133,13 @@ def _format_table(covered: Sequence[Covered], *, wanted: bool) -> str:
     return table + "".join(f" {gap}\n" for gap in gaps)
 
 
-def _format_junit(covered: Sequence[Covered]) -> bytes:
-    """A test case for each goal, which fails with its gaps."""
-    failed = sum(bool(each.gaps) for each in covered)
-    counts = {"tests": str(len(covered)), "failures": str(failed)}
-    suite = ElementTree.Element("testsuite", {"name": "coverage", **counts})
-    for each in covered:
-        case = ElementTree.SubElement(suite, "testcase", classname="coverage", name=each.name)
-        if each.gaps:
-            message = f"{len(each.gaps)} of {each.wanted} bins lack encounters"
-            fault = ElementTree.SubElement(case, "failure", message=message)
-            fault.text = "\n".join(map(each.describe_gap, each.gaps))
-    return bytes(ElementTree.tostring(suite, encoding="utf-8", xml_declaration=True))
+def _list_test_cases(covered: Sequence[Covered]) -> list[Case]:
+    """A test of each goal, which fails with its gaps."""
+    return [
+        Case(
+            "coverage", each.name,
+            "\n".join([f"{len(each.gaps)} of {each.wanted} bins lack encounters",
+                       *map(each.describe_gap, each.gaps)]) if each.gaps else None,
+        )
+        for each in covered
+    ]  # fmt: skip

@@ -270,11 +270,13 @@ def _serve_scenes(
 
 def _write_results(rows: Sequence[Row], *, junit: str | None, html: str | None) -> None:
     """Write the files that the options name."""
-    from scenewright.driving.benchmark_report import build_junit, build_page
+    from scenewright.dataset.tables.junit import build_junit
+    from scenewright.driving.benchmark_report import build_page, list_test_cases
 
-    for file, build in ((junit, build_junit), (html, build_page)):
-        if file is not None:
-            write_atomically(file, build(rows))
+    if junit is not None:
+        write_atomically(junit, build_junit(list_test_cases(rows)))
+    if html is not None:
+        write_atomically(html, build_page(rows))
 
 
 def _print_rows(rows: list[Row], said: dict[str, Any], *, as_json: bool) -> None:

@@ -34,6 +34,10 @@ def export(
     intersection: Annotated[
         str | None, typer.Option(help="Map to use, not the one the scene names.")
     ] = None,
+    plan: Annotated[
+        str | None,
+        typer.Option(metavar="F", help="Plan whose open speeds become OpenSCENARIO distributions."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write scenes in another format; docs/exports.md describes each."""
@@ -42,7 +46,7 @@ def export(
 
     given = [each for path in scenes for each in list_scene_files(path)]
     log_files(
-        write(given, to, Path(out), form=form, ego=ego, intersection=intersection),
+        write(given, to, Path(out), form=form, ego=ego, intersection=intersection, plan=plan),
         scenes=len(given), to=to, out=out, as_json=as_json,
     )  # fmt: skip
 

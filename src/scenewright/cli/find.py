@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,7 +24,10 @@ from scenewright.errors import InputError, Unsatisfiable
 from scenewright.files import write_atomically
 
 if TYPE_CHECKING:
-    from scenewright.graph.find import Hit, Query
+    from scenewright.graph.find import Hit
+
+LIMIT = 100
+"""Hits that a search stops at, unless told otherwise."""
 
 
 def find(
@@ -44,68 +48,95 @@ def find(
         str | None,
         typer.Option(metavar="F", help="Write the best hit as a plan to vary.", callback=try_file),
     ] = None,
-    limit: Annotated[int, typer.Option(help="Most hits.", min=1)] = 100,
+    limit: Annotated[int, typer.Option(help="Most hits.", min=1)] = LIMIT,
     lenient: Annotated[
         bool, typer.Option("--lenient", help="Count hits of which something cannot be tested.")
     ] = False,
     as_json: Json = False,
 ) -> None:
     """Find what a text or a plan asks for in recordings: who, when, and what was measured."""
-    from scenewright.graph.find import format_variation, read_query, save_clip
+    from scenewright.graph.find import format_variation, save_clip
 
-    asked = read_query(query, intersection=intersection)
-    unusable: list[str] = []
+    found = search(query, paths, intersection, limit=limit, lenient=lenient)
+    for note in found.notes:
+        log_line(f"note: {note}")
     clips: list[str] = []
-    hits: list[Hit] = []
-    doubtful: list[Hit] = []
-    for hit in _search(asked, paths, intersection, unusable, lenient=lenient):
-        if hit.untested and not lenient:
-            doubtful.append(hit)
-            continue
-        hits.append(hit)
-        if out is not None:
-            clips.append(str(save_clip(hit, Path(out) / f"{len(hits):03}")))
-        if len(hits) == limit:
-            log_line(f"note: these are the first {limit}; --limit N finds more")
-            break
-    if vary is not None and hits:
-        best = min(hits, key=lambda hit: len(hit.untested))
+    if out is not None:
+        for n, hit in enumerate(found.hits, start=1):
+            clips.append(str(save_clip(hit, Path(out) / f"{n:03}")))
+    if vary is not None and found.hits:
+        best = min(found.hits, key=lambda hit: len(hit.untested))
         write_atomically(Path(vary), format_variation(best).encode())
     if as_json:
-        rows = [hit.to_json() for hit in hits]
-        found = {"hits": rows, "clips": clips, "doubtful": len(doubtful), "unusable": unusable}
-        write_json({"ok": not unusable, **found})
+        write_json({**found.to_json(), "clips": clips})
     else:
-        write_stdout(_format_hits(hits))
-    if doubtful:
-        reasons = format_one_line("; ".join(doubtful[0].untested))
-        log_line(f"{len(doubtful)} more in part not tested, which --lenient lists: {reasons}")
-    for each in unusable:
+        write_stdout(_format_hits(found.hits))
+    if found.doubtful:
+        reasons = format_one_line("; ".join(found.doubtful[0].untested))
+        more = f"{len(found.doubtful)} more in part not tested"
+        log_line(f"{more}, which --lenient lists: {reasons}")
+    for each in found.unusable:
         log_line(f"scenewright: {each}")
-    if unusable:
+    if found.unusable:
         raise typer.Exit(UNUSABLE)
 
 
-def _search(
-    query: Query, paths: list[str], place: str | None, unusable: list[str], *, lenient: bool
-) -> Iterator[Hit]:
-    """The hits in all files; why one cannot be used goes to `unusable`."""
-    from scenewright.cli.verify import list_scene_files
-    from scenewright.graph.find import find_hits, list_untestable, load_sources
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search brought.
 
+    Attributes:
+        doubtful: hits of which something could not be tested, where those do not count.
+        unusable: why files could not be used; notes: of the reader, and where the limit was met.
+    """
+
+    hits: list[Hit] = field(default_factory=list)
+    doubtful: list[Hit] = field(default_factory=list)
+    unusable: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `--json` prints, and an agent's tool answers."""
+        rows = [hit.to_json() for hit in self.hits]
+        own = {"hits": rows, "doubtful": len(self.doubtful), "unusable": self.unusable}
+        return {"ok": not self.unusable, **own}
+
+
+def search(
+    query: str | Mapping[str, Any],
+    paths: Sequence[str],
+    intersection: str | None = None,
+    *,
+    limit: int = LIMIT,
+    lenient: bool = False,
+) -> Found:
+    """The hits of a text, a plan file or the fields of a plan in all files, at most `limit`.
+
+    Raises:
+        InputError, Unsatisfiable, BackendFault: as `synthesize`; some of it cannot be tested there.
+    """
+    from scenewright.cli.verify import list_scene_files
+    from scenewright.graph.find import find_hits, list_untestable, load_sources, read_query
+
+    asked, found = read_query(query, intersection=intersection), Found()
     for path in (own for each in paths for own in sorted(glob.glob(each)) or [each]):
         try:
             for source in (
-                own for file in list_scene_files(path) for own in load_sources(file, place)
+                own for file in list_scene_files(path) for own in load_sources(file, intersection)
             ):
                 for note in source.tracks.notes:
-                    log_line(f"note: {format_one_line(f'{source.path}: {note}')}")
-                if not lenient and (missing := "; ".join(list_untestable(query, source))):
+                    found.notes.append(format_one_line(f"{source.path}: {note}"))
+                if not lenient and (missing := "; ".join(list_untestable(asked, source))):
                     say = f"{source.path}: not to be tested there: {missing}"
                     raise Unsatisfiable(f"{say}; --lenient looks for the rest")
-                yield from find_hits(query, source)
+                for hit in find_hits(asked, source):
+                    (found.doubtful if hit.untested and not lenient else found.hits).append(hit)
+                    if len(found.hits) == limit:
+                        found.notes.append(f"these are the first {limit}; --limit N finds more")
+                        return found
         except (InputError, OSError) as error:
-            unusable.append(format_one_line(str(error)))
+            found.unusable.append(format_one_line(str(error)))
+    return found
 
 
 def _format_hits(hits: list[Hit]) -> str:

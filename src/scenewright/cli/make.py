@@ -146,9 +146,12 @@ def make_scene(
         InputError, Unsatisfiable, BackendFault: as `synthesize`; or the folder cannot be written.
     """
     from scenewright.cli.scene_summary import summarize_scene
-    from scenewright.graph.run import synthesize
+    from scenewright.graph.run import check_plan, synthesize
     from scenewright.intersections import load_map
+    from scenewright.scene.plan_file import PlanFile
 
+    if isinstance(asked, PlanFile):
+        check_plan(asked, intersection=options.intersection)
     target = None if options.out is None else target_folder(options.out, force=options.force)
     try_folder(options.out or SCENES)
     scene = synthesize(

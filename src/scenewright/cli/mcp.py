@@ -16,7 +16,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from scenewright.errors import InputError
+from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import require_extra
 from scenewright.nodes.toolbox import AgentSegments
 from scenewright.scene.social import SocialGraph
@@ -81,7 +81,7 @@ def build_server(served: ServerOptions) -> MCPServer[Any]:
         desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
         desk.start_scene, desk.ground_plan, desk.draw_candidates, desk.check_program, desk.solve,
         desk.edit_segments, desk.refine, desk.check_scene, desk.record_scene,
-        desk.measure_coverage, desk.read_catalogue,
+        desk.measure_coverage, desk.read_catalogue, desk.find_scenarios,
     ):  # fmt: skip
         server.add_tool(tool, structured_output=True)
     for uri, read, kind in (
@@ -176,6 +176,33 @@ class _ClientState:
         scenes, encounters = read_encounters([self._served.out or "nowhere"])
         covered = measure_coverage(encounters, None if goals is None else read_goals(goals))
         return {"ok": True, "scenes": scenes, "items": list(map(to_json, covered))}
+
+    @_refuse_unusable
+    def find_scenarios(
+        self,
+        query: str | dict[str, Any],
+        paths: list[str],
+        intersection: str | None = None,
+        limit: int = 20,
+        lenient: bool = False,
+    ) -> dict[str, Any]:
+        """Looks for what words, or the fields of a plan, ask for in recorded tracks.
+
+        `paths` are files, folders or patterns that `verify` reads; `intersection` is the map of the
+        tracks, in their frame; `lenient` counts hits of which something cannot be tested.
+        """
+        from scenewright.cli.find import search
+
+        if limit < 1:
+            raise InputError("limit is a whole number above 0")
+        try:
+            with limit_time(self._served.time_limit):
+                found = search(query, paths, intersection, limit=limit, lenient=lenient)
+        except TimeLimitReachedError as error:
+            return _build_refusal("time_limit", str(error))
+        except Unsatisfiable as error:
+            return _build_refusal("unsatisfiable", str(error))
+        return {**found.to_json(), "notes": found.notes}
 
     def read_catalogue(self, plan: str = "") -> dict[str, Any]:
         """The plans of consumer tests and regulations with their sources; or one, to be swept."""

@@ -322,29 +322,28 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     Raises:
         InputError: it is no plan, or the place has no way for an agent; names line and field.
     """
+    from scenewright.dataset.batch.sweep import load_places
     from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
-    from scenewright.intersections import load_map
     from scenewright.scene.phrasing import describe_graph
     from scenewright.scene.plan_file import format_path, read_logical_plan
 
     logical, place = read_logical_plan(path), intersection or DEFAULT_INTERSECTION
-    if "any" not in logical.places:
-        place = next(iter(logical.places), place)
-    placed = logical.place_at(load_map(place))
+    places = load_places(logical, place)
+    place = place if place in places else next(iter(places))
+    placed = logical.place_at(places[place])
     middle = {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
     faults: list[InputError] = []
     for values in chain([middle], _draw_points(logical, place) if middle else ()):
         try:
             if (broken := placed.find_broken(values)) is not None:
-                raise InputError(f"{path}: {broken} does not hold")
+                raise broken
             given = placed.settle(values)
-            check_plan(given.plan, intersection=place)
+            check_plan(given, intersection=place)
             break
         except InputError as error:
             faults.append(error)
     else:
-        line = str(faults[0])
-        raise InputError(line if line.startswith(path) else f"{path}: {line}") from faults[0]
+        raise faults[0]
     open_ = [format_path(at) for at in placed.spreads]
     left = f" Left open: {', '.join(open_)}." if open_ else ""
     return {

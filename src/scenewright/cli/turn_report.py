@@ -62,6 +62,8 @@ def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list
     lines = [(style, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
     if reply["kind"] == "made" and reply.get("from") is not None and reply["edits"]:
         lines.append((FAINT, f"  {_format_others(reply)}"))
+    if reply.get("note"):
+        lines.append((ASK, f"  note: {reply['note']}"))
     return lines
 
 

@@ -1,4 +1,4 @@
-"""Results of driven scenes for people and for continuous integration: HTML page, JUnit XML."""
+"""Results of driven scenes for people and for continuous integration."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from html import escape
 from importlib.resources import files
 from string import Template
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
+from scenewright.dataset.tables.junit import Case
 from scenewright.driving.benchmark import Row
 from scenewright.driving.summary import summarise_rows
 
@@ -47,19 +47,18 @@ def _format(figure: Any) -> str:
     return f"{100 * figure['rate']:.1f} %{ends}"
 
 
-def build_junit(rows: Sequence[Row]) -> bytes:
-    """One test case for each drive; a failure's text says what happened."""
-    root = ElementTree.Element("testsuites")
-    for policy, found in group_rows(rows, "policy").items():
-        counts = {"tests": str(len(found)), "failures": str(sum(row["failed"] for row in found))}
-        suite = ElementTree.SubElement(root, "testsuite", {"name": f"ego {policy}"} | counts)
-        for row in found:
-            name = {"classname": f"{policy}.{row['kind'] or 'drive'}", "name": row["scene"]}
-            case = ElementTree.SubElement(suite, "testcase", name | {"time": str(row["time"])})
-            if row["failed"]:
-                why = "".join(c if c.isprintable() else " " for c in row["why"])
-                ElementTree.SubElement(case, "failure", message=why).text = why
-    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+def list_test_cases(rows: Sequence[Row]) -> dict[str, list[Case]]:
+    """A test of each drive, by policy; a failure says what happened."""
+    return {
+        f"ego {policy}": [
+            Case(
+                f"{policy}.{row['kind'] or 'drive'}", row["scene"],
+                row["why"] if row["failed"] else None, row["time"],
+            )
+            for row in found
+        ]
+        for policy, found in group_rows(rows, "policy").items()
+    }  # fmt: skip
 
 
 def build_page(rows: Sequence[Row]) -> bytes:

@@ -6,12 +6,14 @@ import os
 import secrets
 import shutil
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from scenewright.errors import InputError
 from scenewright.graph.run import Scene, load_scene
 from scenewright.intersections import load_map
+from scenewright.scene.plan_file import read_logical_plan
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.exporters import (
     ExportedScene,
@@ -20,6 +22,7 @@ from scenewright.tools.exporters import (
     write_index,
     write_scene,
 )
+from scenewright.tools.exporters.openscenario_ranges import write_ranges
 
 Exportable = Scene | SceneRecord | str | Path
 
@@ -32,6 +35,7 @@ def export(
     form: str | None = None,
     ego: str | None = None,
     intersection: str | None = None,
+    plan: str | Path | Mapping[str, Any] | None = None,
 ) -> list[Path]:
     """Write one scene or several in a format; either all files appear or none.
 
@@ -43,15 +47,20 @@ def export(
         ego: agent that a format is centred on, such as `vehicle-1`; formats in which agents have
             controllers leave it to the user. None: the first vehicle of the foreground.
         intersection: map to use instead of the one that the scene names.
+        plan: what the scenes were made of; what it leaves open of the parameters that the form
+            `reactive` of `openscenario` declares is written as distributions beside each scene.
 
     Returns:
         The files, in order.
 
     Raises:
-        InputError: unreadable scene, unknown format, form or ego, a missing extra, or a folder
-            that cannot be written.
+        InputError: unreadable scene, unknown format, form or ego, a missing extra, a plan without
+            such ranges, or a folder that cannot be written.
     """
     find_format(to)
+    ranges = None if plan is None else read_logical_plan(plan)
+    if ranges is not None and (to, form) != ("openscenario", "reactive"):
+        raise InputError("a plan's ranges go with `--to openscenario --form reactive` alone")
     given = [scenes] if isinstance(scenes, str | Path | Scene | SceneRecord) else list(scenes)
     with _Staging(Path(out)) as staging:
         prepared: list[ExportedScene] = []
@@ -65,6 +74,8 @@ def export(
             place = load_map(intersection or record.meta.intersection)
             scene = prepare_scene(record, place, ego=ego, name=name)
             staging.add(write_scene(scene, to, form=form))
+            if ranges is not None:
+                staging.add(write_ranges(scene, ranges))
             prepared.append(scene)
         staging.add(write_index(prepared, to))
         return staging.publish()

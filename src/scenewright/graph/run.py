@@ -8,6 +8,7 @@ import stat
 import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -43,12 +44,14 @@ from scenewright.scene.bounds import find_excess
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
+from scenewright.scene.kinds import list_values
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_fields import word_plan
 from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, Stage
 from scenewright.scene.relations import get_pattern
-from scenewright.scene.social import SocialGraph
+from scenewright.scene.social import AgentNode, SocialGraph
 from scenewright.time_limit import (
     DEFAULT_LIMIT,
     TimeLimitReachedError,
@@ -259,16 +262,46 @@ def plan_instruction(
     raise _build_refusal({"rejections": rejections}, rule=rule)
 
 
-def check_plan(plan: SocialGraph, *, intersection: str = DEFAULT_INTERSECTION) -> None:
+def check_plan(given: PlanFile, *, intersection: str = DEFAULT_INTERSECTION) -> None:
     """Bind a plan to a map.
 
     Raises:
-        InputError: no such map; or it has no way for an agent of the plan.
+        InputError: no such map; or it has no way for an agent, which names line and field.
     """
+    place = load_map(intersection)
     try:
-        ground_graph(plan, intersection_map=load_map(intersection))
+        ground_graph(given.plan, intersection_map=place)
     except Rejected as error:
-        raise InputError(error.rejection.detail) from error
+        agents, what = error.rejection.agents, error.rejection.detail
+        path: tuple[str | int, ...] = ()
+        for n, node in enumerate(given.plan.agents):
+            if agents == (node.id,):
+                name, advice = _find_blocking_field(node, place)
+                path, what = ("agents", n, *name), what + advice
+        for n, edge in enumerate(given.plan.relations):
+            if set(agents) == {edge.from_, edge.to}:
+                path = ("relations", n)
+        for n, each in enumerate(given.plan.objects):
+            if what.startswith(f"{each.id}:"):
+                path = ("objects", n)
+        raise given.build_fault(path, what) from error
+
+
+def _find_blocking_field(node: AgentNode, place: IntersectionMap) -> tuple[tuple[str, ...], str]:
+    """The field without which an agent has a way, and what would do; both empty if none has."""
+
+    def has_way(name: str, value: object) -> bool:
+        with suppress(Rejected):
+            alone = SocialGraph(agents=(node.model_copy(update={name: value}),))
+            return bool(ground_graph(alone, intersection_map=place))
+        return False
+
+    for name in ("movement", "crosswalk", "exit", "entry"):
+        if getattr(node, name) is not None and has_way(name, None):
+            known = list_values([AgentNode.model_fields[name].annotation])
+            fitting = ", ".join(each for each in known if has_way(name, each))
+            return (name,), f"; {f'there is one with {fitting}' if fitting else 'leave it out'}"
+    return (), ""
 
 
 def verify(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import TypeVar
 
 from scenewright.scene.base import AgentClass
-from scenewright.scene.kinds import get_kind
+from scenewright.scene.kinds import get_kind, has_trait
+from scenewright.scene.measures import UNITS, Measure, MeasureKind
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
 
 Key = TypeVar("Key")
@@ -26,6 +28,19 @@ _NOUNS: dict[AgentClass, str] = {
 _STATES = {
     "parked": "parked ", "double_parked": "double-parked ", "stalled": "stalled ", "bus_stop": "",
 }  # fmt: skip
+_MEASURES: dict[MeasureKind, str] = {
+    "speed": "{a} drives at {value}", "line_speed": "{a} crosses the stop line at {value}",
+    "contact_speed": "{a} hits {b} at {value}", "braking": "{a} brakes at {value}",
+    "acceleration": "{a} accelerates at {value}", "wait": "{a} waits for {value}",
+    "line_distance": "{a} stops {value} before the stop line",
+    "headway": "{a} keeps a time gap of {value} to {b}",
+    "gap": "the gap between {a} and {b} is {value}", "pet": "the PET of {a} and {b} is {value}",
+    "ttc": "the TTC of {a} and {b} is {value}", "time": "{a} meets {b} after {value}",
+    "front_point": "{a} is hit by {b} at {value} of its front",
+    "front_point_left": "{a} is hit by {b} at {value} of its front from the left",
+    "front_point_right": "{a} is hit by {b} at {value} of its front from the right",
+    "side_point": "{a} is hit by {b} at {value} of its side",
+}  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
 
@@ -33,7 +48,7 @@ def describe_graph(graph: SocialGraph) -> str:
     """The graph in plain English, one short sentence for each agent and each relation."""
     names = choose_names(graph)
     sentences = [_describe_agent(agent, names[agent.id]) for agent in graph.agents]
-    sentences += [_describe_relation(edge, names) for edge in graph.relations]
+    sentences += chain(*(_describe_relation(edge, graph, names) for edge in graph.relations))
     sentences += [
         f"{names[tie.agent]} comes {_TIES[tie.side]} {names[tie.of]}"
         for tie in graph.ties
@@ -42,11 +57,7 @@ def describe_graph(graph: SocialGraph) -> str:
     if not graph.relations and not any(each.met_by for each in graph.objects):
         sentences.append("nothing happens")
     sentences += _describe_objects(graph, names)
-    sentences += [
-        f"{names[m.agent]} drives at {(m.low + m.high) / 2:.3g} m/s"
-        for m in graph.measures
-        if m.kind == "speed"
-    ]
+    sentences += [_describe_measure(each, names) for each in graph.measures]
     context, counts = graph.context, graph.context.background
     if context.time_of_day is not None:
         first, _, last = context.time_of_day.partition("-")
@@ -113,22 +124,49 @@ def _describe_route(agent: AgentNode) -> Iterator[str]:
         yield get_kind("reaction", agent.reaction).say()
 
 
-def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
+def _describe_relation(
+    edge: RelationEdge, graph: SocialGraph, names: dict[str, str]
+) -> Iterator[str]:
     own = get_kind("relation", edge.type)
     if edge.kind is not None and get_kind("collision", edge.kind).says:
         own = get_kind("collision", edge.kind)
     if edge.manoeuvre is not None:
         own = get_kind("manoeuvre", edge.manoeuvre)
     words = own.say(names[edge.from_], names[edge.to], relation=edge.type)
+    if edge.point_to is not None:
+        words += f" on its {_name_point(edge.point_to)}"
+    if edge.point_from is not None:
+        words += f" with its {_name_point(edge.point_from)}"
     if edge.target_pet is not None:
         words += f" with a PET of {edge.target_pet:.3g} s"
     if edge.target_ttc is not None:
         words += f" with a TTC of {edge.target_ttc:.3g} s"
     if edge.impact_speed is not None:
         words += f" at an impact speed of {edge.impact_speed:.3g} m/s"
+    runs = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
+    if has_trait("cause", edge.cause, "late"):
+        words += f" because {names[edge.braker] if edge.braker else 'one of them'} brakes late"
+    elif has_trait("cause", edge.cause, "red_light") and not runs:
+        words += " because one of them runs the red light"
     if edge.first is not None and edge.type != "yield_to":
         words += f", and {names[edge.first]} passes first"
-    return words
+    yield words
+    if edge.strikes is not None:
+        struck = edge.to if edge.strikes == edge.from_ else edge.from_
+        yield f"{names[edge.strikes]} strikes {names[struck]}"
+
+
+def _name_point(point: str) -> str:
+    return f"{point.replace('_', ' ')} corner" if "_" in point else point
+
+
+def _describe_measure(measure: Measure, names: dict[str, str]) -> str:
+    unit, slack = UNITS[measure.kind].unit, UNITS[measure.kind].tolerance
+    value = f"{(measure.low + measure.high) / 2:.3g} {unit}"
+    if measure.high - measure.low > 2 * slack + 1e-6:
+        value = f"between {measure.low:.3g} and {measure.high:.3g} {unit}"
+    other = "" if measure.other is None else names[measure.other]
+    return _MEASURES[measure.kind].format(a=names[measure.agent], b=other, value=value)
 
 
 def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str]:

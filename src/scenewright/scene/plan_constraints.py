@@ -111,9 +111,21 @@ def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
             return all(both) if isinstance(node.op, ast.And) else any(both)
         case ast.Compare():
             terms = [_evaluate(each, values) for each in (node.left, *node.comparators)]
-            pairs = zip(node.ops, terms, terms[1:], strict=False)
-            return all(_OPERATORS[type(op)](a, b) for op, a, b in pairs)
+            return all(
+                _compare(type(op), a, b)
+                for op, a, b in zip(node.ops, terms, terms[1:], strict=False)
+            )
     raise TypeError(f"{ast.unparse(node)} is no value")
+
+
+def _compare(operation: type, left: Any, right: Any) -> bool:
+    if operation in (ast.In, ast.NotIn) and not isinstance(right, list):
+        raise TypeError(f"after `in` comes a list such as [north, south], not {right!r}")
+    if operation in (ast.Lt, ast.LtE, ast.Gt, ast.GtE) and not (
+        isinstance(left, int | float) and isinstance(right, int | float)
+    ):
+        raise TypeError(f"{left!r} or {right!r} is no number")
+    return bool(_OPERATORS[operation](left, right))
 
 
 def _find_value(data: Mapping[str, Any], name: str) -> Any:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from itertools import islice, product
 from pathlib import Path
 from typing import Any, get_args
 
@@ -35,10 +36,14 @@ from scenewright.scene.spread import Spread, find_fault, read_number, read_sprea
 
 MOST_BYTES = 1 << 18
 """Longest plan file."""
+MOST_CHOICES = 200
+"""Combinations of listed values of one plan."""
 _WHOLE = ("members", "vehicles", "pedestrians")
 """Fields that count."""
 _LISTS = ("agents", "relations", "ties", "objects", "measures", "said", "others", "lead", "figure")
 """Fields that hold lists; a list in any other field offers values to choose from."""
+_SINGLE = ("text", "read_as", "id", "context", "background")
+"""Fields that cannot be left open."""
 _HEAD = """\
 # A plan: what shall happen, as the solver gets it. Change it, then
 #   scenewright plan FILE   checks it,
@@ -54,6 +59,14 @@ _SAID_HELP = """\
 Path_ = tuple[str | int, ...]
 
 
+class PlanFault(InputError):
+    """A fault of one field of a plan, at `path`."""
+
+    def __init__(self, message: str, path: Path_) -> None:
+        super().__init__(message)
+        self.path = path
+
+
 @dataclass(frozen=True)
 class PlanFile:
     """A plan with what its file says of it.
@@ -61,11 +74,18 @@ class PlanFile:
     Attributes:
         text: words that it was read from; "" where there were none.
         as_read: no field was changed since, so the words say what shall happen.
+        name, lines: of the file, and the line of each field by its path.
     """
 
     plan: SocialGraph
     text: str = ""
     as_read: bool = False
+    name: str = field(default="plan", compare=False)
+    lines: Mapping[Path_, int] = field(default_factory=dict, compare=False)
+
+    def build_fault(self, path: Path_, what: str) -> PlanFault:
+        """The error of a field."""
+        return build_fault(self.name, self.lines, path, what)
 
 
 @dataclass(frozen=True)
@@ -96,8 +116,7 @@ class LogicalPlan:
         found: dict[Path_, Spread] = {}
         for path, predicate in self.legs.items():
             if not (legs := find_legs(predicate, place)):
-                what = f"no leg of {place.name} {predicate.strip()}"
-                raise build_fault(self.name, self.lines, path, what)
+                raise self.build_fault(path, f"no leg of {place.name} {predicate.strip()}")
             found[path] = Spread("list", legs)
         # In the order of the file, so that a predicate in place of a list changes no point.
         spreads = {**found, **self.spreads}
@@ -108,6 +127,10 @@ class LogicalPlan:
         """The line of a field; 0 where the plan is no file."""
         return self.lines.get(path, 0)
 
+    def build_fault(self, path: Path_, what: str) -> PlanFault:
+        """The error of a field."""
+        return build_fault(self.name, self.lines, path, what)
+
     def format_osc_dsl(self) -> str:
         """The plan in OpenSCENARIO DSL, which `read_logical_plan` reads back."""
         return write_osc_dsl(
@@ -115,19 +138,19 @@ class LogicalPlan:
             places=self.places, constraints=tuple(each.text for each in self.constraints),
         )  # fmt: skip
 
-    def find_broken(self, values: Mapping[Path_, Any]) -> str | None:
+    def find_broken(self, values: Mapping[Path_, Any]) -> PlanFault | None:
         """The first constraint that a point's values do not fulfil; None where all hold.
 
         Raises:
-            InputError: a constraint cannot be computed; names its line.
+            PlanFault: a constraint cannot be computed.
         """
         data = self.settle_data(values)
         for n, each in enumerate(self.constraints):
             try:
                 if not each.holds(data):
-                    return each.text
+                    return self.build_fault(("constraints", n), f"{each.text} does not hold")
             except ValueError as error:
-                raise build_fault(self.name, self.lines, ("constraints", n), str(error)) from error
+                raise self.build_fault(("constraints", n), str(error)) from error
         return None
 
     def settle(self, values: Mapping[Path_, Any]) -> PlanFile:
@@ -188,7 +211,36 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
     spreads: dict[Path_, Spread] = {}
     legs: dict[Path_, str] = {}
     _read_values(data, (), name, lines, spreads, legs)
-    return LogicalPlan(name, data, lines, spreads, legs, tuple(places or ()), tuple(constraints))
+    plan = LogicalPlan(name, data, lines, spreads, legs, tuple(places or ()), tuple(constraints))
+    _check_choices(plan)
+    return plan
+
+
+def _check_choices(plan: LogicalPlan) -> None:
+    """PlanFault for a field, or a word of a list, that is wrong whatever the open values are."""
+    words = {
+        at: tuple(each for each in spread.values if isinstance(each, str))
+        for at, spread in plan.spreads.items()
+        if spread.kind == "list" and at[-1] != "value"
+    }
+    middle = {at: spread.compute_value(0.5) for at, spread in plan.spreads.items()}
+    base = {**middle, **dict.fromkeys(plan.legs)}
+    for at, word in [(None, ""), *((at, each) for at, own in words.items() for each in own)]:
+        others = {key: values for key, values in words.items() if values and key != at}
+        fault: PlanFault | None = None
+        for chosen in islice(product(*others.values()), MOST_CHOICES):
+            values = {**base, **dict(zip(others, chosen, strict=True))}
+            try:
+                plan.settle(values if at is None else {**values, at: word})
+                break
+            except PlanFault as error:
+                fault = error
+            opened = {fault.path, (*fault.path[:2], "value")} & plan.spreads.keys()
+            if fault.path != at and (at is not None or opened):
+                break
+        else:
+            if fault is not None:
+                raise fault
 
 
 def _is_name(value: object) -> bool:
@@ -204,12 +256,12 @@ def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
     logical = read_logical_plan(source)
     for path in (*logical.spreads, *logical.legs):
         what = "several values; `scenewright sweep` makes scenes of them, `make` needs one"
-        raise build_fault(logical.name, logical.lines, path, what)
+        raise logical.build_fault(path, what)
     if logical.places:
         what = "is read by `scenewright sweep`; others have --intersection"
-        raise build_fault(logical.name, logical.lines, ("intersections",), what)
+        raise logical.build_fault(("intersections",), what)
     if (broken := logical.find_broken({})) is not None:
-        raise build_fault(logical.name, logical.lines, ("constraints",), f"{broken} does not hold")
+        raise broken
     return logical.settle({})
 
 
@@ -256,19 +308,24 @@ def read_yaml(path: Path) -> tuple[Any, dict[Path_, int]]:
     Raises:
         InputError: unreadable, or not YAML of plain values; names the line.
     """
-    text, name = _read_text(path), str(path)
+    # What YAML takes for a line's end, and no editor does, must not shift the lines of faults.
+    text = re.sub("[\x85\u2028\u2029]", " ", re.sub("\r\n?", "\n", _read_text(path)))
+    name = str(path)
     lines: dict[Path_, int] = {}
     try:
         node = _Loader(text).get_single_node()
-        return (None if node is None else _build_plain(node, (), name, lines)), lines
+        return (None, {(): 1}) if node is None else (_build_plain(node, (), name, lines), lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = error.problem or "not YAML"
-        if "end of stream" in problem and error.context_mark:
-            mark, problem = error.context_mark, "it is opened here and closed nowhere"
         if "\\t" in problem or "\t" in text.split("\n")[mark.line]:
-            problem = "a tab; indent with spaces"
-        raise _build_syntax_error(text, mark.line, name, problem) from error
+            raise _build_syntax_error(text, mark.line, name, "a tab; indent with spaces") from error
+        line, begun = mark.line, (error.context_mark or mark).line
+        for pattern, words, opened in _SYNTAX:
+            if re.search(pattern, problem):
+                line, problem = begun if opened else line, words
+                break
+        raise _build_syntax_error(text, line, name, problem) from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, int(error.position))
         raise _build_syntax_error(text, line, name, "a character that YAML forbids") from error
@@ -276,10 +333,25 @@ def read_yaml(path: Path) -> tuple[Any, dict[Path_, int]]:
         raise InputError(f"{name}: nested too deeply") from error
 
 
+_SYNTAX = (
+    ("end of stream", "it is opened here and closed nowhere", True),
+    ("expected ',' or", "a bracket is opened here and not closed before the next entry", True),
+    ("expected ':'", "a field is written as `name: value`, with a space after the colon", True),
+    ("block end", "not indented as the line before; entries beside one another are alike", False),
+    ("mapping values", "a second colon; put quotes around the value", False),
+    ("cannot start any token", "a value that begins with such a sign needs quotes", False),
+    ("another document", "a file holds one plan, without `---` in it", False),
+)
+"""What the parser finds, what to say of it, and whether the fault is where its token begins."""
+
+
 def _build_syntax_error(text: str, line: int, name: str, problem: str) -> InputError:
-    """The error at a line (from 0), with the last key up to there."""
-    for above in reversed(text.split("\n")[: line + 1]):
-        if key := re.match(r"[\s-]*([\w-]+)\s*:", above):
+    """The error at a line (from 0), with its first word, or the last key before a line without."""
+    lines = text.split("\n")
+    if "second colon" in problem and line and re.fullmatch(r"\s*[\w-]+\s*", lines[line - 1]):
+        line, problem = line - 1, "a colon is missing, as in `name: value`"
+    for above in reversed(lines[: line + 1]):
+        if key := re.match(r"[\s\-{\[]*([A-Za-z][\w-]*)", above):
             return InputError(f"{name}, line {line + 1}, {key[1]}: {problem}")
     return InputError(f"{name}, line {line + 1}: {problem}")
 
@@ -314,12 +386,12 @@ _CONVERT: dict[str, Any] = {
 }  # fmt: skip
 
 
-def build_fault(name: str, lines: Mapping[Path_, int], path: Path_, what: str) -> InputError:
+def build_fault(name: str, lines: Mapping[Path_, int], path: Path_, what: str) -> PlanFault:
     """The error of a field, with the line of it or of what holds it."""
     held = next((path[:n] for n in range(len(path), -1, -1) if path[:n] in lines), None)
     line = "" if held is None else f", line {lines[held]}"
     where = format_path(path)
-    return InputError(f"{name}{line}{', ' if where else ''}{where}: {what}")
+    return PlanFault(f"{name}{line}{', ' if where else ''}{where}: {what}", path)
 
 
 def format_path(path: Path_) -> str:
@@ -347,10 +419,12 @@ def _read_values(
                 raise build_fault(name, lines, at, str(error)) from error
             legs[at] = value
             continue
-        if field_name in ("text", "read_as") or (path and path[0] == "said"):
+        if field_name in _SINGLE or (path and path[0] == "said"):
             continue
         unit = _find_unit(str(field_name), data)
         try:
+            if isinstance(value, bool) and (unit or field_name in _WHOLE):
+                raise ValueError(f"a number, not {json.dumps(value)}")
             if isinstance(value, list):
                 spreads[at] = Spread("list", tuple(read_number(v, unit) for v in value))
             elif isinstance(value, str) and (unit or field_name in _WHOLE):
@@ -391,11 +465,13 @@ def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> 
     for n, each in enumerate(measures if isinstance(measures, list) else ()):
         if isinstance(each, dict) and "value" in each:
             at, value, kind = ("measures", n, "value"), each.pop("value"), each.get("kind")
+            if not (isinstance(kind, str) and kind in UNITS):
+                continue
             if not isinstance(value, int | float) or {"low", "high"} & each.keys():
                 raise build_fault(
                     name, lines, at, "is one number, and stands in place of low and high"
                 )
-            slack = UNITS[kind].tolerance if isinstance(kind, str) and kind in UNITS else 0.0
+            slack = UNITS[kind].tolerance
             each.update(low=max(value - slack, 0.0), high=value + slack)
     try:
         plan = SocialGraph.model_validate(data)
@@ -403,7 +479,8 @@ def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> 
         raise describe_fault(error, name, lines) from error
     except RecursionError as error:
         raise InputError(f"{name}: nested too deeply") from error
-    return PlanFile(plan, text or "", bool(text) and digest == compute_digest(plan, text))
+    as_read = bool(text) and digest == compute_digest(plan, text)
+    return PlanFile(plan, text or "", as_read, name, lines)
 
 
 def describe_fault(
@@ -426,6 +503,8 @@ def describe_fault(
         known = _list_fields_at(path[:-1], model)
         near = get_close_matches(str(path[-1]), known, 1)
         meant = f"; is {near[0]} meant?" if near else f"; there are {', '.join(known)}"
+        if str(path[-1])[:1].isdigit():
+            meant = "; a comma ends a field, decimals have a point, such as 1.2"
         what = f"there is no such field{meant}"
     elif first["type"] == "missing":
         what = "is missing"
@@ -435,17 +514,35 @@ def describe_fault(
         what = f'a clock time such as "08:00" or a span "07:00-09:30", not {_quote(given)}'
     elif first["type"] == "string_pattern_mismatch":
         what = f"a name such as {_EXAMPLES.get(str(path[-1]), 'vehicle-1')}, not {_quote(given)}"
+    elif first["type"] in ("model_type", "model_attributes_type"):
+        what = f"holds fields such as {', '.join(_list_fields_at(path, model)[:3])}"
     elif not isinstance(cause, FieldError):
         unit = UNIT_OF.get(str(path[-1]), "") if path else ""
-        what = f"{what[0].lower()}{what[1:]}, not {_quote(given)} {unit}".rstrip()
+        wanted = _WANTED.get(first["type"])
+        what = wanted.format(**first.get("ctx", {})) if wanted else f"{what[0].lower()}{what[1:]}"
+        what = f"{what} {unit}".rstrip() + f", not {_quote(given)}"
+    if path[:1] == ("measures",) and (*path[:2], "value") in lines:
+        path = (*path[:2], "value") if path[2:] in (("low",), ("high",)) else path
     return build_fault(name, lines, path, what)
 
 
+_WANTED = {
+    "tuple_type": "a list, in which each entry begins with '- '",
+    "int_parsing": "a whole number", "int_from_float": "a whole number",
+    "int_type": "a whole number", "float_parsing": "a number", "float_type": "a number",
+    "bool_parsing": "true or false", "bool_type": "true or false", "string_type": "one word",
+    "greater_than_equal": "at least {ge:g}", "less_than_equal": "at most {le:g}",
+    "greater_than": "above {gt:g}", "less_than": "below {lt:g}",
+    "too_long": "at most {max_length} entries",
+}  # fmt: skip
+"""What a field wants, by the kind of fault."""
 _EXAMPLES = {"id": "vehicle-1, pedestrian-1 or object-1", "beyond": "object-1"}
 
 
 def _quote(value: Any) -> str:
-    text = repr(value) if not isinstance(value, dict | list | tuple) else "a list or mapping"
+    if value is None or isinstance(value, dict | list | tuple):
+        return "nothing" if value is None else "a list or mapping"
+    text = repr(value)
     return text if len(text) <= 60 else f"{text[:60]}..."
 
 

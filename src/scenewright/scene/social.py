@@ -95,15 +95,16 @@ class AgentNode(Model):
             raise FieldError(f"{self.id} is of type {self.type}; an id begins with its type", "id")
         self._check_kind("motion", self.motion)
         self._check_kind("reaction", self.reaction)
+        self._check_kind("subtype", self.subtype)
         if self.members is not None and self.type != "pedestrian":
             raise FieldError(f"{self.id} is no pedestrian; only those walk in groups", "members")
         return self
 
     def _check_kind(self, axis: Axis, name: str | None) -> None:
-        """Check that such a kind can be asked of pedestrians, or of what rides or drives."""
+        """Check that such a kind can be asked of an agent of this class."""
         agents = get_kind(axis, name).agents if name is not None else (self.type,)
         if self.type not in agents:
-            raise FieldError(f"{self.id} is no {agents[0]}; only one of those {name}", axis)
+            raise FieldError(f"{self.id} is no {agents[0]}, so its {axis} cannot be {name}", axis)
 
 
 class RelationEdge(Model):
@@ -151,6 +152,8 @@ class RelationEdge(Model):
         for name in ("braker", "first", "strikes"):
             if (own := getattr(self, name)) not in (None, self.from_, self.to):
                 raise FieldError(f"{name} must be {self.from_} or {self.to}, got {own}", name)
+        if self.impact_speed is not None and self.type != "collide_at":
+            raise FieldError(f"a {self.type} has no impact; that is a collide_at", "impact_speed")
         return self
 
     @property

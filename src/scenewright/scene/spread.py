@@ -97,7 +97,11 @@ def read_number(value: Any, unit: str | None) -> Any:
     found = _ONE.fullmatch(value.strip())
     if found is None:
         what = "a number" if unit == "any" else f"a number in {unit}"
-        raise ValueError(f"{what}, a range such as 0.4 .. 1.2, or normal(9, 1.5), not {value!r}")
+        quoted = "; within { } it needs quotes" if "(" in value and ")" not in value else ""
+        known = "a range such as 0.4 .. 1.2, or normal(9, 1.5)"
+        raise ValueError(f"{what}, {known}, not {value!r}{quoted}")
+    if re.match(r",\d", found[2]):
+        raise ValueError(f"decimals have a point, such as 1.2, not {value!r}")
     return float(found[1]) * _find_factor(found[2], unit)
 
 

@@ -20,7 +20,7 @@ def read_plan_object(given: Any) -> PlanFile:
 def check_plan_object(given: Any, intersection: str) -> PlanFile:
     """The plan in an object of the page, if that intersection has ways for its agents."""
     found = read_plan_object(given)
-    check_plan(found.plan, intersection=intersection)
+    check_plan(found, intersection=intersection)
     return found
 
 

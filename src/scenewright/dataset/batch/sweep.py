@@ -32,6 +32,7 @@ from scenewright.files import write_atomically
 from scenewright.graph.run import make_folder
 from scenewright.intersections import list_intersections, load_map
 from scenewright.scene.base import FloatArray
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_file import LogicalPlan, format_path
 from scenewright.scene.spread import Spread
 
@@ -102,17 +103,11 @@ def build_points(
         raise InputError(f"{plan.name} leaves nothing open; write a range such as 0.4 .. 1.2 s")
     if not 1 <= n <= MOST_POINTS:
         raise InputError(f"--n is a number from 1 to {MOST_POINTS:,}, got {n}")
-    listed = "any" in plan.places
-    places = list_intersections() if listed else list(plan.places) or [place]
+    places = load_places(plan, place)
     found: list[Point] = []
-    for k, name in enumerate(places):
+    for k, (name, intersection) in enumerate(places.items()):
         share = n // len(places) + (k < n % len(places))
         own = name if plan.places else None
-        try:
-            intersection = load_map(name)
-        except InputError as error:
-            where = f"{plan.name}, line {plan.get_line(('intersections',))}, intersections"
-            raise InputError(f"{where}: {error}" if plan.places else str(error)) from error
         try:
             placed = plan.place_at(intersection)
         except InputError as error:
@@ -130,11 +125,25 @@ def build_points(
     return found
 
 
+def load_places(plan: LogicalPlan, place: str) -> dict[str, IntersectionMap]:
+    """The maps of the intersections that a plan names, by name; else of `place`.
+
+    Raises:
+        InputError: there is no such intersection; names the line.
+    """
+    listed = "any" in plan.places
+    names = list_intersections() if listed else list(plan.places) or [place]
+    try:
+        return {name: load_map(name) for name in names}
+    except InputError as error:
+        raise plan.build_fault(("intersections",), str(error)) if plan.places else error from error
+
+
 def _draw_values(
     plan: LogicalPlan, n: int, *, sampling: Sampling, seed: int
 ) -> list[dict[tuple[str | int, ...], Any]]:
     """Values of n points that fulfil the constraints; more are drawn where many do not."""
-    spreads, broken = list(plan.spreads.values()), ""
+    spreads, broken = list(plan.spreads.values()), None
     drawn = n
     while 0 < drawn <= MOST_TRIES * n:
         found = []
@@ -144,12 +153,12 @@ def _draw_values(
             own = plan.find_broken(values)
             if own is None:
                 found.append(values)
-            broken = broken or own or ""
+            broken = broken or own
         if len(found) >= n or (found and sampling in ("grid", "boundary")):
             return found[:n]
         drawn *= 4
-    if n and not found:
-        raise InputError(f"{plan.name}: no point fulfils {broken}; {drawn // 4:,} were drawn")
+    if broken is not None and n and not found:
+        raise InputError(f"{broken} in any of {drawn // 4:,} points drawn")
     return found if n else []
 
 

@@ -58,10 +58,7 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
         scene, agents=tuple(_refer_to_axle(agent) for agent in scene.agents),
         objects=tuple(_refer_to_axle(agent) for agent in scene.objects),
     )  # fmt: skip
-    root = ElementTree.Element("OpenSCENARIO")
-    clock = f"2000-01-01T{scene.record.meta.time_of_day}:00"
-    add(root, "FileHeader", revMajor=1, revMinor=2, date=clock, author="scenewright",
-        description=scene.record.meta.user_prompt)  # fmt: skip
+    root = build_header(scene)
     parameters = add(root, "ParameterDeclarations")
     for name, value in _list_parameters(scene).items() if form == "reactive" else ():
         add(parameters, "ParameterDeclaration", name=name, parameterType="double", value=value)
@@ -70,24 +67,37 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
     entities = add(root, "Entities")
     for agent in (*scene.agents, *scene.objects):
         _add_entity(entities, agent)
-    _add_storyboard(root, scene, form, clock)
+    _add_storyboard(root, scene, form)
     return {
         f"{scene.name}.xosc": write_bytes(root),
         f"{scene.name}.xodr": write_opendrive(scene.intersection_map),
     }
 
 
+def build_header(scene: ExportedScene) -> _Element:
+    """A document with its header."""
+    root = ElementTree.Element("OpenSCENARIO")
+    add(root, "FileHeader", revMajor=1, revMinor=2, date=_find_clock(scene), author="scenewright",
+        description=scene.record.meta.user_prompt)  # fmt: skip
+    return root
+
+
+def _find_clock(scene: ExportedScene) -> str:
+    return f"2000-01-01T{scene.record.meta.time_of_day}:00"
+
+
 def _list_parameters(scene: ExportedScene) -> dict[str, float]:
     """What can vary of the foreground: a factor of speeds, and who enters by the clock when [s]."""
     users = [agent for agent in scene.agents if agent.role == "foreground"]
-    found = {_name_parameter("speed", agent): 1.0 for agent in users}
+    found = {name_parameter("speed", agent): 1.0 for agent in users}
     late = [
         each for each in users if each.first > 0 and isinstance(_find_starter(each, scene), str)
     ]
-    return found | {_name_parameter("start", each): float(each.times[0]) for each in late}
+    return found | {name_parameter("start", each): float(each.times[0]) for each in late}
 
 
-def _name_parameter(what: str, agent: ExportedAgent) -> str:
+def name_parameter(what: str, agent: ExportedAgent) -> str:
+    """The name of a parameter of an agent."""
     return f"{what}_{re.sub(r'[^A-Za-z0-9]', '_', agent.name)}"
 
 
@@ -96,7 +106,7 @@ def _scale_speed(agent: ExportedAgent, k: int, form: str) -> float | str:
     speed = round(float(agent.speed[k]), 3)
     if form == "replay" or agent.role != "foreground":
         return speed
-    return f"${{{speed} * ${_name_parameter('speed', agent)}}}"
+    return f"${{{speed} * ${name_parameter('speed', agent)}}}"
 
 
 def _refer_to_axle(agent: ExportedAgent) -> ExportedAgent:
@@ -152,12 +162,12 @@ def _add_entity(entities: _Element, agent: ExportedAgent) -> None:
     add(body, "Properties")
 
 
-def _add_storyboard(root: _Element, scene: ExportedScene, form: str, clock: str) -> None:
+def _add_storyboard(root: _Element, scene: ExportedScene, form: str) -> None:
     board = add(root, "Storyboard")
     actions = add(add(board, "Init"), "Actions")
     daytime = add(add(add(actions, "GlobalAction"), "EnvironmentAction"), "Environment",
                   name="daytime")  # fmt: skip
-    add(daytime, "TimeOfDay", animation=False, dateTime=clock)
+    add(daytime, "TimeOfDay", animation=False, dateTime=_find_clock(scene))
     act = add(add(board, "Story", name="story"), "Act", name="act")
     roads = make_roads(scene.intersection_map)
     for agent in scene.agents:
@@ -259,7 +269,7 @@ def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Starter:
     if {agent.id, scene.ego.id} in pairs and 0 < k < len(scene.ego.xy):
         return scene.ego.name, np.asarray(scene.ego.xy[k])
     if agent.role == "foreground" and agent.first > 0:
-        return f"${_name_parameter('start', agent)}"
+        return f"${name_parameter('start', agent)}"
     return float(agent.times[0])
 
 

@@ -56,6 +56,7 @@ FORMATS: dict[str, Format] = {
     "womd": Format(
         "Waymo Motion records", "womd", "write_womd", forms=("window", "whole", "example")
     ),
+    "wosac": Format("Waymo Sim Agents rollouts", "wosac", "write_joint_scene", "write_submission"),
     "argoverse2": Format(
         "Argoverse 2 Parquet and map JSON",
         "argoverse2",
