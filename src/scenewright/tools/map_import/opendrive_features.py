@@ -251,8 +251,21 @@ def _locate(
         yield before.locate(max(length - 1.0, 0.0) if at_end else min(1.0, length), 0.0)
 
 
-def list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
-    """[P, 2] the borders of a road's lanes [m], for pictures."""
+def list_opendrive_lines(file: OpenDriveFile, middle: FloatArray) -> Mapping[str, list[FloatArray]]:
+    """Roads near a place, and all crossings and lights, by kind, for pictures [m]."""
+    near = [road for road in file.roads if np.abs(road.points - middle).max(axis=1).min() < _NEAR]
+    return {
+        "roads": [line for road in near for line in (road.points, *_list_lane_borders(road))],
+        "crossings": [each.line for each in list_opendrive_crossings(file, np.zeros(2))],
+        "lights": list(file.lights.values()),
+    }
+
+
+_NEAR = 200.0
+
+
+def _list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
+    """[P, 2] the borders of a road's lanes [m]."""
     sections = sorted(road.element.iter("laneSection"), key=lambda each: _read(each, "s"))
     offsets = [*road.element.iter("laneOffset")]
     ends = [*(_read(each, "s") for each in sections[1:]), float(road.stations[-1])]

@@ -58,6 +58,7 @@ from scenewright.tools.map_import.survey import (
     SurveyLane,
     SurveyLight,
     describe_strips,
+    keep_near,
 )
 
 _TOUCHING = 0.6
@@ -578,6 +579,15 @@ def _survey_junction(
         is_roundabout=is_roundabout,
         lost=cut_off + unused,
         notes=notes,
+        drawn=keep_near(
+            {
+                "roads": [side for x in lanelets.values() for side in (x.left, x.right)],
+                "paths": [side for x in held.foot for side in (x.left, x.right)],
+                "crossings": [each.line for each in held.crossings],
+                "lights": held.lights,
+            },
+            middle,
+        ),
     )
 
 
