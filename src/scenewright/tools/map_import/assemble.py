@@ -158,6 +158,7 @@ class _Assembly:
         self.notes = [survey.side.describe(), *survey.notes]
         self.rounded = 0
         self.crossed: dict[int, str] = {}
+        self.refused: dict[int, str] = {}
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
         self.crossings = choose_crossings(survey, self.legs)
@@ -219,7 +220,9 @@ class _Assembly:
         for k, leg in enumerate(self.legs):
             room = self.extent - 9.0 - float(np.abs(leg.throat).max())
             mapped = self.crossings.by_leg.get(k)
-            found[k] = ground.place_crosswalk(leg, self.road, mapped, room=room)
+            found[k], why = ground.place_crosswalk(leg, self.road, mapped, room=room)
+            if why:
+                self.refused[k] = why
         kept: dict[int, CrosswalkPlacement] = {}
         for k, placed in sorted(found.items(), key=lambda each: _rank_placement(*each)):
             if placed is None:
@@ -237,7 +240,9 @@ class _Assembly:
         placements = self.placements
         choice = self.crossings.leave_out(self.crossed)
         return tuple(
-            describe_crosswalk(name, placements.get(k), choice, k, self.survey.crossings)
+            describe_crosswalk(
+                name, placements.get(k), choice, k, self.survey.crossings, self.refused.get(k, "")
+            )
             for k, name in enumerate(self.names)
         )
 
@@ -315,8 +320,7 @@ class _Assembly:
         crossed = {route.split(":")[1] for route in self.crossing_lines}
         road = self.road.intersection(ground.build_square(self.extent))
         self._add_note(f"sidewalks were derived: {self._describe_sidewalks()}")
-        refuges = [placed.refuge_area for placed in self.placements.values() if placed.refuges]
-        walkable = geos.union_all([self.sidewalks, *refuges])
+        walkable = geos.union_all([self.sidewalks, *self.refuges.values()])
         return IntersectionMap(
             name=name,
             map_id=zlib.crc32(name.encode()) % 1_000_000,
@@ -561,34 +565,46 @@ class _Assembly:
     @cached_property
     def crossing_lines(self) -> dict[str, FloatArray]:
         """By route id, the path of pedestrians over a crosswalk, for each pair of sidewalks."""
-        corners = ground.build_corner_lines(self.road, self.legs, self.extent)
         found = {}
         for k, placed in self.placements.items():
-            left, right = corners.get(k), corners.get((k - 1) % len(self.legs))
-            if left is None or right is None:
-                self._add_note(
-                    f"the {self.names[k]} leg has no sidewalk on one side: it has no crosswalk"
-                )
-                continue
             key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
             lines = {
                 (before, after): _round_corners(
-                    ground.build_crossing_line(placed, left, right, before=before, after=after)
+                    ground.build_crossing_line(
+                        placed, self._list_corners(k), before=before, after=after
+                    )
                 )
                 for before, after in product(SIDEWALKS, SIDEWALKS)
             }
-            walked = geos.union_all([self.sidewalks, placed.area]).buffer(0.3)
+            walked = geos.union_all([self.sidewalks, placed.area, self.refuges[k]]).buffer(0.3)
             shares = (geos.contains_xy(walked, *line.T).mean() for line in lines.values())
             if not all(share > _ON_GROUND for share in shares):
                 self._add_note(
-                    f"the crosswalk on the {self.names[k]} leg ends on no sidewalk, as where it "
-                    "spans one carriageway of several: it is left out"
+                    f"the crosswalk on the {self.names[k]} leg ends on no sidewalk: nobody walks "
+                    "over it"
                 )
                 continue
             for (before, after), line in lines.items():
                 found[f"{key}:{a}>{b}:{before}>{after}"] = line
                 found[f"{key}:{b}>{a}:{after}>{before}"] = line[::-1]
         return found
+
+    @cached_property
+    def corners(self) -> dict[int, FloatArray]:
+        """By leg: the middle of the sidewalk from it to the next leg."""
+        return ground.build_corner_lines(self.road, self.legs, self.extent)
+
+    def _list_corners(self, k: int) -> tuple[FloatArray | None, FloatArray | None]:
+        """The sidewalks to the left and to the right of a leg, looking outwards."""
+        return self.corners.get(k), self.corners.get((k - 1) % len(self.legs))
+
+    @cached_property
+    def refuges(self) -> dict[int, Any]:
+        """By leg: ground beside its crosswalk that is no sidewalk."""
+        return {
+            k: placed.find_refuge(self.road, self._list_corners(k))
+            for k, placed in self.placements.items()
+        }
 
     @cached_property
     def sidewalks(self) -> Any:

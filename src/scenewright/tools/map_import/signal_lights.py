@@ -22,12 +22,17 @@ def find_lit_legs(
 ) -> dict[int, str]:
     """By leg with lights at its stop line or crosswalk: the file's group of them, or ``."""
     found: dict[int, str] = {}
-    # The last stretch of every approach, a point every metre.
+    # The last stretch of every approach, a point every metre; and the first half of the ways on:
+    # before a stop line a slip lane may have left, with which the junction begins.
     near = [
         (k, resample_by_spacing(lane.line, 1.0)[-round(_FARTHEST) :])
         for k, leg in enumerate(legs)
         for lane in leg.approaches
     ]
+    leg_of = {lane.id: k for k, leg in enumerate(legs) for lane in leg.approaches}
+    for way in survey.connections:
+        line = resample_by_spacing(way.line, 1.0)
+        near.append((leg_of[way.approach], line[: len(line) // 2 + 1]))
     for light in survey.lights:
         away = [
             (round(float(np.hypot(*(stretch - light.place).T).min()), 3), k) for k, stretch in near
