@@ -141,8 +141,8 @@ def name_agent(scene: SceneRecord, number: int) -> str:
         way = f"{agent.crosswalk} crosswalk"
     elif agent.type == "pedestrian":
         way = "jaywalking"
-    called = call_agents(scene)[number].removeprefix("the ")
-    what = called if agent.role == "foreground" else agent.subtype or agent.type
+    called = call_agents(scene)[number]  # "the taxi"; "car 1" says no more than its class
+    what = called[4:] if called.startswith("the ") else agent.subtype or agent.type
     known = "" if what == agent.type else f"{format_one_line(what, limit=30)}, "
     return f"{format_one_line(agent.name, limit=40)} ({known}{way})"
 

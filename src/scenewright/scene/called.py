@@ -59,6 +59,6 @@ def speak_plainly(text: str, scene: SceneRecord) -> str:
         def rename(found: re.Match[str], meant: str = meant) -> str:
             return meant + " (" * (found[1] is not None)
 
-        pattern = rf"\b(?:{re.escape(name)}|{re.escape(meant)})\b(?: \([a-z -]+(?:\)|(, )))?"
+        pattern = rf"\b(?:{re.escape(name)}|{re.escape(meant)})\b(?: \([\w' -]+(?:\)|(, )))?"
         text = re.sub(pattern, rename, text)
     return re.sub(r"\b(\w+) the \1\b", r"the \1", text)  # "parked the parked truck"
