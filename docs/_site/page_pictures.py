@@ -1,7 +1,7 @@
 """Makes the pictures of the page in `docs/images`, with a server of its own and Chromium.
 
-Run by an interpreter that has playwright (tests/page/requirements.txt); SCENEWRIGHT_PYTHON names the
-one that has scenewright, CHROMIUM the browser:
+Run by an interpreter that has playwright (tests/page/requirements.txt); SCENEWRIGHT_PYTHON names
+the one that has scenewright, CHROMIUM the browser:
 
 python docs/_site/page_pictures.py
 """
@@ -88,7 +88,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
         rows = Path(folder) / "rows.jsonl"
         texts = YIELD, "A van rear-ends a bus at noon", "A cyclist hits a jaywalker"
-        rows.write_text("".join(json.dumps({"id": f"row-{k}", "text": t}) + "\n" for k, t in enumerate(texts)))
+        lines = [json.dumps({"id": f"row-{k}", "text": text}) for k, text in enumerate(texts)]
+        rows.write_text("\n".join(lines))
         make = [program, "-m", "scenewright", "make", MISS, "--seed", "3", "--html"]
         subprocess.run([*make, "--out", f"{folder}/share"], check=True, capture_output=True)
         shared = next(Path(folder, "share").glob("*.html"))

@@ -64,14 +64,12 @@ from scenewright.tools.map_import.quality_report import (
     list_crosswalk_notes,
     rate_crosswalks,
 )
-from scenewright.tools.map_import.report_items import ReportItem
-from scenewright.tools.map_import.signal_lights import find_lit_legs
-from scenewright.tools.map_import.signal_programs import SignalInput, build_signal_program
-from scenewright.tools.map_import.survey import (
-    Survey,
-    SurveyConnection,
-    SurveyLane,
+from scenewright.tools.map_import.signal_programs import (
+    SignalInput,
+    build_signal_program,
+    find_lit_legs,
 )
+from scenewright.tools.map_import.survey import ReportItem, Survey, SurveyConnection, SurveyLane
 
 _EXTENTS = (50.0, 90.0)
 _ROOM = 28.0
@@ -179,6 +177,12 @@ class _Assembly:
             self.legs,
             [(*self._find_leg_pair(each), self._measure_turn(each)) for each in self.connections],
         )
+        self.lane_names = {
+            lane.id: f"{name}:{side}:{n}"
+            for name, leg in zip(self.names, self.legs, strict=True)
+            for side, lanes in (("approach", leg.approaches), ("exit", leg.exits))
+            for n, lane in enumerate(lanes, start=1)
+        }
         self.extended = {
             lane.id: _extend_lane(
                 lane, is_approach, self.extent + 20.0, leg.approaches if is_approach else leg.exits
@@ -416,35 +420,26 @@ class _Assembly:
             (self.names[a], self.names[b]) for a, (turn, b) in best.items() if turn < CLEARLY_TURNED
         }
 
-    def _name_lane(self, lane: SurveyLane, k: int, side: str) -> str:
-        own = self.legs[k].approaches if side == "approach" else self.legs[k].exits
-        return f"{self.names[k]}:{side}:{own.index(lane) + 1}"
-
     def _name_lanes(self, i: int) -> tuple[str, str, str]:
         """The names of the approach, the connector and the exit of a connection."""
-        connection = self.connections[i]
-        entry, exit_ = self._find_leg_pair(connection)
-        return (
-            self._name_lane(self.survey.approaches[connection.approach], entry, "approach"),
-            f"connector:{i + 1}",
-            self._name_lane(self.survey.exits[connection.exit], exit_, "exit"),
-        )
+        each = self.connections[i]
+        return self.lane_names[each.approach], f"connector:{i + 1}", self.lane_names[each.exit]
 
     def _build_lanelets(self) -> Iterator[Lanelet]:
         ways = [self._name_lanes(i) for i in range(len(self.connections))]
         for k, leg in enumerate(self.legs):
             for lane in leg.approaches:
-                name = self._name_lane(lane, k, "approach")
+                name = self.lane_names[lane.id]
                 onwards = tuple(inner for approach, inner, _ in ways if approach == name)
                 yield _build_lanelet(
                     self._clip_approach(lane, k), lane, id=name, kind="approach",
                     leg=self.names[k], successors=onwards,
                 )  # fmt: skip
             for lane in leg.exits:
-                name = self._name_lane(lane, k, "exit")
                 yield _build_lanelet(
-                    self._clip_exit(lane), lane, id=name, kind="exit", leg=self.names[k]
-                )
+                    self._clip_exit(lane), lane, id=self.lane_names[lane.id], kind="exit",
+                    leg=self.names[k],
+                )  # fmt: skip
         for i, (_, inner, onto) in enumerate(ways):
             lane = self.survey.approaches[self.connections[i].approach]
             yield _build_lanelet(
@@ -480,7 +475,7 @@ class _Assembly:
             ]
             base = leg.throat + distance * outwards
             line = round_points([base + min(lateral) * left, base + max(lateral) * left])
-            ids = tuple(self._name_lane(lane, k, "approach") for lane in leg.approaches)
+            ids = tuple(self.lane_names[lane.id] for lane in leg.approaches)
             yield StopLine(id=f"{name}:stop", leg=name, lanelets=ids, line=(line[0], line[1]))
 
     def _build_movements(self, program: SignalProgram | None) -> tuple[VehicleMovement, ...]:

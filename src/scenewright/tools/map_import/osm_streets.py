@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -25,45 +24,6 @@ from scenewright.tools.map_import.osm_file import Tags, is_driven, iterate_eleme
 
 _SLIPS = frozenset(("trunk_link", "primary_link", "secondary_link", "tertiary_link"))
 _RINGS = ("roundabout", "circular")
-
-
-@dataclass(frozen=True, eq=False)
-class StreetMap:
-    """The driven streets of a file.
-
-    Attributes:
-        origin: latitude and longitude of x = y = 0; places: [2] by node [m].
-    """
-
-    origin: LatLon
-    places: Mapping[str, FloatArray]
-    pieces: tuple[StreetPiece, ...]
-
-
-def read_streets(file: Path) -> StreetMap:
-    """The driven streets of an OpenStreetMap file.
-
-    Raises:
-        InputError: unreadable, without streets, or with coordinates that are no degrees.
-    """
-    osmium = import_module("osmium")
-    degrees: dict[str, tuple[float, float]] = {}
-    ways: list[tuple[list[str], Tags]] = []
-    streets = osmium.filter.KeyFilter("highway"), osmium.filter.EntityFilter(osmium.osm.WAY)
-    for way in iterate_elements(file, *streets):
-        if is_driven(tags := dict(way.tags)):
-            own = list_places(way)
-            degrees.update((name, (lat, lon)) for name, lat, lon in own)
-            ways.append(([name for name, _, _ in own], tags))
-    if not degrees:
-        raise InputError(f"{file} has no streets for vehicles")
-    found = np.array(list(degrees.values()))
-    low, high = found.min(axis=0), found.max(axis=0)
-    origin = float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2
-    scale = np.array([math.cos(math.radians(origin[0])), 1.0]) * EARTH_RADIUS
-    xy = np.radians(found[:, ::-1] - np.array(origin[::-1])) * scale
-    places = dict(zip(degrees, xy, strict=True))
-    return StreetMap(origin, places, tuple(_cut_ways(ways, places)))
 
 
 def _cut_ways(
@@ -94,12 +54,32 @@ def survey_osm_junctions(file: Path) -> JunctionOverview:
     """The junctions of a file and its streets; the id of a junction is the least of its nodes' ids.
 
     So it does not depend on how the file is converted, nor on the side that is driven on.
+
+    Raises:
+        InputError: unreadable, without streets, or with coordinates that are no degrees.
     """
-    streets = read_streets(file)
+    osmium = import_module("osmium")
+    degrees: dict[str, tuple[float, float]] = {}
+    ways: list[tuple[list[str], Tags]] = []
+    streets = osmium.filter.KeyFilter("highway"), osmium.filter.EntityFilter(osmium.osm.WAY)
+    for way in iterate_elements(file, *streets):
+        if is_driven(tags := dict(way.tags)):
+            own = list_places(way)
+            degrees.update((name, (lat, lon)) for name, lat, lon in own)
+            ways.append(([name for name, _, _ in own], tags))
+    if not degrees:
+        raise InputError(f"{file} has no streets for vehicles")
+    found = np.array(list(degrees.values()))
+    low, high = found.min(axis=0), found.max(axis=0)
+    origin = float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2
+    scale = np.array([math.cos(math.radians(origin[0])), 1.0]) * EARTH_RADIUS
+    xy = np.radians(found[:, ::-1] - np.array(origin[::-1])) * scale
+    places = dict(zip(degrees, xy, strict=True))
+    cut = list(_cut_ways(ways, places))
     # The pieces, those joined that only meet one another at the end of ways.
     at: dict[str, list[int]] = {}
-    pieces: list[StreetPiece | None] = list(streets.pieces)
-    for k, piece in enumerate(streets.pieces):
+    pieces: list[StreetPiece | None] = list(cut)
+    for k, piece in enumerate(cut):
         for node in (piece.start, piece.end):
             at.setdefault(node, []).append(k)
     for node, own in at.items():
@@ -113,10 +93,10 @@ def survey_osm_junctions(file: Path) -> JunctionOverview:
         pieces[own[0]], pieces[own[1]] = joined, None
         for other in (joined.start, joined.end):
             at[other] = [own[0] if k == own[1] else k for k in at[other]]
-    found = group_junctions(streets.places, [each for each in pieces if each is not None])
+    groups = group_junctions(places, [each for each in pieces if each is not None])
     return JunctionOverview(
-        tuple(describe_group(group, streets.origin) for group in found),
-        tuple(piece.line for piece in streets.pieces),
+        tuple(describe_group(group, origin) for group in groups),
+        tuple(piece.line for piece in cut),
     )
 
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice, MappedCrosswalk
-from scenewright.tools.map_import.report_items import ReportItem
-from scenewright.tools.map_import.survey import LEARNED, SurveyCrossing
+from scenewright.tools.map_import.survey import LEARNED, ReportItem, SurveyCrossing
 
 _NEAR = 60.0
 """Crossings of the file within that distance of a leg's are worth a word [m]."""

@@ -349,7 +349,7 @@ function drawBraking(agent, event) {
   spots.slice(1).forEach((spot, n) => { if (hard[n + 1][0] - hard[n][0] < 2 * STEP) strokeLines([[spots[n], spot]], readVariable("--bad"), 6); });
   pen.globalAlpha = 1;
   const most = Math.min(...hard.map(([, value]) => value));
-  writeLabel(`${agent.called} brakes, up to ${(-most).toFixed(1)} m/s²`, [spots[0][0], spots[0][1] + 14 / pixelsPerMetre()], readVariable("--bad"));
+  writeLabel(`${agent.called} ${agent.type === "pedestrian" ? "slows" : "brakes"}, up to ${(-most).toFixed(1)} m/s²`, [spots[0][0], spots[0][1] + 14 / pixelsPerMetre()], readVariable("--bad"));
 }
 /** The line along which one first sees the other past what stands there. */
 function drawSight({ observer, subject, first_visible: time }) {
