@@ -64,9 +64,9 @@ def survey_osm_junctions(file: Path) -> JunctionOverview:
     streets = osmium.filter.KeyFilter("highway"), osmium.filter.EntityFilter(osmium.osm.WAY)
     for way in iterate_elements(file, *streets):
         if is_driven(tags := dict(way.tags)):
-            own = list_places(way)
-            degrees.update((name, (lat, lon)) for name, lat, lon in own)
-            ways.append(([name for name, _, _ in own], tags))
+            known = list_places(way)
+            degrees.update((name, (lat, lon)) for name, lat, lon in known)
+            ways.append(([name for name, _, _ in known], tags))
     if not degrees:
         raise InputError(f"{file} has no streets for vehicles")
     found = np.array(list(degrees.values()))

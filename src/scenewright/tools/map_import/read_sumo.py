@@ -238,11 +238,13 @@ def group_network(net: Any, found: Sequence[Ring] = ()) -> list[JunctionGroup]:
     places = {each.getID(): np.array(each.getCoord()[:2], dtype=float) for each in net.getNodes()}
     back = {(edge.getToNode().getID(), edge.getFromNode().getID()) for edge in edges}
     pieces: list[StreetPiece] = []
+    seen = set[tuple[str, str]]()
     for edge in sorted(edges, key=lambda each: str(each.getID())):
         start, end = edge.getFromNode().getID(), edge.getToNode().getID()
         both = (start, end) in back and edge.getID() not in rings
-        if both and any((each.start, each.end) == (end, start) for each in pieces):
+        if both and (end, start) in seen:
             continue
+        seen.add((start, end))
         name, kind = _read_street(edge), str(edge.getType() or "")
         is_ring, is_slip = edge.getID() in rings, kind.endswith("_link")
         pieces.append(StreetPiece(start, end, _get_shape(edge), name, not both, is_ring, is_slip))
