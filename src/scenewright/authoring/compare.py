@@ -43,8 +43,7 @@ def _build_rows(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) 
 
 def _format_events(record: SceneRecord, proof: Proof) -> str:
     names = {each.id: each.name for each in record.agents}
-    events = [_format_event(each, names) for each in proof.events]
-    return "; ".join(events) or "nothing happens"
+    return "; ".join(_format_event(each, names) for each in proof.events) or "nothing happens"
 
 
 def _format_event(event: Event, names: dict[int, str]) -> str:

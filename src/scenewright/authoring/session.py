@@ -548,10 +548,8 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
     try:
         if isinstance(reading, Edits) and version is not None:
             # What was left out of the version is left out of what is made of it.
-            _, proof = _load_scene(version, context)
-            setting = replace(
-                setting, lenient=setting.lenient or bool(proof.list_words("not_shown"))
-            )
+            unshown = _load_scene(version, context)[1].list_words("not_shown")
+            setting = replace(setting, lenient=setting.lenient or bool(unshown))
             text = _join_words(version["text"], state["words"])
             made = _run_apart(
                 setting, _change_version, text, reading.edits, version, setting, context
